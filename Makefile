@@ -1,0 +1,62 @@
+# The project's commands. `make` alone lists them.
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+.DEFAULT_GOAL := targets
+MAKEFLAGS += --no-print-directory
+
+BIN := .venv/bin
+WORKERS ?= 2
+MUTANTS ?= 20
+SEED ?= 1
+MISSIONS ?= 25
+
+.PHONY: targets install install-test run test check lint format types rooms ledger ledger-mutants bench campaign lock clean
+
+targets: ## list the targets
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
+
+install: ## create .venv and install what requirements.lock names
+	@tools/install.sh requirements.lock
+
+install-test: ## the same with what the tests need, a Chromium included
+	@tools/install.sh requirements-test.lock
+	@$(BIN)/python -m tools.browser
+
+run: install ## start the console, the runtime and a simulated robot, with a warehouse inspection under way
+	@$(BIN)/regen up --start warehouse-inspection
+
+test: install-test ## all tests (WORKERS=2 processes)
+	@$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup --maxschedchunk 1
+
+check: lint types rooms test ## what CI runs
+
+lint: install-test ## ruff: rules and format
+	@$(BIN)/ruff check . && $(BIN)/ruff format --check .
+
+format: install-test ## let ruff mend what it can
+	@$(BIN)/ruff check --fix . ; $(BIN)/ruff format .
+
+types: install-test ## mypy --strict
+	@$(BIN)/mypy
+
+rooms: install-test ## who may import, append, dispatch: import contracts and house tests
+	@$(BIN)/lint-imports --no-logo && $(BIN)/python -m pytest -q tests/rooms
+
+ledger: install-test ## which requirements a test proves, and which are open
+	@$(BIN)/python -m tools.ledger
+
+ledger-mutants: install-test ## break what the ledger marks name and expect red (MUTANTS=20|all SEED=1)
+	@$(BIN)/python -m tools.mutants --count $(MUTANTS) --seed $(SEED)
+
+bench: install-test ## every benchmark, one after another
+	@shopt -s nullglob; for bench in benchmarks/[!_]*.py; do echo "== $$bench"; $(BIN)/python $$bench; done
+
+campaign: install-test ## every fault test over MISSIONS=25 seeds from SEED=1
+	@CAMPAIGN_MISSIONS=$(MISSIONS) CAMPAIGN_SEED=$(SEED) $(BIN)/python -m pytest -m campaign -n $(WORKERS) -q
+
+lock: ## resolve both locks anew: universal, with hashes, without any index address
+	@tools/lock.sh
+
+clean: ## forget the environment, caches and artefacts (./var stays)
+	rm -rf .venv build artefacts .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache *.egg-info
+	find . -name __pycache__ -type d -not -path './.git/*' -prune -exec rm -rf {} +

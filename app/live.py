@@ -1,0 +1,108 @@
+"""Names of what changed, from any thread to every open page. Carries no content; losing one costs nothing."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from threading import Lock
+
+HEARTBEAT_S = 0.5
+SPACING_S = 0.1
+
+
+class Subscription:
+    """One open page: the topics it watches and the names it has not heard yet.
+
+    A topic is a name (`mission/m1`) or, ending in a slash, a family (`handoff/`). A name is told at most once per
+    `SPACING_S`; a change in between is told when the spacing is over, never dropped.
+    """
+
+    def __init__(self, topics: tuple[str, ...], loop: asyncio.AbstractEventLoop) -> None:
+        self._topics = topics
+        self._loop = loop
+        self._woken = asyncio.Event()
+        self._pending: dict[str, None] = {}
+        self._told: dict[str, float] = {}
+        self._lock = Lock()
+        self.closed = False
+
+    def offer(self, name: str) -> None:
+        """From any thread."""
+        if not any(name == topic or (topic.endswith("/") and name.startswith(topic)) for topic in self._topics):
+            return
+        with self._lock:
+            self._pending[name] = None
+        self._wake()
+
+    def close(self) -> None:
+        self.closed = True
+        self._wake()
+
+    async def names(self) -> AsyncIterator[str]:
+        """Changed names as they come; an empty name every HEARTBEAT_S without one."""
+        while not self.closed:
+            due, wait_s = self._due()
+            for name in due:
+                yield name
+            if due:
+                continue
+            try:
+                async with asyncio.timeout(min(wait_s, HEARTBEAT_S)):
+                    await self._woken.wait()
+            except TimeoutError:
+                if wait_s >= HEARTBEAT_S:
+                    yield ""
+            self._woken.clear()
+
+    def _due(self) -> tuple[list[str], float]:
+        now_s = self._loop.time()
+        with self._lock:
+            self._told = {name: at_s for name, at_s in self._told.items() if now_s - at_s < SPACING_S}
+            waits = {name: self._told.get(name, now_s - SPACING_S) + SPACING_S - now_s for name in self._pending}
+            due = [name for name, wait_s in waits.items() if wait_s <= 0]
+            for name in due:
+                del self._pending[name]
+                self._told[name] = now_s
+        return due, min(waits.values(), default=HEARTBEAT_S)
+
+    def _wake(self) -> None:
+        if not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._woken.set)
+
+
+class SignalBroker:
+    """Implements the Signals port. `changed` may be called from any thread."""
+
+    def __init__(self) -> None:
+        self._subscriptions: set[Subscription] = set()
+        self._lock = Lock()
+        self._closed = False
+
+    def changed(self, name: str) -> None:
+        with self._lock:
+            watching = tuple(self._subscriptions)
+        for subscription in watching:
+            subscription.offer(name)
+
+    def subscribe(self, topics: tuple[str, ...]) -> Subscription:
+        """Call from the event loop that will read the names; end it with `unsubscribe`."""
+        subscription = Subscription(topics, asyncio.get_running_loop())
+        with self._lock:
+            subscription.closed = self._closed
+            self._subscriptions.add(subscription)
+        return subscription
+
+    def unsubscribe(self, subscription: Subscription) -> None:
+        with self._lock:
+            self._subscriptions.discard(subscription)
+
+    def close(self) -> None:
+        """End every stream, so that a stop of the server waits for nobody."""
+        with self._lock:
+            self._closed = True
+            watching = tuple(self._subscriptions)
+        for subscription in watching:
+            subscription.close()
+
+    @property
+    def watching(self) -> int:
+        with self._lock:
+            return len(self._subscriptions)

@@ -1,0 +1,79 @@
+"""Pure: numbers with units taken from their names, and measured values beside their bounds."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from harness.contracts.verdicts import ConditionResult
+
+UNITS = {
+    "m": "m", "s": "s", "rad": "rad", "deg": "°", "px": "px", "mps": "m/s", "radps": "rad/s", "m2": "m²", "hz": "Hz",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Measure:
+    """One quantity as text: `bound` is empty where nothing limits it."""
+
+    name: str
+    value: str
+    bound: str = ""
+
+
+@dataclass(frozen=True)
+class ConditionRow:
+    """One condition's result, with everything a person needs to believe it or not."""
+
+    condition_id: str
+    text: str
+    verdict: str
+    reason: str
+    measures: tuple[Measure, ...]
+    sources: str
+    independence: int
+    required: int
+    age_s: float | None
+
+
+def number(value: float) -> str:
+    """Three significant decimals at most, whole numbers whole."""
+    if value != value:
+        return "not a number"
+    if float(value).is_integer() and abs(value) < 1e15:
+        return str(int(value))
+    return f"{value:.3f}" if abs(value) < 1 else f"{value:.2f}"
+
+
+def quantity(name: str, value: float | str) -> tuple[str, str]:
+    """("distance", "0.09 m") for distance_m = 0.09; names without a known unit keep all their words."""
+    stem, _, suffix = name.rpartition("_")
+    unit = UNITS.get(suffix, "") if stem else ""
+    label = (stem if unit else name).replace("_", " ")
+    shown = value if isinstance(value, str) else number(value)
+    return label, f"{shown} {unit}".strip()
+
+
+def measures(measured: Mapping[str, float], bounds: Mapping[str, float]) -> tuple[Measure, ...]:
+    """Measured values first, each beside the bound of the same name; then bounds that nothing measured."""
+    rows = []
+    for name, value in measured.items():
+        label, shown = quantity(name, value)
+        rows.append(Measure(name=label, value=shown, bound=quantity(name, bounds[name])[1] if name in bounds else ""))
+    for name, bound in bounds.items():
+        if name not in measured:
+            label, shown = quantity(name, bound)
+            rows.append(Measure(name=label, value="", bound=shown))
+    return tuple(rows)
+
+
+def condition_row(result: ConditionResult) -> ConditionRow:
+    return ConditionRow(
+        condition_id=result.condition_id,
+        text=result.text,
+        verdict=result.verdict,
+        reason=result.reason,
+        measures=measures(result.measured, result.bounds),
+        sources=", ".join(result.sources),
+        independence=result.independence,
+        required=result.required_independence,
+        age_s=result.age_s,
+    )

@@ -1,0 +1,72 @@
+"""Pure: what every page carries around its own content: navigation, counts, and a stop for every robot."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from harness.contracts.events import Actor
+from harness.projections.handoffs import Handoff
+from harness.projections.mission import Mission
+
+
+@dataclass(frozen=True)
+class StopControl:
+    """One robot's stop. `mission_id` is empty when it runs none; `state` is idle, running or stopping."""
+
+    robot_id: str
+    mission_id: str
+    state: str
+
+
+@dataclass(frozen=True)
+class Shell:
+    """`topics` are the signal names this page listens to; `position` is the log's end when it was made."""
+
+    title: str
+    section: str
+    operator: str
+    running: int
+    waiting: int
+    robots: tuple[StopControl, ...]
+    topics: str
+    position: int
+    now_s: float
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """The state of the house that every page shows."""
+
+    missions: Sequence[Mission]
+    handoffs: Sequence[Handoff]
+    robots: Sequence[str]
+    actor: Actor
+    position: int
+    now_s: float
+
+
+def shell(title: str, section: str, around: Surroundings, *, topics: Sequence[str] = ()) -> Shell:
+    return Shell(
+        title=title,
+        section=section,
+        operator=around.actor.name,
+        running=sum(not mission.ended for mission in around.missions),
+        waiting=sum(handoff.status == "open" for handoff in around.handoffs),
+        robots=stop_controls(around.missions, around.robots),
+        topics=" ".join((*topics, "mission/", "handoff/")),
+        position=around.position,
+        now_s=around.now_s,
+    )
+
+
+def stop_controls(missions: Sequence[Mission], robots: Sequence[str]) -> tuple[StopControl, ...]:
+    """One per robot that is configured or runs something; the newest open mission of each is the one it stops."""
+    names = dict.fromkeys((*robots, *(mission.robot_id for mission in missions if not mission.ended)))
+    return tuple(_stop_control(robot, missions) for robot in names)
+
+
+def _stop_control(robot_id: str, missions: Sequence[Mission]) -> StopControl:
+    mission = next((one for one in missions if one.robot_id == robot_id and not one.ended), None)
+    if mission is None:
+        return StopControl(robot_id=robot_id, mission_id="", state="idle")
+    state = "stopping" if mission.status == "stopping" else "running"
+    return StopControl(robot_id=robot_id, mission_id=mission.mission_id, state=state)

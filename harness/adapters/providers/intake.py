@@ -1,0 +1,51 @@
+"""Typed requests: keeps the person's own words as bytes, so that a checksum can tie later stages to them."""
+
+from pathlib import Path
+
+from harness.adapters.providers.local import Draft, LocalProvider, Result
+from harness.contracts.capabilities import CancelBehaviour, CapabilityCard, Estimates, Latency, Parameter
+from harness.contracts.errors import ProviderFailed
+from harness.contracts.ids import ProviderId
+from harness.contracts.ports import BlobStore, Clock
+from harness.contracts.protocol import StartRequest
+
+CARD = CapabilityCard(
+    provider_id=ProviderId("text-intake"),
+    version="1",
+    embodiments=("any",),
+    parameters=(Parameter(name="text", type="string"),),
+    preconditions=(),
+    side_effects=("stores the text of the request",),
+    latency=Latency(base_s=0.1),
+    resources=(),
+    cancel=CancelBehaviour(acknowledged=True, within_s=1.0),
+    risk="low",
+    failure_words=("timeout", "store_unavailable"),
+    evidence=("transcript",),
+    capability="take_request",
+    estimates=Estimates(success=1.0, risk=0.0, uncertainty=0.0, cost=0.0),
+    moves=False,
+    sources=("keyboard",),
+    software="text-intake",
+)
+
+
+class TextIntake(LocalProvider):
+    """take_request from typed text. Receipt `transcript`: blob = the text in UTF-8, so its digest is the checksum."""
+
+    def __init__(self, *, clock: Clock, blobs: BlobStore, journal: Path | None) -> None:
+        super().__init__(CARD, clock=clock, blobs=blobs, journal=journal)
+
+    def check(self, request: StartRequest) -> None:
+        if not str(request.parameters["text"]).strip():
+            raise ProviderFailed("The request is empty", where="text-intake, parameter text", do="say what to do")
+
+    def work(self, request: StartRequest, now_s: float) -> Result:
+        text = str(request.parameters["text"])
+        blob = self._blobs.put(text.encode())
+        return Result(
+            message="Request taken down as typed.",
+            drafts=(Draft(kind="transcript", text="typed", blob=blob, values={"characters": float(len(text))}),),
+            declared={"characters": float(len(text))},
+            blobs=(blob,),
+        )

@@ -1,0 +1,231 @@
+"""Base of providers that run beside the harness and move nothing: accept durably, work when polled, end once."""
+
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from harness.adapters.providers.journal import Entry, Journal
+from harness.adapters.providers.parameters import parameter_problems
+from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.errors import FencingRefused, HarnessError, ProviderFailed
+from harness.contracts.ids import Digest, RequestId
+from harness.contracts.ports import BlobStore, Clock
+from harness.contracts.protocol import TERMINAL, InvocationReport, Progress, Receipt, StartRequest
+from harness.contracts.values import Value, digest
+
+
+class Draft(Value):
+    """A receipt before it has an id, a source and a request."""
+
+    kind: Any
+    text: str = ""
+    blob: Digest | None = None
+    values: dict[str, float] = msgspec.field(default_factory=dict)
+
+
+class Result(Value):
+    """What finished work leaves behind. `at_s` is when it ended, if that was before the poll that saw it."""
+
+    message: str
+    drafts: tuple[Draft, ...]
+    declared: dict[str, float]
+    blobs: tuple[Digest, ...] = ()
+    at_s: float | None = None
+
+
+class Failed(Value):
+    """Work that cannot be finished: a failure word of the card, and the reason for a person."""
+
+    failure: str
+    message: str
+
+
+Outcome = Result | Progress | Failed
+
+
+class LocalProvider(ABC):
+    """The provider protocol for work inside this process. Subclasses say what `work` is.
+
+    `start` accepts durably and begins; `report` works and ends the invocation. After a restart an accepted request
+    goes on by its request id, so `work` must be idempotent. Nothing here moves, so a stop is acknowledged at once.
+    """
+
+    def __init__(self, card: CapabilityCard, *, clock: Clock, blobs: BlobStore, journal: Path | None) -> None:
+        self._card, self._clock, self._blobs = card, clock, blobs
+        self._journal = Journal(journal and journal / f"{card.provider_id}.jsonl")
+        self._lock = threading.RLock()
+
+    @property
+    def card(self) -> CapabilityCard:
+        return self._card
+
+    def start(self, request: StartRequest) -> InvocationReport:
+        """Accept once per request id. Raises ProviderFailed (refused) or FencingRefused; a refusal leaves no trace."""
+        with self._lock:
+            known = self.find(request.identity.request_id)
+            if known is not None:
+                self._same(request)
+                return known
+            self._refuse_unfit(request)
+            self.check(request)
+            now_s = self._clock.now().mission_s
+            report = InvocationReport(
+                handle=f"{self._card.provider_id}:{request.identity.request_id}",
+                identity=request.identity,
+                status="accepted",
+                at_s=now_s,
+                progress=Progress(share=0.0),
+            )
+            self._journal.write(Entry(report=report, request=request))
+            return self._guarded(report, lambda: self.begin(request, now_s))
+
+    def find(self, request: RequestId) -> InvocationReport | None:
+        return self._journal.reports.get(request)
+
+    def report(self, handle: str) -> InvocationReport:
+        """Do what can be done by now, and say how far it is. Raises ProviderFailed for an unknown handle."""
+        with self._lock:
+            report = self._known(handle)
+            if report.status in TERMINAL:
+                return report
+            now_s = self._clock.now().mission_s
+            request = self._journal.requests[report.identity.request_id]
+            if now_s > request.deadline_s:
+                self.halt(request.identity.request_id)
+                return self._fail(report, failure="timeout", message="The deadline passed before the work was done.")
+            return self._guarded(report, lambda: self.work(request, now_s))
+
+    def keepalive(self, handle: str) -> None:
+        self._known(handle)
+
+    def resume(self, handle: str) -> InvocationReport:
+        """Never blocked, so there is nothing to resume. Raises ProviderFailed."""
+        raise self._refusal(f"Invocation {handle} is {self._known(handle).status}, not blocked", do="poll its report")
+
+    def stop(self, handle: str) -> InvocationReport:
+        """Cancelled at once unless it had already ended."""
+        with self._lock:
+            report = self._known(handle)
+            if report.status in TERMINAL:
+                return report
+            self.halt(report.identity.request_id)
+            return self._end(report, status="cancelled", message="Stopped on request.")
+
+    def check(self, request: StartRequest) -> None:
+        """Refuse what the card's parameter types cannot express. Raises ProviderFailed."""
+        return None
+
+    def begin(self, request: StartRequest, now_s: float) -> None:
+        """What must happen at the start itself rather than at a poll."""
+        return None
+
+    def halt(self, request: RequestId) -> None:
+        """Let go of what `begin` took."""
+        return None
+
+    @abstractmethod
+    def work(self, request: StartRequest, now_s: float) -> Outcome:
+        """How it ended, or how far it is. A HarnessError ends the invocation as failed, its code the failure word."""
+
+    def _guarded(self, report: InvocationReport, act: Callable[[], Outcome | None]) -> InvocationReport:
+        try:
+            outcome = act()
+        except HarnessError as error:
+            return self._fail(report, failure=error.code, message=str(error))
+        if outcome is None:
+            return report
+        if isinstance(outcome, Failed):
+            return self._fail(report, failure=outcome.failure, message=outcome.message)
+        if isinstance(outcome, Progress):
+            at_s = self._clock.now().mission_s
+            return msgspec.structs.replace(report, status="running", progress=outcome, at_s=at_s)
+        return self._succeed(report, result=outcome)
+
+    def _succeed(self, report: InvocationReport, *, result: Result) -> InvocationReport:
+        request = report.identity.request_id
+        at_s = self._clock.now().mission_s if result.at_s is None else result.at_s
+        receipts = tuple(
+            Receipt(
+                receipt_id=f"{draft.kind}-{request[:16]}-{index}",
+                kind=draft.kind,
+                at_s=at_s,
+                source=self._card.provider_id,
+                request_id=request,
+                text=draft.text,
+                blob=draft.blob,
+                values=draft.values,
+            )
+            for index, draft in enumerate(result.drafts)
+        )
+        return self._end(
+            msgspec.structs.replace(report, receipts=receipts, declared=result.declared, blobs=result.blobs),
+            status="succeeded",
+            message=result.message,
+            at_s=at_s,
+        )
+
+    def _fail(self, report: InvocationReport, *, failure: str, message: str) -> InvocationReport:
+        return self._end(msgspec.structs.replace(report, failure=failure), status="failed", message=message)
+
+    def _end(
+        self, report: InvocationReport, *, status: Any, message: str, at_s: float | None = None
+    ) -> InvocationReport:
+        progress = Progress(share=1.0, text=message) if status == "succeeded" else report.progress
+        ended = msgspec.structs.replace(
+            report,
+            status=status,
+            message=message,
+            progress=progress,
+            at_s=self._clock.now().mission_s if at_s is None else at_s,
+        )
+        self._journal.write(Entry(report=ended))
+        return ended
+
+    def _known(self, handle: str) -> InvocationReport:
+        report = self.find(RequestId(handle.removeprefix(f"{self._card.provider_id}:")))
+        if report is None:
+            raise self._refusal(f"No invocation has the handle {handle}", do="find it by its request id")
+        return report
+
+    def _same(self, request: StartRequest) -> None:
+        first = self._journal.requests[request.identity.request_id]
+        if _asked(first) != _asked(request):
+            raise self._refusal(
+                f"Request {request.identity.request_id} came again with other contents",
+                do="repeat it unchanged, or authorise a new attempt",
+            )
+
+    def _refuse_unfit(self, request: StartRequest) -> None:
+        named = (request.identity.provider_id, request.capability)
+        if named != (self._card.provider_id, self._card.capability):
+            raise self._refusal(
+                f"The request is for {' / '.join(named)}, not for {self._card.provider_id} / {self._card.capability}",
+                do="send it to the provider that it names",
+            )
+        for problem in parameter_problems(self._card, request.parameters):
+            raise self._refusal(problem, do="send the parameters that the capability card declares")
+        for needed in self._card.resources:
+            if needed not in request.fencing:
+                raise self._refusal(
+                    f"The request holds no fencing token for {needed}", do=f"take a lease on {needed} first"
+                )
+        for resource, token in request.fencing.items():
+            newest = self._journal.tokens.get(resource, token)
+            if token < newest:
+                raise FencingRefused(
+                    f"Token {token} for {resource} is older than {newest}",
+                    where=self._card.provider_id,
+                    do="take the lease again",
+                )
+
+    def _refusal(self, what: str, *, do: str) -> ProviderFailed:
+        return ProviderFailed(what, where=self._card.provider_id, do=do)
+
+
+def _asked(request: StartRequest) -> str:
+    """What makes two requests the same: who asks for what. The state version may move between repeats (D1)."""
+    return digest([request.identity, request.capability, request.parameters, request.blobs])

@@ -1,0 +1,94 @@
+"""Messages as folders: one complete folder per message or none, for people and channels to pick up."""
+
+import os
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+
+from harness.contracts.errors import ProviderFailed, StoreUnavailable
+from harness.contracts.ids import Digest, sha256
+from harness.contracts.ports import BlobStore
+from harness.contracts.values import Value, decode, encode
+
+_SUFFIXES = ((b"\xff\xd8\xff", "jpg"), (b"\x89PNG\r\n\x1a\n", "png"))
+
+
+class Message(Value):
+    """What `message.json` holds: the words, the files beside it with their checksums, and the acknowledgement."""
+
+    key: str
+    text: str
+    images: tuple[Digest, ...]
+    files: tuple[str, ...]
+    acknowledgement: str
+
+
+class FolderOutbox:
+    """MessageOutbox on disk: `<folder>/<key>/message.json` and the image files, renamed into place when complete.
+
+    Raises ProviderFailed for a key that came before with other contents, and StoreUnavailable when the folder cannot
+    be written; nothing half-written is ever visible under a key.
+    """
+
+    def __init__(self, folder: Path, *, blobs: BlobStore) -> None:
+        self._folder, self._blobs = folder, blobs
+
+    def send(self, key: str, text: str, images: Sequence[Digest]) -> str:
+        """Idempotent by key: a repeat returns the first acknowledgement and writes nothing."""
+        if not key or not set(key) <= set("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-"):
+            raise ProviderFailed(f"{key!r} cannot name a message", where="message outbox", do="use letters and digits")
+        place = self._folder / key
+        try:
+            if not place.exists():
+                self._write(place, text=text, images=tuple(images))
+            sent = decode((place / "message.json").read_bytes(), Message)
+        except (OSError, msgspec.MsgspecError) as error:
+            raise StoreUnavailable(
+                f"The message outbox cannot be used ({error})",
+                where=str(place),
+                do="make the folder readable and writable, and free space",
+            ) from error
+        if (sent.text, sent.images) != (text, tuple(images)):
+            raise ProviderFailed(
+                f"Message {key} was sent before with other contents", where=str(place), do="send it under a new key"
+            )
+        return sent.acknowledgement
+
+    def _write(self, place: Path, *, text: str, images: tuple[Digest, ...]) -> None:
+        draft = self._folder / f".{place.name}.partial"
+        shutil.rmtree(draft, ignore_errors=True)
+        draft.mkdir(parents=True)
+        files = []
+        for index, image in enumerate(images, start=1):
+            body = self._blobs.get(image)
+            files.append(f"image-{index}.{_suffix(body)}")
+            _write_durably(draft / files[-1], body)
+        content = sha256(encode([place.name, text, images]))
+        message = Message(
+            key=place.name, text=text, images=images, files=tuple(files), acknowledgement=f"folder-{content[:16]}"
+        )
+        _write_durably(draft / "message.json", encode(message))
+        _sync_folder(draft)
+        draft.rename(place)
+        _sync_folder(self._folder)
+
+
+def _suffix(body: bytes) -> str:
+    return next((suffix for magic, suffix in _SUFFIXES if body.startswith(magic)), "bin")
+
+
+def _write_durably(path: Path, body: bytes) -> None:
+    with path.open("wb") as file:
+        file.write(body)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _sync_folder(path: Path) -> None:
+    folder = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)

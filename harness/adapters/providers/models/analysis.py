@@ -1,0 +1,141 @@
+"""Passage analysis as a provider: reads the cited frames, looks, and stores a report bound to them."""
+
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from harness.adapters.providers.local import Draft, Failed, LocalProvider, Outcome, Result
+from harness.adapters.providers.models.passage import METHOD, Frame, analyse
+from harness.contracts.capabilities import CancelBehaviour, CapabilityCard, Estimates, Latency, Parameter
+from harness.contracts.errors import ProviderFailed
+from harness.contracts.ids import Digest, ProviderId
+from harness.contracts.observations import Camera
+from harness.contracts.ports import BlobStore, Clock
+from harness.contracts.protocol import StartRequest
+from harness.contracts.values import Point, encode
+
+CARD = CapabilityCard(
+    provider_id=ProviderId("opencv-analysis"),
+    version="1",
+    embodiments=("any",),
+    parameters=(
+        Parameter(name="images", type="digests"),
+        Parameter(name="yaws_rad", type="points", unit="rad"),
+        Parameter(name="passage", type="points", unit="m"),
+        Parameter(name="position", type="point", unit="m"),
+        Parameter(name="heading_rad", type="number", unit="rad", required=False),
+    ),
+    preconditions=(),
+    side_effects=("stores a report",),
+    latency=Latency(base_s=2.0),
+    resources=(),
+    cancel=CancelBehaviour(acknowledged=True, within_s=2.0),
+    risk="low",
+    failure_words=("timeout", "passage_not_seen", "poses_disagree", "provider_failed", "blob_damaged"),
+    evidence=("receipt:analysis",),
+    capability="analyse_passage",
+    estimates=Estimates(success=0.95, risk=0.0, uncertainty=0.1, cost=0.0),
+    moves=False,
+    sources=("camera", "localiser"),
+    software=METHOD,
+)
+
+_LEAST_IN_VIEW = 0.8
+_AGREES_RAD = 0.2
+
+
+class OpenCvAnalysis(LocalProvider):
+    """analyse_passage by geometry. Parameters: `images`, the frames' digests in order of capture; `yaws_rad`, points
+    (index, heading of the body in the map frame); `passage`, its floor polygon; `position`, the measured pose of the
+    body while it turned; `heading_rad`, its measured heading, which must be near that of some frame if it is given.
+
+    Receipt `analysis`: blob = the stored report (`passage.Report` as JSON), text = the finding in words. The report's
+    frames are exactly the images of the request. Too little of the passage in view and nothing found: it fails with
+    `passage_not_seen`, since an unseen floor is not a clear one.
+    """
+
+    def __init__(self, camera: Camera, *, clock: Clock, blobs: BlobStore, journal: Path | None) -> None:
+        super().__init__(CARD, clock=clock, blobs=blobs, journal=journal)
+        self._camera = camera
+
+    def check(self, request: StartRequest) -> None:
+        images, yaws = _digests(request), _points(request, "yaws_rad")
+        if not images or sorted(index for index, _ in yaws) != list(range(len(images))):
+            raise ProviderFailed(
+                f"{len(images)} images came with {len(yaws)} headings",
+                where="opencv-analysis, parameter yaws_rad",
+                do="pass one point (index, heading) for each image",
+            )
+        if len(_points(request, "passage")) < 3:
+            raise ProviderFailed(
+                "The passage is not a polygon", where="opencv-analysis, parameter passage", do="pass 3 corners or more"
+            )
+
+    def work(self, request: StartRequest, now_s: float) -> Outcome:
+        images, headings = _digests(request), dict(_points(request, "yaws_rad"))
+        measured = request.parameters.get("heading_rad")
+        if isinstance(measured, int | float) and not _near(float(measured), tuple(headings.values())):
+            return Failed(
+                failure="poses_disagree",
+                message=f"No frame was taken near the measured heading of {measured:.2f} rad.",
+            )
+        report = analyse(
+            [
+                Frame(digest=image, heading_rad=headings[float(index)], pixels=self._pixels(image))
+                for index, image in enumerate(images)
+            ],
+            camera=self._camera,
+            position=_point(request, "position"),
+            passage=_points(request, "passage"),
+        )
+        if not report.findings and report.in_view < _LEAST_IN_VIEW:
+            return Failed(
+                failure="passage_not_seen",
+                message=f"Only {report.in_view:.0%} of the passage is in view of the {len(images)} frames.",
+            )
+        blob = self._blobs.put(encode(report))
+        declared = {"obstructions": float(len(report.findings)), "blocked": float(report.blocked)}
+        return Result(
+            message=report.text,
+            drafts=(Draft(kind="analysis", text=report.text, blob=blob, values={**declared, "in_view": report.in_view}),),
+            declared=declared,
+            blobs=(blob, *report.cited),
+        )
+
+    def _pixels(self, image: Digest) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
+        body = np.frombuffer(self._blobs.get(image), dtype=np.uint8)
+        decoded = cv2.imdecode(body, cv2.IMREAD_COLOR_RGB) if len(body) else None
+        size = (self._camera.height_px, self._camera.width_px)
+        if decoded is None or decoded.shape[:2] != size:
+            raise ProviderFailed(
+                "A frame is no picture of the camera's size" if decoded is not None else "A frame is no picture",
+                where=f"blob {image}",
+                do=f"pass frames of {size[1]}x{size[0]} pixels as JPEG or PNG",
+            )
+        return np.asarray(decoded, dtype=np.uint8)
+
+
+def _digests(request: StartRequest) -> tuple[Digest, ...]:
+    value = request.parameters["images"]
+    return tuple(Digest(str(image)) for image in value) if isinstance(value, tuple) else ()
+
+
+def _points(request: StartRequest, name: str) -> tuple[Point, ...]:
+    value = request.parameters[name]
+    points = value if isinstance(value, tuple) else ()
+    return tuple((float(point[0]), float(point[1])) for point in points if isinstance(point, tuple))
+
+
+def _point(request: StartRequest, name: str) -> Point:
+    (point,) = _points_of(request.parameters[name])
+    return point
+
+
+def _points_of(value: object) -> tuple[Point, ...]:
+    return ((float(value[0]), float(value[1])),) if isinstance(value, tuple) else ()
+
+
+def _near(heading: float, others: tuple[float, ...]) -> bool:
+    return any(abs(math.remainder(heading - other, math.tau)) < _AGREES_RAD for other in others)

@@ -1,0 +1,63 @@
+"""Binds a recording's positions to a frame, a map version and one clock, or says why it cannot."""
+
+from harness.adapters.providers.recording.roles import Roles
+from harness.adapters.providers.recording.samples import Binding, Clocks, Times
+from harness.adapters.providers.recording.survey import Positions, Survey
+from harness.adapters.providers.recording.topics import TopicSettings
+from harness.adapters.providers.recording.transforms import Frames
+from harness.contracts.errors import RecordingInvalid
+from harness.contracts.ids import Digest
+
+METADATA = "regen.mission"
+
+
+def bound(
+    positions: Positions,
+    *,
+    settings: TopicSettings,
+    frames: Frames,
+    digest: Digest,
+    recorded: dict[str, str],
+    where: str,
+) -> Binding:
+    """The map frame if static transforms lead there, else the positions' own frame; D38 for the map version.
+
+    `recorded` is the record that the harness's own writer leaves: it names the map version of its mission.
+    """
+    if len(positions.frames) > 1:
+        raise RecordingInvalid(
+            f"Positions change their frame on the way: {', '.join(sorted(positions.frames))}",
+            where=where,
+            do="record one frame per topic",
+        )
+    frame = next(iter(positions.frames), "") or settings.map_frame
+    matrix = None
+    if frame != settings.map_frame:
+        matrix = frames.between(settings.map_frame, frame)
+        frame = frame if matrix is None else settings.map_frame
+    known = recorded.get("map_version") if frame == settings.map_frame else None
+    return Binding(frame, settings.map_version or known or f"recording:{digest}", matrix)
+
+
+def timed(survey: Survey, *, roles: Roles, settings: TopicSettings, where: str) -> tuple[Clocks, Times]:
+    """Mission time on the clock of the settings, or on log time if header stamps are missing."""
+    positions = survey.positions[roles.position]
+    if not positions.count:
+        raise RecordingInvalid(
+            f"None of the {positions.unusable} positions on {roles.position} is finite",
+            where=where,
+            do="name another position topic in the topic settings",
+        )
+    clock, reason = settings.clock, ""
+    if clock == "header" and positions.unstamped:
+        clock = "log"
+        reason = f"{positions.unstamped} messages on {roles.position} carry no header stamp"
+    clocks = Clocks(
+        clock=clock,
+        reason=reason,
+        least_delay_s=positions.least_delay_ns / 1e9,
+        most_delay_s=positions.most_delay_ns / 1e9,
+        first_log_s=survey.first_log_ns / 1e9,
+        last_log_s=survey.last_log_ns / 1e9,
+    )
+    return clocks, Times(clocks, shift_ns=positions.least_delay_ns)

@@ -1,0 +1,124 @@
+"""Which kind of recording a path holds, and its tape: MCAP, packed MCAP, rosbag2 folder or database, ROS 1 bag."""
+
+import hashlib
+import tempfile
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path, PurePath
+from typing import Any
+
+import yaml
+
+from harness.adapters.providers.recording import bag_tape, mcap_tape
+from harness.adapters.providers.recording.bag_tape import BagTape
+from harness.adapters.providers.recording.mcap_tape import McapTape
+from harness.adapters.providers.recording.packing import ZSTD_MAGIC, unpack_file
+from harness.adapters.providers.recording.sqlite_tape import SqliteTape
+from harness.adapters.providers.recording.tape import Tape, reading
+from harness.contracts.errors import RecordingInvalid
+from harness.contracts.ids import Digest, sha256
+
+SQLITE_MAGIC = b"SQLite format 3\x00"
+READABLE = "readable are .mcap, .mcap.zstd, a rosbag2 folder, .db3 and ROS 1 .bag"
+
+
+class Container:
+    """A recording on disk: `digest` names its bytes, `tape` reads them, `declared` is its folder's message count.
+
+    The digest of a folder is the SHA-256 over its files' names and digests, in the order that its metadata gives.
+    """
+
+    def __init__(self, path: Path, *, recover: bool = False) -> None:
+        self.declared: int | None = None
+        self._unpacked = ExitStack()
+        if not path.exists():
+            raise RecordingInvalid("There is no such recording", where=str(path), do="check the path")
+        with reading(path):
+            self.tape: Tape
+            if path.is_dir():
+                self._folder(path, recover=recover)
+            else:
+                self.digest = _file_digest(path)
+                self._file(path, recover=recover)
+
+    def close(self) -> None:
+        """Remove unpacked copies; the tape cannot be read afterwards."""
+        self._unpacked.close()
+
+    def _file(self, path: Path, *, recover: bool) -> None:
+        with path.open("rb") as file:
+            start = file.read(16)
+        if not start:
+            raise RecordingInvalid("The recording is empty: 0 bytes", where=str(path), do="copy the file again")
+        if start.startswith(ZSTD_MAGIC):
+            self.tape = McapTape([self._unpack(path)], names=[path], recover=recover)
+        elif start.startswith(mcap_tape.MAGIC):
+            self.tape = McapTape([path], names=[path], recover=recover)
+        elif start.startswith(bag_tape.MAGIC):
+            self.tape = BagTape(path, recover=recover)
+        elif start.startswith(SQLITE_MAGIC):
+            self.tape = SqliteTape([path], names=[path])
+        else:
+            raise RecordingInvalid(
+                f"This is not a recording: it begins with {start[:8]!r}",
+                where=str(path),
+                do=f"give another: {READABLE}",
+            )
+
+    def _folder(self, path: Path, *, recover: bool) -> None:
+        described = _metadata(path)
+        files = [path / PurePath(name).name for name in described["relative_file_paths"]]
+        missing = [file.name for file in files if not file.exists()]
+        if missing:
+            raise RecordingInvalid(
+                f"The folder names {len(files)} files and lacks {len(missing)}: {', '.join(missing)}",
+                where=str(path),
+                do="copy the missing files beside the others, or open one of the files by itself",
+            )
+        self.digest = sha256("".join(f"{file.name}\n{_file_digest(file)}\n" for file in files).encode())
+        self.declared = int(described["message_count"])
+        packed = str(described.get("compression_mode") or "").upper() == "FILE"
+        paths = [self._unpack(file) if packed else file for file in files]
+        match described["storage_identifier"]:
+            case "mcap":
+                self.tape = McapTape(paths, names=files, recover=recover)
+            case "sqlite3":
+                self.tape = SqliteTape(paths, names=files)
+            case other:
+                raise ValueError(f"its storage is {other!r}; {READABLE}")
+
+    def _unpack(self, path: Path) -> Path:
+        copy = self._unpacked.enter_context(_temporary())
+        with copy.open("wb") as into:
+            unpack_file(path, into)
+        return copy
+
+
+@contextmanager
+def _temporary() -> Iterator[Path]:
+    with tempfile.TemporaryDirectory(prefix="regen-recording-") as folder:
+        yield Path(folder) / "unpacked"
+
+
+def _metadata(path: Path) -> dict[str, Any]:
+    file = path / "metadata.yaml"
+    if not file.exists():
+        raise RecordingInvalid(
+            "The folder has no metadata.yaml, so it is no rosbag2 recording",
+            where=str(path),
+            do="name one of its files, or reindex the folder",
+        )
+    try:
+        described: dict[str, Any] = yaml.safe_load(file.read_text())["rosbag2_bagfile_information"]
+        for key in ("relative_file_paths", "storage_identifier", "message_count"):
+            described[key]
+    except (yaml.YAMLError, KeyError, TypeError, UnicodeDecodeError) as error:
+        raise RecordingInvalid(
+            f"The folder's metadata cannot be used ({error})", where=str(file), do="copy it again or reindex the folder"
+        ) from error
+    return described
+
+
+def _file_digest(path: Path) -> Digest:
+    with path.open("rb") as file:
+        return Digest(hashlib.file_digest(file, "sha256").hexdigest())

@@ -1,0 +1,255 @@
+"""Opens recordings: one full verified reading at the door, then samples, routes and declarations out of it."""
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from harness.adapters.providers.recording.binding import METADATA, bound, timed
+from harness.adapters.providers.recording.container import Container
+from harness.adapters.providers.recording.messages import Decoder
+from harness.adapters.providers.recording.roles import Roles, Topic, assigned, listed
+from harness.adapters.providers.recording.samples import Arrival, Clocks, Samples
+from harness.adapters.providers.recording.segments import Declaration, DispatchedRoute, Segment, measured, merged
+from harness.adapters.providers.recording.survey import Survey
+from harness.adapters.providers.recording.topics import StaticTransform, TopicSettings
+from harness.adapters.providers.recording.transforms import Frames, planar
+from harness.contracts import ids
+from harness.contracts.errors import RecordingInvalid
+from harness.contracts.ids import Digest
+from harness.contracts.observations import AnySample, Pose
+from harness.contracts.values import Count, Name, Point, Value
+
+
+class Summary(Value):
+    """What a recording holds and how far it can be trusted. Seconds are mission time, see `clocks`.
+
+    `single_source` is True unless position and odometry come from topics of their own (D17). `incomplete` is "" for
+    a whole recording. `left_out` says what was not read, and why.
+    """
+
+    path: str
+    sha256: Digest
+    duration_s: float
+    messages: Count
+    topics: tuple[Topic, ...]
+    position_topic: Name
+    odometry_topic: str
+    camera_topic: str
+    cloud_topic: str
+    single_source: bool
+    frame: Name
+    map_version: Name
+    clocks: Clocks
+    checks: str
+    incomplete: str
+    left_out: tuple[str, ...]
+
+
+def open_recording(path: Path, topics: TopicSettings | None = None, *, recover: bool = False) -> "Recording":
+    """Read a recording once from end to end, with every check its format offers, and give what it holds.
+
+    Raises RecordingInvalid: what is wrong, where, and what to do. With `recover` a cut file gives its whole part, and
+    its summary says that it is incomplete. Close the result, or use it as a context.
+    """
+    return Recording(path, topics or TopicSettings(), recover=recover)
+
+
+class Recording:
+    """A recording that passed its first reading. Every iteration reads the file again, a block at a time."""
+
+    def __init__(self, path: Path, settings: TopicSettings, *, recover: bool) -> None:
+        self.path, self.settings = path, settings
+        self._container = Container(path, recover=recover)
+        try:
+            self._read()
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Remove unpacked copies. Iterating afterwards may fail."""
+        self._container.close()
+
+    @property
+    def sha256(self) -> Digest:
+        """SHA-256 of the file, or of a folder's file names and digests."""
+        return self._container.digest
+
+    @property
+    def frame(self) -> str:
+        """The frame that positions are stated in."""
+        return self._binding.frame
+
+    @property
+    def map_version(self) -> str:
+        """The map version that positions are bound to: `recording:<sha256>` for a foreign recording (D38)."""
+        return self._binding.map_version
+
+    @property
+    def duration_s(self) -> float:
+        """Seconds between the first and the last message of any topic, by log time."""
+        return (self._survey.last_log_ns - self._survey.first_log_ns) / 1e9
+
+    @property
+    def starts_s(self) -> float:
+        """Mission time at which the first usable position arrived."""
+        return self._times.arrival_s(self._survey.positions[self.roles.position].first_log_ns)
+
+    @property
+    def ends_s(self) -> float:
+        """Mission time at which the last message of any topic arrived."""
+        return self._times.arrival_s(self._survey.last_log_ns)
+
+    def arrivals(self, keep: Callable[[bytes], Digest] = ids.sha256) -> Iterator[Arrival]:
+        """Samples with the mission times at which they arrived, in that order. `keep` takes image and cloud bytes."""
+        self._latest = self._samples(self.roles)
+        return self._latest.read(self._container.tape.messages(self._latest.topics), keep)
+
+    def samples(self, keep: Callable[[bytes], Digest] = ids.sha256) -> Iterator[AnySample]:
+        """Contract samples in order of arrival, `seq` from 1; raises RecordingInvalid if one cannot be decoded."""
+        return (arrival.sample for arrival in self.arrivals(keep))
+
+    def track(self) -> Iterator[tuple[float, Point]]:
+        """(sensor time, position) of every usable position, in order of arrival."""
+        bare = self._samples(
+            self.roles._replace(odometry=self.roles.odometry * (not self.roles.pose), camera="", cloud="")
+        )
+        for _, sample in bare.read(self._container.tape.messages(bare.topics), ids.sha256):
+            if isinstance(sample, Pose):
+                yield sample.at_s, (sample.x_m, sample.y_m)
+
+    def paths(self) -> tuple[DispatchedRoute, ...]:
+        """Dispatched routes that are not empty, in order of time, in the frame of the positions."""
+        found = sorted(self._survey.dispatched, key=lambda pair: pair[0])
+        return tuple(self._route(message, log_ns) for log_ns, message in found if message.poses)
+
+    def slam_path(self) -> DispatchedRoute | None:
+        """The final non-empty SLAM trajectory (R177), or None if there is none."""
+        raw = self._survey.slam_path
+        return self._route(self._decoder.decode(raw), raw.log_ns) if raw else None
+
+    def declarations(self) -> tuple[Declaration, ...]:
+        """The recorded supervisor's own arrival and departure lines, in order of time."""
+        return tuple(
+            Declaration(
+                kind=line.kind,
+                at_s=self._times.arrival_s(line.log_ns),
+                text=line.text,
+                speaker=line.speaker,
+                distance_m=line.distance_m,
+            )
+            for line in sorted(self._survey.lines, key=lambda line: line.log_ns)
+        )
+
+    def static_transforms(self) -> tuple[StaticTransform, ...]:
+        """Static transforms in use: those of the settings, then the recorded ones."""
+        return tuple(self._frames.transforms.values())
+
+    def segments(self, target: Point | None = None) -> tuple[Segment, ...]:
+        """One segment per dispatched route; without routes, or with a `target`, one over everything."""
+        lines = self.declarations()
+        routes = merged(self.paths(), [line for line in lines if line.kind == "arrival"])
+        if routes and target is None:
+            names = [name for name in self._recorded.get("legs", "").split("\n") if name]
+            return measured(routes, names=names, track=self.track(), lines=lines)
+        whole = DispatchedRoute(at_s=self._first_s(), frame=self.frame, route_m=(target or self.last_position(),))
+        source = "given target" if target else "last position of the recording"
+        return measured([whole], names=["recording"], track=self.track(), lines=lines, target_source=source)
+
+    def last_position(self) -> Point:
+        """The position that arrived last, metres in `frame`."""
+        return deque(self.track(), maxlen=1)[0][1]
+
+    def summary(self) -> Summary:
+        """What the recording holds; `left_out` of images and clouds is known after they were read."""
+        unusable = {topic: found.unusable for topic, found in self._survey.positions.items() if found.unusable}
+        return Summary(
+            path=str(self.path),
+            sha256=self.sha256,
+            duration_s=self.duration_s,
+            messages=sum(self._survey.counts.values()),
+            topics=self.topics,
+            position_topic=self.roles.position,
+            odometry_topic=self.roles.odometry,
+            camera_topic=self.roles.camera,
+            cloud_topic=self.roles.cloud,
+            single_source=not (self.roles.pose and self.roles.odometry),
+            frame=self.frame,
+            map_version=self.map_version,
+            clocks=self.clocks,
+            checks=self._container.tape.checks,
+            incomplete=self._container.tape.cut,
+            left_out=(
+                *self.roles.notes,
+                *(f"{topic}: {count} positions are not finite" for topic, count in unusable.items()),
+                *(f"{reason} ({count})" for reason, count in self._latest.left_out.items()),
+            ),
+        )
+
+    def _read(self) -> None:
+        where, tape = str(self.path), self._container.tape
+        self._decoder = Decoder(where=where)
+        self._survey = Survey(self.settings, decoder=self._decoder)
+        for raw in tape.scan():
+            self._survey.add(raw)
+        self._check_count()
+        self.topics = listed(tape.channels, self._survey.counts)
+        self.roles = assigned(self.topics, self.settings, where=where)
+        self._frames = Frames((*self.settings.static_transforms, *self._survey.transforms))
+        self._recorded = tape.metadata.get(METADATA, {})
+        self._binding = bound(
+            self._survey.positions[self.roles.position],
+            settings=self.settings,
+            frames=self._frames,
+            digest=self.sha256,
+            recorded=self._recorded,
+            where=where,
+        )
+        self.clocks, self._times = timed(self._survey, roles=self.roles, settings=self.settings, where=where)
+        self._latest = self._samples(self.roles)
+
+    def _check_count(self) -> None:
+        declared, found = self._container.declared, sum(self._survey.counts.values())
+        if declared is not None and declared != found and not self._container.tape.cut:
+            raise RecordingInvalid(
+                f"The folder's metadata declares {declared} messages; its files hold {found}",
+                where=str(self.path),
+                do="copy the files again, or reindex the folder",
+            )
+
+    def _samples(self, roles: Roles) -> Samples:
+        return Samples(
+            roles=roles,
+            settings=self.settings,
+            binding=self._binding,
+            frames=self._frames,
+            times=self._times,
+            decoder=self._decoder,
+        )
+
+    def _first_s(self) -> float:
+        return min(at_s for at_s, _ in self.track())
+
+    def _route(self, message: Any, log_ns: int) -> DispatchedRoute:
+        own = message.header.frame_id or message.poses[0].header.frame_id or self.frame
+        matrix = None if own == self.frame else self._frames.between(self.frame, own)
+        points = [planar(stamped.pose, matrix) for stamped in message.poses]
+        usable = tuple((point[0], point[1]) for point in points if point is not None)
+        if len(usable) < len(points) or (matrix is None and own != self.frame):
+            reason = f"is stated in {own}, positions in {self.frame}" if own != self.frame else "is not finite"
+            raise RecordingInvalid(
+                f"A recorded path {reason}",
+                where=f"{self.path}, log time {log_ns / 1e9:.3f} s",
+                do="give the missing static transform in the topic settings",
+            )
+        return DispatchedRoute(at_s=self._times.arrival_s(log_ns), frame=self.frame, route_m=usable)

@@ -1,0 +1,130 @@
+"""Which recorded topic is the body pose, the odometry, the camera and the lidar; refuses a recording without a pose."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from harness.adapters.providers.recording.messages import (
+    CLOUD,
+    COMPRESSED_IMAGE,
+    IMAGE,
+    ODOMETRY,
+    POSE,
+    POSE_COVARIANCE,
+)
+from harness.adapters.providers.recording.tape import Channel
+from harness.adapters.providers.recording.topics import TopicSettings
+from harness.contracts.errors import RecordingInvalid
+from harness.contracts.values import Count, Name, Value
+
+READABLE = ("cdr", "ros1")
+
+
+class Topic(Value):
+    """One recorded topic: its ROS 2 type name (several are joined by a comma), encoding and number of messages."""
+
+    name: Name
+    type: str
+    encoding: str
+    messages: Count
+
+
+class Roles(NamedTuple):
+    """Topic names by role, "" where the recording has none. `notes` say what was left out and why."""
+
+    pose: str
+    odometry: str
+    camera: str
+    cloud: str
+    notes: tuple[str, ...]
+
+    @property
+    def position(self) -> str:
+        return self.pose or self.odometry
+
+
+def listed(channels: Sequence[Channel], counts: Mapping[str, int]) -> tuple[Topic, ...]:
+    """All topics by name, those without messages included."""
+    topics: dict[str, list[Channel]] = {}
+    for channel in channels:
+        topics.setdefault(channel.topic, []).append(channel)
+    return tuple(
+        Topic(
+            name=name or "(no name)",
+            type=", ".join(sorted({channel.type for channel in same})),
+            encoding=", ".join(sorted({channel.encoding for channel in same})),
+            messages=counts.get(name, 0),
+        )
+        for name, same in sorted(topics.items())
+    )
+
+
+def assigned(topics: Sequence[Topic], settings: TopicSettings, *, where: str) -> Roles:
+    """Roles by the settings; raises RecordingInvalid if nothing says where the robot was."""
+    if not any(topic.messages for topic in topics):
+        raise RecordingInvalid(
+            "The recording holds no messages", where=where, do=f"record again; it declares {described(topics)}"
+        )
+    choice = _Choice(topics, where)
+    named_pose = "body_pose" in settings.model_fields_set
+    pose = choice.named(settings.body_pose, (POSE, POSE_COVARIANCE, ODOMETRY), role="body_pose", must=named_pose)
+    odometry = choice.of(settings.odometry, (ODOMETRY,), role="odometry")
+    camera = choice.of(settings.camera, (COMPRESSED_IMAGE, IMAGE), role="camera")
+    cloud = choice.of(settings.cloud, (CLOUD,), role="cloud")
+    roles = Roles(pose, "" if odometry == pose else odometry, camera, cloud, tuple(choice.notes))
+    if not roles.position:
+        raise _nowhere(topics, choice, where)
+    return roles
+
+
+def described(topics: Sequence[Topic]) -> str:
+    """Topics for a person: name (type, count)."""
+    return ", ".join(f"{topic.name} ({topic.type or 'no type'}, {topic.messages})" for topic in topics) or "no topics"
+
+
+class _Choice:
+    def __init__(self, topics: Sequence[Topic], where: str) -> None:
+        self.notes: list[str] = []
+        self.open: list[str] = []
+        self._topics, self._where = topics, where
+
+    def named(self, name: str, types: tuple[str, ...], *, role: str, must: bool) -> str:
+        """The named topic, or "" if it is absent and need not be there."""
+        topic = next((topic for topic in self._topics if topic.name == name and topic.messages), None)
+        if topic is None and not (must and name):
+            return ""
+        if topic is None or topic.type not in types:
+            found = f"has the type {topic.type}" if topic else "is not in the recording"
+            raise RecordingInvalid(
+                f"The {role} topic {name} {found}",
+                where=self._where,
+                do=f"name one of type {' or '.join(types)}; recorded are {described(self._topics)}",
+            )
+        return name
+
+    def of(self, name: str | None, types: tuple[str, ...], *, role: str) -> str:
+        """The named topic, or the only one of the types when none is named."""
+        if name is not None:
+            return self.named(name, types, role=role, must=True)
+        found = [topic.name for topic in self._topics if topic.type in types and topic.messages]
+        if len(found) == 1:
+            return found[0]
+        if found:
+            self.notes.append(f"{role}: several topics, none read; name one of {', '.join(found)}")
+        return ""
+
+
+def _nowhere(topics: Sequence[Topic], choice: _Choice, where: str) -> RecordingInvalid:
+    held = [topic for topic in topics if topic.messages]
+    if not any(topic.encoding in READABLE for topic in held):
+        encodings = ", ".join(sorted({repr(topic.encoding) for topic in held}))
+        return RecordingInvalid(
+            f"Its messages are encoded as {encodings}; readable are {' and '.join(READABLE)}",
+            where=where,
+            do="convert the recording to ROS 2 CDR",
+        )
+    if all("/srv/" in topic.type for topic in held):
+        what = "The recording holds service calls only, and no pose or odometry"
+    else:
+        what = "Nothing in the recording says where the robot was: no body pose and no odometry topic"
+    advice = "; ".join(choice.notes) or "name a topic of type PoseStamped, PoseWithCovarianceStamped or Odometry"
+    return RecordingInvalid(what, where=where, do=f"{advice}; recorded are {described(topics)}")

@@ -1,0 +1,140 @@
+"""Segments of a recording, one per dispatched route: lengths, declared and measured distances, each at its own time."""
+
+import math
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+
+from harness.contracts.values import Name, NonNegative, Point, Value
+
+SAME_TARGET_M = 0.05
+
+
+class DispatchedRoute(Value):
+    """A route as it was sent to the follower at `at_s` (mission time), metres in `frame`."""
+
+    at_s: float
+    frame: Name
+    route_m: tuple[Point, ...]
+
+
+class Declaration(Value):
+    """A line of the recording's own supervisor, at mission time: declared, never measured."""
+
+    kind: Name
+    at_s: float
+    text: str
+    speaker: str
+    distance_m: NonNegative | None = None
+
+
+class Segment(Value):
+    """One leg from dispatch to the next dispatch or the end of the recording. Metres, mission seconds.
+
+    `declared_distance_m` is the supervisor's word at `arrived_s`; `measured_distance_m` is the recorded position's
+    distance to the target at that instant; `last_pose_distance_m` is that of the segment's last position (R212).
+    They are endpoint distances, not path-tracking errors (R218). Without a dispatched route the target is the last
+    position, `reference_length_m` is None and `target_source` says so.
+    """
+
+    name: Name
+    target_m: Point
+    target_source: Name
+    route_m: tuple[Point, ...]
+    dispatched_s: float
+    last_pose_s: float
+    departed_s: float | None
+    arrived_s: float | None
+    reference_length_m: float | None
+    declared_distance_m: float | None
+    measured_distance_m: float | None
+    first_pose_distance_m: float
+    last_pose_distance_m: float
+    excursion_m: float
+
+    def elapsed_s(self, at_s: float) -> float:
+        """Seconds since the dispatch: the paper's tau (R178)."""
+        return at_s - self.dispatched_s
+
+
+def merged(routes: Sequence[DispatchedRoute], arrivals: Sequence[Declaration]) -> list[DispatchedRoute]:
+    """Routes that begin a segment: a repeat of the same target before an arrival belongs to the first (a retry)."""
+    kept: list[DispatchedRoute] = []
+    for route in routes:
+        last = kept[-1] if kept else None
+        again = (
+            last is not None
+            and math.dist(last.route_m[-1], route.route_m[-1]) <= SAME_TARGET_M
+            and not any(last.at_s < line.at_s <= route.at_s for line in arrivals)
+        )
+        if not again:
+            kept.append(route)
+    return kept
+
+
+def measured(
+    routes: Sequence[DispatchedRoute],
+    *,
+    names: Sequence[str],
+    track: Iterable[tuple[float, Point]],
+    lines: Sequence[Declaration],
+    target_source: str = "dispatched route",
+) -> tuple[Segment, ...]:
+    """Segments over `track`: (mission seconds, position), in order. Keeps one segment's figures at a time."""
+    meters = [
+        _Meter(
+            route=route,
+            name=names[index] if index < len(names) else f"segment {index + 1}",
+            until_s=routes[index + 1].at_s if index + 1 < len(routes) else math.inf,
+            lines=lines,
+        )
+        for index, route in enumerate(routes)
+    ]
+    current = 0
+    for at_s, position in track:
+        while current < len(meters) and at_s >= meters[current].until_s:
+            current += 1
+        if current < len(meters) and at_s >= meters[current].route.at_s:
+            meters[current].add(at_s, position)
+    return tuple(meter.segment(target_source) for meter in meters if meter.last is not None)
+
+
+class _Meter:
+    def __init__(self, *, route: DispatchedRoute, name: str, until_s: float, lines: Sequence[Declaration]) -> None:
+        self.route, self.until_s = route, until_s
+        self.last: tuple[float, Point] | None = None
+        within = [line for line in lines if route.at_s <= line.at_s < until_s]
+        self._name = name
+        self._arrival = next((line for line in within if line.kind == "arrival"), None)
+        self._departure = next((line for line in within if line.kind == "departure"), None)
+        self._first: Point | None = None
+        self._at_arrival: Point | None = None
+        self._excursion = 0.0
+
+    def add(self, at_s: float, position: Point) -> None:
+        self._first = self._first or position
+        self.last = (at_s, position)
+        self._excursion = max(self._excursion, math.dist(position, self.route.route_m[-1]))
+        if self._arrival is not None and at_s <= self._arrival.at_s:
+            self._at_arrival = position
+
+    def segment(self, target_source: str) -> Segment:
+        assert self.last is not None
+        assert self._first is not None
+        route, target = self.route.route_m, self.route.route_m[-1]
+        arrival, departure = self._arrival, self._departure
+        return Segment(
+            name=self._name,
+            target_m=target,
+            target_source=target_source,
+            route_m=route,
+            dispatched_s=self.route.at_s,
+            last_pose_s=self.last[0],
+            departed_s=departure.at_s if departure else None,
+            arrived_s=arrival.at_s if arrival else None,
+            reference_length_m=math.fsum(math.dist(a, b) for a, b in pairwise(route)) if len(route) > 1 else None,
+            declared_distance_m=arrival.distance_m if arrival else None,
+            measured_distance_m=math.dist(self._at_arrival, target) if self._at_arrival else None,
+            first_pose_distance_m=math.dist(self._first, target),
+            last_pose_distance_m=math.dist(self.last[1], target),
+            excursion_m=self._excursion,
+        )

@@ -1,0 +1,60 @@
+"""Which topics, frames and clocks of a recording mean what: settings, with the paper's topics as the default."""
+
+import re
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+
+Clock = Literal["header", "log"]
+
+
+class _Settings(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class StaticTransform(_Settings):
+    """Pose of `child` in `parent`: metres, and a quaternion x, y, z, w that need not be normalised."""
+
+    parent: Annotated[str, Field(min_length=1)]
+    child: Annotated[str, Field(min_length=1)]
+    translation_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rotation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+
+
+class TopicSettings(_Settings):
+    """How a recording is read (R176 to R179).
+
+    `odometry`, `camera` and `cloud` are topic names, "" for none, or None for the only topic of a readable type.
+    `clock` says which time becomes sensor time: the message's header stamp or the recorder's log time. `camera_clock`
+    is log time as in the paper. `arrival` and `departure` are regular expressions over the supervisor's log lines; a
+    group `distance_m` in `arrival` is the declared distance. `static_transforms` win over recorded ones.
+    """
+
+    body_pose: str = "/vbot_planner/body_pose"
+    odometry: str | None = None
+    dispatched_path: str = "/initial_path"
+    slam_path: str = "/path"
+    supervisor_log: str = "/rosout"
+    recorded_transforms: str = "/tf_static"
+    camera: str | None = None
+    cloud: str | None = None
+    map_frame: Annotated[str, Field(min_length=1)] = "map"
+    map_version: str | None = None
+    body_frames: tuple[str, ...] = ("base_link", "base_footprint", "body", "base")
+    static_transforms: tuple[StaticTransform, ...] = ()
+    clock: Clock = "header"
+    camera_clock: Clock = "log"
+    arrival: str = r"GOAL REACHED(?:.*?(?P<distance_m>\d+(?:\.\d+)?)\s*m\b)?"
+    departure: str = r"DEPART(?:ED|URE)"
+    camera_period_s: Annotated[float, Field(ge=0)] = 1.0
+    cloud_period_s: Annotated[float, Field(ge=0)] = 1.0
+    cloud_points: Annotated[int, Field(ge=1)] = 4096
+
+    @field_validator("arrival", "departure")
+    @classmethod
+    def _compiles(cls, pattern: str) -> str:
+        try:
+            re.compile(pattern)
+        except re.error as error:
+            raise ValueError(f"not a regular expression: {error}") from error
+        return pattern

@@ -1,0 +1,262 @@
+"""Writes a mission as MCAP with the paper's topics, small enough to carry: poses whole, pictures and lidar thinned."""
+
+import math
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from heapq import merge
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
+
+import cv2
+import numpy as np
+from mcap.writer import CompressionType, Writer
+
+from harness.adapters.providers.recording import messages
+from harness.adapters.providers.recording.binding import METADATA
+from harness.adapters.providers.recording.ros_words import RosWords, nanoseconds
+from harness.adapters.providers.recording.topics import StaticTransform
+from harness.adapters.providers.recording.transforms import Frames, Matrix, body_from_map
+from harness.contracts.errors import RecordingInvalid
+from harness.contracts.ids import Digest
+from harness.contracts.observations import AnySample, Image, Odometry, Pose, Scan
+from harness.contracts.values import Name, Point, Positive, Value
+
+LIMIT_BYTES = 4 * 1024 * 1024
+SUPERVISOR = "regen_supervisor"
+LIDAR_INIT = StaticTransform(parent="map", child="lidar_init", translation_m=(0.0, 0.0, 0.45))
+TOPICS = {
+    "pose": ("/vbot_planner/body_pose", messages.POSE),
+    "route": ("/initial_path", messages.PATH),
+    "slam": ("/path", messages.PATH),
+    "log": ("/rosout", messages.LOG),
+    "frames": ("/tf_static", messages.TRANSFORMS),
+    "odometry": ("/odom", messages.ODOMETRY),
+    "camera": ("/camera/image/compressed", messages.COMPRESSED_IMAGE),
+    "cloud": ("/lidar/points", messages.CLOUD),
+}
+_SLAM_STEP_M = 0.1
+_SLAM_PERIOD_S = 10.0
+
+
+class Leg(Value):
+    """One dispatched leg of a mission: metres in the map frame, mission seconds, the supervisor's declarations."""
+
+    name: Name
+    route_m: tuple[Point, ...]
+    dispatched_s: float
+    departed_s: float | None = None
+    arrived_s: float | None = None
+    declared_distance_m: float | None = None
+
+
+class Thinning(NamedTuple):
+    """How much a recording gives up: points per sweep, seconds between sweeps, picture width in pixels, JPEG quality."""
+
+    points: int
+    sweep_s: float
+    width_px: int
+    quality: int
+
+
+THINNINGS = (
+    Thinning(800, 1.0, 1280, 85),
+    Thinning(400, 2.0, 960, 75),
+    Thinning(200, 5.0, 640, 70),
+    Thinning(100, 20.0, 320, 60),
+    Thinning(0, math.inf, 0, 0),
+)
+
+
+class Mission(Value):
+    """What the recording is of. `frame` and `map_version` are those of the poses."""
+
+    mission_id: Name
+    frame: Name
+    map_version: Name
+    legs: tuple[Leg, ...]
+
+
+class Written(Value):
+    """What was written: its size in bytes, messages by topic, and how far it was thinned (R176)."""
+
+    path: str
+    bytes: Positive
+    messages: dict[str, int]
+    thinning: str
+
+
+def record_mission(
+    path: Path,
+    mission: Mission,
+    *,
+    samples: Sequence[AnySample],
+    blob: Callable[[Digest], bytes],
+    limit_bytes: int = LIMIT_BYTES,
+) -> Written:
+    """Write `path`, at most `limit_bytes`, all or nothing; poses and odometry are never thinned.
+
+    `samples` in any order of sensor time; `blob` gives image and scan bytes. Pictures and sweeps are thinned step by
+    step until the file fits. Raises RecordingInvalid if it cannot fit, cannot be written or has no poses.
+    """
+    if not any(isinstance(sample, Pose) for sample in samples):
+        raise RecordingInvalid(
+            f"Mission {mission.mission_id} has no poses to record", where=str(path), do="record a mission that moved"
+        )
+    beside = path.with_name(path.name + ".part")
+    try:
+        for thinning in THINNINGS:
+            with beside.open("wb") as file:
+                counts = _Recorder(file, mission, blob, thinning).write(samples)
+                file.flush()
+                os.fsync(file.fileno())
+            size = beside.stat().st_size
+            if size <= limit_bytes:
+                os.replace(beside, path)
+                return Written(path=str(path), bytes=size, messages=counts, thinning=_told(thinning))
+        raise RecordingInvalid(
+            f"The mission does not fit into {limit_bytes} bytes even without pictures and lidar ({size} bytes)",
+            where=str(path),
+            do="raise the limit, or record fewer legs",
+        )
+    except OSError as error:
+        raise RecordingInvalid(
+            f"The recording cannot be written ({error.strerror})",
+            where=str(path),
+            do="give a folder that exists and can be written, with space left",
+        ) from error
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+class _Entry(NamedTuple):
+    at_s: float
+    role: str
+    body: Callable[[], bytes]
+
+
+class _Recorder:
+    """One pass: merges samples and mission events by time and writes them."""
+
+    def __init__(self, file: BinaryIO, mission: Mission, blob: Callable[[Digest], bytes], thinning: Thinning) -> None:
+        self._writer = Writer(file, compression=CompressionType.ZSTD, chunk_size=256 * 1024, enable_data_crcs=True)
+        self._words = RosWords()
+        self._mission, self._blob, self._thinning = mission, blob, thinning
+        self._channels: dict[str, int] = {}
+        self._counts: dict[str, int] = {}
+        self._pose: Pose | None = None
+        self._next_sweep_s = -math.inf
+        self._walked: list[Point] = []
+        self._map_to_lidar = Frames((LIDAR_INIT,)).between(LIDAR_INIT.child, LIDAR_INIT.parent)
+
+    def write(self, samples: Sequence[AnySample]) -> dict[str, int]:
+        ordered = sorted(samples, key=lambda sample: (sample.at_s, sample.seq))
+        self._writer.start(profile="ros2", library="regenharness")
+        self._writer.add_metadata(
+            METADATA,
+            {
+                "mission_id": self._mission.mission_id,
+                "map_version": self._mission.map_version,
+                "legs": "\n".join(leg.name for leg in self._mission.legs),
+            },
+        )
+        start_s, end_s = ordered[0].at_s, ordered[-1].at_s
+        events = sorted(self._events(start_s, end_s), key=lambda entry: entry.at_s)
+        for entry in merge(events, self._sampled(ordered), key=lambda entry: entry.at_s):
+            self._put(entry)
+        self._put(_Entry(end_s, "slam", lambda: self._slam(end_s)))
+        self._writer.finish()
+        return self._counts
+
+    def _put(self, entry: _Entry) -> None:
+        topic, kind = TOPICS[entry.role]
+        if topic not in self._channels:
+            schema = self._writer.register_schema(kind, "ros2msg", self._words.definition(kind).encode())
+            self._channels[topic] = self._writer.register_channel(topic, "cdr", schema)
+        at_ns = nanoseconds(entry.at_s)
+        self._writer.add_message(self._channels[topic], log_time=at_ns, data=entry.body(), publish_time=at_ns)
+        self._counts[topic] = self._counts.get(topic, 0) + 1
+
+    def _events(self, start_s: float, end_s: float) -> Iterator[_Entry]:
+        words, frame = self._words, self._mission.frame
+        yield _Entry(start_s, "frames", lambda: words.transforms(start_s, [LIDAR_INIT]))
+        for leg in self._mission.legs:
+            yield _Entry(leg.dispatched_s, "route", _path(words, leg.dispatched_s, frame, list(leg.route_m)))
+            if leg.departed_s is not None:
+                yield _Entry(leg.departed_s, "log", _line(words, leg.departed_s, f"DEPARTED on {leg.name}"))
+            if leg.arrived_s is not None:
+                told = "" if leg.declared_distance_m is None else f": {leg.declared_distance_m!r} m to the goal"
+                yield _Entry(leg.arrived_s, "log", _line(words, leg.arrived_s, f"GOAL REACHED{told}"))
+        at_s = start_s + _SLAM_PERIOD_S
+        while at_s < end_s:
+            yield _Entry(at_s, "slam", lambda at_s=at_s: self._slam(at_s))  # type: ignore[misc]
+            at_s += _SLAM_PERIOD_S
+
+    def _sampled(self, samples: Iterable[AnySample]) -> Iterator[_Entry]:
+        for sample in samples:
+            body: Any = None
+            match sample:
+                case Pose():
+                    self._walk(sample)
+                    body, role = self._words.pose(sample), "pose"
+                case Odometry():
+                    body, role = self._words.odometry(sample), "odometry"
+                case Image():
+                    body, role = self._picture(sample), "camera"
+                case Scan():
+                    body, role = self._sweep(sample), "cloud"
+            if body is not None:
+                yield _Entry(sample.at_s, role, _fixed(body))
+
+    def _walk(self, pose: Pose) -> None:
+        self._pose = pose
+        if not self._walked or math.dist(self._walked[-1], (pose.x_m, pose.y_m)) >= _SLAM_STEP_M:
+            self._walked.append((pose.x_m, pose.y_m))
+
+    def _slam(self, at_s: float) -> bytes:
+        return self._words.path(at_s, self._mission.frame, self._walked)
+
+    def _picture(self, image: Image) -> bytes | None:
+        if self._thinning.width_px == 0:
+            return None
+        body = self._blob(image.blob)
+        if image.width_px > self._thinning.width_px or len(body) > 64 * 1024:
+            pixels = cv2.imdecode(np.frombuffer(body, dtype=np.uint8), cv2.IMREAD_COLOR)
+            if pixels is None:
+                return None
+            scale = min(1.0, self._thinning.width_px / image.width_px)
+            small = cv2.resize(pixels, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+            _, packed = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, self._thinning.quality])
+            return self._words.image(image.at_s, image.frame, packed.tobytes(), "jpeg")
+        return self._words.image(image.at_s, image.frame, body, image.media_type.removeprefix("image/"))
+
+    def _sweep(self, scan: Scan) -> bytes | None:
+        """A sweep in lidar_init, where the paper's clouds are stated: body to map by the newest pose, then on."""
+        if self._pose is None or self._thinning.points == 0 or scan.at_s < self._next_sweep_s or scan.points == 0:
+            return None
+        self._next_sweep_s = scan.at_s + self._thinning.sweep_s
+        points = np.frombuffer(self._blob(scan.blob), dtype="<f4").reshape(-1, 3).astype(np.float64)
+        points = points[:: max(1, -(-len(points) // self._thinning.points))]
+        to_map: Matrix = np.linalg.inv(body_from_map(self._pose.x_m, self._pose.y_m, self._pose.yaw_rad))
+        assert self._map_to_lidar is not None
+        return self._words.cloud(scan.at_s, LIDAR_INIT.child, points, moved=np.asarray(self._map_to_lidar @ to_map))
+
+
+def _fixed(body: bytes) -> Callable[[], bytes]:
+    return lambda: body
+
+
+def _path(words: RosWords, at_s: float, frame: str, points: list[Point]) -> Callable[[], bytes]:
+    return lambda: words.path(at_s, frame, points)
+
+
+def _line(words: RosWords, at_s: float, text: str) -> Callable[[], bytes]:
+    return lambda: words.log(at_s, SUPERVISOR, text)
+
+
+def _told(thinning: Thinning) -> str:
+    if thinning.points == 0:
+        return "no pictures and no lidar"
+    return (
+        f"at most {thinning.points} points per sweep, a sweep every {thinning.sweep_s:g} s, "
+        f"pictures {thinning.width_px} pixels wide"
+    )

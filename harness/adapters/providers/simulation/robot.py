@@ -1,0 +1,249 @@
+"""The simulated robot: providers, senses and journals over one simulated world, in this process."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from harness.adapters.providers.journal import Entry, Journal
+from harness.adapters.providers.parameters import parameter_problems
+from harness.adapters.providers.simulation.bodies import TICK_S
+from harness.adapters.providers.simulation.camera import CAMERA
+from harness.adapters.providers.simulation.cards import CARDS
+from harness.adapters.providers.simulation.faults import DUPLICATE_AFTER_S, Fault
+from harness.adapters.providers.simulation.invocations import Invocation, restarted
+from harness.adapters.providers.simulation.journals import StartJournal
+from harness.adapters.providers.simulation.skills import skill_for
+from harness.adapters.providers.simulation.world import World, WorldSettings
+from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.errors import FencingRefused, ProviderFailed, ProviderUnreachable
+from harness.contracts.ids import Digest, MissionId, RequestId
+from harness.contracts.protocol import (
+    TERMINAL,
+    InvocationReport,
+    Observations,
+    PhysicalStart,
+    Progress,
+    RobotStatus,
+    StartRequest,
+)
+from harness.contracts.values import digest
+
+
+class SimulatedRobot:
+    """Implements `contracts.ports.Robot`; `advance_to` moves its time. One thread at a time.
+
+    With a `folder`, journals and world survive the process; without one everything stays in memory.
+    """
+
+    def __init__(self, settings: WorldSettings, folder: Path | None = None, *, robot_id: str = "vbot-1") -> None:
+        self.robot_id = robot_id
+        if folder is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+        self.world = World(settings, folder)
+        self._journal = Journal(folder and folder / "requests.jsonl")
+        self._starts = StartJournal(folder and folder / "starts.jsonl")
+        self._running: dict[RequestId, Invocation] = {}
+        self._repeats: list[tuple[float, CapabilityCard, StartRequest]] = []
+        self._providers = tuple(SimulatedProvider(self, card) for card in CARDS)
+        for report in list(self._journal.reports.values()):
+            if report.status not in TERMINAL:
+                self._journal.write(Entry(report=restarted(report)))
+
+    @property
+    def at_s(self) -> float:
+        """Mission time now."""
+        return self.world.at_s
+
+    @property
+    def moving(self) -> bool:
+        """Whether an invocation that may move is under way, or the body is not still."""
+        return self._mover() is not None or not self.world.body.state.still
+
+    def providers(self) -> Sequence["SimulatedProvider"]:
+        return self._providers
+
+    def status(self) -> RobotStatus:
+        world, mover = self.world, self._mover()
+        return RobotStatus(
+            robot_id=self.robot_id,
+            at_s=world.at_s,
+            posture="standing" if world.still else "moving",
+            armed=mover is not None and mover.report().status in ("accepted", "running", "stopping"),
+            hardware_stop=False,
+            charge=world.sensors.charge,
+            localised=world.sensors.mode != "lost",
+            map_version=world.site.map_version,
+            camera=CAMERA,
+        )
+
+    def observations(self, after: int, limit: int = 5000) -> Observations:
+        return self.world.ring.after(after, limit=limit, at_s=self.world.at_s)
+
+    def blob(self, digest: Digest) -> bytes:
+        return self.world.blobs.get(digest)
+
+    def starts(self) -> Sequence[PhysicalStart]:
+        return self._starts.all()
+
+    def configure(self, mission_id: MissionId, seed: int, faults: Sequence[Fault]) -> None:
+        """Begin a mission: its seed for every stream of chance, its faults, its own truth file."""
+        self.world.configure(mission_id, seed, faults)
+
+    def struck(self) -> dict[str, int]:
+        """How often each fault of the configured mission really struck."""
+        return dict(self.world.faults.struck)
+
+    def advance_to(self, mission_s: float) -> float:
+        """Let the world run until mission time `mission_s`; returns the time reached, at most one tick short."""
+        while self.world.at_s + TICK_S <= mission_s + 1e-6:
+            self._tick()
+        return self.world.at_s
+
+    def save(self) -> None:
+        """Write the world durably."""
+        self.world.save(durable=True)
+
+    def begin(self, card: CapabilityCard, request: StartRequest) -> InvocationReport:
+        """Start once per request id. Raises ProviderFailed, FencingRefused, or ProviderUnreachable by a fault."""
+        known = self.find(request.identity.request_id)
+        if known is not None:
+            self._same(card, request)
+            return known
+        self._check(card, request)
+        world, identity = self.world, request.identity
+        skill = skill_for(
+            card, request, frame=world.site.frame, here=world.believed, reached_m=world.reached_m.get(_way(request))
+        )
+        invocation = Invocation(card, request, skill, at_s=world.at_s)
+        self._journal.write(Entry(report=invocation.report(), request=request))
+        self._starts.write(
+            PhysicalStart(
+                request_id=identity.request_id,
+                mission_id=identity.mission_id,
+                node_id=identity.node_id,
+                attempt=identity.attempt,
+                provider_id=identity.provider_id,
+                at_s=world.at_s,
+                moves=card.moves,
+            )
+        )
+        self._running[identity.request_id] = invocation
+        world.invocation_starts(invocation, _way(request))
+        if card.capability == "navigate" and world.faults.strikes("duplicate-request"):
+            self._repeats.append((world.at_s + DUPLICATE_AFTER_S, card, request))
+            raise ProviderUnreachable(
+                "The acknowledgement was lost", where=card.provider_id, do="ask for the request id before sending again"
+            )
+        return invocation.report()
+
+    def find(self, request: RequestId) -> InvocationReport | None:
+        """The newest report on a request, or None if it never came here."""
+        running = self._running.get(request)
+        return running.report() if running is not None else self._journal.reports.get(request)
+
+    def report(self, handle: str) -> InvocationReport:
+        """Raises ProviderFailed for an unknown handle."""
+        found = self.find(RequestId(handle.partition(":")[2]))
+        if found is None or found.handle != handle:
+            raise ProviderFailed(
+                f"No invocation has the handle {handle}", where=self.robot_id, do="find it by its request id"
+            )
+        return found
+
+    def invocation(self, handle: str) -> Invocation | None:
+        """The invocation if it still runs; raises ProviderFailed for an unknown handle."""
+        return self._running.get(self.report(handle).identity.request_id)
+
+    def _tick(self) -> None:
+        world = self.world
+        world.tick(tuple(self._running.values()))
+        for request, invocation in list(self._running.items()):
+            if invocation.terminal:
+                del self._running[request]
+                self._journal.write(Entry(report=invocation.report()))
+                world.invocation_ended(invocation, _way(invocation.request))
+        while self._repeats and self._repeats[0][0] <= world.at_s:
+            _, card, request = self._repeats.pop(0)
+            self.begin(card, request)
+
+    def _mover(self) -> Invocation | None:
+        return next((invocation for invocation in self._running.values() if invocation.card.moves), None)
+
+    def _same(self, card: CapabilityCard, request: StartRequest) -> None:
+        first = self._journal.requests[request.identity.request_id]
+        if _asked(first) != _asked(request):
+            raise ProviderFailed(
+                f"Request {request.identity.request_id} came again with other contents",
+                where=card.provider_id,
+                do="repeat it unchanged, or authorise a new attempt",
+            )
+
+    def _check(self, card: CapabilityCard, request: StartRequest) -> None:
+        named = (request.identity.provider_id, request.capability)
+        problems = [
+            *([f"The request is for {' / '.join(named)}"] if named != (card.provider_id, card.capability) else []),
+            *parameter_problems(card, request.parameters),
+            *(f"No fencing token for {name}" for name in card.resources if name not in request.fencing),
+        ]
+        if problems:
+            raise ProviderFailed(problems[0], where=card.provider_id, do="send what the capability card declares")
+        for resource, token in request.fencing.items():
+            newest = self._journal.tokens.get(resource, token)
+            if token < newest:
+                raise FencingRefused(
+                    f"Token {token} for {resource} is older than {newest}",
+                    where=card.provider_id,
+                    do="take the lease again",
+                )
+        mover = self._mover()
+        if card.moves and mover is not None:
+            raise ProviderFailed(
+                f"Invocation {mover.handle} still has the base", where=card.provider_id, do="stop it, then start again"
+            )
+
+
+class SimulatedProvider:
+    """One provider of the simulated robot, in this process."""
+
+    def __init__(self, robot: SimulatedRobot, card: CapabilityCard) -> None:
+        self._robot, self._card = robot, card
+
+    @property
+    def card(self) -> CapabilityCard:
+        return self._card
+
+    def start(self, request: StartRequest) -> InvocationReport:
+        return self._robot.begin(self._card, request)
+
+    def report(self, handle: str) -> InvocationReport:
+        return self._robot.report(handle)
+
+    def find(self, request: RequestId) -> InvocationReport | None:
+        return self._robot.find(request)
+
+    def keepalive(self, handle: str) -> None:
+        invocation = self._robot.invocation(handle)
+        if invocation is not None:
+            invocation.keepalive(self._robot.at_s)
+
+    def resume(self, handle: str) -> InvocationReport:
+        invocation = self._robot.invocation(handle)
+        if invocation is not None:
+            invocation.resume(self._robot.at_s)
+        return self._robot.report(handle)
+
+    def stop(self, handle: str) -> InvocationReport:
+        invocation = self._robot.invocation(handle)
+        if invocation is not None:
+            invocation.stop()
+        return self._robot.report(handle)
+
+
+def _way(request: StartRequest) -> str:
+    """The same route of the same node: what an earlier attempt covered of it counts."""
+    identity = request.identity
+    return f"{identity.mission_id}/{identity.node_id}/{digest(request.parameters.get('route', ()))[:12]}"
+
+
+def _asked(request: StartRequest) -> str:
+    """What makes two requests the same: who asks for what. The state version may move between repeats (D1)."""
+    return digest([request.identity, request.capability, request.parameters, request.blobs])

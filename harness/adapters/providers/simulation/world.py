@@ -1,0 +1,228 @@
+"""The simulated world tick by tick: body, sensors, running invocations, faults, truth. Mission time is its clock."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+from harness.adapters.providers.simulation.bodies import (
+    TICK_S,
+    Body,
+    BodyState,
+    KinematicBody,
+    MujocoBody,
+    Velocity,
+)
+from harness.adapters.providers.simulation.camera import CAMERA
+from harness.adapters.providers.simulation.estimate import Estimate
+from harness.adapters.providers.simulation.faults import Fault, FaultPlan
+from harness.adapters.providers.simulation.frames import photograph, photograph_nearby
+from harness.adapters.providers.simulation.invocations import Invocation
+from harness.adapters.providers.simulation.journals import SavedWorld, load_world, save_world
+from harness.adapters.providers.simulation.navigation import RouteFollower
+from harness.adapters.providers.simulation.noise import Streams
+from harness.adapters.providers.simulation.obstruction import boxes_across
+from harness.adapters.providers.simulation.samples import SampleRing, SensorBlobs
+from harness.adapters.providers.simulation.senses import Outcome, Senses, Shot, Step
+from harness.adapters.providers.simulation.sensors import Sensors
+from harness.adapters.providers.simulation.site import START, storage_site
+from harness.adapters.providers.simulation.solids import SiteModel
+from harness.adapters.providers.simulation.truth import Truth, TruthLog
+from harness.contracts.ids import MissionId, RequestId
+from harness.contracts.observations import Image
+from harness.contracts.values import Point, Value
+
+Fidelity = Literal["mujoco", "kinematic"]
+EPOCH_S = 1_790_000_000.0
+MOVING_TICKS = 4
+STANDING_TICKS = 20
+EARLY_CLAIM_M = 0.14
+
+
+class WorldSettings(Value):
+    """How to build a world. `epoch_s` is its first mission time where no saved world says otherwise."""
+
+    fidelity: Fidelity = "kinematic"
+    seed: int = 0
+    epoch_s: float = EPOCH_S
+
+
+class World:
+    """One robot in one site. Only `tick` lets time pass."""
+
+    def __init__(self, settings: WorldSettings, folder: Path | None) -> None:
+        self._settings, self._folder = settings, folder
+        self._file = folder and folder / "world.json"
+        saved = load_world(self._file) if self._file else None
+        pose = saved.pose if saved else START
+        self._home: SiteModel = storage_site()
+        self.site: SiteModel = self._home
+        state = BodyState(x_m=pose[0], y_m=pose[1], yaw_rad=pose[2])
+        self.body: Body = (MujocoBody if settings.fidelity == "mujoco" else KinematicBody)(self.site, state)
+        self.ring = SampleRing(saved.seq if saved else 0)
+        self.blobs = SensorBlobs(folder and folder / "blobs")
+        self.truth = TruthLog(folder and folder / "truth")
+        self.faults = FaultPlan(None, (), began_s=0.0)
+        self.sensors = Sensors(
+            Streams(settings.seed), self.ring, frame=self.site.frame, map_version=self.site.map_version
+        )
+        self.reached_m: dict[str, float] = dict(saved.reached_m) if saved else {}
+        self._epoch_s = saved.at_s if saved else settings.epoch_s
+        self._ticks = 0
+        self._told = 0
+        if saved:
+            self.sensors.odometer, self.sensors.charge = saved.odometer, saved.charge
+        self._estimate = Estimate(pose)
+        self._estimate.begin(self.sensors.odometer)
+
+    @property
+    def at_s(self) -> float:
+        """Mission time, seconds since the Unix epoch."""
+        return self._epoch_s + self._ticks * TICK_S
+
+    @property
+    def still(self) -> bool:
+        """Whether odometry says that the robot stands."""
+        v, w = self.sensors.twist
+        return abs(v) < 0.01 and abs(w) < 0.02
+
+    @property
+    def believed(self) -> Point:
+        """Where the robot's controller believes it is."""
+        return (self._estimate.x_m, self._estimate.y_m)
+
+    def configure(self, mission_id: MissionId, seed: int, faults: Sequence[Fault]) -> None:
+        """Begin a mission: chance, faults and truth file of its own, and the site as it is without faults."""
+        self.faults = FaultPlan(mission_id, faults, began_s=self.at_s)
+        self.sensors.reseed(Streams(seed))
+        self._furnish(self._home)
+        self.truth.begin(mission_id)
+        self.note("mission", text=f"{mission_id} seed {seed}")
+        self._told = 0
+
+    def invocation_starts(self, invocation: Invocation, node: str) -> None:
+        """A skill was accepted and begins with the next tick."""
+        skill = invocation.skill
+        identity = invocation.request.identity
+        self.note("start", request_id=identity.request_id, text=identity.provider_id)
+        self.faults.invocation_starts(identity.mission_id, navigates=isinstance(skill, RouteFollower))
+        if isinstance(skill, RouteFollower):
+            self.reached_m[node] = skill.at_m
+            if self.site is self._home and self.faults.strikes("blocked-passage"):
+                at_m = skill.begin_m + 0.5 * skill.remaining_m
+                gap = not self.faults.persistent("blocked-passage")
+                self._furnish(self._home.with_solids(*boxes_across(self._home, skill.route, float(round(at_m)), gap=gap)))
+
+    def invocation_ended(self, invocation: Invocation, node: str) -> None:
+        """A skill is terminal: what it reached is remembered and the world saved."""
+        report = invocation.report()
+        self.note("terminal", request_id=report.identity.request_id, text=f"{report.status} {report.failure}".strip())
+        if isinstance(invocation.skill, RouteFollower):
+            self.reached_m[node] = invocation.skill.at_m
+            self.faults.navigation_ends(self.at_s)
+            if report.status == "succeeded" and "blocked-passage" in self.faults.struck:
+                if not self.faults.persistent("blocked-passage"):
+                    self._furnish(self._home)
+        self.save(durable=True)
+
+    def tick(self, invocations: Sequence[Invocation]) -> None:
+        """TICK_S of mission time: skills decide, the body moves, sensors read."""
+        sensors = self.sensors
+        sensors.mode, sensors.bias_m = self.faults.mode(self.at_s), self.faults.bias_m
+        command = Velocity()
+        if invocations:
+            senses = self._senses()
+            for invocation in invocations:
+                wanted = invocation.tick(senses)
+                if invocation.card.moves:
+                    command = wanted
+                self._strike(invocation)
+        self.body.step(command)
+        self._ticks += 1
+        at_s = self.at_s
+        sensors.sample(self.body.state, at_s)
+        if sensors.scan_due:
+            sensors.scan(self.body.cloud(), at_s, self.blobs.keep)
+        self._estimate.update(sensors.odometer, sensors.fix)
+        self._tell_struck()
+        if self._ticks % (STANDING_TICKS if self.body.state.still else MOVING_TICKS) == 0:
+            self.note("pose")
+            if not self.body.state.still:
+                self.save(durable=False)
+
+    def note(self, kind: Literal["pose", "start", "terminal", "struck", "mission"], **facts: str) -> None:
+        """One line of truth."""
+        state = self.body.state
+        self.truth.add(
+            Truth(kind=kind, at_s=self.at_s, x_m=state.x_m, y_m=state.y_m, yaw_rad=state.yaw_rad, v_mps=state.v_mps, **facts)
+        )
+
+    def save(self, *, durable: bool) -> None:
+        """Write clock, body and counters, if there is a folder."""
+        if self._file is not None:
+            state = self.body.state
+            world = SavedWorld(
+                at_s=self.at_s,
+                seq=self.ring.newest,
+                pose=(state.x_m, state.y_m, state.yaw_rad),
+                odometer=self.sensors.odometer,
+                charge=self.sensors.charge,
+                reached_m=self.reached_m,
+            )
+            save_world(self._file, world, durable=durable)
+
+    def _strike(self, invocation: Invocation) -> None:
+        """What the mission's faults do to a navigation that is under way."""
+        skill = invocation.skill
+        if not isinstance(skill, RouteFollower) or invocation.terminal or invocation.braking:
+            return
+        whole_m = max(skill.route.length_m - skill.begin_m, 1e-6)
+        share, remaining_m = (skill.at_m - skill.begin_m) / whole_m, skill.remaining_m
+        self.faults.navigation_moves(share=share, remaining_m=remaining_m)
+        if self.faults.ends_early(remaining_m):
+            invocation.brake_for(skill.claim(self.at_s, distance_m=EARLY_CLAIM_M))
+        elif self.faults.interrupts(share):
+            words = Outcome(status="failed", failure="interrupted", message="The controller was interrupted.")
+            invocation.brake_for(Step(outcome=words))
+
+    def _tell_struck(self) -> None:
+        """A line of truth whenever a fault struck since the last one."""
+        struck = sum(self.faults.struck.values())
+        if struck > self._told:
+            self._told = struck
+            self.note("struck", text=" ".join(f"{name}={count}" for name, count in sorted(self.faults.struck.items())))
+
+    def _furnish(self, site: SiteModel) -> None:
+        if site is not self.site:
+            self.site = site
+            self.body.furnish(site)
+
+    def _senses(self) -> Senses:
+        estimate = self._estimate
+        return Senses(
+            at_s=self.at_s,
+            x_m=estimate.x_m,
+            y_m=estimate.y_m,
+            yaw_rad=estimate.yaw_rad,
+            still=self.still,
+            ranges=self.body.ranges,
+            capture=self._capture,
+        )
+
+    def _capture(self, heading_rad: float, request: RequestId) -> Shot:
+        state = self.body.state
+        take = photograph if self._settings.fidelity == "mujoco" else photograph_nearby
+        blob = self.blobs.keep_image(take(self.site, (state.x_m, state.y_m, state.yaw_rad)))
+        image = Image(
+            seq=self.ring.next(),
+            at_s=self.at_s,
+            source="camera",
+            frame="camera",
+            blob=blob,
+            media_type="image/jpeg",
+            width_px=CAMERA.width_px,
+            height_px=CAMERA.height_px,
+            yaw_rad=heading_rad,
+            request_id=request,
+        )
+        self.ring.add(image)
+        return Shot(blob=blob, seq=image.seq, at_s=image.at_s)

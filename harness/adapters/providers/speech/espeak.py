@@ -1,0 +1,37 @@
+"""Speech synthesis by espeak-ng: text in, samples out. The same text gives the same samples."""
+
+import subprocess
+import sys
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from harness.contracts.errors import ProviderFailed
+
+Samples = npt.NDArray[np.int16]
+
+_CHILD = Path(__file__).with_name("espeak_child.py")
+_LONGEST_S = 30.0
+
+
+@lru_cache(maxsize=32)
+def synthesise(text: str, *, voice: str = "en") -> tuple[Samples, int]:
+    """Mono samples (N,) int16, read-only, and their rate in Hz. Raises ProviderFailed if the library fails."""
+    command = [sys.executable, "-P", str(_CHILD), voice]
+    try:
+        child = subprocess.run(command, input=text.encode(), capture_output=True, timeout=_LONGEST_S, check=False)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise _failure(str(error)) from error
+    if child.returncode != 0:
+        reason = child.stderr.decode(errors="replace").strip().splitlines()
+        raise _failure(reason[-1] if reason else f"the synthesis ended with code {child.returncode}")
+    rate, _, body = child.stdout.partition(b"\n")
+    return np.frombuffer(body, dtype="<i2"), int(rate)
+
+
+def _failure(reason: str) -> ProviderFailed:
+    return ProviderFailed(
+        f"espeak-ng could not speak: {reason}", where="espeak-voice", do="install the project again or change the voice"
+    )

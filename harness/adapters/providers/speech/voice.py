@@ -1,0 +1,129 @@
+"""The spoken report: synthesises the text, plays it in mission time, and vouches only for a playback heard out."""
+
+import io
+import wave
+from pathlib import Path
+
+from harness.adapters.providers.local import Draft, Failed, LocalProvider, Outcome, Result
+from harness.adapters.providers.speech.espeak import Samples, synthesise
+from harness.adapters.providers.speech.speaker import Speaker
+from harness.contracts.capabilities import CancelBehaviour, CapabilityCard, Estimates, Latency, Parameter
+from harness.contracts.errors import ProviderFailed
+from harness.contracts.ids import Digest, ProviderId, RequestId, ResourceId, sha256
+from harness.contracts.ports import BlobStore, Clock
+from harness.contracts.protocol import Progress, StartRequest
+from harness.contracts.values import Value
+
+CARD = CapabilityCard(
+    provider_id=ProviderId("espeak-voice"),
+    version="1",
+    embodiments=("any",),
+    parameters=(Parameter(name="text", type="string"),),
+    preconditions=(),
+    side_effects=("sound at the robot",),
+    latency=Latency(base_s=8.0),
+    resources=(ResourceId("speaker"),),
+    cancel=CancelBehaviour(acknowledged=True, within_s=1.0),
+    risk="low",
+    failure_words=("timeout", "interrupted", "playback_differs", "provider_failed", "store_unavailable"),
+    evidence=("playback",),
+    capability="speak",
+    estimates=Estimates(success=0.99, risk=0.0, uncertainty=0.01, cost=0.0),
+    moves=False,
+    sources=("speaker",),
+    software="espeak-ng",
+)
+
+
+class _Playback(Value):
+    """What is being played: the WAV's digest, the digest of its samples, how many, their rate, and since when."""
+
+    request: RequestId
+    wav: Digest
+    pcm: Digest
+    samples: int
+    rate_hz: int
+    begun_s: float
+
+    @property
+    def end_s(self) -> float:
+        return self.begun_s + self.samples / self.rate_hz
+
+
+class EspeakVoice(LocalProvider):
+    """speak by espeak-ng through a Speaker. The WAV (16-bit mono) is stored when the playback begins.
+
+    The one `playback` receipt is given when the speaker took every sample, and the same ones: blob = the WAV, at_s =
+    the end of the sound. Stopped or restarted in the middle: no receipt; after a restart `interrupted`.
+    """
+
+    def __init__(self, speaker: Speaker, *, clock: Clock, blobs: BlobStore, journal: Path | None) -> None:
+        super().__init__(CARD, clock=clock, blobs=blobs, journal=journal)
+        self._speaker = speaker
+        self._playback: _Playback | None = None
+
+    def check(self, request: StartRequest) -> None:
+        text = str(request.parameters["text"])
+        if not text.strip() or "\0" in text:
+            raise ProviderFailed("The text cannot be spoken", where="espeak-voice, parameter text", do="pass the report")
+        if self._playback is not None and self._clock.now().mission_s < self._playback.end_s:
+            raise ProviderFailed("The speaker is playing", where="espeak-voice", do="wait for its end, or stop it")
+
+    def begin(self, request: StartRequest, now_s: float) -> None:
+        samples, rate_hz = synthesise(str(request.parameters["text"]))
+        if not samples.any():
+            raise ProviderFailed("The text has no sound", where="espeak-voice, parameter text", do="use words")
+        self._playback = _Playback(
+            request=request.identity.request_id,
+            wav=self._blobs.put(wav(samples, rate_hz=rate_hz)),
+            pcm=sha256(samples.astype("<i2").tobytes()),
+            samples=len(samples),
+            rate_hz=rate_hz,
+            begun_s=now_s,
+        )
+        self._speaker.begin(samples, rate_hz=rate_hz, at_s=now_s)
+
+    def halt(self, request: RequestId) -> None:
+        if self._playback is not None and self._playback.request == request:
+            self._speaker.halt()
+            self._playback = None
+
+    def work(self, request: StartRequest, now_s: float) -> Outcome:
+        playback = self._playback
+        if playback is None or playback.request != request.identity.request_id:
+            return Failed(failure="interrupted", message="The playback did not survive a restart of the voice.")
+        taken = self._speaker.consumed(now_s)
+        if taken < playback.samples:
+            return Progress(share=taken / playback.samples, text=f"{taken} of {playback.samples} samples played")
+        heard = self._speaker.heard()
+        self.halt(request.identity.request_id)
+        if heard != playback.pcm:
+            return Failed(failure="playback_differs", message="The speaker took other samples than were synthesised.")
+        return _played(playback)
+
+
+def _played(playback: _Playback) -> Result:
+    duration_s = playback.samples / playback.rate_hz
+    values = {
+        "samples": float(playback.samples),
+        "sample_rate_hz": float(playback.rate_hz),
+        "duration_s": duration_s,
+    }
+    return Result(
+        message=f"Spoken in {duration_s:.1f} s.",
+        drafts=(Draft(kind="playback", text="played to the last sample", blob=playback.wav, values=values),),
+        declared={"duration_s": duration_s},
+        blobs=(playback.wav,),
+        at_s=playback.end_s,
+    )
+
+
+def wav(samples: Samples, *, rate_hz: int) -> bytes:
+    """A WAV file of 16-bit mono samples."""
+    body = io.BytesIO()
+    with wave.open(body, "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(2)
+        file.setframerate(rate_hz)
+        file.writeframes(samples.astype("<i2").tobytes())
+    return body.getvalue()

@@ -1,0 +1,124 @@
+"""Content-addressed files: FOLDER/ab/cd/abcd..., named by the SHA-256 of their bytes. Nothing is ever changed.
+
+A blob is written under another name, synced, then renamed: under its digest there is all of it or nothing.
+"""
+
+import os
+import re
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from harness.contracts.errors import BlobDamaged, StoreUnavailable
+from harness.contracts.ids import Digest, sha256
+
+_DIGEST = re.compile("[0-9a-f]{64}")
+_INCOMING = "incoming"
+
+
+class FileBlobStore:
+    """Blobs below `folder`, created on first use. Safe between threads and processes.
+
+    Raises StoreUnavailable if the folder cannot be used or the disk is full.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._incoming = folder / _INCOMING
+        try:
+            self._incoming.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise self._unavailable(error) from error
+
+    def put(self, body: bytes) -> Digest:
+        """Durable on return. Writing the same bytes again is free, and mends a damaged file."""
+        digest = sha256(body)
+        path = self._path(digest)
+        try:
+            if not _holds(path, body):
+                self._write(path, body)
+            _sync_folder(path.parent)
+        except OSError as error:
+            raise self._unavailable(error) from error
+        return digest
+
+    def get(self, digest: Digest) -> bytes:
+        """Bytes that match the digest; raises BlobDamaged if they are missing, changed or unreadable."""
+        path = self._path(digest)
+        try:
+            body = path.read_bytes()
+        except OSError as error:
+            raise BlobDamaged(
+                f"Blob {digest} cannot be read: {error.strerror or error}",
+                where=str(path),
+                do="restore it from a copy of the data folder",
+            ) from error
+        if sha256(body) != digest:
+            raise BlobDamaged(
+                f"Blob {digest} does not match its digest",
+                where=str(path),
+                do="restore it from a copy of the data folder; do not trust what cites it",
+            )
+        return body
+
+    def has(self, digest: Digest) -> bool:
+        """Whether there is a file of that digest. Only `get` looks inside."""
+        return _DIGEST.fullmatch(digest) is not None and self._path(digest).is_file()
+
+    def digests(self) -> Iterator[Digest]:
+        """All digests, in ascending order."""
+        for first in sorted(self._folder.glob("[0-9a-f][0-9a-f]")):
+            for second in sorted(first.iterdir()):
+                for path in sorted(second.iterdir()):
+                    if _DIGEST.fullmatch(path.name):
+                        yield Digest(path.name)
+
+    def discard_unfinished(self) -> int:
+        """Remove what a killed writer left behind and say how much; only for the owner of the data folder."""
+        left = list(self._incoming.iterdir())
+        for path in left:
+            path.unlink(missing_ok=True)
+        return len(left)
+
+    def _write(self, path: Path, body: bytes) -> None:
+        for folder in (path.parent.parent, path.parent):
+            if not folder.is_dir():
+                folder.mkdir(exist_ok=True)
+                _sync_folder(folder.parent)
+        number, name = tempfile.mkstemp(dir=self._incoming)
+        try:
+            with open(number, "wb") as file:
+                file.write(body)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(name, path)
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
+
+    def _path(self, digest: Digest) -> Path:
+        if not _DIGEST.fullmatch(digest):
+            raise BlobDamaged(f"{digest[:80]!r} is no digest", where=str(self._folder), do="use 64 hexadecimal digits")
+        return self._folder / digest[:2] / digest[2:4] / digest
+
+    def _unavailable(self, error: OSError) -> StoreUnavailable:
+        return StoreUnavailable(
+            f"The blob store cannot be written: {error.strerror or error}",
+            where=str(self._folder),
+            do="free some space or make the folder writable, then try again",
+        )
+
+
+def _holds(path: Path, body: bytes) -> bool:
+    try:
+        return path.read_bytes() == body
+    except FileNotFoundError:
+        return False
+
+
+def _sync_folder(folder: Path) -> None:
+    number = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(number)
+    finally:
+        os.close(number)

@@ -1,0 +1,121 @@
+"""Pure: how events are linked into one hash chain, and how the chain is checked. Stores nothing.
+
+An event's digest is the SHA-256 of these bytes, numbers big-endian, so that any language can check a log:
+previous digest (32 bytes), position and version (8 bytes each), mission and recorded time (IEEE 754 doubles),
+the lengths of stream and kind in UTF-8 (4 bytes each), stream, kind, body.
+"""
+
+import hashlib
+import math
+import struct
+from collections.abc import Iterable, Mapping, Sequence
+
+import msgspec
+
+from harness.contracts.errors import ConcurrencyConflict, ContractInvalid, LogDamaged
+from harness.contracts.ids import Digest, StreamId, sha256
+from harness.contracts.ports import Batch, Head, NewEvent, Record, StoredEvent
+from harness.contracts.values import Moment
+
+GENESIS = Head(position=0, digest=Digest("0" * 64))
+
+_RESTORE = "everything before it can still be read; restore the data folder from a copy to get the rest back"
+_FRONT = struct.Struct(">32sQQddII")
+
+
+def event_digest(event: StoredEvent) -> Digest:
+    """What `event.digest` must be, from its other fields. Raises ValueError or struct.error if one is out of range."""
+    stream, kind = event.stream.encode(), event.kind.encode()
+    front = _FRONT.pack(
+        bytes.fromhex(event.previous),
+        event.position,
+        event.version,
+        event.mission_s,
+        event.recorded_s,
+        len(stream),
+        len(kind),
+    )
+    return Digest(hashlib.sha256(front + stream + kind + event.body).hexdigest())
+
+
+def link(head: Head, versions: Mapping[StreamId, int], batches: Sequence[Batch], now: Moment) -> list[StoredEvent]:
+    """The events to store after `head`, given the number of events each stream holds.
+
+    A stream may occur in several batches: each sees the events of those before it. A batch without events only
+    asserts its stream's version. Negative zero is stored as zero, as SQL databases do.
+    Raises ConcurrencyConflict; ContractInvalid if `now` is not finite.
+    """
+    if not (math.isfinite(now.mission_s) and math.isfinite(now.wall_s)):
+        raise ContractInvalid(f"An event cannot be recorded at {now}", where="clock", do="check the mission's clock")
+    at = dict(versions)
+    events: list[StoredEvent] = []
+    for batch in batches:
+        actual = at.get(batch.stream, 0)
+        if actual != batch.expected_version:
+            raise ConcurrencyConflict(
+                f"Stream {batch.stream} is at version {actual}, not at the expected version {batch.expected_version}",
+                where=batch.stream,
+                do="load the stream again and decide anew",
+            )
+        for version, new in enumerate(batch.events, start=actual + 1):
+            event = _sealed(batch.stream, version, new, head, now)
+            events.append(event)
+            head = Head(position=event.position, digest=event.digest)
+        at[batch.stream] = actual + len(batch.events)
+    return events
+
+
+def check(events: Iterable[StoredEvent], after: Head = GENESIS) -> Head:
+    """Walk a log in global order, holding one event at a time; raises LogDamaged for the first that does not fit."""
+    head = after
+    for event in events:
+        if event.position != head.position + 1:
+            raise damaged(head.position + 1, f"the log goes on at position {event.position}")
+        if event.previous != head.digest:
+            raise damaged(event.position, "it does not name the digest of the event before it")
+        try:
+            expected = event_digest(event)
+        except (TypeError, ValueError, AttributeError, struct.error) as error:
+            raise damaged(event.position, f"a field is not of its type ({error})") from error
+        if event.digest != expected:
+            raise damaged(event.position, "its digest does not match its content")
+        head = Head(position=event.position, digest=event.digest)
+    return head
+
+
+def check_record(record: Record) -> None:
+    """Raises LogDamaged unless the record's digest is the SHA-256 of its body."""
+    if sha256(record.body) != record.digest:
+        raise LogDamaged(
+            f"The {record.kind} record does not match its digest", where=f"record {record.digest}", do=_RESTORE
+        )
+
+
+def admit_record(record: Record) -> None:
+    """Refuse at the door what `check_record` would find damaged later: raises ContractInvalid."""
+    if sha256(record.body) != record.digest:
+        raise ContractInvalid(
+            f"A {record.kind} record comes with a digest that is not its body's",
+            where=f"record {record.digest}",
+            do="take the digest of the canonical JSON that is stored",
+        )
+
+
+def damaged(position: int, why: str) -> LogDamaged:
+    """The error for the event at `position`."""
+    return LogDamaged(f"The log is damaged: {why}", where=f"position {position}", do=_RESTORE)
+
+
+def _sealed(stream: StreamId, version: int, new: NewEvent, head: Head, now: Moment) -> StoredEvent:
+    event = StoredEvent(
+        position=head.position + 1,
+        stream=stream,
+        version=version,
+        kind=new.kind,
+        body=new.body,
+        mission_s=now.mission_s + 0.0,
+        recorded_s=now.wall_s + 0.0,
+        previous=head.digest,
+        digest=head.digest,
+    )
+    return msgspec.structs.replace(event, digest=event_digest(event))

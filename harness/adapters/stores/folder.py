@@ -1,0 +1,64 @@
+"""The data folder: what lies where, and whether it can be used. Opens no store."""
+
+import os
+import shutil
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from harness.contracts.errors import StoreUnavailable
+
+FLOOR_BYTES = 64 * 1024 * 1024
+"""A mission is not begun with less free space than this."""
+
+
+@dataclass(frozen=True)
+class DataFolder:
+    """Where the harness keeps its data under `root`."""
+
+    root: Path
+
+    @property
+    def log_url(self) -> str:
+        return f"sqlite:///{self.root / 'events.db'}"
+
+    @property
+    def blobs(self) -> Path:
+        return self.root / "blobs"
+
+    @property
+    def spool(self) -> Path:
+        return self.root / "spool"
+
+    @property
+    def robots(self) -> Path:
+        """Where robots that run as child processes keep their worlds and start journals."""
+        return self.root / "robots"
+
+
+def prepare(root: Path, *, floor_bytes: int = FLOOR_BYTES) -> DataFolder:
+    """Create the folder if it is not there, for its owner only, and try to write to it.
+
+    Raises StoreUnavailable if it is no folder, cannot be written, or its disk has less than `floor_bytes` free.
+    """
+    root = root.absolute()
+    try:
+        root.mkdir(parents=True, exist_ok=True, mode=0o700)
+        with tempfile.TemporaryFile(dir=root) as trial:
+            trial.write(b"\0")
+            trial.flush()
+            os.fsync(trial.fileno())
+        free = shutil.disk_usage(root).free
+    except OSError as error:
+        raise StoreUnavailable(
+            f"The data folder cannot be used: {error.strerror or error}",
+            where=str(root),
+            do="name a folder that can be written with --data",
+        ) from error
+    if free < floor_bytes:
+        raise StoreUnavailable(
+            f"The disk has {free // 2**20} MiB free, a mission needs {floor_bytes // 2**20} MiB",
+            where=str(root),
+            do="free some space, or name a folder on another disk with --data",
+        )
+    return DataFolder(root)

@@ -1,0 +1,123 @@
+"""Stores that live as long as their process: for tests, suites and simulated missions. Nothing reaches the disk."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from threading import Lock
+
+from harness.adapters.stores.chain import GENESIS, admit_record, check, check_record, link
+from harness.contracts.errors import BlobDamaged, UnknownName
+from harness.contracts.ids import Digest, InvocationId, StreamId, sha256
+from harness.contracts.observations import AnySample
+from harness.contracts.ports import Batch, Head, Record, StoredEvent
+from harness.contracts.values import Moment
+
+
+class MemoryEventStore:
+    """The event log as a list. Safe between threads."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._log: list[StoredEvent] = []
+        self._by_stream: dict[StreamId, list[StoredEvent]] = {}
+        self._records: dict[Digest, Record] = {}
+
+    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> Head:
+        """All or nothing. Raises ConcurrencyConflict, or ContractInvalid for a record that belies its digest."""
+        for record in records:
+            admit_record(record)
+        with self._lock:
+            versions = {batch.stream: len(self._by_stream.get(batch.stream, ())) for batch in batches}
+            events = link(self._end(), versions, batches, now)
+            self._log.extend(events)
+            for event in events:
+                self._by_stream.setdefault(event.stream, []).append(event)
+            for record in records:
+                self._records.setdefault(record.digest, record)
+            return self._end()
+
+    def load(self, stream: StreamId, after: int = 0) -> list[StoredEvent]:
+        """Events of one stream with version > after, in order."""
+        with self._lock:
+            return self._by_stream.get(stream, [])[after:]
+
+    def read(self, after: int = 0, limit: int = 1000) -> list[StoredEvent]:
+        """Events of all streams with position > after, in global order, at most `limit`."""
+        with self._lock:
+            return self._log[after : after + limit]
+
+    def streams(self, prefix: str) -> list[StreamId]:
+        """Streams whose name starts with `prefix`, by first position."""
+        with self._lock:
+            return [stream for stream in self._by_stream if stream.startswith(prefix)]
+
+    def record(self, digest: Digest) -> Record:
+        """Raises UnknownName."""
+        with self._lock:
+            if digest not in self._records:
+                raise UnknownName(f"The log holds no record {digest}", where="records")
+            return self._records[digest]
+
+    def head(self) -> Head:
+        """The end of the log; the genesis head of an empty one."""
+        with self._lock:
+            return self._end()
+
+    def verify(self) -> Head:
+        """Recompute the chain and every record's digest; raises LogDamaged that names the first bad position."""
+        with self._lock:
+            log, records = list(self._log), list(self._records.values())
+        head = check(log)
+        for record in records:
+            check_record(record)
+        return head
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+    def _end(self) -> Head:
+        return Head(position=self._log[-1].position, digest=self._log[-1].digest) if self._log else GENESIS
+
+
+class MemoryBlobStore:
+    """Blobs in a dictionary."""
+
+    def __init__(self) -> None:
+        self._bodies: dict[Digest, bytes] = {}
+
+    def put(self, body: bytes) -> Digest:
+        """Keep `body` and return its SHA-256."""
+        digest = sha256(body)
+        self._bodies[digest] = body
+        return digest
+
+    def get(self, digest: Digest) -> bytes:
+        """Raises BlobDamaged if there is no such blob."""
+        if digest not in self._bodies:
+            raise BlobDamaged(f"Blob {digest} is missing", where="memory", do="check where the digest came from")
+        return self._bodies[digest]
+
+    def has(self, digest: Digest) -> bool:
+        """Whether `get` would find it."""
+        return digest in self._bodies
+
+    def digests(self) -> Iterator[Digest]:
+        """All digests, in ascending order."""
+        yield from sorted(self._bodies)
+
+
+class MemorySpool:
+    """Samples in lists, one per invocation."""
+
+    def __init__(self) -> None:
+        self._samples: dict[InvocationId, list[AnySample]] = {}
+
+    def add(self, invocation: InvocationId, samples: Iterable[AnySample]) -> None:
+        """Append `samples` in the order given."""
+        self._samples.setdefault(invocation, []).extend(samples)
+
+    def samples(self, invocation: InvocationId) -> list[AnySample]:
+        """What was added, in order; empty if nothing was."""
+        return list(self._samples.get(invocation, ()))
+
+    def drop(self, invocation: InvocationId) -> None:
+        """Forget the invocation's samples, if there are any."""
+        self._samples.pop(invocation, None)

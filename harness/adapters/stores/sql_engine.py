@@ -1,0 +1,102 @@
+"""SQLite through SQLAlchemy: how connections are opened, what durability is in force, what its failures mean.
+
+WAL with synchronous=FULL: a commit is on the disk when it returns, and readers never wait for the writer.
+Transactions are opened by hand (BEGIN IMMEDIATE), so that two writers queue instead of failing half-way.
+"""
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from sqlalchemy import Connection, Engine, create_engine
+from sqlalchemy.engine import URL, make_url
+from sqlalchemy.event import listen
+from sqlalchemy.exc import ArgumentError, DBAPIError, SQLAlchemyError
+from sqlalchemy.pool import NullPool
+
+from harness.contracts.errors import StoreUnavailable
+
+_WRITER = ("PRAGMA synchronous=FULL", "PRAGMA foreign_keys=ON")
+_READER = ("PRAGMA query_only=ON",)
+
+_REMEDIES = {
+    sqlite3.SQLITE_FULL: "free some space on that disk; everything acknowledged before is intact",
+    sqlite3.SQLITE_IOERR: "check that disk, its space and its quota; everything acknowledged before is intact",
+    sqlite3.SQLITE_READONLY: "make the file and its folder writable, or choose another data folder",
+    sqlite3.SQLITE_PERM: "make the file and its folder writable, or choose another data folder",
+    sqlite3.SQLITE_CANTOPEN: "make sure the folder exists and is writable, or choose another data folder",
+    sqlite3.SQLITE_BUSY: "another process is writing for too long; stop it and try again",
+    sqlite3.SQLITE_LOCKED: "another process is writing for too long; stop it and try again",
+    sqlite3.SQLITE_NOTADB: "the file is not an event log: move it away or choose another data folder",
+    sqlite3.SQLITE_CORRUPT: "restore the file from a copy, or move it away to start a new log",
+}
+_PRIMARY = 0xFF
+
+
+def writer_engine(url: URL, *, busy_s: float) -> Engine:
+    """For the one connection that appends: every commit is synced. It waits `busy_s` for another process's commit."""
+    return _engine(url, _WRITER, busy_s=busy_s, poolclass=NullPool)
+
+
+def reader_engine(url: URL, *, busy_s: float) -> Engine:
+    """For any number of threads that read: a small pool whose connections cannot write."""
+    return _engine(url, _READER, busy_s=busy_s, pool_size=4, max_overflow=12)
+
+
+def file_url(url: str) -> URL:
+    """The parsed URL of an SQLite file; raises StoreUnavailable for any other database."""
+    try:
+        parsed = make_url(url)
+    except ArgumentError as error:
+        raise StoreUnavailable(f"{url!r} is no database address", do="write sqlite:///FILE") from error
+    if parsed.get_backend_name() != "sqlite" or parsed.database in (None, "", ":memory:"):
+        raise StoreUnavailable(
+            "The event log is kept in an SQLite file",
+            where=parsed.render_as_string(hide_password=True),
+            do="write sqlite:///FILE",
+        )
+    return parsed
+
+
+@contextmanager
+def immediate(connection: Connection) -> Iterator[None]:
+    """One write transaction: committed at the end, rolled back on any exception."""
+    connection.exec_driver_sql("BEGIN IMMEDIATE")
+    try:
+        yield
+        connection.exec_driver_sql("COMMIT")
+    except BaseException:
+        connection.connection.rollback()
+        raise
+
+
+@contextmanager
+def translated(url: URL) -> Iterator[None]:
+    """Turn the database's failures into StoreUnavailable with where and what to do."""
+    try:
+        yield
+    except SQLAlchemyError as error:
+        raise unavailable(url, error) from error
+
+
+def unavailable(url: URL, error: SQLAlchemyError) -> StoreUnavailable:
+    """What a database failure means for a person."""
+    cause = error.orig if isinstance(error, DBAPIError) else error
+    code = getattr(cause, "sqlite_errorcode", 0) & _PRIMARY
+    return StoreUnavailable(
+        f"The event log cannot be used: {cause}",
+        where=str(url.database),
+        do=_REMEDIES.get(code, "run `regen doctor` to see what is wrong with the data folder"),
+    )
+
+
+def _engine(url: URL, pragmas: tuple[str, ...], *, busy_s: float, **pool: Any) -> Engine:
+    engine = create_engine(url, isolation_level="AUTOCOMMIT", connect_args={"timeout": busy_s}, **pool)
+
+    def set_pragmas(connection: sqlite3.Connection, _record: object) -> None:
+        for pragma in pragmas:
+            connection.execute(pragma)
+
+    listen(engine, "connect", set_pragmas)
+    return engine

@@ -1,0 +1,116 @@
+"""H_0 and the site as they ship: reads this package's own data, and any YAML text, into contract values."""
+
+from collections.abc import Hashable
+from importlib.resources import files
+from typing import Any, TypeVar
+
+import msgspec
+import yaml
+
+from harness.contracts.configuration import Configuration, ContextRules, RecoveryPolicy, RoutingPreferences
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.places import Site
+from harness.contracts.tasks import TaskTemplate
+from harness.contracts.values import Value
+from harness.recovery.policy import check_policy
+
+T = TypeVar("T")
+LONGEST_TEXT = 262_144
+DEEPEST = 24
+_PACKAGE = "harness.baseline"
+
+
+class _Sections(Value):
+    """configuration.yaml: three of the four sections; the fourth, the templates, has a file each."""
+
+    context_rules: ContextRules
+    routing: RoutingPreferences
+    recovery: RecoveryPolicy
+
+
+def baseline() -> Configuration:
+    """H_0, with its templates in order of their names. Raises ContractInvalid if the shipped files break a rule."""
+    sections = read_yaml(_shipped("configuration.yaml"), _Sections, where="baseline/configuration.yaml")
+    folder = files(_PACKAGE).joinpath("templates")
+    names = sorted(entry.name for entry in folder.iterdir() if entry.name.endswith(".yaml"))
+    templates = tuple(
+        read_yaml(
+            folder.joinpath(name).read_text(encoding="utf-8"), TaskTemplate, where=f"baseline/templates/{name}"
+        )
+        for name in names
+    )
+    configuration = Configuration(
+        context_rules=sections.context_rules,
+        templates=templates,
+        routing=sections.routing,
+        recovery=sections.recovery,
+    )
+    check_policy(configuration.recovery)
+    return configuration
+
+
+def site() -> Site:
+    """The simulated site's places, routes, passages and zones."""
+    return read_yaml(_shipped("site.yaml"), Site, where="baseline/site.yaml")
+
+
+def read_yaml(text: str, kind: type[T], *, where: str) -> T:
+    """YAML of one contract value. Raises ContractInvalid that names the place in the file or in the value.
+
+    Aliases, repeated keys, deep nesting and texts over 256 KiB are refused before anything is built from them: a file
+    of a few lines can otherwise unfold to gigabytes.
+    """
+    if len(text) > LONGEST_TEXT:
+        raise ContractInvalid(
+            f"The text has {len(text)} characters, at most {LONGEST_TEXT} are read", where=where, do="split it"
+        )
+    try:
+        _check_events(text, where)
+        built = yaml.load(text, Loader=_Loader)
+    except yaml.YAMLError as error:
+        raise ContractInvalid(f"It is not YAML as expected: {_line(error)}", where=where, do="correct it") from error
+    except ValueError as error:
+        raise ContractInvalid(f"A value cannot be read: {error}", where=where, do="correct it") from error
+    try:
+        return msgspec.convert(built, kind, strict=True)
+    except msgspec.ValidationError as error:
+        what, _, path = str(error).partition(" - at `")
+        raise ContractInvalid(what, where=f"{where}, {path.rstrip('`') or '$'}", do="correct this field") from error
+
+
+class _Loader(yaml.SafeLoader):
+    """SafeLoader that takes no key twice."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        seen: set[str] = set()
+        for key, _ in node.value:
+            if key.value in seen:
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"the key {key.value!r} stands twice", key.start_mark
+                )
+            seen.add(key.value)
+        return super().construct_mapping(node, deep)
+
+
+def _check_events(text: str, where: str) -> None:
+    depth = 0
+    for event in yaml.parse(text, Loader=yaml.SafeLoader):
+        line = event.start_mark.line + 1 if event.start_mark else 0
+        if isinstance(event, yaml.AliasEvent):
+            raise ContractInvalid(f"Line {line} uses an alias", where=where, do="write the value out where it is used")
+        if isinstance(event, yaml.CollectionStartEvent):
+            depth += 1
+        elif isinstance(event, yaml.CollectionEndEvent):
+            depth -= 1
+        if depth > DEEPEST:
+            raise ContractInvalid(f"Line {line} is nested over {DEEPEST} deep", where=where, do="write it flatter")
+
+
+def _line(error: yaml.YAMLError) -> str:
+    mark = getattr(error, "problem_mark", None)
+    problem = getattr(error, "problem", None) or str(error)
+    return f"{problem} (line {mark.line + 1})" if mark else str(problem)
+
+
+def _shipped(name: str) -> str:
+    return files(_PACKAGE).joinpath(name).read_text(encoding="utf-8")

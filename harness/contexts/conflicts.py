@@ -1,0 +1,59 @@
+"""Pure: which records contradict each other, and which were replaced by newer ones. Decides for neither side."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+TOLERANCES = {"_m": 0.5, "_rad": 0.35, "_share": 0.1}
+
+
+@dataclass(frozen=True)
+class Statement:
+    """What one source asserts at one instant. `human`: a person's word, which disambiguates.
+
+    `subject`: what it is about; empty = it stands beside later ones of its source.
+    """
+
+    source: str
+    at_s: float
+    human: bool
+    subject: str
+    states: Mapping[str, float | str]
+
+
+def superseded(statements: Sequence[Statement]) -> dict[int, str]:
+    """Indices of statements that the same source, or a person about the same names, made anew later; and why."""
+    old: dict[int, str] = {}
+    for index, statement in enumerate(statements):
+        for newer in statements:
+            if newer.at_s <= statement.at_s:
+                continue
+            if statement.subject and (statement.subject, statement.source) == (newer.subject, newer.source):
+                old[index] = f"{newer.source} observed again at {newer.at_s:.2f}"
+            elif newer.human and _contradiction(statement, newer):
+                old[index] = f"settled by {newer.source} at {newer.at_s:.2f}"
+    return old
+
+
+def conflicting(statements: Sequence[Statement], *, ignored: frozenset[int]) -> dict[int, str]:
+    """Indices of statements by different sources that contradict each other, and what about."""
+    torn: dict[int, str] = {}
+    live = [(index, statement) for index, statement in enumerate(statements) if index not in ignored]
+    for index, statement in live:
+        for _, other in live:
+            name = _contradiction(statement, other) if other.source != statement.source else ""
+            if name:
+                torn[index] = f"{name}: {statement.states[name]} against {other.states[name]} by {other.source}"
+                break
+    return torn
+
+
+def _contradiction(one: Statement, other: Statement) -> str:
+    """The first name on which both speak and differ beyond its unit's tolerance; empty if they agree."""
+    for name in sorted(one.states.keys() & other.states.keys()):
+        mine, theirs = one.states[name], other.states[name]
+        if isinstance(mine, str) or isinstance(theirs, str):
+            if mine != theirs:
+                return name
+        elif abs(mine - theirs) > next((bound for unit, bound in TOLERANCES.items() if name.endswith(unit)), 0.0):
+            return name
+    return ""

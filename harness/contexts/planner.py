@@ -1,0 +1,132 @@
+"""C1, the planner's view: what is wanted, what is open, what is accepted, where things are, what went wrong coarsely.
+
+Records, by kind: "goal" (Goal); "frontier" (list of FrontierNode, the eligible nodes in graph order); "facts" (list of
+CommittedFact, one record per node); "place" (Place) and "map"; "robot" (RobotStatus); "observation" (a sample);
+"observed" (EvidenceReference); "failures" (CoarseFailures, one per node); "history" (counts by name and class).
+"""
+
+from collections import Counter
+
+import msgspec
+
+from harness.contexts.observed import newest_samples, observed_references, robot_status
+from harness.contexts.selection import Item, Selection, compile_context
+from harness.contexts.view import StateView, accepted, configured
+from harness.contracts.capabilities import Capability, Risk
+from harness.contracts.configuration import FailureClass
+from harness.contracts.contexts import Context, ContextRecord
+from harness.contracts.ids import NodeId
+from harness.contracts.values import Value
+from harness.projections.mission import NodeStatus, eligible
+
+
+class FrontierNode(Value):
+    """One node that may be dispatched now."""
+
+    node_id: NodeId
+    subgoal: str
+    capabilities: tuple[Capability, ...]
+    risk: Risk
+    required: bool
+    status: NodeStatus
+    attempt: int
+    waiting_for: str
+
+
+class CoarseFailures(Value):
+    """How often a node failed, by class: enough for planning, nothing to imitate."""
+
+    node_id: NodeId
+    failures: dict[FailureClass, int]
+
+
+def planner_context(view: StateView) -> Context:
+    """C1 of one state version. Raises ContextOverflow if the mandatory records exceed the role's budget."""
+    items = [
+        Item(goal_record(view)),
+        Item(accepted("frontier", "mission", frontier(view), at_s=view.at_s, mandatory=True)),
+        *(Item(record, scope=frozenset({NodeId(record.source)})) for record in facts_by_node(view)),
+        *_places(view),
+        *robot_status(view),
+        *newest_samples(view),
+        *observed_references(view),
+        *_failures(view),
+    ]
+    if view.history:
+        items.append(Item(accepted("history", "missions", view.history, at_s=view.at_s)))
+    return compile_context(
+        view,
+        items,
+        selection=Selection(
+            role="planner",
+            node_id=None,
+            budget=view.rules.c1_items,
+            minimum_confidence=view.rules.minimum_confidence,
+        ),
+    )
+
+
+def goal_record(view: StateView) -> ContextRecord:
+    """The user's own words and their checksum, kind "goal"."""
+    asked = view.mission.requested_by
+    return ContextRecord(
+        kind="goal",
+        origin="human",
+        source=asked.name if asked else "user",
+        at_s=view.at_s,
+        value=msgspec.to_builtins(view.contract.goal),
+        mandatory=True,
+    )
+
+
+def frontier(view: StateView) -> tuple[FrontierNode, ...]:
+    """The nodes that may be dispatched now, in graph order."""
+    return tuple(
+        FrontierNode(
+            node_id=node_id,
+            subgoal=view.node(node_id).subgoal,
+            capabilities=view.node(node_id).capabilities,
+            risk=view.node(node_id).risk,
+            required=view.node(node_id).required,
+            status=view.mission.of(node_id).status,
+            attempt=view.mission.of(node_id).attempt,
+            waiting_for=view.mission.of(node_id).waiting_for,
+        )
+        for node_id in eligible(view.mission)
+    )
+
+
+def facts_by_node(view: StateView) -> list[ContextRecord]:
+    """Committed facts, one record per node, kind "facts", source = the node."""
+    nodes = dict.fromkeys(fact.node_id for fact in view.mission.facts)
+    return [
+        accepted("facts", node_id, facts, at_s=max(fact.at_s for fact in facts))
+        for node_id in nodes
+        for facts in [tuple(fact for fact in view.mission.facts if fact.node_id == node_id)]
+    ]
+
+
+def _places(view: StateView) -> list[Item]:
+    named = str(msgspec.to_builtins(view.contract.bindings))
+    targets = {place.approach_m for place in view.site.places if repr(place.place_id) in named}
+    places = [place for place in view.site.places if place.approach_m in targets or not targets]
+    map_state = {"site": view.site.name, "frame": view.contract.frame, "map_version": view.contract.map_version}
+    return [
+        Item(configured("map", view.site.name, map_state, at_s=view.at_s)),
+        *(Item(configured("place", place.place_id, place, at_s=view.at_s)) for place in places),
+    ]
+
+
+def _failures(view: StateView) -> list[Item]:
+    return [
+        Item(
+            accepted(
+                "failures",
+                node_id,
+                CoarseFailures(node_id=node_id, failures=dict(Counter(one.failure for one in state.failures))),
+                at_s=state.failures[-1].at_s,
+            ),
+        )
+        for node_id, state in view.mission.nodes.items()
+        if state.failures
+    ]

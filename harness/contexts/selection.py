@@ -1,0 +1,145 @@
+"""Pure: which records a role may see. Filters first, each with its reason; then the item budget (D22)."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+from harness.contexts.conflicts import Statement, conflicting, superseded
+from harness.contexts.view import StateView
+from harness.contracts.contexts import Context, ContextRecord, Role, Withheld
+from harness.contracts.errors import ContextOverflow
+from harness.contracts.ids import NodeId
+
+PROVIDER_KINDS = ("declared", "receipts")
+EARLY_S = 1e-6
+
+
+@dataclass(frozen=True)
+class Item:
+    """A record that asks to be let in.
+
+    `scope`: the nodes it is about; empty = the whole mission. `speaks_at_s` and `limit_s`: its age counts at that
+    instant and may not exceed the limit; without them it does not age. `states`: named values it asserts, compared
+    with those of other sources. `subject`: what it is about; a newer record of the same source and subject takes its
+    place. `barred`: already known to be unfit, with the reason.
+    """
+
+    record: ContextRecord
+    scope: frozenset[NodeId] = frozenset()
+    speaks_at_s: float | None = None
+    limit_s: float | None = None
+    states: Mapping[str, float | str] = field(default_factory=dict)
+    subject: str = ""
+    barred: Withheld | None = None
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What a role asks the compiler for."""
+
+    role: Role
+    node_id: NodeId | None
+    budget: int
+    minimum_confidence: float
+    nodes: frozenset[NodeId] | None = None
+
+
+def compile_context(view: StateView, items: Iterable[Item], *, selection: Selection) -> Context:
+    """One role's view of one state version. Raises ContextOverflow if the mandatory records exceed the budget."""
+    kept: list[Item] = []
+    withheld: list[Withheld] = []
+    for item in items:
+        refusal = _refusal(item, selection)
+        if refusal is None:
+            kept.append(item)
+        else:
+            withheld.append(refusal)
+    kept, contradicted = _settled(kept)
+    withheld.extend(contradicted)
+    kept, dropped = _within_budget(kept, selection)
+    withheld.extend(dropped)
+    return Context(
+        role=selection.role,
+        mission_id=view.mission.mission_id,
+        node_id=selection.node_id,
+        k=view.mission.k,
+        at_s=view.at_s,
+        configuration=view.mission.configuration,
+        records=tuple(item.record for item in kept),
+        withheld=tuple(withheld),
+    )
+
+
+def withhold(record: ContextRecord, reason: str, detail: str) -> Withheld:
+    """The trace of a record that was kept out."""
+    return Withheld(kind=record.kind, source=record.source, reason=reason, detail=detail)  # type: ignore[arg-type]
+
+
+def budgeted(items: Iterable[Item], *, limit: int) -> list[Item]:
+    """At most `limit` items, the newest; the others are barred by the budget of their kind."""
+    ranked = sorted(items, key=lambda item: -item.record.at_s)
+    return [
+        item if place < limit else replace(item, barred=withhold(item.record, "budget", f"at most {limit} of its kind"))
+        for place, item in enumerate(ranked)
+    ]
+
+
+def _refusal(item: Item, selection: Selection) -> Withheld | None:
+    record = item.record
+    if item.barred is not None:
+        return item.barred
+    if item.scope and selection.nodes is not None and not item.scope & selection.nodes:
+        return withhold(record, "scope", f"about {', '.join(sorted(item.scope))}")
+    if selection.role == "verifier" and not _admissible_evidence(record):
+        return withhold(record, "origin", f"origin {record.origin} is no evidence")
+    if record.confidence < selection.minimum_confidence:
+        return withhold(record, "low_confidence", f"{record.confidence:.2f} < {selection.minimum_confidence:.2f}")
+    return _aged(item)
+
+
+def _admissible_evidence(record: ContextRecord) -> bool:
+    """R73: the verifier never reads a planner's conclusion, and of a provider only its structured numbers."""
+    return record.origin != "planner" and (record.origin != "provider" or record.kind in PROVIDER_KINDS)
+
+
+def _aged(item: Item) -> Withheld | None:
+    if item.speaks_at_s is None or item.limit_s is None:
+        return None
+    age_s = item.speaks_at_s - item.record.at_s
+    if age_s > item.limit_s:
+        return withhold(item.record, "stale", f"{age_s:.2f} s old, limit {item.limit_s:.2f} s")
+    if age_s < -EARLY_S:
+        return withhold(item.record, "scope", f"observed {-age_s:.2f} s after the instant it should speak for")
+    return None
+
+
+def _settled(items: list[Item]) -> tuple[list[Item], list[Withheld]]:
+    statements = [
+        Statement(
+            source=item.record.source,
+            at_s=item.record.at_s,
+            human=item.record.origin == "human",
+            subject=item.subject,
+            states=item.states,
+        )
+        for item in items
+    ]
+    old = superseded(statements)
+    torn = conflicting(statements, ignored=frozenset(old))
+    withheld = [withhold(items[index].record, "superseded", why) for index, why in old.items()]
+    withheld += [withhold(items[index].record, "conflict", why) for index, why in torn.items()]
+    return [item for index, item in enumerate(items) if index not in old and index not in torn], withheld
+
+
+def _within_budget(items: list[Item], selection: Selection) -> tuple[list[Item], list[Withheld]]:
+    mandatory = [item for item in items if item.record.mandatory]
+    if len(mandatory) > selection.budget:
+        raise ContextOverflow(
+            f"{len(mandatory)} mandatory records do not fit the {selection.role}'s budget of {selection.budget}",
+            where=f"context of {selection.node_id or 'the goal'}: {', '.join(item.record.kind for item in mandatory)}",
+            do="split the node, or cite fewer packets",
+        )
+    excess = len(items) - selection.budget
+    optional = sorted((item for item in items if not item.record.mandatory), key=lambda item: item.record.at_s)
+    dropped = optional[:excess] if excess > 0 else []
+    withheld = [withhold(item.record, "budget", f"oldest beyond {selection.budget} items") for item in dropped]
+    return [item for item in items if not any(item is one for one in dropped)], withheld

@@ -1,0 +1,94 @@
+"""C2, the skill's view: how to do one subgoal with the selected provider.
+
+Records, by kind: "node" (Node: one subgoal, its typed parameters are the grounded targets); "card" (CapabilityCard);
+"attempt" (Attempt: which attempt this would be, and the recovery action that asked for it); "facts" (list of
+CommittedFact of everything the node builds on); "constraints" (Constraints); "robot" (RobotStatus); "observation" (a
+sample); "observed" (EvidenceReference); "example" (verified operational examples, at most three); "intention" (what a
+planner said: usable here, evidence nowhere).
+"""
+
+from harness.contexts.observed import newest_samples, observed_references, robot_status
+from harness.contexts.selection import Item, Selection, budgeted, compile_context
+from harness.contexts.view import StateView, accepted, configured
+from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.configuration import FailureClass, RecoveryAction
+from harness.contracts.contexts import Context, ContextRecord
+from harness.contracts.evidence import CommittedFact
+from harness.contracts.ids import NodeId
+from harness.contracts.tasks import TaskContract
+from harness.contracts.values import Count, Value
+
+
+class Attempt(Value):
+    """Which attempt comes next, and what recovery authorised it; no action: the first, free one (D24)."""
+
+    attempt: Count
+    action: RecoveryAction | None = None
+    failure: FailureClass | None = None
+
+
+def skill_context(view: StateView, node_id: NodeId, card: CapabilityCard) -> Context:
+    """C2 of one node for the routed provider. Raises ContextOverflow if the mandatory records exceed the budget."""
+    scope = ancestors(view.contract, node_id) | {node_id}
+    items = [
+        Item(configured("node", node_id, view.node(node_id), at_s=view.at_s, mandatory=True)),
+        Item(configured("card", card.provider_id, card, at_s=view.at_s, mandatory=True)),
+        Item(accepted("attempt", "mission", _attempt(view, node_id), at_s=view.at_s, mandatory=True)),
+        *_facts(view, node_id),
+        Item(configured("constraints", "contract", view.contract.constraints, at_s=view.at_s)),
+        *robot_status(view),
+        *newest_samples(view),
+        *observed_references(view),
+        *(_said(record, view) for record in view.proposals),
+        *budgeted((Item(example) for example in view.examples), limit=view.rules.c2_examples),
+    ]
+    return compile_context(
+        view,
+        items,
+        selection=Selection(
+            role="skill",
+            node_id=node_id,
+            budget=view.rules.c2_items,
+            minimum_confidence=view.rules.minimum_confidence,
+            nodes=frozenset(scope),
+        ),
+    )
+
+
+def ancestors(contract: TaskContract, node_id: NodeId) -> frozenset[NodeId]:
+    """Every node that this one builds on, directly or not."""
+    found: set[NodeId] = set()
+    ahead = list(contract.node(node_id).depends_on)
+    while ahead:
+        name = ahead.pop()
+        if name not in found:
+            found.add(name)
+            ahead.extend(contract.node(name).depends_on)
+    return frozenset(found)
+
+
+def relevant_facts(view: StateView, node_id: NodeId) -> tuple[CommittedFact, ...]:
+    """Committed facts of the nodes that this one builds on."""
+    wanted = ancestors(view.contract, node_id)
+    return tuple(fact for fact in view.mission.facts if fact.node_id in wanted)
+
+
+def _facts(view: StateView, node_id: NodeId) -> list[Item]:
+    facts = relevant_facts(view, node_id)
+    if not facts:
+        return []
+    return [Item(accepted("facts", "mission", facts, at_s=max(fact.at_s for fact in facts), mandatory=True))]
+
+
+def _attempt(view: StateView, node_id: NodeId) -> Attempt:
+    state = view.mission.of(node_id)
+    if not state.spends:
+        return Attempt(attempt=state.attempt + 1)
+    spend = state.spends[-1]
+    return Attempt(attempt=state.attempt + 1, action=spend.action, failure=spend.failure)
+
+
+def _said(record: ContextRecord, view: StateView) -> Item:
+    """A proposal names its node in its source where it is about one node only."""
+    node_id = NodeId(record.source)
+    return Item(record, scope=frozenset({node_id}) if node_id in view.mission.nodes else frozenset())

@@ -1,0 +1,86 @@
+"""What the context compiler is given: one state version, the instant it speaks for, and what was seen just now."""
+
+from typing import Any
+
+import msgspec
+
+from harness.contracts.configuration import ContextRules, RecoveryPolicy
+from harness.contracts.contexts import ContextRecord
+from harness.contracts.evidence import EvidencePacket, EvidenceReference
+from harness.contracts.ids import NodeId
+from harness.contracts.observations import AnySample, Origin
+from harness.contracts.places import Site
+from harness.contracts.protocol import RobotStatus
+from harness.contracts.tasks import Node, TaskContract
+from harness.contracts.values import Value
+from harness.projections.mission import Mission, required_contract
+
+
+class StateView(Value):
+    """All four roles are compiled from this and nothing else (R67).
+
+    `at_s` is mission time. `recent` are the newest samples, oldest first. `examples` are verified operational
+    examples (kind "example"), `proposals` what planners and models said (kind "intention"): C2 may read both, C3
+    neither. `history` counts failures coarsely: name -> failure class -> how many. `recovery` is the pinned
+    configuration's policy: without it C4 carries no ladder.
+    """
+
+    mission: Mission
+    at_s: float
+    rules: ContextRules
+    site: Site
+    status: RobotStatus | None = None
+    recent: tuple[AnySample, ...] = ()
+    examples: tuple[ContextRecord, ...] = ()
+    proposals: tuple[ContextRecord, ...] = ()
+    history: dict[str, dict[str, float]] = msgspec.field(default_factory=dict)
+    recovery: RecoveryPolicy | None = None
+
+    @property
+    def contract(self) -> TaskContract:
+        """The compiled task contract; ValueError before the mission is compiled."""
+        return required_contract(self.mission)
+
+    def node(self, node_id: NodeId) -> Node:
+        """The node's declaration in the contract."""
+        return self.contract.node(node_id)
+
+    def packet(self, packet_id: str) -> EvidencePacket | None:
+        """A retained packet of this mission, rejected ones included."""
+        packets = (packet for state in self.mission.nodes.values() for packet in state.packets)
+        return next((packet for packet in packets if packet.identity.packet_id == packet_id), None)
+
+
+def configured(kind: str, source: str, value: Any, *, at_s: float, mandatory: bool = False) -> ContextRecord:
+    """A record of configured semantics: contract, card, place. It holds as long as the configuration does."""
+    return ContextRecord(
+        kind=kind,
+        origin="configuration",
+        source=source,
+        at_s=at_s,
+        value=msgspec.to_builtins(value),
+        mandatory=mandatory,
+    )
+
+
+def accepted(kind: str, source: str, value: Any, *, at_s: float, mandatory: bool = False) -> ContextRecord:
+    """A record of the harness's own history: committed facts, verdicts, spends, executions."""
+    return ContextRecord(
+        kind=kind, origin="verifier", source=source, at_s=at_s, value=msgspec.to_builtins(value), mandatory=mandatory
+    )
+
+
+def referenced(
+    kind: str, reference: EvidenceReference, *, mandatory: bool = False, origin: Origin | None = None
+) -> ContextRecord:
+    """A record that cites evidence: its own origin, source, confidence and blob."""
+    return ContextRecord(
+        kind=kind,
+        origin=origin or reference.origin,
+        source=reference.source,
+        at_s=reference.until_s,
+        value=msgspec.to_builtins(reference),
+        confidence=reference.confidence,
+        mandatory=mandatory,
+        blob=reference.blob,
+    )

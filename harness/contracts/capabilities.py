@@ -1,0 +1,67 @@
+"""Capability cards: what a provider says it can do, in twelve fields (R57), and how it may be supervised."""
+
+from typing import Literal
+
+from harness.contracts.ids import ProviderId, ResourceId
+from harness.contracts.values import Name, NonNegative, Positive, Share, Value
+
+Capability = Literal["take_request", "navigate", "capture_panorama", "observe", "analyse_passage", "deliver_message", "speak"]
+Risk = Literal["low", "medium", "high"]
+
+
+class Parameter(Value):
+    """One parameter a provider takes: its type and, for numbers, its unit and bounds."""
+
+    name: Name
+    type: Literal["number", "string", "point", "points", "boolean", "digests", "frame"]
+    required: bool = True
+    unit: str = ""
+    minimum: float | None = None
+    maximum: float | None = None
+
+
+class Latency(Value):
+    """Expected duration: a constant part and a part per metre of route, seconds."""
+
+    base_s: NonNegative
+    per_metre_s: NonNegative = 0.0
+
+
+class CancelBehaviour(Value):
+    """How a stop ends: `acknowledged` providers report `cancelled` only once they stand still."""
+
+    acknowledged: bool
+    within_s: Positive
+
+
+class Estimates(Value):
+    """The provider's own priors for routing, each in [0, 1] (D23), and its cost in any unit."""
+
+    success: Share
+    risk: Share
+    uncertainty: Share
+    cost: NonNegative
+
+
+class CapabilityCard(Value):
+    """The twelve fields of the paper, the capability they serve, and supervision facts (D12, D13)."""
+
+    provider_id: ProviderId
+    version: Name
+    embodiments: tuple[str, ...]
+    parameters: tuple[Parameter, ...]
+    preconditions: tuple[str, ...]
+    side_effects: tuple[str, ...]
+    latency: Latency
+    resources: tuple[ResourceId, ...]
+    cancel: CancelBehaviour
+    risk: Risk
+    failure_words: tuple[str, ...]
+    evidence: tuple[str, ...]
+    capability: Capability
+    estimates: Estimates
+    moves: bool
+    sources: tuple[str, ...] = ()
+    reattach: Literal["by_request", "by_handle", "none"] = "by_request"
+    resumable: bool = False
+    software: str = ""

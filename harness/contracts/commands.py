@@ -1,0 +1,360 @@
+"""What is asked of the gate, in the imperative. Data: asking is not deciding."""
+
+from typing import Literal
+
+import msgspec
+
+from harness.contracts.configuration import FailureClass, RecoveryPolicy
+from harness.contracts.events import (
+    Actor,
+    Autonomy,
+    DispatchIntended,
+    NodePlanned,
+    ProposedAction,
+    Snapshot,
+)
+from harness.contracts.capabilities import Risk
+from harness.contracts.evidence import EvidencePacket, EvidenceReference
+from harness.contracts.ids import (
+    ConditionId,
+    Digest,
+    HandoffId,
+    InvocationId,
+    MissionId,
+    NodeId,
+    ProviderId,
+    ResourceId,
+    RobotId,
+)
+from harness.contracts.proposals import RecoveryProposal, Signature
+from harness.contracts.protocol import InvocationStatus
+from harness.contracts.tasks import TaskContract
+from harness.contracts.values import Count, Name, Value
+from harness.contracts.verdicts import GoalVerdict, NodeVerdict
+
+
+class Command(Value, tag_field="command"):
+    """Base of all commands."""
+
+
+class CreateMission(Command, tag=True):
+    mission_id: MissionId
+    robot_id: RobotId
+    goal: Name
+    template: Name
+    requested_by: Actor
+    configuration: Digest
+    contract: TaskContract
+    policy: RecoveryPolicy
+    seed: int = 0
+    labels: dict[str, str] = msgspec.field(default_factory=dict)
+    autonomy: Autonomy = "autonomous"
+    replay: bool = False
+
+
+class ActivateMission(Command, tag=True):
+    pass
+
+
+class AuthoriseDispatch(Command, tag=True):
+    """One invocation. `recovery` pays for it in the same transaction; `approved_by` names an approved handoff."""
+
+    intent: DispatchIntended
+    planned: NodePlanned | None = None
+    recovery: RecoveryProposal | None = None
+    signature: Signature | None = None
+    recovery_context: Digest | None = None
+    approval: HandoffId | None = None
+    approver: Actor | None = None
+    reason: str = ""
+
+
+class RefusePrecondition(Command, tag=True):
+    node_id: NodeId
+    precondition: Name
+    reason: str
+    at_s: float
+
+
+class AcceptInvocation(Command, tag=True):
+    invocation_id: InvocationId
+    handle: Name
+
+
+class StopInvocation(Command, tag=True):
+    """The supervisor's stop: a deadline, a ladder's rung or a person's stop."""
+
+    invocation_id: InvocationId
+    reason: Name
+    recovery: RecoveryProposal | None = None
+    recovery_context: Digest | None = None
+
+
+class ResumeInvocation(Command, tag=True):
+    invocation_id: InvocationId
+
+
+class EndInvocation(Command, tag=True):
+    """No packet can be made: the request never arrived, or the outcome is unknown."""
+
+    invocation_id: InvocationId
+    status: InvocationStatus
+    failure: str
+    reason: Name
+    at_s: float
+
+
+class CompleteNode(Command, tag=True):
+    """The only command that can lead to a committed fact."""
+
+    packet: EvidencePacket
+    verdict: NodeVerdict
+
+
+class ReportFailure(Command, tag=True):
+    """A failure that has no packet: no provider, no lease, a precondition that never came true, a timeout."""
+
+    node_id: NodeId
+    invocation_id: InvocationId | None
+    failure: FailureClass
+    reason: str
+    at_s: float
+
+
+class AuthoriseWait(Command, tag=True):
+    """A free rung: wait, reattach or verify again until `until_s`."""
+
+    node_id: NodeId
+    proposal: RecoveryProposal
+    context: Digest
+    until_s: float
+
+
+class FailNode(Command, tag=True):
+    node_id: NodeId
+    reason: Name
+
+
+class AskPerson(Command, tag=True):
+    handoff_id: HandoffId
+    node_id: NodeId
+    failure: FailureClass
+    reason: str
+
+
+class AnswerMission(Command, tag=True):
+    """A handoff's decision carried into the mission; approvals come with AuthoriseDispatch instead."""
+
+    handoff_id: HandoffId
+    decision: Literal["rejected", "expired", "superseded"]
+    actor: Actor
+    reason: str
+
+
+class PauseMission(Command, tag=True):
+    actor: Actor
+    reason: Name
+
+
+class ResumeMission(Command, tag=True):
+    actor: Actor
+    reason: Name
+
+
+class StopMission(Command, tag=True):
+    actor: Actor
+    reason: Name
+
+
+class AcknowledgeStop(Command, tag=True):
+    static: bool
+    measured: dict[str, float]
+    reason: str
+
+
+class JudgeGoal(Command, tag=True):
+    verdict: GoalVerdict
+
+
+class EndMission(Command, tag=True):
+    """Ends that are not success: success comes from JudgeGoal alone."""
+
+    status: Literal["failed", "cancelled", "safe_stopped", "handed_off"]
+    reason: Name
+
+
+class RecordObservation(Command, tag=True):
+    node_id: NodeId | None
+    reference: EvidenceReference
+    contradicts: tuple[ConditionId, ...] = ()
+
+
+class ChangeEpoch(Command, tag=True):
+    map_version: Name
+    reason: Name
+
+
+class RaiseVeto(Command, tag=True):
+    layer: Name
+    reason: Name
+
+
+class ClearVeto(Command, tag=True):
+    layer: Name
+    reason: Name
+
+
+MissionCommand = (
+    CreateMission
+    | ActivateMission
+    | AuthoriseDispatch
+    | RefusePrecondition
+    | AcceptInvocation
+    | StopInvocation
+    | ResumeInvocation
+    | EndInvocation
+    | CompleteNode
+    | ReportFailure
+    | AuthoriseWait
+    | FailNode
+    | AskPerson
+    | AnswerMission
+    | PauseMission
+    | ResumeMission
+    | StopMission
+    | AcknowledgeStop
+    | JudgeGoal
+    | EndMission
+    | RecordObservation
+    | ChangeEpoch
+    | RaiseVeto
+    | ClearVeto
+)
+
+
+class AcquireLease(Command, tag=True):
+    resource: ResourceId
+    mission_id: MissionId
+    invocation_id: InvocationId
+    token: Count
+    expires_s: float
+
+
+class ReleaseLease(Command, tag=True):
+    """Only with the holder at rest: `static` is the measured displacement by a source outside the localiser."""
+
+    invocation_id: InvocationId
+    reason: Name
+
+
+class QuarantineLease(Command, tag=True):
+    invocation_id: InvocationId
+    reason: Name
+
+
+class FreeLease(Command, tag=True):
+    actor: Actor
+    static: dict[str, float]
+    reason: Name
+
+
+LeaseCommand = AcquireLease | ReleaseLease | QuarantineLease | FreeLease
+
+
+class OpenHandoff(Command, tag=True):
+    handoff_id: HandoffId
+    mission_id: MissionId
+    robot_id: RobotId
+    node_id: NodeId
+    k: Count
+    failure: FailureClass
+    reason: str
+    risk: Risk
+    proposal: ProposedAction | None
+    snapshot: Snapshot
+    evidence: Digest
+    no_answer: Literal["hold", "lie_down", "retreat"]
+    deadline_at_s: float
+
+
+class RefreshHandoff(Command, tag=True):
+    k: Count
+    proposal: ProposedAction | None
+    snapshot: Snapshot
+    evidence: Digest
+
+
+class ApproveHandoff(Command, tag=True):
+    """`subject` and `evidence` are what the person saw; `k` and `fresh` are what holds now (D28)."""
+
+    actor: Actor
+    reason: Name
+    key: Name
+    cycle: Count
+    subject: Digest
+    evidence: Digest
+    k: Count
+    fresh: Snapshot
+
+
+class RejectHandoff(Command, tag=True):
+    actor: Actor
+    reason: Name
+    key: Name
+    cycle: Count
+    subject: Digest
+
+
+class ExpireHandoff(Command, tag=True):
+    pass
+
+
+class SupersedeHandoff(Command, tag=True):
+    reason: Name
+
+
+class MarkDispatched(Command, tag=True):
+    invocation_id: InvocationId
+
+
+class RecordEffect(Command, tag=True):
+    outcome: Literal["confirmed", "failed", "unknown"]
+    reason: Name
+
+
+HandoffCommand = (
+    OpenHandoff
+    | RefreshHandoff
+    | ApproveHandoff
+    | RejectHandoff
+    | ExpireHandoff
+    | SupersedeHandoff
+    | MarkDispatched
+    | RecordEffect
+)
+
+
+
+class DecideHandoff(Command, tag=True):
+    """A person's answer at a handoff, on exactly what they saw. The supervisor observes again before it counts."""
+
+    handoff_id: HandoffId
+    decision: Literal["approve", "reject"]
+    actor: Actor
+    reason: Name
+    key: Name
+    cycle: Count
+    subject: Digest
+    evidence: Digest
+
+
+class LookAgain(Command, tag=True):
+    """Observe without motion and show the handoff as it is now."""
+
+    handoff_id: HandoffId
+    actor: Actor
+
+
+PersonCommand = DecideHandoff | LookAgain
+
+AnyCommand = MissionCommand | LeaseCommand | HandoffCommand

@@ -1,0 +1,65 @@
+"""Compiled contexts C1 to C4: the only state a role is shown (R67), stored with each decision (R77)."""
+
+from collections.abc import Callable
+from typing import Any, Literal, TypeVar
+
+import msgspec
+
+from harness.contracts.ids import Digest, MissionId, NodeId
+from harness.contracts.observations import Origin
+from harness.contracts.values import Count, Name, Share, Value, digest
+
+Role = Literal["planner", "skill", "verifier", "recovery"]
+Blobs = Callable[[Digest], bytes]
+"""Content-addressed bytes cited by a context: immutable, so not state."""
+
+T = TypeVar("T")
+
+
+class ContextRecord(Value):
+    """One item. `value` is a contract value as JSON builtins; `blob` cites bulk bytes (trajectory, image, scan)."""
+
+    kind: Name
+    origin: Origin
+    source: Name
+    at_s: float
+    value: Any
+    confidence: Share = 1.0
+    mandatory: bool = False
+    blob: Digest | None = None
+
+    def read(self, kind: type[T]) -> T:
+        """The value as its contract type; raises msgspec.ValidationError if it is another."""
+        return msgspec.convert(self.value, kind)
+
+
+class Withheld(Value):
+    """What the compiler kept out, and why: stale, low_confidence, conflict, origin, budget, superseded."""
+
+    kind: Name
+    source: Name
+    reason: Literal["stale", "low_confidence", "conflict", "origin", "budget", "superseded", "scope"]
+    detail: str = ""
+
+
+class Context(Value):
+    """A role's view of one state version. `at_s` is the instant it speaks for, in mission time."""
+
+    role: Role
+    mission_id: MissionId
+    node_id: NodeId | None
+    k: Count
+    at_s: float
+    configuration: Digest
+    records: tuple[ContextRecord, ...]
+    withheld: tuple[Withheld, ...] = ()
+
+    @property
+    def digest(self) -> Digest:
+        return digest(self)
+
+    def all(self, kind: str) -> tuple[ContextRecord, ...]:
+        return tuple(record for record in self.records if record.kind == kind)
+
+    def one(self, kind: str) -> ContextRecord | None:
+        return next((record for record in self.records if record.kind == kind), None)

@@ -1,0 +1,82 @@
+"""Typed effects (R13): what must become true, in five kinds, and the conditions that test them.
+
+A predicate's name picks the function in `verification/predicates`; a name without a function is ambiguous, never true.
+"""
+
+from typing import Annotated, Literal
+
+import msgspec
+
+from harness.contracts.ids import ConditionId, NodeId
+from harness.contracts.values import Count, Name, Point, Positive, Value
+
+
+class Effect(Value, tag_field="type"):
+    """Base of the five kinds."""
+
+    predicate: Name
+
+
+class Symbolic(Effect, tag="symbolic"):
+    """A named fact over named arguments, such as requested(goal) or delivered(report)."""
+
+    arguments: dict[str, str]
+
+
+class Metric(Effect, tag="metric"):
+    """A planar quantity against a bound: frame, target and tolerance are mandatory (R17)."""
+
+    frame: Name
+    map_version: Name
+    target_m: Point
+    tolerance_m: Positive
+    route_m: tuple[Point, ...] = ()
+    bounds: dict[str, float] = msgspec.field(default_factory=dict)
+
+
+class Relational(Effect, tag="relational"):
+    """`subject` stands in `relation` to `object`; both name nodes, places or entities."""
+
+    relation: Name
+    subject: Name
+    object: Name
+
+
+class Visual(Effect, tag="visual"):
+    """`frames` images of at least this size that satisfy the predicate."""
+
+    frames: Annotated[int, msgspec.Meta(ge=1)]
+    width_px: Count
+    height_px: Count
+
+
+class Temporal(Effect, tag="temporal"):
+    """Something holds for `interval_s`, with `bound` in the predicate's unit, or `nodes` ended in this order (R14)."""
+
+    interval_s: Positive
+    bound: Positive
+    nodes: tuple[NodeId, ...] = ()
+
+
+AnyEffect = Symbolic | Metric | Relational | Visual | Temporal
+
+FactKind = Literal["event", "state"]
+Independence = Annotated[int, msgspec.Meta(ge=0, le=2)]
+
+
+class Condition(Value):
+    """One declared test. `fact` says whether its fact is permanent or holds only while it is true (D20)."""
+
+    condition_id: ConditionId
+    text: Name
+    effect: AnyEffect
+    fact: FactKind = "event"
+    independence: Independence | None = None
+
+
+class Precondition(Value):
+    """Tested again at every dispatch (R18). `target_m` and `tolerance_m` go with `at_place`."""
+
+    predicate: Literal["localised", "hardware_stop_released", "at_place", "static"]
+    target_m: Point | None = None
+    tolerance_m: float | None = None

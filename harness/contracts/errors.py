@@ -1,0 +1,81 @@
+"""Failures of the harness, one tree.
+
+HarnessError                 something went wrong that a person can act on
+├── ContractInvalid          a task contract, template, place or parameter breaks a rule
+├── UnknownName              no template, place, provider, mission or handoff of that name
+├── ConcurrencyConflict      somebody else appended to the stream first
+├── StoreUnavailable         the data folder or database cannot be used as it is
+│   ├── StoreOwned           another supervisor owns the data folder
+│   └── StoreNewer           the database was written by a newer version
+├── LogDamaged               the hash chain or a stored row does not verify
+├── BlobDamaged              a blob's bytes do not match its digest, or it is missing
+├── ContextOverflow          mandatory records exceed a role's budget
+├── ProviderFailed           a provider refused or broke the protocol
+│   ├── ProviderUnreachable  no answer: the request may or may not have arrived
+│   └── FencingRefused       the provider saw a newer fencing token
+└── RecordingInvalid         a recording cannot be read: truncated, empty, of another encoding
+
+A refusal is not an error: it is a value (`decisions.Refused`).
+"""
+
+
+class HarnessError(Exception):
+    """Something went wrong. `what` happened, `where`, and what to `do` now."""
+
+    code = "harness_error"
+
+    def __init__(self, what: str, *, where: str = "", do: str = "") -> None:
+        super().__init__(". ".join(part.rstrip(".") for part in (what, where and f"Where: {where}", do) if part) + ".")
+        self.what, self.where, self.do = what, where, do
+
+
+class ContractInvalid(HarnessError):
+    code = "contract_invalid"
+
+
+class UnknownName(HarnessError):
+    code = "unknown_name"
+
+
+class ConcurrencyConflict(HarnessError):
+    code = "concurrency_conflict"
+
+
+class StoreUnavailable(HarnessError):
+    code = "store_unavailable"
+
+
+class StoreOwned(StoreUnavailable):
+    code = "store_owned"
+
+
+class StoreNewer(StoreUnavailable):
+    code = "store_newer"
+
+
+class LogDamaged(HarnessError):
+    code = "log_damaged"
+
+
+class BlobDamaged(HarnessError):
+    code = "blob_damaged"
+
+
+class ContextOverflow(HarnessError):
+    code = "context_overflow"
+
+
+class ProviderFailed(HarnessError):
+    code = "provider_failed"
+
+
+class ProviderUnreachable(ProviderFailed):
+    code = "provider_unreachable"
+
+
+class FencingRefused(ProviderFailed):
+    code = "fencing_refused"
+
+
+class RecordingInvalid(HarnessError):
+    code = "recording_invalid"

@@ -1,0 +1,505 @@
+"""What happened, in the past tense. Three kinds of stream: mission, lease, handoff. Stored as tagged JSON.
+
+Events marked (k+1) advance the mission's decision basis when folded (D2).
+"""
+
+from typing import Literal
+
+import msgspec
+
+from harness.contracts.capabilities import Risk
+from harness.contracts.configuration import FailureClass, RecoveryAction, RecoveryPolicy
+from harness.contracts.evidence import CommittedFact, EvidencePacket, EvidenceReference
+from harness.contracts.ids import (
+    ConditionId,
+    Digest,
+    HandoffId,
+    InvocationId,
+    MissionId,
+    NodeId,
+    PacketId,
+    ProviderId,
+    RequestId,
+    ResourceId,
+    RobotId,
+)
+from harness.contracts.proposals import Signature
+from harness.contracts.protocol import InvocationStatus, Parameters
+from harness.contracts.tasks import TaskContract
+from harness.contracts.values import Count, Name, Value
+from harness.contracts.verdicts import GoalVerdict, NodeVerdict
+
+Autonomy = Literal["manual", "approve_each_motion", "approve_risky", "autonomous"]
+Channel = Literal["human", "timeout", "policy"]
+
+
+class Event(Value, tag_field="kind"):
+    """Base of all events; the tag is the class name."""
+
+
+class Actor(Value):
+    """Who asked, in which role, by which channel."""
+
+    name: Name
+    role: Name
+    channel: Channel = "human"
+
+
+# mission: start -----------------------------------------------------------------------------------------------------
+
+
+class MissionCreated(Event, tag=True):
+    mission_id: MissionId
+    robot_id: RobotId
+    goal: Name
+    template: Name
+    requested_by: Actor
+    configuration: Digest
+    seed: int
+    labels: dict[str, str] = msgspec.field(default_factory=dict)
+    autonomy: Autonomy = "autonomous"
+    replay: bool = False
+
+
+class ContractCompiled(Event, tag=True):
+    """From here on the mission is pinned to its configuration (D35)."""
+
+    contract: TaskContract
+    contract_digest: Digest
+    policy: RecoveryPolicy
+
+
+class MissionActivated(Event, tag=True):
+    pass
+
+
+# mission: agent loop ------------------------------------------------------------------------------------------------
+
+
+class NodePlanned(Event, tag=True):
+    """C1 chose a node and routing a provider; context and candidate set are records."""
+
+    node_id: NodeId
+    provider_id: ProviderId
+    context: Digest
+    candidates: Digest
+    reason: str
+
+
+class DispatchIntended(Event, tag=True):
+    """Recorded, with its leases, before the robot moves (D9). `k_ctx` is k after this transaction's spend."""
+
+    node_id: NodeId
+    attempt: Count
+    request_id: RequestId
+    invocation_id: InvocationId
+    provider_id: ProviderId
+    provider_version: Name
+    capability: Name
+    parameters: Parameters
+    resources: dict[str, int]
+    k_ctx: Count
+    deadline_s: float
+    dispatched_s: float
+    context: Digest
+    before: tuple[EvidenceReference, ...] = ()
+    blobs: tuple[Digest, ...] = ()
+    verify_only: bool = False
+    cites: tuple[PacketId, ...] = ()
+    action: RecoveryAction | None = None
+    handoff_id: HandoffId | None = None
+    moves: bool = False
+
+
+class InvocationAccepted(Event, tag=True):
+    """Only for providers that are reattached by handle, not by request id (R88)."""
+
+    invocation_id: InvocationId
+    handle: Name
+
+
+class InvocationStopRequested(Event, tag=True):
+    invocation_id: InvocationId
+    reason: Name
+
+
+class InvocationResumed(Event, tag=True):
+    """The supervisor came back and goes on with the same invocation (D12)."""
+
+    invocation_id: InvocationId
+
+
+class InvocationEnded(Event, tag=True):
+    """The execution is over without a packet to judge: it never started, was stopped, or its outcome is unknown."""
+
+    invocation_id: InvocationId
+    status: InvocationStatus
+    failure: str
+    reason: Name
+
+
+class PreconditionRefused(Event, tag=True):
+    """A precondition did not hold at dispatch; the node waits until `give_up_s` (R18)."""
+
+    node_id: NodeId
+    precondition: Name
+    reason: str
+    give_up_s: float
+
+
+class PacketRetained(Event, tag=True):
+    packet: EvidencePacket
+
+
+class VerdictRecorded(Event, tag=True):
+    invocation_id: InvocationId
+    verdict: NodeVerdict
+
+
+class NodeCommitted(Event, tag=True):
+    """(k+1) The gate accepted: node advance and facts are one transition (R113)."""
+
+    node_id: NodeId
+    invocation_id: InvocationId
+    packet_id: PacketId
+    facts: tuple[CommittedFact, ...]
+    withdrawn: tuple[ConditionId, ...] = ()
+
+
+class CommitRejected(Event, tag=True):
+    """(k+1) The gate refused; `rule` is the name of the first rule that was broken."""
+
+    node_id: NodeId
+    invocation_id: InvocationId
+    packet_id: PacketId
+    rule: Name
+    message: str
+
+
+class ObservationRecorded(Event, tag=True):
+    """A referenced observation; (k+1) only if it contradicts a committed fact or bound precondition."""
+
+    node_id: NodeId | None
+    reference: EvidenceReference
+    contradicts: tuple[ConditionId, ...] = ()
+
+
+class EpochChanged(Event, tag=True):
+    """(k+1) The map or localisation epoch changed."""
+
+    map_version: Name
+    reason: Name
+
+
+class VetoRaised(Event, tag=True):
+    """(k+1) A restriction. Only the layer that raised it clears it (D16)."""
+
+    layer: Name
+    reason: Name
+
+
+class VetoCleared(Event, tag=True):
+    """(k+1)"""
+
+    layer: Name
+    reason: Name
+
+
+# mission: recovery --------------------------------------------------------------------------------------------------
+
+
+class FailureClassified(Event, tag=True):
+    """What C4 is asked about: the class, the rung it stands on, what was tried and what is left (R128)."""
+
+    node_id: NodeId
+    invocation_id: InvocationId | None
+    failure: FailureClass
+    reason: str
+    at_s: float
+
+
+class RecoveryAuthorised(Event, tag=True):
+    """(k+1 if it costs) One rung. `remaining` is the node's and mission's budget after it."""
+
+    node_id: NodeId
+    failure: FailureClass
+    action: RecoveryAction
+    cost: Count
+    attempt: Count
+    signature: Signature | None
+    excluded: tuple[ProviderId, ...]
+    context: Digest
+    reason: str
+    until_s: float | None = None
+
+
+class NodeFailed(Event, tag=True):
+    node_id: NodeId
+    reason: Name
+
+
+# mission: people and ends -------------------------------------------------------------------------------------------
+
+
+class HandoffRequested(Event, tag=True):
+    """The mission waits for a person; the handoff has its own stream."""
+
+    handoff_id: HandoffId
+    node_id: NodeId
+    failure: FailureClass
+    reason: str
+
+
+class HandoffAnswered(Event, tag=True):
+    """(k+1 for an approval) The person's decision, as the mission sees it."""
+
+    handoff_id: HandoffId
+    decision: Literal["approved", "rejected", "expired", "superseded"]
+    actor: Actor
+    reason: str
+
+
+class OperatorRetryGranted(Event, tag=True):
+    """(k+1) One further attempt outside the budget, authorised by a person (D1)."""
+
+    node_id: NodeId
+    attempt: Count
+    action: RecoveryAction
+    provider_id: ProviderId | None
+    handoff_id: HandoffId
+
+
+class MissionPaused(Event, tag=True):
+    actor: Actor
+    reason: Name
+
+
+class MissionResumed(Event, tag=True):
+    actor: Actor
+    reason: Name
+
+
+class StopRequested(Event, tag=True):
+    """A person or policy wants the mission stopped: STOPPING until acknowledged, then static."""
+
+    actor: Actor
+    reason: Name
+
+
+class StopAcknowledged(Event, tag=True):
+    """The provider acknowledged and the body is static by a source outside the localiser (D15)."""
+
+    static: bool
+    measured: dict[str, float]
+    reason: str
+
+
+class GoalVerified(Event, tag=True):
+    """The original completion conditions were tested again, as first stored (R118).
+
+    (k+1 if `relook`) An ambiguous goal earns one more look, paid from the mission's total (D29).
+    """
+
+    verdict: GoalVerdict
+    relook: bool = False
+
+
+class MissionEnded(Event, tag=True):
+    status: Literal["succeeded", "failed", "cancelled", "safe_stopped", "handed_off"]
+    reason: Name
+
+
+class CompletionReported(Event, tag=True):
+    """The success report to the user: only after a satisfied goal verdict (R119)."""
+
+    text: Name
+
+
+class FailureReported(Event, tag=True):
+    """Not a completion report: other words, other type (R120)."""
+
+    text: Name
+
+
+MissionEvent = (
+    MissionCreated
+    | ContractCompiled
+    | MissionActivated
+    | NodePlanned
+    | DispatchIntended
+    | InvocationAccepted
+    | InvocationStopRequested
+    | InvocationResumed
+    | InvocationEnded
+    | PreconditionRefused
+    | PacketRetained
+    | VerdictRecorded
+    | NodeCommitted
+    | CommitRejected
+    | ObservationRecorded
+    | EpochChanged
+    | VetoRaised
+    | VetoCleared
+    | FailureClassified
+    | RecoveryAuthorised
+    | NodeFailed
+    | HandoffRequested
+    | HandoffAnswered
+    | OperatorRetryGranted
+    | MissionPaused
+    | MissionResumed
+    | StopRequested
+    | StopAcknowledged
+    | GoalVerified
+    | MissionEnded
+    | CompletionReported
+    | FailureReported
+)
+
+# lease --------------------------------------------------------------------------------------------------------------
+
+
+class LeaseAcquired(Event, tag=True):
+    """`token` is the fencing token: it rises with every acquisition of the resource."""
+
+    resource: ResourceId
+    mission_id: MissionId
+    invocation_id: InvocationId
+    token: Count
+    expires_s: float
+
+
+class LeaseReleased(Event, tag=True):
+    invocation_id: InvocationId
+    reason: Name
+
+
+class LeaseQuarantined(Event, tag=True):
+    """The holder may be moving: nobody gets the resource until it is freed (D14)."""
+
+    invocation_id: InvocationId
+    reason: Name
+
+
+class LeaseFreed(Event, tag=True):
+    """A quarantined lease was freed by an acknowledged stop or a named operator, both with static-body evidence."""
+
+    actor: Actor
+    static: dict[str, float]
+    reason: Name
+
+
+LeaseEvent = LeaseAcquired | LeaseReleased | LeaseQuarantined | LeaseFreed
+
+# handoff ------------------------------------------------------------------------------------------------------------
+
+
+class ProposedAction(Value):
+    """Exactly what an approval would let run, once. Its canonical bytes are what the person sees and digests."""
+
+    mission_id: MissionId
+    node_id: NodeId
+    attempt: Count
+    action: RecoveryAction
+    provider_id: ProviderId
+    provider_version: str
+    parameters: Parameters
+    configuration: Digest
+    graph_revision: Count
+    limits: dict[str, float]
+    spends: Count
+
+
+class Snapshot(Value):
+    """What the robot looked like when the person looked: bound into the approval (D28)."""
+
+    at_s: float
+    taken_at_s: float
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    static: bool
+    results: Digest
+    image: Digest | None
+
+
+class HandoffOpened(Event, tag=True):
+    handoff_id: HandoffId
+    mission_id: MissionId
+    robot_id: RobotId
+    node_id: NodeId
+    k: Count
+    cycle: Count
+    failure: FailureClass
+    reason: str
+    risk: Risk
+    proposal: ProposedAction | None
+    subject: Digest
+    snapshot: Snapshot
+    evidence: Digest
+    no_answer: Literal["hold", "lie_down", "retreat"]
+    opened_at_s: float
+    deadline_at_s: float
+
+
+class HandoffRefreshed(Event, tag=True):
+    """Observed again (cycle+1): a new snapshot, and the proposal as it would run now."""
+
+    cycle: Count
+    k: Count
+    proposal: ProposedAction | None
+    subject: Digest
+    snapshot: Snapshot
+    evidence: Digest
+
+
+class HandoffApproved(Event, tag=True):
+    actor: Actor
+    reason: Name
+    key: Name
+    cycle: Count
+    subject: Digest
+    evidence: Digest
+    at_s: float
+
+
+class HandoffRejected(Event, tag=True):
+    actor: Actor
+    reason: Name
+    key: Name
+    cycle: Count
+    subject: Digest
+    at_s: float
+
+
+class HandoffExpired(Event, tag=True):
+    at_s: float
+
+
+class HandoffSuperseded(Event, tag=True):
+    reason: Name
+
+
+class HandoffDispatched(Event, tag=True):
+    invocation_id: InvocationId
+
+
+class HandoffEffectObserved(Event, tag=True):
+    """What became of the one dispatch: confirmed by the gate, failed, or unknown. Never assumed."""
+
+    outcome: Literal["confirmed", "failed", "unknown"]
+    reason: Name
+
+
+HandoffEvent = (
+    HandoffOpened
+    | HandoffRefreshed
+    | HandoffApproved
+    | HandoffRejected
+    | HandoffExpired
+    | HandoffSuperseded
+    | HandoffDispatched
+    | HandoffEffectObserved
+)
+
+AnyEvent = MissionEvent | LeaseEvent | HandoffEvent

@@ -1,0 +1,173 @@
+"""Ports: what the harness needs from the world. Adapters implement them; nothing else touches the world."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Protocol
+
+from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.ids import Digest, InvocationId, MissionId, RequestId, StreamId
+from harness.contracts.observations import AnySample
+from harness.contracts.protocol import InvocationReport, Observations, PhysicalStart, RobotStatus, StartRequest
+from harness.contracts.values import Moment, Value
+
+
+class NewEvent(Value):
+    """One event to append. `body` is canonical JSON; `kind` is its tag."""
+
+    kind: str
+    body: bytes
+
+
+class Batch(Value):
+    """Events for one stream. `expected_version` is the number of events the stream must hold before."""
+
+    stream: StreamId
+    expected_version: int
+    events: tuple[NewEvent, ...]
+
+
+class Record(Value):
+    """A decision's artefact (context, candidate set, output), stored in the decision's own transaction (D8)."""
+
+    digest: Digest
+    kind: str
+    body: bytes
+
+
+class StoredEvent(Value):
+    """One event as the log holds it: `position` is global, `version` the stream's, both from 1.
+
+    `digest` = SHA-256(previous digest, position, stream, version, kind, both times, body); see `chain`.
+    """
+
+    position: int
+    stream: StreamId
+    version: int
+    kind: str
+    body: bytes
+    mission_s: float
+    recorded_s: float
+    previous: Digest
+    digest: Digest
+
+
+class Head(Value):
+    """The end of the log: what an anchor exports."""
+
+    position: int
+    digest: Digest
+
+
+class EventStore(Protocol):
+    """The append-only log. One global order, one hash chain, atomic over several streams."""
+
+    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> Head:
+        """All or nothing, durable on return. Raises ConcurrencyConflict if a stream's version differs."""
+
+    def load(self, stream: StreamId, after: int = 0) -> list[StoredEvent]:
+        """Events of one stream with version > after, in order."""
+
+    def read(self, after: int = 0, limit: int = 1000) -> list[StoredEvent]:
+        """Events of all streams with position > after, in global order."""
+
+    def streams(self, prefix: str) -> list[StreamId]:
+        """Streams whose name starts with `prefix`, by first position."""
+
+    def record(self, digest: Digest) -> Record:
+        """Raises UnknownName."""
+
+    def head(self) -> Head: ...
+
+    def verify(self) -> Head:
+        """Recompute the chain and every record's digest; raises LogDamaged that names the first bad position."""
+
+    def close(self) -> None: ...
+
+
+class BlobStore(Protocol):
+    """Content-addressed bytes."""
+
+    def put(self, body: bytes) -> Digest: ...
+
+    def get(self, digest: Digest) -> bytes:
+        """Bytes that match the digest; raises BlobDamaged if missing or changed."""
+
+    def has(self, digest: Digest) -> bool: ...
+
+    def digests(self) -> Iterator[Digest]: ...
+
+
+class Spool(Protocol):
+    """Unsynced samples of one invocation, until they are sealed as one blob (D8)."""
+
+    def add(self, invocation: InvocationId, samples: Iterable[AnySample]) -> None: ...
+
+    def samples(self, invocation: InvocationId) -> list[AnySample]: ...
+
+    def drop(self, invocation: InvocationId) -> None: ...
+
+
+class Clock(Protocol):
+    """Both clocks, and waiting. A virtual clock advances the simulated world instead of sleeping."""
+
+    def now(self) -> Moment: ...
+
+    def wait_until(self, mission_s: float) -> None: ...
+
+
+class Ids(Protocol):
+    """Fresh names."""
+
+    def mission(self) -> MissionId: ...
+
+    def token(self) -> str:
+        """An unguessable one-time value."""
+
+
+class Provider(Protocol):
+    """One implementer of one capability, behind the provider protocol."""
+
+    @property
+    def card(self) -> CapabilityCard: ...
+
+    def start(self, request: StartRequest) -> InvocationReport:
+        """Idempotent by request id; other parameters under the same id are refused (ProviderFailed)."""
+
+    def report(self, handle: str) -> InvocationReport: ...
+
+    def find(self, request: RequestId) -> InvocationReport | None: ...
+
+    def keepalive(self, handle: str) -> None: ...
+
+    def resume(self, handle: str) -> InvocationReport:
+        """Go on after `blocked` by a lost keepalive, where the card says `resumable`."""
+
+    def stop(self, handle: str) -> InvocationReport:
+        """Ask to stop; the report becomes `cancelled` only once the stop is acknowledged."""
+
+
+class Robot(Protocol):
+    """One robot: its providers, its sensors and its condition."""
+
+    def providers(self) -> Sequence[Provider]: ...
+
+    def status(self) -> RobotStatus: ...
+
+    def observations(self, after: int, limit: int = 5000) -> Observations: ...
+
+    def blob(self, digest: Digest) -> bytes: ...
+
+    def starts(self) -> Sequence[PhysicalStart]:
+        """The robot's own start journal."""
+
+
+class MessageOutbox(Protocol):
+    """Where messages leave the house. The receipt's text is the channel's word (D22: declared)."""
+
+    def send(self, key: str, text: str, images: Sequence[Digest]) -> str:
+        """Idempotent by key; returns the channel's acknowledgement id."""
+
+
+class Signals(Protocol):
+    """Names of what changed, for whoever watches. Losing one costs nothing."""
+
+    def changed(self, name: str) -> None: ...

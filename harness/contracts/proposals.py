@@ -1,0 +1,68 @@
+"""What roles propose (R50): data without authority. The harness checks each and the gate decides."""
+
+from typing import Literal
+
+import msgspec
+
+from harness.contracts.configuration import FailureClass, RecoveryAction
+from harness.contracts.ids import Digest, NodeId, ProviderId
+from harness.contracts.protocol import Parameters
+from harness.contracts.values import Count, Name, Value
+
+Filter = Literal["capability", "embodiment", "parameters", "preconditions", "freshness", "safety", "excluded", ""]
+
+
+class Candidate(Value):
+    """One provider looked at. `refused_by` names the hard filter that refused it; `terms` are weighted score terms."""
+
+    provider_id: ProviderId
+    version: Name
+    refused_by: Filter = ""
+    reason: str = ""
+    score: float | None = None
+    terms: dict[str, float] = msgspec.field(default_factory=dict)
+
+
+class CandidateSet(Value):
+    """All providers looked at for a node, best first, and who was chosen (R66). `chosen` may be none."""
+
+    node_id: NodeId
+    k: Count
+    candidates: tuple[Candidate, ...]
+    chosen: ProviderId | None
+
+
+class PlanProposal(Value):
+    """C1's output: the next eligible node, and why. None when nothing is eligible."""
+
+    node_id: NodeId | None
+    reason: str
+
+
+class SkillProposal(Value):
+    """C2's output: the parameters of one invocation of the selected provider."""
+
+    provider_id: ProviderId
+    parameters: Parameters
+    reason: str
+
+
+class Signature(Value):
+    """What must not be repeated without news (D25)."""
+
+    action: RecoveryAction
+    provider_id: ProviderId
+    provider_version: str
+    parameters: Digest
+    failure: FailureClass
+
+
+class RecoveryProposal(Value):
+    """C4's output: one rung of the ladder. `cost` is 1 for spending actions, else 0."""
+
+    action: RecoveryAction
+    failure: FailureClass
+    provider_id: ProviderId | None
+    cost: Count
+    reason: str
+    refused: tuple[str, ...] = ()

@@ -1,0 +1,117 @@
+"""The provider protocol: what the supervisor says to a provider and hears back, on any transport.
+
+Start is idempotent by `request_id`. Motion needs a keepalive at least every second; without one for 2 s the
+provider stands still by itself and reports `blocked` (D12). A request with a fencing token older than the newest
+that the provider has seen for the resource is refused.
+"""
+
+from typing import Literal
+
+import msgspec
+
+from harness.contracts.ids import Digest, MissionId, NodeId, ProviderId, RequestId
+from harness.contracts.observations import AnySample, Camera
+from harness.contracts.values import Count, Name, Point, Value
+
+ParameterValue = float | str | bool | tuple[float | str | Point, ...]
+Parameters = dict[str, ParameterValue]
+"""Numbers, names, flags; a point is two numbers, a route a tuple of points, a list of digests a tuple of names."""
+
+InvocationStatus = Literal[
+    "accepted", "queued", "running", "blocked", "succeeded", "failed", "cancelled", "stopping", "outcome_unknown"
+]
+TERMINAL: frozenset[str] = frozenset({"succeeded", "failed", "cancelled"})
+
+
+class Receipt(Value):
+    """A service's or controller's word for one finished act: declared, never measured."""
+
+    receipt_id: Name
+    kind: Literal["rotation", "capture", "analysis", "delivery", "playback", "arrival", "disarm", "transcript"]
+    at_s: float
+    source: Name
+    request_id: RequestId
+    text: str = ""
+    blob: Digest | None = None
+    values: dict[str, float] = msgspec.field(default_factory=dict)
+
+
+class Identity(Value):
+    """Whose report this is. The provider echoes it; the gate compares it (R94)."""
+
+    mission_id: MissionId
+    node_id: NodeId
+    attempt: Count
+    request_id: RequestId
+    provider_id: ProviderId
+
+
+class StartRequest(Value):
+    """One invocation request. `deadline_s` is mission time; `fencing` maps each leased resource to its token."""
+
+    identity: Identity
+    capability: Name
+    parameters: Parameters
+    k_ctx: Count
+    configuration: Digest
+    deadline_s: float
+    fencing: dict[str, int]
+    blobs: tuple[Digest, ...] = ()
+
+
+class Progress(Value):
+    """Structured progress of a running invocation; metres and shares where they apply."""
+
+    share: float
+    text: str = ""
+    remaining_m: float | None = None
+
+
+class InvocationReport(Value):
+    """What a provider says of an invocation now. `declared` is its own word for the result, by name."""
+
+    handle: Name
+    identity: Identity
+    status: InvocationStatus
+    at_s: float
+    progress: Progress
+    failure: str = ""
+    message: str = ""
+    declared: dict[str, float] = msgspec.field(default_factory=dict)
+    receipts: tuple[Receipt, ...] = ()
+    samples: tuple[int, ...] = ()
+    blobs: tuple[Digest, ...] = ()
+
+
+class RobotStatus(Value):
+    """The robot's condition, for people and preconditions: all of it declared by the robot."""
+
+    robot_id: Name
+    at_s: float
+    posture: Literal["standing", "lying", "moving"]
+    armed: bool
+    hardware_stop: bool
+    charge: float
+    localised: bool
+    map_version: str
+    camera: Camera | None = None
+
+
+class Observations(Value):
+    """Samples after a sequence number, oldest first, at most `limit`. `next_seq` is where to go on."""
+
+    samples: tuple[AnySample, ...]
+    next_seq: int
+    at_s: float
+
+
+class PhysicalStart(Value):
+    """One line of the robot's start journal: the only place where physical starts are counted (D10)."""
+
+    request_id: RequestId
+    mission_id: MissionId
+    node_id: NodeId
+    attempt: Count
+    provider_id: ProviderId
+    at_s: float
+    moves: bool

@@ -1,0 +1,165 @@
+"""The task contract T = (g, G, C_g, S, R): goal, graph, original completion conditions, constraints, budgets."""
+
+from collections.abc import Iterator
+from typing import Annotated, Any
+
+import msgspec
+
+from harness.contracts.capabilities import Capability, Risk
+from harness.contracts.effects import Condition, Metric, Precondition, Temporal
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.ids import Digest, NodeId, PlaceId, ResourceId
+from harness.contracts.protocol import Parameters
+from harness.contracts.values import Count, Name, Positive, Value
+
+
+class Goal(Value):
+    """The user's own words. `digest` is the SHA-256 of the text in UTF-8: the transcript checksum."""
+
+    text: Annotated[str, msgspec.Meta(min_length=1, max_length=2000)]
+    digest: Digest
+
+
+class RecoveryLimits(Value):
+    """How often each recovery action may be authorised for a node, and all of them together (D24)."""
+
+    re_perceive: Count
+    adjust_view: Count
+    retry: Count
+    local_replan: Count
+    switch_skill: Count
+    total: Count
+
+
+class EvidencePolicy(Value):
+    """What a packet must hold for this node, how old it may be, and whether a person may attest (D17)."""
+
+    mandatory: tuple[Name, ...]
+    pose_age_s: Positive = 1.0
+    image_age_s: Positive = 30.0
+    minimum_confidence: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.5
+    attestation: bool = False
+
+
+class Node(Value):
+    """One stage: the paper's eight fields, and its place in the graph."""
+
+    node_id: NodeId
+    subgoal: Name
+    success_conditions: Annotated[tuple[Condition, ...], msgspec.Meta(min_length=1)]
+    capabilities: Annotated[tuple[Capability, ...], msgspec.Meta(min_length=1)]
+    parameters: Parameters
+    resources: tuple[ResourceId, ...]
+    evidence: EvidencePolicy
+    timeout_s: Positive
+    recovery: RecoveryLimits
+    depends_on: tuple[NodeId, ...] = ()
+    preconditions: tuple[Precondition, ...] = ()
+    required: bool = True
+    risk: Risk = "low"
+    runs_after_failure: bool = False
+
+
+class Constraints(Value):
+    """S: safety and resource constraints. A plugin may add one; nothing removes one (R172)."""
+
+    speed_cap_mps: Positive
+    keep_out: tuple[PlaceId, ...] = ()
+    resources: tuple[ResourceId, ...] = ()
+    minimum_charge: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.15
+
+
+class TaskContract(Value):
+    """One compiled request. `template` and `site` say what it was compiled from."""
+
+    goal: Goal
+    nodes: Annotated[tuple[Node, ...], msgspec.Meta(min_length=1)]
+    completion_conditions: Annotated[tuple[Condition, ...], msgspec.Meta(min_length=1)]
+    constraints: Constraints
+    recovery_total: Count
+    template: Name
+    frame: Name
+    map_version: Name
+    bindings: dict[str, Any] = msgspec.field(default_factory=dict)
+
+    def node(self, node_id: NodeId) -> Node:
+        return next(node for node in self.nodes if node.node_id == node_id)
+
+
+class TemplateParameter(Value):
+    """One thing the person may choose when starting a mission."""
+
+    name: Name
+    type: Annotated[str, msgspec.Meta(pattern="^(place|text|number)$")]
+    title: Name
+    default: str | float | None = None
+
+
+class TaskTemplate(Value):
+    """A task contract with open places. Strings `${name.field}` are bound by planning; the rest is literal."""
+
+    name: Name
+    version: Name
+    title: Name
+    goal: Name
+    phrases: tuple[Name, ...]
+    parameters: tuple[TemplateParameter, ...]
+    nodes: tuple[dict[str, Any], ...]
+    completion_conditions: tuple[dict[str, Any], ...]
+    constraints: dict[str, Any]
+    recovery_total: Count
+
+
+def check(contract: TaskContract) -> None:
+    """Raise ContractInvalid for the first broken rule: unique names, known dependencies, no cycle, known frame."""
+    names = [node.node_id for node in contract.nodes]
+    for name in names:
+        if names.count(name) > 1:
+            raise ContractInvalid(f"Two nodes are called {name}", where="nodes", do="give each node its own node_id")
+    for node in contract.nodes:
+        for dependency in node.depends_on:
+            if dependency not in names:
+                raise ContractInvalid(
+                    f"Node {node.node_id} depends on {dependency}, which the graph does not have",
+                    where=f"nodes.{node.node_id}.depends_on",
+                    do=f"name one of {', '.join(names)}",
+                )
+    order(contract)
+    if not any(node.required for node in contract.nodes):
+        raise ContractInvalid("No node is required", where="nodes", do="mark what the goal needs as required")
+    for where, condition in _conditions(contract):
+        effect = condition.effect
+        if isinstance(effect, Metric) and (effect.frame, effect.map_version) != (contract.frame, contract.map_version):
+            raise ContractInvalid(
+                f"Condition {condition.condition_id} is stated in {effect.frame} of map {effect.map_version}, "
+                f"the contract in {contract.frame} of map {contract.map_version}",
+                where=where,
+                do="state every target in the contract's frame and map version",
+            )
+        if isinstance(effect, Temporal) and not set(effect.nodes) <= set(names):
+            raise ContractInvalid(f"Condition {condition.condition_id} names unknown nodes", where=where)
+
+
+def order(contract: TaskContract) -> tuple[NodeId, ...]:
+    """Nodes in an order that respects dependencies, ties as declared; raises ContractInvalid on a cycle."""
+    done: list[NodeId] = []
+    left = list(contract.nodes)
+    while left:
+        ready = next((node for node in left if set(node.depends_on) <= set(done)), None)
+        if ready is None:
+            raise ContractInvalid(
+                f"The graph has a cycle through {', '.join(node.node_id for node in left)}",
+                where="nodes",
+                do="remove one of these dependencies",
+            )
+        done.append(ready.node_id)
+        left.remove(ready)
+    return tuple(done)
+
+
+def _conditions(contract: TaskContract) -> Iterator[tuple[str, Condition]]:
+    for node in contract.nodes:
+        for condition in node.success_conditions:
+            yield f"nodes.{node.node_id}.success_conditions", condition
+    for condition in contract.completion_conditions:
+        yield "completion_conditions", condition

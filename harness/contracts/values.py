@@ -1,0 +1,50 @@
+"""The common shape of every stored value: frozen, extras forbidden, typed on decoding.
+
+Instants of mission time are `_s` on the robot's clock (seconds since the Unix epoch, D7); instants of wall time
+are `_at_s`, seconds since the Unix epoch too. A `Moment` carries both.
+"""
+
+from typing import Annotated, Any, TypeVar, dataclass_transform
+
+import msgspec
+
+from harness.contracts.ids import Digest, sha256
+
+T = TypeVar("T")
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(msgspec.field,))
+class Value(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Base of all contracts. Decoding checks types and bounds and names the path that broke them."""
+
+
+class Moment(Value):
+    """One instant on both clocks (D7). Mission time decides freshness, wall time decides about people."""
+
+    mission_s: float
+    wall_s: float
+
+
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+NonNegative = Annotated[float, msgspec.Meta(ge=0)]
+Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
+Count = Annotated[int, msgspec.Meta(ge=0)]
+Name = Annotated[str, msgspec.Meta(min_length=1, max_length=200)]
+Point = tuple[float, float]
+
+_encoder = msgspec.json.Encoder(order="deterministic")
+
+
+def encode(value: Any) -> bytes:
+    """Canonical JSON: keys in a fixed order, no spaces. The same value gives the same bytes."""
+    return _encoder.encode(value)
+
+
+def decode(body: bytes, kind: type[T]) -> T:
+    """Strict JSON of `kind`; raises msgspec.ValidationError that names the path."""
+    return msgspec.json.decode(body, type=kind)
+
+
+def digest(value: Any) -> Digest:
+    """SHA-256 over the canonical JSON of a value."""
+    return sha256(encode(value))

@@ -1,0 +1,57 @@
+"""Verdicts: what the verifier says of evidence (D4). A verdict changes nothing; the gate decides."""
+
+from typing import Literal
+
+import msgspec
+
+from harness.contracts.ids import ConditionId, Digest, MissionId, PacketId
+from harness.contracts.values import Count, Name, Value
+
+PredicateVerdict = Literal["satisfied", "violated", "ambiguous"]
+Verdict = Literal["satisfied", "violated", "ambiguous", "stale", "unsafe"]
+PRECEDENCE: tuple[Verdict, ...] = ("unsafe", "stale", "violated", "ambiguous", "satisfied")
+
+
+class ConditionResult(Value):
+    """One condition: measured values beside their bounds, units in the names; why; how independent (D17)."""
+
+    condition_id: ConditionId
+    text: str
+    verdict: Verdict
+    reason: str
+    measured: dict[str, float] = msgspec.field(default_factory=dict)
+    bounds: dict[str, float] = msgspec.field(default_factory=dict)
+    sources: tuple[str, ...] = ()
+    independence: Count = 0
+    required_independence: Count = 0
+    age_s: float | None = None
+    evidence: tuple[Digest, ...] = ()
+
+
+class NodeVerdict(Value):
+    """The verdict over every declared postcondition of one packet."""
+
+    packet_id: PacketId
+    verdict: Verdict
+    results: tuple[ConditionResult, ...]
+    reason: str
+    verifier: Name
+    context: Digest
+    at_s: float
+
+
+class GoalVerdict(Value):
+    """The verdict over the original completion conditions."""
+
+    mission_id: MissionId
+    verdict: Verdict
+    results: tuple[ConditionResult, ...]
+    reason: str
+    verifier: Name
+    context: Digest
+    at_s: float
+
+
+def strictest(verdicts: tuple[Verdict, ...]) -> Verdict:
+    """By precedence unsafe > stale > violated > ambiguous > satisfied; nothing tested is ambiguous."""
+    return min(verdicts, key=PRECEDENCE.index) if verdicts else "ambiguous"

@@ -1,0 +1,85 @@
+"""The single writer: load, decide, append. Nothing else in the house appends an event."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from threading import RLock
+from typing import Any
+
+from harness.contracts.decider import Decider
+from harness.contracts.decisions import Accepted, Refused
+from harness.contracts.errors import ConcurrencyConflict
+from harness.contracts.ids import StreamId
+from harness.contracts.ports import Batch, Clock, EventStore, Record
+
+
+@dataclass(frozen=True)
+class Request:
+    """One command for one stream. All requests of a transaction are accepted together or not at all."""
+
+    stream: StreamId
+    command: Any
+
+
+class Gate:
+    """Folds are kept per stream, so that a commit loads only the tail."""
+
+    def __init__(self, *, store: EventStore, clock: Clock, deciders: dict[str, Decider[Any, Any, Any]]) -> None:
+        self._store = store
+        self._clock = clock
+        self._deciders = deciders
+        self._folds: dict[StreamId, tuple[Any, int]] = {}
+        self._lock = RLock()
+
+    def state(self, stream: StreamId) -> Any:
+        """The fold of a stream as the log has it now."""
+        with self._lock:
+            decider = self._decider(stream)
+            state, version = self._folds.get(stream, (decider.initial, 0))
+            tail = self._store.load(stream, version)
+            if tail:
+                state = decider.fold(state, (decider.codec.decode(event) for event in tail))
+                self._folds[stream] = (state, version + len(tail))
+            return state
+
+    def commit(self, requests: Sequence[Request], *, records: Sequence[Record] = ()) -> Accepted[Any] | Refused:
+        """Decide every request on the newest state and append all their events atomically.
+
+        Returns the first refusal, in which case nothing was appended. Somebody else's append in between is
+        answered by deciding again on what they wrote: policy and expiry are tested in every round.
+        """
+        with self._lock:
+            while True:
+                decided: list[tuple[Request, int, tuple[Any, ...]]] = []
+                for request in requests:
+                    state = self.state(request.stream)
+                    version = self._folds.get(request.stream, (None, 0))[1]
+                    decision = self._decider(request.stream).decide(state, request.command, self._clock.now())
+                    if isinstance(decision, Refused):
+                        return decision
+                    decided.append((request, version, decision.events))
+                try:
+                    self._append(decided, records)
+                except ConcurrencyConflict:
+                    continue
+                return Accepted(tuple(event for _, _, events in decided for event in events))
+
+    def _append(self, decided: list[tuple[Request, int, tuple[Any, ...]]], records: Sequence[Record]) -> None:
+        batches = [
+            Batch(
+                stream=request.stream,
+                expected_version=version,
+                events=tuple(self._decider(request.stream).codec.encode(event) for event in events),
+            )
+            for request, version, events in decided
+            if events
+        ]
+        if not batches:
+            return
+        self._store.append(batches, tuple(records), self._clock.now())
+        for request, version, events in decided:
+            state, _ = self._folds.get(request.stream, (self._decider(request.stream).initial, 0))
+            folded = self._decider(request.stream).fold(state, events)
+            self._folds[request.stream] = (folded, version + len(events))
+
+    def _decider(self, stream: StreamId) -> Decider[Any, Any, Any]:
+        return self._deciders[stream.split("/", 1)[0]]

@@ -1,0 +1,66 @@
+"""Pure: what becomes of a packet and its verdict. A completion always leaves its trace (D5)."""
+
+from harness.contracts.commands import CompleteNode
+from harness.contracts.decisions import Accepted, Decision
+from harness.contracts.effects import Metric
+from harness.contracts.events import (
+    CommitRejected,
+    FailureClassified,
+    MissionEvent,
+    NodeCommitted,
+    PacketRetained,
+    VerdictRecorded,
+)
+from harness.contracts.ids import ConditionId
+from harness.contracts.tasks import Node
+from harness.gate.rules import GATE_RULES, first_broken
+from harness.projections.mission import Mission, required_contract
+from harness.recovery.classify import classify
+from harness.verification.facts import facts_of
+
+
+def complete(mission: Mission, command: CompleteNode) -> Decision[MissionEvent]:
+    """PacketRetained, VerdictRecorded, then NodeCommitted or CommitRejected (and the failure's class): one commit."""
+    packet, verdict = command.packet, command.verdict
+    identity = packet.identity
+    trace: tuple[MissionEvent, ...] = (
+        PacketRetained(packet=packet),
+        VerdictRecorded(invocation_id=identity.invocation_id, verdict=verdict),
+    )
+    broken = first_broken(GATE_RULES, mission, packet, verdict)
+    if broken is None:
+        node = required_contract(mission).node(identity.node_id)
+        committed = NodeCommitted(
+            node_id=identity.node_id,
+            invocation_id=identity.invocation_id,
+            packet_id=identity.packet_id,
+            facts=facts_of(verdict, packet=packet, node=node, k=mission.k + 1),
+            withdrawn=_ended_by(node, mission),
+        )
+        return Accepted((*trace, committed))
+    rule, message = broken
+    rejected = CommitRejected(
+        node_id=identity.node_id,
+        invocation_id=identity.invocation_id,
+        packet_id=identity.packet_id,
+        rule=rule,
+        message=message,
+    )
+    if mission.invocation is None or mission.invocation.intent.invocation_id != identity.invocation_id:
+        return Accepted((*trace, rejected))
+    failure = classify(verdict=verdict.verdict, terminal=packet.terminal, failure_word=packet.failure, rule=rule)
+    classified = FailureClassified(
+        node_id=mission.invocation.intent.node_id,
+        invocation_id=identity.invocation_id,
+        failure=failure or "commit_rejected",
+        reason=message,
+        at_s=packet.collected_s,
+    )
+    return Accepted((*trace, rejected, classified))
+
+
+def _ended_by(node: Node, mission: Mission) -> tuple[ConditionId, ...]:
+    """State facts that this node's own effects end: an arrival elsewhere ends an earlier arrival (D20)."""
+    if not any(isinstance(condition.effect, Metric) for condition in node.success_conditions):
+        return ()
+    return tuple(fact.condition_id for fact in mission.facts if fact.kind == "state" and fact.node_id != node.node_id)

@@ -1,0 +1,161 @@
+"""Pure: may this request change this mission, given what we know now? One arm per command."""
+
+from typing import assert_never
+
+from harness.contracts.commands import (
+    AcceptInvocation,
+    AcknowledgeStop,
+    ActivateMission,
+    AnswerMission,
+    AskPerson,
+    AuthoriseDispatch,
+    AuthoriseWait,
+    ChangeEpoch,
+    ClearVeto,
+    CompleteNode,
+    CreateMission,
+    EndInvocation,
+    EndMission,
+    FailNode,
+    JudgeGoal,
+    MissionCommand,
+    PauseMission,
+    RaiseVeto,
+    RecordObservation,
+    RefusePrecondition,
+    ReportFailure,
+    ResumeInvocation,
+    ResumeMission,
+    StopInvocation,
+    StopMission,
+)
+from harness.contracts.decider import Codec, Decider
+from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.events import (
+    ContractCompiled,
+    EpochChanged,
+    InvocationAccepted,
+    InvocationResumed,
+    MissionActivated,
+    MissionCreated,
+    MissionEvent,
+    NodeFailed,
+    ObservationRecorded,
+    VetoCleared,
+    VetoRaised,
+)
+from harness.contracts.tasks import check
+from harness.contracts.values import Moment, digest
+from harness.gate.completion import complete
+from harness.gate.dispatch import authorise, wait
+from harness.gate.ends import acknowledge, answer, ask, end, judge, pause, resume, stop, stop_invocation, unfinished
+from harness.projections.mission import Mission, apply
+
+
+def decide(mission: Mission, command: MissionCommand, now: Moment) -> Decision[MissionEvent]:
+    """Accept with events or refuse with a rule and a sentence. Raises ContractInvalid for a broken contract."""
+    if isinstance(command, CreateMission):
+        return _create(mission, command)
+    if not mission.version:
+        return Refused("no_mission", "This mission does not exist.")
+    if mission.ended and not isinstance(command, CompleteNode):
+        return Refused("mission_ended", f"The mission is over: {mission.status}.")
+    return _decided(mission, command)
+
+
+def _decided(mission: Mission, command: MissionCommand) -> Decision[MissionEvent]:  # noqa: PLR0911, PLR0912, C901
+    match command:
+        case CreateMission():
+            return Refused("exists", f"Mission {mission.mission_id} exists.")
+        case ActivateMission():
+            if mission.status != "compiled":
+                return Refused("not_compiled", f"The mission is {mission.status}.")
+            return Accepted((MissionActivated(),))
+        case AuthoriseDispatch():
+            return authorise(mission, command)
+        case AuthoriseWait():
+            return wait(mission, command)
+        case CompleteNode():
+            return complete(mission, command)
+        case RefusePrecondition() | ReportFailure() | EndInvocation():
+            return unfinished(mission, command)
+        case AcceptInvocation():
+            if mission.invocation is None or mission.invocation.intent.invocation_id != command.invocation_id:
+                return Refused("not_open", f"{command.invocation_id} is not the open invocation.")
+            return Accepted((InvocationAccepted(invocation_id=command.invocation_id, handle=command.handle),))
+        case StopInvocation():
+            return stop_invocation(mission, command)
+        case ResumeInvocation():
+            return Accepted((InvocationResumed(invocation_id=command.invocation_id),))
+        case FailNode():
+            return Accepted((NodeFailed(node_id=command.node_id, reason=command.reason),))
+        case AskPerson():
+            return ask(mission, command)
+        case AnswerMission():
+            return answer(mission, command)
+        case PauseMission():
+            return pause(mission, command)
+        case ResumeMission():
+            return resume(mission, command)
+        case StopMission():
+            return stop(mission, command)
+        case AcknowledgeStop():
+            return acknowledge(mission, command)
+        case JudgeGoal():
+            return judge(mission, command)
+        case EndMission():
+            return end(mission, command)
+        case RecordObservation() | ChangeEpoch() | RaiseVeto() | ClearVeto():
+            return _noted(mission, command)
+        case _:
+            assert_never(command)
+
+
+def _create(mission: Mission, command: CreateMission) -> Decision[MissionEvent]:
+    if mission.version:
+        return Refused("exists", f"Mission {command.mission_id} exists.")
+    check(command.contract)
+    created = MissionCreated(
+        mission_id=command.mission_id,
+        robot_id=command.robot_id,
+        goal=command.goal,
+        template=command.template,
+        requested_by=command.requested_by,
+        configuration=command.configuration,
+        seed=command.seed,
+        labels=command.labels,
+        autonomy=command.autonomy,
+        replay=command.replay,
+    )
+    compiled = ContractCompiled(
+        contract=command.contract, contract_digest=digest(command.contract), policy=command.policy
+    )
+    return Accepted((created, compiled))
+
+
+def _noted(
+    mission: Mission, command: RecordObservation | ChangeEpoch | RaiseVeto | ClearVeto
+) -> Decision[MissionEvent]:
+    match command:
+        case RecordObservation():
+            noted = ObservationRecorded(
+                node_id=command.node_id, reference=command.reference, contradicts=command.contradicts
+            )
+            return Accepted((noted,))
+        case ChangeEpoch():
+            return Accepted((EpochChanged(map_version=command.map_version, reason=command.reason),))
+        case RaiseVeto():
+            if mission.vetoes.get(command.layer) == command.reason:
+                return Accepted(())
+            return Accepted((VetoRaised(layer=command.layer, reason=command.reason),))
+        case ClearVeto():
+            if command.layer not in mission.vetoes:
+                return Refused("not_its_veto", f"{command.layer} raised no veto; only the layer that did may clear it.")
+            return Accepted((VetoCleared(layer=command.layer, reason=command.reason),))
+        case _:
+            assert_never(command)
+
+
+DECIDER: Decider[Mission, MissionCommand, MissionEvent] = Decider(
+    initial=Mission(), apply=apply, decide=decide, codec=Codec(MissionEvent)
+)

@@ -1,0 +1,189 @@
+"""Pure: may this invocation start, and what does it cost? Every actuation passes here first (D9)."""
+
+from msgspec.structs import replace
+
+from harness.contracts.commands import AuthoriseDispatch, AuthoriseWait
+from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.events import (
+    DispatchIntended,
+    HandoffAnswered,
+    MissionEvent,
+    OperatorRetryGranted,
+    RecoveryAuthorised,
+)
+from harness.contracts.ids import Digest, invocation_id, request_id
+from harness.contracts.proposals import RecoveryProposal
+from harness.contracts.tasks import Node
+from harness.projections.mission import Mission, NodeState, eligible, required_contract, required_policy
+from harness.recovery.approval import approval_required
+from harness.recovery.rules import first_broken_recovery
+
+
+def authorise(mission: Mission, command: AuthoriseDispatch) -> Decision[MissionEvent]:
+    """The spend, its k bump and the intent are one commit; the intent's `k_ctx` is the k after it."""
+    refused = _unready(mission, command) or _misbound(mission, command) or _unpaid(mission, command)
+    if refused:
+        return refused
+    paid = _payment(mission, command)
+    k = mission.k + sum(_bumps(event) for event in paid)
+    planned: tuple[MissionEvent, ...] = (command.planned,) if command.planned else ()
+    return Accepted((*planned, *paid, replace(command.intent, k_ctx=k)))
+
+
+def wait(mission: Mission, command: AuthoriseWait) -> Decision[MissionEvent]:
+    """A free rung. Waiting is bounded by the node's timeout (D24)."""
+    node = mission.of(command.node_id)
+    if node.failure is None:
+        return Refused("no_failure", f"Node {command.node_id} has no failure to answer.")
+    if command.proposal.cost:
+        return Refused("not_free", f"{command.proposal.action} costs budget and needs a dispatch.")
+    broken = first_broken_recovery(
+        mission, node_id=command.node_id, proposal=command.proposal, signature=None, policy=required_policy(mission)
+    )
+    if broken:
+        return broken
+    latest = node.failure.at_s + required_contract(mission).node(command.node_id).timeout_s
+    until_s = min(command.until_s, latest)
+    return Accepted(
+        (spend(node, command.proposal, attempt=node.attempt, context=command.context, until_s=until_s),)
+    )
+
+
+def _unready(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
+    intent = command.intent
+    waiting = mission.status == "awaiting_human" and command.approval == mission.handoff_id
+    if mission.status != "active" and not waiting:
+        return Refused("not_active", f"The mission is {mission.status}.")
+    if mission.invocation is not None:
+        return Refused("invocation_open", f"{mission.invocation.intent.invocation_id} is still open (one at a time).")
+    if mission.vetoes:
+        return Refused("vetoed", "; ".join(f"{layer}: {why}" for layer, why in sorted(mission.vetoes.items())))
+    node = mission.nodes.get(intent.node_id)
+    if node is None:
+        return Refused("unknown_node", f"The contract has no node {intent.node_id}.")
+    answering = node.failure is not None and (command.recovery is not None or command.approval is not None)
+    if not answering and intent.node_id not in eligible(mission):
+        return Refused("not_eligible", f"Node {intent.node_id} waits for dependencies that are not committed.")
+    return None
+
+
+def _misbound(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
+    intent, node = command.intent, required_contract(mission).node(command.intent.node_id)
+    if intent.request_id != request_id(mission.mission_id, intent.node_id, intent.attempt):
+        return Refused("wrong_request_id", "The request id is not derived from task, node and attempt.")
+    if intent.invocation_id != invocation_id(intent.request_id):
+        return Refused("wrong_invocation_id", "The invocation id is not derived from the request id.")
+    if intent.attempt != mission.of(intent.node_id).attempt + 1:
+        return Refused("wrong_attempt", f"Attempt {intent.attempt} does not follow {mission.of(intent.node_id).attempt}.")
+    if intent.deadline_s > intent.dispatched_s + node.timeout_s:
+        return Refused("deadline_too_late", f"The deadline exceeds the node's timeout of {node.timeout_s:g} s.")
+    if not intent.verify_only and intent.capability not in node.capabilities:
+        return Refused("wrong_capability", f"{intent.capability} may not serve {intent.node_id}.")
+    if intent.verify_only and intent.moves:
+        return Refused("verify_only_moves", "A verify-only invocation observes; it never actuates.")
+    return _effect_changed(mission, intent, node)
+
+
+def _effect_changed(mission: Mission, intent: DispatchIntended, node: Node) -> Refused | None:
+    changed = [
+        name
+        for name, value in node.parameters.items()
+        if name in intent.parameters and intent.parameters[name] != value and not bound_late(value)
+    ]
+    if changed and not intent.verify_only:
+        return Refused("effect_changed", f"An attempt keeps the node's effect; changed: {', '.join(changed)}.")
+    speed, cap = intent.parameters.get("speed_cap_mps"), required_contract(mission).constraints.speed_cap_mps
+    if isinstance(speed, float | int) and speed > cap:
+        return Refused("over_speed", f"{speed:g} m/s exceeds the contract's {cap:g} m/s.")
+    return None
+
+
+def bound_late(value: object) -> bool:
+    """Whether a node's parameter is read from committed facts at dispatch: `@{node.argument}`."""
+    return isinstance(value, str) and value.startswith("@{")
+
+
+def _unpaid(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
+    node, intent = mission.of(command.intent.node_id), command.intent
+    if command.recovery is not None and not (command.approval and command.recovery.cost == 0):
+        broken = first_broken_recovery(
+            mission,
+            node_id=intent.node_id,
+            proposal=command.recovery,
+            signature=command.signature,
+            policy=required_policy(mission),
+        )
+        if broken:
+            return broken
+    elif node.attempt > 0 and command.approval is None and command.recovery is None:
+        return Refused("not_authorised", "A further attempt needs an authorised recovery action or an operator.")
+    if command.approval is not None:
+        return None
+    needed = approval_required(
+        mission=mission,
+        node=required_contract(mission).node(intent.node_id),
+        action=command.recovery.action if command.recovery else None,
+        moves=intent.moves,
+        share=required_policy(mission).approval_share,
+    )
+    return Refused("approval_required", needed) if needed else None
+
+
+def _payment(mission: Mission, command: AuthoriseDispatch) -> tuple[MissionEvent, ...]:
+    events: list[MissionEvent] = []
+    node = mission.of(command.intent.node_id)
+    if command.approval is not None and command.approver is not None:
+        answered = HandoffAnswered(
+            handoff_id=command.approval, decision="approved", actor=command.approver, reason=command.reason
+        )
+        events.append(answered)
+    if command.recovery is None:
+        return tuple(events)
+    if command.approval is not None and command.recovery.cost == 0:
+        granted = OperatorRetryGranted(
+            node_id=node.node_id,
+            attempt=command.intent.attempt,
+            action=command.recovery.action,
+            provider_id=command.intent.provider_id,
+            handoff_id=command.approval,
+        )
+        return (*events, granted)
+    paid = spend(
+        node,
+        command.recovery,
+        attempt=command.intent.attempt,
+        context=command.recovery_context or command.intent.context,
+        until_s=None,
+    )
+    return (*events, replace(paid, signature=command.signature))
+
+
+def spend(
+    node: NodeState, proposal: RecoveryProposal, *, attempt: int, context: Digest, until_s: float | None
+) -> RecoveryAuthorised:
+    """The spend of one rung: what it costs, whom it gives up, and until when it waits."""
+    excluded = node.excluded
+    if proposal.action == "switch_skill" and node.provider_id and node.provider_id not in excluded:
+        excluded = (*excluded, node.provider_id)
+    return RecoveryAuthorised(
+        node_id=node.node_id,
+        failure=proposal.failure,
+        action=proposal.action,
+        cost=proposal.cost,
+        attempt=attempt,
+        signature=None,
+        excluded=excluded,
+        context=context,
+        reason=proposal.reason,
+        until_s=until_s,
+    )
+
+
+def _bumps(event: MissionEvent) -> int:
+    match event:
+        case RecoveryAuthorised():
+            return event.cost
+        case HandoffAnswered() | OperatorRetryGranted():
+            return 1
+        case _:
+            return 0

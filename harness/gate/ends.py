@@ -1,0 +1,202 @@
+"""Pure: failures without a packet, persons' words, the goal, and how missions end."""
+
+from harness.contracts.commands import (
+    AcknowledgeStop,
+    AnswerMission,
+    AskPerson,
+    EndInvocation,
+    EndMission,
+    JudgeGoal,
+    PauseMission,
+    RefusePrecondition,
+    ReportFailure,
+    ResumeMission,
+    StopInvocation,
+    StopMission,
+)
+from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.events import (
+    CompletionReported,
+    FailureClassified,
+    FailureReported,
+    GoalVerified,
+    HandoffAnswered,
+    HandoffRequested,
+    InvocationEnded,
+    InvocationStopRequested,
+    MissionEnded,
+    MissionEvent,
+    MissionPaused,
+    MissionResumed,
+    PreconditionRefused,
+    RecoveryAuthorised,
+    StopAcknowledged,
+    StopRequested,
+)
+from harness.contracts.verdicts import strictest
+from harness.projections.mission import Mission, all_required_committed, required_contract
+from harness.recovery.classify import classify
+
+
+def unfinished(
+    mission: Mission, command: RefusePrecondition | ReportFailure | EndInvocation
+) -> Decision[MissionEvent]:
+    """A failure that no packet speaks for, with its class."""
+    match command:
+        case RefusePrecondition():
+            give_up = command.at_s + required_contract(mission).node(command.node_id).timeout_s
+            refused = PreconditionRefused(
+                node_id=command.node_id, precondition=command.precondition, reason=command.reason, give_up_s=give_up
+            )
+            failure = FailureClassified(
+                node_id=command.node_id,
+                invocation_id=None,
+                failure="precondition_unmet",
+                reason=command.reason,
+                at_s=command.at_s,
+            )
+            return Accepted((refused, failure))
+        case ReportFailure():
+            if mission.of(command.node_id).failure is not None:
+                return Refused("failure_open", f"Node {command.node_id} already has a failure to answer.")
+            failure = FailureClassified(
+                node_id=command.node_id,
+                invocation_id=command.invocation_id,
+                failure=command.failure,
+                reason=command.reason,
+                at_s=command.at_s,
+            )
+            return Accepted((failure,))
+        case EndInvocation():
+            return _ended(mission, command)
+
+
+def _ended(mission: Mission, command: EndInvocation) -> Decision[MissionEvent]:
+    invocation = mission.invocation
+    if invocation is None or invocation.intent.invocation_id != command.invocation_id:
+        return Refused("not_open", f"{command.invocation_id} is not the open invocation.")
+    ended = InvocationEnded(
+        invocation_id=command.invocation_id, status=command.status, failure=command.failure, reason=command.reason
+    )
+    failure = FailureClassified(
+        node_id=invocation.intent.node_id,
+        invocation_id=command.invocation_id,
+        failure=classify(verdict=None, terminal=command.status, failure_word=command.failure) or "interrupted",
+        reason=command.reason,
+        at_s=command.at_s,
+    )
+    return Accepted((ended, failure))
+
+
+def stop_invocation(mission: Mission, command: StopInvocation) -> Decision[MissionEvent]:
+    """The supervisor asks a provider to stop; on a ladder's rung the free spend stands beside it."""
+    invocation = mission.invocation
+    if invocation is None or invocation.intent.invocation_id != command.invocation_id:
+        return Refused("not_open", f"{command.invocation_id} is not the open invocation.")
+    if invocation.stop_requested:
+        return Accepted(())
+    requested = InvocationStopRequested(invocation_id=command.invocation_id, reason=command.reason)
+    if command.recovery is None:
+        return Accepted((requested,))
+    node = mission.of(invocation.intent.node_id)
+    rung = RecoveryAuthorised(
+        node_id=node.node_id,
+        failure=command.recovery.failure,
+        action=command.recovery.action,
+        cost=0,
+        attempt=node.attempt,
+        signature=None,
+        excluded=node.excluded,
+        context=command.recovery_context or invocation.intent.context,
+        reason=command.recovery.reason,
+    )
+    return Accepted((rung, requested))
+
+
+def ask(mission: Mission, command: AskPerson) -> Decision[MissionEvent]:
+    """The mission waits for a person. Costs nothing and is always possible (D24), save with a body that may move."""
+    if mission.status != "active":
+        return Refused("not_active", f"The mission is {mission.status}.")
+    if mission.invocation is not None and mission.invocation.status != "outcome_unknown":
+        return Refused("invocation_open", "Stop the invocation first: a person is asked with the robot at rest.")
+    requested = HandoffRequested(
+        handoff_id=command.handoff_id, node_id=command.node_id, failure=command.failure, reason=command.reason
+    )
+    return Accepted((requested,))
+
+
+def answer(mission: Mission, command: AnswerMission) -> Decision[MissionEvent]:
+    """Rejected or unanswered ends safely stopped: the robot already stands."""
+    if mission.handoff_id != command.handoff_id:
+        return Refused("not_waiting", f"The mission does not wait for {command.handoff_id}.")
+    answered = HandoffAnswered(
+        handoff_id=command.handoff_id, decision=command.decision, actor=command.actor, reason=command.reason
+    )
+    if command.decision == "superseded":
+        return Accepted((answered,))
+    why = f"{command.actor.name} {command.decision} the handoff: {command.reason}"
+    return Accepted((answered, FailureReported(text=why), MissionEnded(status="safe_stopped", reason=why)))
+
+
+def pause(mission: Mission, command: PauseMission) -> Decision[MissionEvent]:
+    """New work waits; an open invocation is stopped by the supervisor."""
+    if mission.status not in ("active", "awaiting_human"):
+        return Refused("not_active", f"The mission is {mission.status}.")
+    return Accepted((MissionPaused(actor=command.actor, reason=command.reason),))
+
+
+def resume(mission: Mission, command: ResumeMission) -> Decision[MissionEvent]:
+    """Go on after a pause."""
+    if mission.status != "paused":
+        return Refused("not_paused", f"The mission is {mission.status}.")
+    return Accepted((MissionResumed(actor=command.actor, reason=command.reason),))
+
+
+def stop(mission: Mission, command: StopMission) -> Decision[MissionEvent]:
+    """Always possible. The mission is STOPPING until the stop is acknowledged and the body static."""
+    if mission.status == "stopping":
+        return Accepted(())
+    return Accepted((StopRequested(actor=command.actor, reason=command.reason),))
+
+
+def acknowledge(mission: Mission, command: AcknowledgeStop) -> Decision[MissionEvent]:
+    """Stopped means acknowledged and static; without static evidence the mission fails and says so."""
+    if mission.stop is None:
+        return Refused("no_stop", "Nobody asked for a stop.")
+    acknowledged = StopAcknowledged(static=command.static, measured=command.measured, reason=command.reason)
+    why = f"Stopped by {mission.stop.actor.name}: {mission.stop.reason}"
+    if command.static:
+        return Accepted((acknowledged, FailureReported(text=why), MissionEnded(status="cancelled", reason=why)))
+    unsure = f"{why}. No evidence shows the robot at rest: {command.reason}"
+    return Accepted((acknowledged, FailureReported(text=unsure), MissionEnded(status="failed", reason=unsure)))
+
+
+def judge(mission: Mission, command: JudgeGoal) -> Decision[MissionEvent]:
+    """The only way to SUCCEEDED: a satisfied verdict over every original completion condition (R118, R119)."""
+    verdict, contract = command.verdict, required_contract(mission)
+    if mission.status not in ("active", "goal_check") or mission.invocation is not None:
+        return Refused("not_ready", f"The mission is {mission.status}; the goal is tested once all work is done.")
+    if verdict.mission_id != mission.mission_id:
+        return Refused("wrong_identity", f"The verdict is about {verdict.mission_id}.")
+    if not all_required_committed(mission):
+        return Refused("nodes_open", "A required node is not committed.")
+    declared = [condition.condition_id for condition in contract.completion_conditions]
+    if sorted(declared) != sorted(result.condition_id for result in verdict.results):
+        return Refused("uncovered_condition", "The verdict does not cover the original completion conditions.")
+    worst = strictest((verdict.verdict, *(result.verdict for result in verdict.results)))
+    if worst == "satisfied" and not mission.vetoes:
+        text = f"Goal met: {contract.goal.text}. {verdict.reason}".strip()
+        done = MissionEnded(status="succeeded", reason="the goal verdict is satisfied")
+        return Accepted((GoalVerified(verdict=verdict), CompletionReported(text=text), done))
+    left = contract.recovery_total - mission.spent_total
+    if worst == "ambiguous" and not mission.relooks and left > 0:
+        return Accepted((GoalVerified(verdict=verdict, relook=True),))
+    why = f"All stages done, goal not met ({worst}): {verdict.reason}"
+    return Accepted((GoalVerified(verdict=verdict), FailureReported(text=why), MissionEnded(status="failed", reason=why)))
+
+
+def end(mission: Mission, command: EndMission) -> Decision[MissionEvent]:
+    """Every end but success."""
+    if mission.invocation is not None and mission.invocation.status != "outcome_unknown":
+        return Refused("invocation_open", "An invocation is still open: stop it first.")
+    return Accepted((FailureReported(text=command.reason), MissionEnded(status=command.status, reason=command.reason)))

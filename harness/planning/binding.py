@@ -1,0 +1,168 @@
+"""Pure: names of places and open spots of templates, bound to values. Knows no task, no robot and no clock."""
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
+from typing import Any, Literal
+
+from harness.contracts.errors import ContractInvalid, UnknownName
+from harness.contracts.places import Passage, Place, Route, Site
+
+Sigil = Literal["$", "@"]
+"""`${name.field}` is bound when a contract is compiled, `@{node.argument}` from committed facts at dispatch."""
+
+_SPOT: dict[str, re.Pattern[str]] = {
+    sigil: re.compile(rf"\{sigil}\{{([a-z][a-z0-9_-]*)(?:\.([a-z][a-z0-9_]*))?\}}") for sigil in ("$", "@")
+}
+
+
+def bind_place(name: str, *, site: Site) -> Place:
+    """The one place of that id, name or alias, whatever its case.
+
+    Raises UnknownName with the nearest name, ContractInvalid if two places answer to it or the place is disputed.
+    """
+    wanted = _folded(name)
+    found = [place for place in site.places if wanted in {_folded(word) for word in _words(place)}]
+    if not found:
+        raise unknown("place", name, known=[word for place in site.places for word in _words(place)], where=site.name)
+    if len(found) > 1:
+        raise ContractInvalid(
+            f"{len(found)} places are called {name!r}",
+            where=f"site {site.name}",
+            do=f"use an id: {', '.join(place.place_id for place in found)}",
+        )
+    if found[0].verification == "disputed":
+        raise ContractInvalid(
+            f"The position of place {found[0].place_id} is disputed",
+            where=f"site {site.name}",
+            do="verify the place again before a mission goes there",
+        )
+    return found[0]
+
+
+def bind_route(start: Place, end: Place, *, site: Site) -> Route:
+    """The first reference route from `start` to `end`; raises UnknownName if the site has none."""
+    for route in site.routes:
+        if (route.start, route.end) == (start.place_id, end.place_id):
+            return route
+    routes = ", ".join(f"{route.name} ({route.start} to {route.end})" for route in site.routes) or "none"
+    raise UnknownName(
+        f"No route leads from {start.place_id} to {end.place_id}",
+        where=f"site {site.name}",
+        do=f"survey one, or choose places that a route connects: {routes}",
+    )
+
+
+def bind_passage(place: Place, *, site: Site) -> Passage:
+    """The passage whose middle lies nearest to the place's approach; raises UnknownName if the site has none."""
+    if not site.passages:
+        raise UnknownName(
+            f"No passage is known near {place.place_id}",
+            where=f"site {site.name}",
+            do="add the floor polygon that an inspection of this place looks at",
+        )
+    return min(site.passages, key=lambda passage: (math.dist(_middle(passage), place.approach_m), passage.passage_id))
+
+
+def substitute(value: Any, *, bindings: Mapping[str, Any], sigil: Sigil = "$", path: str = "$") -> Any:
+    """`value` with every spot filled. A spot that is the whole string keeps its value's type.
+
+    Raises ContractInvalid that names the path of a spot that is malformed, unknown, or not a scalar inside a text.
+    """
+    match value:
+        case Mapping():
+            return {
+                key: substitute(item, bindings=bindings, sigil=sigil, path=f"{path}.{key}")
+                for key, item in value.items()
+            }
+        case list() | tuple():
+            return [
+                substitute(item, bindings=bindings, sigil=sigil, path=f"{path}[{index}]")
+                for index, item in enumerate(value)
+            ]
+        case str() if f"{sigil}{{" in value:
+            return _filled(value, bindings, sigil, path)
+        case _:
+            return value
+
+
+def names_in(value: Any, *, sigil: Sigil = "$") -> frozenset[str]:
+    """The names that the spots of `value` refer to."""
+    match value:
+        case Mapping():
+            return names_in(list(value.values()), sigil=sigil)
+        case list() | tuple():
+            return frozenset().union(*(names_in(item, sigil=sigil) for item in value))
+        case str():
+            return frozenset(spot.group(1) for spot in _SPOT[sigil].finditer(value))
+        case _:
+            return frozenset()
+
+
+def unknown(noun: str, name: str, *, known: Iterable[str], where: str = "") -> UnknownName:
+    """The error for a name that nothing answers to: what exists, and the nearest of it."""
+    names = sorted(set(known), key=str.casefold)
+    near = get_close_matches(_folded(name), [_folded(word) for word in names], n=1, cutoff=0.6)
+    meant = next((word for word in names if near and _folded(word) == near[0]), None)
+    exist = ", ".join(names) or "none"
+    return UnknownName(
+        f"There is no {noun} called {name[:80]!r}",
+        where=where,
+        do=f"did you mean {meant!r}? Known: {exist}" if meant else f"known: {exist}",
+    )
+
+
+def _filled(text: str, bindings: Mapping[str, Any], sigil: Sigil, path: str) -> Any:
+    pattern = _SPOT[sigil]
+    if text.count(f"{sigil}{{") != len(pattern.findall(text)):
+        raise ContractInvalid(
+            f"{text[:80]!r} has an open spot that cannot be read",
+            where=path,
+            do=f"write {sigil}{{name}} or {sigil}{{name.field}} in lower case",
+        )
+    whole = pattern.fullmatch(text)
+    if whole:
+        return _value(whole, bindings, path)
+    return pattern.sub(lambda spot: _scalar(spot, bindings, path), text)
+
+
+def _value(spot: re.Match[str], bindings: Mapping[str, Any], path: str) -> Any:
+    name, field = spot.group(1), spot.group(2)
+    if name not in bindings:
+        raise ContractInvalid(f"{spot.group()} is bound to nothing", where=path, do=f"bound: {_listed(bindings)}")
+    if field is None:
+        return bindings[name]
+    fields = bindings[name]
+    if not isinstance(fields, Mapping) or field not in fields:
+        has = _listed(fields) if isinstance(fields, Mapping) else "no fields"
+        raise ContractInvalid(f"{spot.group()} names a field that {name} lacks", where=path, do=f"it has: {has}")
+    return fields[field]
+
+
+def _scalar(spot: re.Match[str], bindings: Mapping[str, Any], path: str) -> str:
+    value = _value(spot, bindings, path)
+    if isinstance(value, bool) or not isinstance(value, str | int | float):
+        raise ContractInvalid(
+            f"{spot.group()} is no text or number, so it cannot stand inside a text",
+            where=path,
+            do="let the spot be the whole value",
+        )
+    return str(value)
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(sorted(names)) or "nothing"
+
+
+def _words(place: Place) -> tuple[str, ...]:
+    return (place.place_id, place.name, *place.aliases)
+
+
+def _folded(name: str) -> str:
+    return " ".join(name.casefold().split())
+
+
+def _middle(passage: Passage) -> tuple[float, float]:
+    xs, ys = [x for x, _ in passage.floor_m], [y for _, y in passage.floor_m]
+    return sum(xs) / len(xs), sum(ys) / len(ys)

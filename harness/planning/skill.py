@@ -1,0 +1,121 @@
+"""Pure: the skill role. It turns one node, its card and committed facts in C2 into the parameters of one invocation."""
+
+import math
+from typing import Any
+
+import msgspec
+
+from harness.contracts.capabilities import Capability, CapabilityCard, Parameter
+from harness.contracts.configuration import RecoveryAction
+from harness.contracts.contexts import Context, ContextRecord
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.evidence import CommittedFact
+from harness.contracts.proposals import SkillProposal
+from harness.contracts.protocol import Parameters, ParameterValue
+from harness.contracts.tasks import Node
+from harness.planning.binding import names_in, substitute
+
+LOOK_S, LONG_LOOK_S = 3.0, 6.0
+"""How long an observing skill looks, seconds of mission time: longer when an earlier look could not decide."""
+FROM = "_from"
+"""`images_from: "@{panorama.frames}"` in a node states that `images` is bound at dispatch from a committed fact."""
+
+
+class _Attempt(msgspec.Struct, frozen=True):
+    attempt: int
+    action: RecoveryAction | None = None
+
+
+def propose_skill(context: Context) -> SkillProposal:
+    """The parameters of one invocation by the provider whose card C2 holds. C2 is the only state it sees.
+
+    Reads `node`, `card`, `attempt` and `facts`. A text `@{node.argument}` becomes that argument of a committed fact;
+    what the card does not name is dropped.
+    Raises ContractInvalid with what the card requires and the node or the facts cannot give.
+    """
+    node, card = _required(context, "node").read(Node), _required(context, "card").read(CapabilityCard)
+    attempt = _required(context, "attempt").read(_Attempt)
+    asked = requested(node, capability=card.capability, attempt=attempt.attempt, action=attempt.action)
+    taken = {parameter.name: asked[parameter.name] for parameter in card.parameters if parameter.name in asked}
+    grounded = substitute(taken, bindings=_arguments(context), sigil="@", path=f"nodes.{node.node_id}.parameters")
+    parameters = {
+        parameter.name: _checked(parameter, grounded.get(parameter.name), card)
+        for parameter in card.parameters
+        if parameter.required or parameter.name in grounded
+    }
+    facts = ", ".join(sorted(names_in(taken, sigil="@"))) or "none"
+    dropped = ", ".join(sorted(asked.keys() - taken.keys())) or "none"
+    return SkillProposal(
+        provider_id=card.provider_id,
+        parameters=parameters,
+        reason=f"Attempt {attempt.attempt} of {node.node_id}: {node.subgoal}. Facts used of: {facts}. Dropped: {dropped}.",
+    )
+
+
+def requested(
+    node: Node, *, capability: Capability, attempt: int = 1, action: RecoveryAction | None = None
+) -> Parameters:
+    """What is asked of a provider before facts are filled in; routing filters on the same values.
+
+    An observing provider gets a look instead of the node's own parameters. From the second attempt on, `replan` is
+    true: the robot no longer stands where the route begins.
+    """
+    if capability == "observe" and "observe" not in node.capabilities:
+        return {"duration_s": LONG_LOOK_S if action == "adjust_view" else LOOK_S, "frames": 1.0}
+    stated = {
+        name.removesuffix(FROM) if isinstance(value, str) and "@{" in value else name: value
+        for name, value in node.parameters.items()
+    }
+    return {**stated, **({"replan": True} if attempt > 1 else {})}
+
+
+def _arguments(context: Context) -> dict[str, dict[str, Any]]:
+    """Arguments of committed facts by node; the newest fact of a node wins where names repeat."""
+    facts = [fact for record in context.all("facts") for fact in record.read(tuple[CommittedFact, ...])]
+    arguments: dict[str, dict[str, Any]] = {}
+    for fact in sorted(facts, key=lambda fact: (fact.k, fact.at_s)):
+        arguments.setdefault(fact.node_id, {}).update({**fact.measured, **fact.arguments})
+    return arguments
+
+
+def _required(context: Context, kind: str) -> ContextRecord:
+    record = context.one(kind)
+    if record is None:
+        raise ContractInvalid(f"The context holds no {kind}", where=f"C2 of {context.node_id}", do="compile it again")
+    return record
+
+
+def _checked(parameter: Parameter, value: Any, card: CapabilityCard) -> ParameterValue:
+    """The value as the card wants it, typed and bounded, or ContractInvalid."""
+    where = f"provider {card.provider_id}, parameter {parameter.name}"
+    if value is None:
+        raise ContractInvalid("A required parameter is not given", where=where, do="state it in the task template")
+    try:
+        typed: ParameterValue = msgspec.convert(value, _TYPES[parameter.type], strict=True)
+    except msgspec.ValidationError as error:
+        raise ContractInvalid(f"It is no {parameter.type}: {error}", where=where, do="correct the template") from error
+    if isinstance(typed, float):
+        _check_bounds(typed, parameter, where)
+    return typed
+
+
+def _check_bounds(value: float, parameter: Parameter, where: str) -> None:
+    low = -math.inf if parameter.minimum is None else parameter.minimum
+    high = math.inf if parameter.maximum is None else parameter.maximum
+    if not (math.isfinite(value) and low <= value <= high):
+        raise ContractInvalid(
+            f"{value:g} {parameter.unit} is outside {low:g} to {high:g}".replace("  ", " "),
+            where=where,
+            do="correct the template, or choose another provider",
+        )
+
+
+_TYPES: dict[str, Any] = {
+    "number": float,
+    "string": str,
+    "frame": str,
+    "boolean": bool,
+    "point": tuple[float, float],
+    "points": tuple[tuple[float, float], ...],
+    "digests": tuple[str, ...],
+}

@@ -1,0 +1,26 @@
+"""Pure: whether a recovery policy is one: every failure class has a ladder, and every ladder ends in a person."""
+
+from typing import get_args
+
+from harness.contracts.configuration import SPENDING, FailureClass, RecoveryPolicy
+from harness.contracts.errors import ContractInvalid
+
+
+def check_policy(policy: RecoveryPolicy) -> None:
+    """Raise ContractInvalid for the first ladder that is missing or ends otherwise than in `human` (D24).
+
+    After a switch only free rungs may follow: whether anybody could take over is the one thing the gate cannot see, so
+    no spending rung may hide behind it.
+    """
+    for failure in get_args(FailureClass):
+        ladder = policy.ladders.get(failure, ())
+        where = f"recovery.ladders.{failure}"
+        if not ladder or ladder[-1] != "human" or "human" in ladder[:-1]:
+            raise ContractInvalid(
+                f"The ladder of {failure} does not end in human", where=where, do="let human be its last rung, once"
+            )
+        after = ladder[ladder.index("switch_skill") + 1 :] if "switch_skill" in ladder else ()
+        if any(action in SPENDING for action in after):
+            raise ContractInvalid(
+                f"The ladder of {failure} spends after a switch", where=where, do="put switch_skill just before human"
+            )

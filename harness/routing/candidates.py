@@ -1,0 +1,50 @@
+"""Pure: who could serve a node, best first. Two steps in sight: the hard filter, then the score."""
+
+from collections.abc import Sequence
+
+from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.configuration import RoutingPreferences
+from harness.contracts.proposals import Candidate, CandidateSet
+from harness.routing.filter import refusal
+from harness.routing.need import Need
+from harness.routing.score import dearest, terms, total
+
+
+def candidates(need: Need, *, cards: Sequence[CapabilityCard], preferences: RoutingPreferences) -> CandidateSet:
+    """Every provider looked at (R66): those that passed, best first, then the refused ones by id.
+
+    Ties go to the lower estimated risk, then to the provider id (D23). `chosen` is none if all were refused. Being
+    chosen authorises nothing: preconditions and leases are tested again at dispatch (R63).
+    """
+    verdicts = {card.provider_id: refusal(card, need) for card in cards}
+    passed = [card for card in cards if not verdicts[card.provider_id][0]]
+    highest = dearest(passed)
+    weighed = {card.provider_id: terms(card, need, preferences=preferences, dearest=highest) for card in passed}
+    scores = {provider_id: total(weighted) for provider_id, weighted in weighed.items()}
+    ranked = sorted(passed, key=lambda card: (-scores[card.provider_id], card.estimates.risk, card.provider_id))
+    refused = sorted((card for card in cards if card not in passed), key=lambda card: card.provider_id)
+    return CandidateSet(
+        node_id=need.node_id,
+        k=need.k,
+        candidates=(
+            *(
+                Candidate(
+                    provider_id=card.provider_id,
+                    version=card.version,
+                    score=scores[card.provider_id],
+                    terms=weighed[card.provider_id],
+                )
+                for card in ranked
+            ),
+            *(
+                Candidate(
+                    provider_id=card.provider_id,
+                    version=card.version,
+                    refused_by=verdicts[card.provider_id][0],
+                    reason=verdicts[card.provider_id][1],
+                )
+                for card in refused
+            ),
+        ),
+        chosen=ranked[0].provider_id if ranked else None,
+    )

@@ -1,0 +1,211 @@
+"""The face of the building: submit commands, read states, observations, records and blobs.
+
+Persons and the supervisor enter here; every change goes on to the gate, which alone appends.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from threading import Lock
+
+
+from harness.contracts.commands import CreateMission, MissionCommand, PersonCommand
+from harness.contracts.configuration import Configuration
+from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.errors import UnknownName
+from harness.contracts.events import Actor, AnyEvent, Autonomy
+from harness.contracts.ids import (
+    Digest,
+    HandoffId,
+    MissionId,
+    ResourceId,
+    RobotId,
+    StreamId,
+    handoff_stream,
+    lease_stream,
+    mission_stream,
+)
+from harness.contracts.observations import AnySample
+from harness.contracts.places import Site
+from harness.contracts.ports import BlobStore, EventStore, Head, Ids, Record, Signals, StoredEvent
+from harness.contracts.protocol import InvocationReport, RobotStatus
+from harness.contracts.values import Value
+from harness.gate.commit import Gate, Request
+from harness.planning.compile import compile_contract
+from harness.planning.templates import by_name, select
+from harness.projections.handoffs import Handoff
+from harness.projections.leases import Lease
+from harness.projections.mission import Mission
+
+
+class Live(Value):
+    """What is observed of a running mission and not stored as an event: progress, condition, latest samples."""
+
+    mission_id: MissionId
+    at_s: float
+    report: InvocationReport | None = None
+    status: RobotStatus | None = None
+    samples: tuple[AnySample, ...] = ()
+
+
+@dataclass(frozen=True)
+class Start:
+    """What a person asks for when starting a mission: a template by name, or a goal that one matches."""
+
+    actor: Actor
+    robot_id: RobotId
+    template: str = ""
+    goal: str = ""
+    arguments: dict[str, str | float] | None = None
+    seed: int = 0
+    autonomy: Autonomy = "autonomous"
+    labels: dict[str, str] | None = None
+    replay: bool = False
+
+
+class Runtime:
+    """Reads are folds of the log; writes are requests to the gate."""
+
+    def __init__(
+        self,
+        *,
+        gate: Gate,
+        store: EventStore,
+        blobs: BlobStore,
+        ids: Ids,
+        signals: Signals,
+        configuration: Configuration,
+        site: Site,
+    ) -> None:
+        self._gate = gate
+        self._store = store
+        self._blobs = blobs
+        self._ids = ids
+        self._signals = signals
+        self.configuration = configuration
+        self.site = site
+        self._live: dict[MissionId, Live] = {}
+        self._live_lock = Lock()
+        self._desk: Callable[[PersonCommand], Decision[AnyEvent]] | None = None
+
+    # commands -------------------------------------------------------------------------------------------------------
+
+    def start(self, start: Start, *, site: Site | None = None) -> Accepted[AnyEvent] | Refused:
+        """Compile the goal to a contract and create the mission; the first event names it.
+
+        Raises UnknownName (template, place) or ContractInvalid; nothing is written then.
+        """
+        templates = self.configuration.templates
+        template = by_name(start.template, templates) if start.template else select(start.goal, templates)
+        contract = compile_contract(
+            goal=start.goal or template.goal, template=template, arguments=start.arguments or {}, site=site or self.site
+        )
+        mission_id = self._ids.mission()
+        create = CreateMission(
+            mission_id=mission_id,
+            robot_id=start.robot_id,
+            goal=contract.goal.text,
+            template=template.name,
+            requested_by=start.actor,
+            configuration=self.configuration.configuration_id,
+            contract=contract,
+            policy=self.configuration.recovery,
+            seed=start.seed,
+            labels=start.labels or {},
+            autonomy=start.autonomy,
+            replay=start.replay,
+        )
+        return self.commit([Request(mission_stream(mission_id), create)])
+
+    def submit(
+        self, mission_id: MissionId, command: MissionCommand, *, records: Sequence[Record] = ()
+    ) -> Accepted[AnyEvent] | Refused:
+        """One command for one mission. Raises UnknownName for a mission that does not exist."""
+        self.mission(mission_id)
+        return self.commit([Request(mission_stream(mission_id), command)], records=records)
+
+    def answer(self, command: PersonCommand) -> Decision[AnyEvent]:
+        """A person's word at a handoff, taken by the desk that can observe the robot again before it counts."""
+        if self._desk is None:
+            return Refused("no_supervisor", "No supervisor runs on this data folder, so nothing can be observed.")
+        return self._desk(command)
+
+    def open_desk(self, desk: Callable[[PersonCommand], Decision[AnyEvent]]) -> None:
+        self._desk = desk
+
+    def commit(self, requests: Sequence[Request], *, records: Sequence[Record] = ()) -> Accepted[AnyEvent] | Refused:
+        """All requests or none, then wake whoever watches."""
+        decision = self._gate.commit(requests, records=records)
+        if isinstance(decision, Accepted) and decision.events:
+            for request in requests:
+                self._signals.changed(request.stream)
+        return decision
+
+    # states ---------------------------------------------------------------------------------------------------------
+
+    def mission(self, mission_id: MissionId) -> Mission:
+        mission: Mission = self._gate.state(mission_stream(mission_id))
+        if not mission.version:
+            raise UnknownName(f"There is no mission {mission_id}", do="list them with `regen mission list`")
+        return mission
+
+    def missions(self) -> list[Mission]:
+        """All missions, newest first."""
+        return [self._gate.state(stream) for stream in reversed(self._store.streams("mission/"))]
+
+    def handoff(self, handoff_id: HandoffId) -> Handoff:
+        handoff: Handoff = self._gate.state(handoff_stream(handoff_id))
+        if not handoff.version:
+            raise UnknownName(f"There is no handoff {handoff_id}", do="list them with `regen handoff list`")
+        return handoff
+
+    def handoffs(self) -> list[Handoff]:
+        """All handoffs, newest first."""
+        return [self._gate.state(stream) for stream in reversed(self._store.streams("handoff/"))]
+
+    def lease(self, resource: ResourceId) -> Lease:
+        lease: Lease = self._gate.state(lease_stream(resource))
+        return lease
+
+    # history and evidence -------------------------------------------------------------------------------------------
+
+    def events(self, mission_id: MissionId, after: int = 0) -> list[StoredEvent]:
+        return self._store.load(mission_stream(mission_id), after)
+
+    def log(self, after: int = 0, limit: int = 1000) -> list[StoredEvent]:
+        return self._store.read(after, limit)
+
+    def streams(self, prefix: str) -> list[StreamId]:
+        return self._store.streams(prefix)
+
+    def head(self) -> Head:
+        return self._store.head()
+
+    def verify(self) -> Head:
+        return self._store.verify()
+
+    def record(self, digest: Digest) -> Record:
+        return self._store.record(digest)
+
+    def blob(self, digest: Digest) -> bytes:
+        """Bytes that match their digest; raises BlobDamaged."""
+        return self._blobs.get(digest)
+
+    def keep(self, body: bytes) -> Digest:
+        return self._blobs.put(body)
+
+    def has_blob(self, digest: Digest) -> bool:
+        return self._blobs.has(digest)
+
+    # observations ---------------------------------------------------------------------------------------------------
+
+    def publish(self, live: Live) -> None:
+        """Replace what is observed of a mission now; nothing durable."""
+        with self._live_lock:
+            self._live[live.mission_id] = live
+        self._signals.changed(f"live/{live.mission_id}")
+
+    def observations(self, mission_id: MissionId) -> Live | None:
+        with self._live_lock:
+            return self._live.get(mission_id)
+
+

@@ -1,0 +1,20 @@
+"""Settings of the runtime, read once and passed down. Nothing else reads the environment."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+
+class HarnessSettings(BaseSettings):
+    """From `REGEN_*` variables or by constructor. `speed` is mission seconds per second; 0 is as fast as possible."""
+
+    model_config = SettingsConfigDict(env_prefix="REGEN_", frozen=True, extra="ignore")
+
+    data: Path = Path("var")
+    speed: Annotated[float, Field(ge=0, le=100)] = 4.0
+    seed: Annotated[int, Field(ge=0)] = 1
+    fidelity: Literal["mujoco", "kinematic"] = "mujoco"
+    robot_id: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]{0,30}$")] = "vbot-1"
+    failpoint: str = ""

@@ -1,0 +1,204 @@
+"""The agent loop in the paper's order, as a step: C1, C2, dispatch and poll, C3, gate, C4, then the goal (R53).
+
+`step()` does what is due now and says when to come back, in mission time; it sleeps nowhere, so that virtual time
+needs no event loop. None means that nothing will change until a person speaks or the mission is over.
+"""
+
+from harness.contexts.verifier import goal_context
+from harness.contracts.commands import AcknowledgeStop, ActivateMission, EndMission, JudgeGoal, ReportFailure
+from harness.contracts.contexts import Context
+from harness.contracts.decisions import Refused
+from harness.contracts.errors import ContextOverflow, ContractInvalid
+from harness.contracts.ids import MissionId, NodeId
+from harness.projections.mission import Mission, NodeState, all_required_committed, eligible, failed
+from harness.runtime import Live, Runtime
+from harness.supervisor.attend import POLL_S, Attendant
+from harness.supervisor.crew import Crew
+from harness.supervisor.desk import Desk
+from harness.supervisor.dispatch import Attempt, Dispatcher
+from harness.supervisor.leases import expired
+from harness.supervisor.recover import Recovery
+from harness.supervisor.rest import at_rest
+from harness.supervisor.roles import Roles, context_record
+from harness.supervisor.senses import Senses
+from harness.verification.verdict import verify_goal
+
+STATIC_WITHIN_S = 10.0
+RELOOK_S = 3.0
+
+
+class AgentLoop:
+    """One mission on one robot."""
+
+    def __init__(self, *, runtime: Runtime, crew: Crew, mission_id: MissionId) -> None:
+        self.mission_id = mission_id
+        self._runtime = runtime
+        self._crew = crew
+        self._senses = Senses(runtime=runtime, crew=crew)
+        self._roles = Roles(runtime=runtime, crew=crew, senses=self._senses)
+        self._dispatcher = Dispatcher(self._roles)
+        self.desk = Desk(self._roles, self._dispatcher)
+        self._attendant = Attendant(self._roles)
+        self._recovery = Recovery(self._roles, dispatcher=self._dispatcher, desk=self.desk)
+        self._prepared = False
+        self._stopping_since: float | None = None
+        self._relook_s: float | None = None
+
+    def step(self) -> float | None:
+        """Do what is due. Returns the next wake time in mission seconds, or None."""
+        mission = self._runtime.mission(self.mission_id)
+        if mission.ended:
+            return None
+        if not self._prepared:
+            self._crew.prepare(mission)
+            self._prepared = True
+        open_invocation = mission.invocation
+        self._senses.collect(open_invocation.intent.invocation_id if open_invocation else None)
+        self._watch_leases()
+        now_s = self._crew.clock.now().mission_s
+        match mission.status:
+            case "draft" | "compiled" | "awaiting_approval":
+                self._runtime.submit(mission.mission_id, ActivateMission())
+                return now_s + POLL_S
+            case "stopping":
+                return self._stopping(mission, now_s)
+            case "paused":
+                return self._paused(mission, now_s)
+            case "awaiting_human":
+                return self._waiting(mission, now_s)
+            case _:
+                return self._working(mission, now_s)
+
+    def _working(self, mission: Mission, now_s: float) -> float | None:
+        failing = next((node.failure for node in mission.nodes.values() if node.failure), None)
+        invocation = mission.invocation
+        if failing is not None and (invocation is None or not invocation.stop_requested):
+            return self._recovery.answer(mission, failing)
+        if invocation is not None:
+            return self._attendant.attend(mission, invocation)
+        self._publish(mission)
+        return self._advance(mission, now_s)
+
+    def _advance(self, mission: Mission, now_s: float) -> float | None:
+        waiting = next((n for n in mission.nodes.values() if n.status == "recovering" and n.wait_until_s), None)
+        if waiting is not None:
+            return self._waited(mission, waiting, now_s)
+        if eligible(mission):
+            return self._dispatch(mission, now_s)
+        if all_required_committed(mission):
+            return self._judge(mission, now_s)
+        if failed(mission):
+            self._recovery.give_up(mission)
+            return None
+        self._runtime.submit(mission.mission_id, EndMission(status="failed", reason="No stage can go on."))
+        return None
+
+    def _dispatch(self, mission: Mission, now_s: float) -> float:
+        """C1 plans; preconditions are tested again; the dispatcher routes, compiles C2 and records the intent."""
+        node_id, c1, reason = self._dispatcher.next_node(mission)
+        if node_id is None:
+            return now_s + POLL_S
+        blocked = self._dispatcher.blocked(mission, node_id)
+        if blocked is not None:
+            self._dispatcher.refuse(mission, node_id, blocked)
+            return now_s
+        return self._first_attempt(mission, node_id, now_s=now_s, c1=(c1, reason))
+
+    def _first_attempt(self, mission: Mission, node_id: NodeId, *, now_s: float, c1: tuple[Context, str] | None) -> float:
+        try:
+            context, reason = c1 if c1 else (None, "")
+            decision = self._dispatcher.dispatch(mission, Attempt(node_id=node_id), c1=context, reason=reason)
+        except (ContextOverflow, ContractInvalid) as error:
+            self._report(mission, node_id, str(error), now_s)
+            return now_s
+        if isinstance(decision, Refused) and mission.of(node_id).failure is None:
+            current = self._runtime.mission(self.mission_id)
+            if current.of(node_id).failure is None:
+                self._report(current, node_id, decision.message, now_s)
+        return now_s
+
+    def _report(self, mission: Mission, node_id: NodeId, reason: str, now_s: float) -> None:
+        failure = ReportFailure(
+            node_id=node_id, invocation_id=None, failure="precondition_unmet", reason=reason, at_s=now_s
+        )
+        self._runtime.submit(mission.mission_id, failure)
+
+    def _waited(self, mission: Mission, node: NodeState, now_s: float) -> float:
+        """A free rung: what is waited for is tried until the wait is over; then the next rung."""
+        blocked = self._dispatcher.blocked(mission, node.node_id)
+        if blocked is None and node.attempt == 0:
+            return self._first_attempt(mission, node.node_id, now_s=now_s, c1=None)
+        if node.wait_until_s is not None and now_s < node.wait_until_s and blocked is not None:
+            return now_s + POLL_S
+        last = node.failures[-1]
+        again = ReportFailure(
+            node_id=node.node_id,
+            invocation_id=None,
+            failure=last.failure,
+            reason=f"waiting did not help: {blocked.reason if blocked else last.reason}",
+            at_s=now_s,
+        )
+        self._runtime.submit(mission.mission_id, again)
+        return now_s
+
+    def _judge(self, mission: Mission, now_s: float) -> float | None:
+        """The original completion conditions, on what was committed and what is seen now (R118)."""
+        if mission.relooks:
+            self._relook_s = self._relook_s or now_s + RELOOK_S
+            if now_s < self._relook_s:
+                return min(now_s + POLL_S, self._relook_s)
+        context = goal_context(self._roles.view(mission))
+        verdict = verify_goal(context, self._runtime.blob)
+        self._runtime.submit(mission.mission_id, JudgeGoal(verdict=verdict), records=(context_record(context),))
+        return now_s
+
+    def _stopping(self, mission: Mission, now_s: float) -> float | None:
+        """STOPPING until the provider acknowledged and the body is static by a source outside the localiser."""
+        self._publish(mission)
+        if mission.handoff_id is not None:
+            self.desk.supersede(mission, "the mission was stopped")
+            return now_s
+        invocation = mission.invocation
+        if invocation is not None and invocation.status != "outcome_unknown":
+            if not invocation.stop_requested:
+                self._attendant.stop(mission, invocation, reason=f"stop: {mission.reason}")
+                return now_s
+            return self._attendant.attend(mission, invocation)
+        self._stopping_since = self._stopping_since if self._stopping_since is not None else now_s
+        rest = at_rest(self._senses.recent, now_s)
+        if not rest.static and now_s < self._stopping_since + STATIC_WITHIN_S:
+            return now_s + POLL_S
+        done = AcknowledgeStop(static=rest.static, measured=rest.measured, reason=rest.reason or "at rest by odometry")
+        self._runtime.submit(mission.mission_id, done)
+        return None
+
+    def _paused(self, mission: Mission, now_s: float) -> float | None:
+        invocation = mission.invocation
+        if invocation is None:
+            return None if not self._crew.waits_for_people else now_s + POLL_S
+        if not invocation.stop_requested:
+            self._attendant.stop(mission, invocation, reason=f"pause: {mission.reason}")
+            return now_s
+        return self._attendant.attend(mission, invocation)
+
+    def _waiting(self, mission: Mission, now_s: float) -> float | None:
+        """A person is asked. At speed 0 nothing waits for people (D7)."""
+        if mission.handoff_id is not None:
+            self.desk.expire(mission, self._runtime.handoff(mission.handoff_id))
+        self._publish(mission)
+        return now_s + POLL_S if self._crew.waits_for_people else None
+
+    def _watch_leases(self) -> None:
+        resources = tuple(dict.fromkeys(r for card in self._crew.cards for r in card.resources))
+        late = expired(self._runtime, resources, now_s=self._crew.clock.now().mission_s)
+        if late:
+            self._runtime.commit(late)
+
+    def _publish(self, mission: Mission) -> None:
+        live = Live(
+            mission_id=mission.mission_id,
+            at_s=self._crew.clock.now().mission_s,
+            status=self._senses.status,
+            samples=self._senses.recent,
+        )
+        self._runtime.publish(live)

@@ -1,0 +1,232 @@
+"""Watches the open invocation: starts it, keeps it alive, stops it, and turns its end into a packet and a verdict."""
+
+from harness.contexts.verifier import verifier_context
+from harness.contracts.commands import (
+    AcceptInvocation,
+    CompleteNode,
+    EndInvocation,
+    MarkDispatched,
+    RecordEffect,
+    ReportFailure,
+    ResumeInvocation,
+    StopInvocation,
+)
+from harness.contracts.decisions import Accepted
+from harness.contracts.errors import ProviderFailed, ProviderUnreachable
+from harness.contracts.events import DispatchIntended, NodeCommitted
+from harness.contracts.ids import InvocationId, handoff_stream, mission_stream
+from harness.contracts.protocol import TERMINAL, Identity, InvocationReport, StartRequest
+from harness.gate.commit import Request
+from harness.projections.mission import Invocation, Mission
+from harness.runtime import Live
+from harness.supervisor.leases import give_back
+from harness.supervisor.packets import build_packet
+from harness.supervisor.rest import at_rest
+from harness.supervisor.roles import Roles, context_record
+from harness.verification.verdict import verify
+
+POLL_S = 0.5
+SETTLE_S = 1.6
+"""How long the body is watched after a terminal report before its packet is sealed."""
+UNREACHABLE_S = 20.0
+ACKNOWLEDGE_S = 5.0
+
+
+class Attendant:
+    """One invocation at a time. Handles live in memory; the request id finds them again after a crash (D13)."""
+
+    def __init__(self, roles: Roles) -> None:
+        self._roles = roles
+        self._runtime = roles.runtime
+        self._crew = roles.crew
+        self._handles: dict[InvocationId, str] = {}
+        self._silent_since: float | None = None
+        self._stopping_since: float | None = None
+        self._resumed = False
+
+    def attend(self, mission: Mission, invocation: Invocation) -> float:
+        """One look at the invocation; returns when to look again, in mission time."""
+        now_s = self._crew.clock.now().mission_s
+        try:
+            report = self._report(mission, invocation)
+        except ProviderUnreachable as error:
+            return self._silence(mission, invocation, now_s, str(error))
+        except ProviderFailed as error:
+            self._abandon(mission, invocation, failure="provider_unavailable", reason=str(error))
+            return now_s
+        self._silent_since = None
+        self._publish(mission, report)
+        if report.status in TERMINAL:
+            return self._finish(mission, invocation, report, now_s)
+        return self._supervise(mission, invocation, report, now_s)
+
+    def _report(self, mission: Mission, invocation: Invocation) -> InvocationReport:
+        """The provider's word; reattach by handle, else by request id, else send the same request (D13)."""
+        intent = invocation.intent
+        provider = self._crew.provider(intent.provider_id)
+        handle = self._handles.get(intent.invocation_id) or invocation.handle
+        if handle is not None:
+            return provider.report(handle)
+        if provider.card.reattach == "none" and invocation.status != "accepted":
+            raise ProviderUnreachable(f"{intent.provider_id} cannot be asked for {intent.request_id}")
+        known = provider.find(intent.request_id) if provider.card.reattach == "by_request" else None
+        if known is not None:
+            self._roles.senses.catch_up(self._crew.spool.samples(intent.invocation_id))
+        report = known or provider.start(_request(mission, intent))
+        self._accepted(mission, intent, report)
+        return report
+
+    def _accepted(self, mission: Mission, intent: DispatchIntended, report: InvocationReport) -> None:
+        self._handles[intent.invocation_id] = report.handle
+        self._resumed = False
+        self._stopping_since = None
+        provider = self._crew.provider(intent.provider_id)
+        if provider.card.reattach == "by_handle":
+            self._runtime.submit(
+                mission.mission_id, AcceptInvocation(invocation_id=intent.invocation_id, handle=report.handle)
+            )
+        if intent.handoff_id is not None:
+            self._runtime.commit(
+                [Request(handoff_stream(intent.handoff_id), MarkDispatched(invocation_id=intent.invocation_id))]
+            )
+
+    def _supervise(self, mission: Mission, invocation: Invocation, report: InvocationReport, now_s: float) -> float:
+        intent = invocation.intent
+        provider = self._crew.provider(intent.provider_id)
+        if invocation.stop_requested:
+            if self._stopping_since is None:
+                self._stopping_since = now_s
+                provider.stop(report.handle)
+            elif now_s > self._stopping_since + provider.card.cancel.within_s + ACKNOWLEDGE_S:
+                self._abandon(mission, invocation, failure="cancel_unacknowledged", reason="the stop was not acknowledged")
+                return now_s
+        elif now_s > intent.deadline_s:
+            self._late(mission, invocation, now_s)
+        elif report.status == "blocked" and not report.failure:
+            self._reawaken(mission, invocation, report)
+        if intent.moves:
+            provider.keepalive(report.handle)
+        return now_s + POLL_S
+
+    def _late(self, mission: Mission, invocation: Invocation, now_s: float) -> None:
+        """The deadline passed: a timeout is a failure of its own; C4's first rung is to stop."""
+        if mission.of(invocation.intent.node_id).failure is None:
+            late = ReportFailure(
+                node_id=invocation.intent.node_id,
+                invocation_id=invocation.intent.invocation_id,
+                failure="timeout",
+                reason=f"the deadline passed {now_s - invocation.intent.deadline_s:.1f} s ago",
+                at_s=now_s,
+            )
+            self._runtime.submit(mission.mission_id, late)
+
+    def _reawaken(self, mission: Mission, invocation: Invocation, report: InvocationReport) -> None:
+        """The dead man stood the robot still while nobody watched: go on where the card allows, else stop (D12)."""
+        intent = invocation.intent
+        provider = self._crew.provider(intent.provider_id)
+        if provider.card.resumable and not self._resumed:
+            self._runtime.submit(mission.mission_id, ResumeInvocation(invocation_id=intent.invocation_id))
+            provider.resume(report.handle)
+            self._resumed = True
+        elif not provider.card.resumable:
+            self.stop(mission, invocation, reason="the supervisor was away and the provider cannot resume")
+
+    def stop(self, mission: Mission, invocation: Invocation, *, reason: str) -> None:
+        """Ask for a stop; the invocation stays open until the provider acknowledges it."""
+        self._runtime.submit(
+            mission.mission_id, StopInvocation(invocation_id=invocation.intent.invocation_id, reason=reason)
+        )
+
+    def _finish(self, mission: Mission, invocation: Invocation, report: InvocationReport, now_s: float) -> float:
+        """Seal the evidence once the body was watched long enough, judge it, and let the gate decide: one commit."""
+        intent = invocation.intent
+        watched = intent.moves or intent.verify_only
+        if watched and now_s < report.at_s + SETTLE_S:
+            return min(now_s + POLL_S, report.at_s + SETTLE_S)
+        samples = self._crew.spool.samples(intent.invocation_id)
+        packet = build_packet(
+            mission, invocation, report=report, samples=samples, senses=self._roles.senses, collected_s=now_s
+        )
+        card = self._crew.provider(intent.provider_id).card
+        c3 = verifier_context(self._roles.view(mission), packet, card)
+        verdict = verify(c3, self._runtime.blob)
+        rest = at_rest(self._roles.senses.recent, now_s)
+        requests = [
+            Request(mission_stream(mission.mission_id), CompleteNode(packet=packet, verdict=verdict)),
+            *give_back(self._runtime, intent, at_rest=rest.static, reason=f"{report.status}; {rest.reason or 'at rest'}"),
+        ]
+        decision = self._runtime.commit(requests, records=[context_record(c3)])
+        if isinstance(decision, Accepted):
+            committed = any(isinstance(event, NodeCommitted) for event in decision.events)
+            self._close(intent, confirmed=committed)
+        return now_s
+
+    def _close(self, intent: DispatchIntended, *, confirmed: bool) -> None:
+        self._crew.spool.drop(intent.invocation_id)
+        self._handles.pop(intent.invocation_id, None)
+        self._stopping_since = None
+        if intent.handoff_id is not None:
+            effect = RecordEffect(
+                outcome="confirmed" if confirmed else "failed",
+                reason="the gate accepted the result" if confirmed else "the gate did not accept the result",
+            )
+            self._runtime.commit([Request(handoff_stream(intent.handoff_id), effect)])
+
+    def _silence(self, mission: Mission, invocation: Invocation, now_s: float, reason: str) -> float:
+        """No answer: ask again for a while; then the outcome is unknown and the resource is quarantined."""
+        self._silent_since = self._silent_since if self._silent_since is not None else now_s
+        if now_s - self._silent_since > UNREACHABLE_S and invocation.status != "outcome_unknown":
+            self._abandon(mission, invocation, failure="outcome_unknown", reason=reason)
+        return now_s + POLL_S
+
+    def _abandon(self, mission: Mission, invocation: Invocation, *, failure: str, reason: str) -> None:
+        """End without a packet; a body that may move keeps its lease in quarantine."""
+        intent = invocation.intent
+        unknown = failure == "outcome_unknown"
+        rest = at_rest(self._roles.senses.recent, self._crew.clock.now().mission_s)
+        ended = EndInvocation(
+            invocation_id=intent.invocation_id,
+            status="outcome_unknown" if unknown else "stopping" if failure == "cancel_unacknowledged" else "failed",
+            failure=failure,
+            reason=reason,
+            at_s=self._crew.clock.now().mission_s,
+        )
+        settled = rest.static and failure == "provider_unavailable"
+        self._runtime.commit(
+            [
+                Request(mission_stream(mission.mission_id), ended),
+                *give_back(self._runtime, intent, at_rest=settled, reason=reason),
+            ]
+        )
+        self._close(intent, confirmed=False)
+
+    def _publish(self, mission: Mission, report: InvocationReport) -> None:
+        live = Live(
+            mission_id=mission.mission_id,
+            at_s=self._crew.clock.now().mission_s,
+            report=report,
+            status=self._roles.senses.status,
+            samples=self._roles.senses.recent,
+        )
+        self._runtime.publish(live)
+
+
+def _request(mission: Mission, intent: DispatchIntended) -> StartRequest:
+    identity = Identity(
+        mission_id=mission.mission_id,
+        node_id=intent.node_id,
+        attempt=intent.attempt,
+        request_id=intent.request_id,
+        provider_id=intent.provider_id,
+    )
+    return StartRequest(
+        identity=identity,
+        capability=intent.capability,
+        parameters=intent.parameters,
+        k_ctx=intent.k_ctx,
+        configuration=mission.configuration,
+        deadline_s=intent.deadline_s,
+        fencing=intent.resources,
+        blobs=intent.blobs,
+    )
+

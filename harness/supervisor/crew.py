@@ -1,0 +1,36 @@
+"""A robot and everything that can act for a mission on it: whom the supervisor may call, and with which clock."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.errors import UnknownName
+from harness.contracts.ids import ProviderId, RobotId
+from harness.contracts.ports import Clock, Ids, Provider, Robot, Spool
+from harness.projections.mission import Mission
+
+
+@dataclass(frozen=True)
+class Crew:
+    """`prepare` tells a simulated world which mission begins; a real robot ignores it."""
+
+    robot_id: RobotId
+    robot: Robot
+    providers: Mapping[ProviderId, Provider]
+    clock: Clock
+    ids: Ids
+    spool: Spool
+    prepare: Callable[[Mission], None]
+    embodiment: str = "quadruped"
+    waits_for_people: bool = True
+
+    def provider(self, provider_id: ProviderId) -> Provider:
+        """Raises UnknownName for a provider that is no longer there."""
+        try:
+            return self.providers[provider_id]
+        except KeyError:
+            raise UnknownName(f"No provider {provider_id}", do=f"there are {', '.join(self.providers)}") from None
+
+    @property
+    def cards(self) -> tuple[CapabilityCard, ...]:
+        return tuple(provider.card for provider in self.providers.values())

@@ -1,0 +1,258 @@
+"""The only way to start a provider: plan, route, compile C2, record intent with leases, then send (R78, R79)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from msgspec.structs import replace
+
+from harness.contexts.planner import planner_context
+from harness.contexts.skill import skill_context
+from harness.contexts.view import StateView
+from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.commands import ApproveHandoff, AuthoriseDispatch, RefusePrecondition, ReportFailure
+from harness.contracts.configuration import FailureClass
+from harness.contracts.contexts import Context
+from harness.contracts.decisions import Accepted, Refused
+from harness.contracts.events import AnyEvent, DispatchIntended, NodePlanned
+from harness.contracts.evidence import EvidenceReference
+from harness.contracts.ids import (
+    HandoffId,
+    NodeId,
+    ProviderId,
+    handoff_stream,
+    invocation_id,
+    mission_stream,
+    request_id,
+)
+from harness.contracts.ports import Record
+from harness.contracts.proposals import CandidateSet, RecoveryProposal, Signature, SkillProposal
+from harness.contracts.tasks import Node
+from harness.contracts.values import digest
+from harness.gate.commit import Request
+from harness.gate.dispatch import spend
+from harness.planning.planner import plan
+from harness.planning.skill import propose_skill
+from harness.projections.mission import Mission, apply, required_contract
+from harness.recovery.standing import OBSERVING
+from harness.routing.candidates import candidates
+from harness.routing.need import Need
+from harness.supervisor.leases import acquire, tokens
+from harness.supervisor.roles import Roles, context_record, record
+from harness.verification.preconditions import verify_preconditions
+
+OBSERVING_TIMEOUT_S = 30.0
+
+
+@dataclass(frozen=True)
+class Approval:
+    """A person's approval that pays for one dispatch in the same transaction (D28)."""
+
+    handoff_id: HandoffId
+    command: ApproveHandoff
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One wish to dispatch a node: the first attempt, or a recovery step that C4 proposed."""
+
+    node_id: NodeId
+    recovery: RecoveryProposal | None = None
+    c4: Context | None = None
+    approval: Approval | None = None
+
+    @property
+    def verify_only(self) -> bool:
+        return self.recovery is not None and self.recovery.action in OBSERVING
+
+
+@dataclass(frozen=True)
+class Blocked:
+    """A precondition that does not hold now."""
+
+    name: str
+    reason: str
+
+
+class Dispatcher:
+    """Builds intents and hands them to the gate; nothing is sent before the intent is durable."""
+
+    def __init__(self, roles: Roles) -> None:
+        self._roles = roles
+        self._runtime = roles.runtime
+        self._crew = roles.crew
+
+    def next_node(self, mission: Mission) -> tuple[NodeId | None, Context, str]:
+        """C1's choice among the eligible nodes, with the context it was made from."""
+        c1 = planner_context(self._roles.view(mission))
+        proposal = plan(c1)
+        return proposal.node_id, c1, proposal.reason
+
+    def blocked(self, mission: Mission, node_id: NodeId) -> Blocked | None:
+        """The first precondition that does not hold now, tested again at every dispatch (R18)."""
+        view = self._roles.view(mission)
+        node = required_contract(mission).node(node_id)
+        results = verify_preconditions(
+            node, status=view.status, recent=view.recent, facts=mission.facts, at_s=view.at_s, rules=view.rules
+        )
+        broken = next((result for result in results if result.verdict != "satisfied"), None)
+        return Blocked(broken.condition_id, f"{broken.text}: {broken.reason}") if broken else None
+
+    def refuse(self, mission: Mission, node_id: NodeId, blocked: Blocked) -> None:
+        self._runtime.submit(
+            mission.mission_id,
+            RefusePrecondition(
+                node_id=node_id,
+                precondition=blocked.name,
+                reason=blocked.reason,
+                at_s=self._crew.clock.now().mission_s,
+            ),
+        )
+
+    def dispatch(
+        self, mission: Mission, attempt: Attempt, *, c1: Context | None = None, reason: str = ""
+    ) -> Accepted[AnyEvent] | Refused:
+        """Route, compile C2 and commit the intent with its leases. Refused leaves nothing behind but a failure."""
+        view = self._roles.view(self._ahead(mission, attempt))
+        chosen = self._route(view, attempt)
+        if chosen.chosen is None:
+            why = "; ".join(f"{c.provider_id}: {c.refused_by}, {c.reason}" for c in chosen.candidates)
+            return self._fail(mission, attempt, "provider_unavailable", f"Nobody can serve {attempt.node_id}. {why}")
+        card = self._crew.provider(chosen.chosen).card
+        c2 = skill_context(view, attempt.node_id, card)
+        skill = propose_skill(c2)
+        intent = self._intent(mission, attempt, card=card, skill=skill, c2=c2)
+        records = [context_record(c2), record("candidates", chosen), record("skill", skill)]
+        planned = None
+        if c1 is not None:
+            records.append(context_record(c1))
+            planned = NodePlanned(
+                node_id=attempt.node_id,
+                provider_id=chosen.chosen,
+                context=c1.digest,
+                candidates=digest(chosen),
+                reason=reason,
+            )
+        if attempt.c4 is not None:
+            records.append(context_record(attempt.c4))
+        decision = self._commit(mission, attempt, intent=intent, planned=planned, records=records)
+        if isinstance(decision, Refused) and decision.rule in ("lease_held", "lease_quarantined", "stale_token"):
+            return self._fail(mission, attempt, "resource_conflict", decision.message)
+        return decision
+
+    def _ahead(self, mission: Mission, attempt: Attempt) -> Mission:
+        """The state version the invocation will be bound to: after the spend that pays for it (D9)."""
+        if attempt.recovery is None or attempt.c4 is None:
+            return mission
+        node = mission.of(attempt.node_id)
+        paid = spend(node, attempt.recovery, attempt=node.attempt + 1, context=attempt.c4.digest, until_s=None)
+        return apply(mission, paid)
+
+    def _route(self, view: StateView, attempt: Attempt) -> CandidateSet:
+        mission, node = view.mission, view.node(attempt.node_id)
+        state = mission.of(attempt.node_id)
+        cards: Sequence[CapabilityCard] = self._crew.cards
+        if attempt.recovery is not None and attempt.recovery.provider_id is not None:
+            cards = [card for card in cards if card.provider_id == attempt.recovery.provider_id]
+        need = Need(
+            node=node,
+            capabilities=("observe",) if attempt.verify_only else node.capabilities,
+            parameters={} if attempt.verify_only else node.parameters,
+            embodiment=self._crew.embodiment,
+            k=mission.k,
+            at_s=view.at_s,
+            map_version=view.contract.map_version,
+            configuration=mission.configuration,
+            status=view.status,
+            minimum_charge=view.contract.constraints.minimum_charge,
+            excluded=() if attempt.verify_only else state.excluded,
+            vetoes=mission.vetoes,
+        )
+        return candidates(need, cards=cards, preferences=self._runtime.configuration.routing)
+
+    def _intent(
+        self, mission: Mission, attempt: Attempt, *, card: CapabilityCard, skill: SkillProposal, c2: Context
+    ) -> DispatchIntended:
+        node, number = required_contract(mission).node(attempt.node_id), mission.of(attempt.node_id).attempt + 1
+        request = request_id(mission.mission_id, attempt.node_id, number)
+        now_s = self._crew.clock.now().mission_s
+        timeout_s = min(node.timeout_s, OBSERVING_TIMEOUT_S) if attempt.verify_only else node.timeout_s
+        images = skill.parameters.get("images", ())
+        cites = tuple(packet.identity.packet_id for packet in mission.of(attempt.node_id).packets)
+        return DispatchIntended(
+            node_id=attempt.node_id,
+            attempt=number,
+            request_id=request,
+            invocation_id=invocation_id(request),
+            provider_id=card.provider_id,
+            provider_version=card.version,
+            capability=card.capability,
+            parameters=skill.parameters,
+            resources=tokens(self._runtime, card.resources),
+            k_ctx=mission.k,
+            deadline_s=now_s + timeout_s,
+            dispatched_s=now_s,
+            context=c2.digest,
+            before=self._before(node, attempt),
+            blobs=tuple(d for d in images if isinstance(d, str)) if isinstance(images, tuple) else (),  # type: ignore[misc]
+            verify_only=attempt.verify_only,
+            cites=cites,
+            action=attempt.recovery.action if attempt.recovery else None,
+            handoff_id=attempt.approval.handoff_id if attempt.approval else None,
+            moves=card.moves,
+        )
+
+    def _before(self, node: Node, attempt: Attempt) -> tuple[EvidenceReference, ...]:
+        """O_before: the samples of the last seconds, for nodes whose policy wants pose evidence."""
+        if attempt.verify_only or not {"pose", "odometry"} & set(node.evidence.mandatory):
+            return ()
+        reference, _ = self._roles.senses.seal(self._roles.senses.recent, source="robot")
+        return (replace(reference, kind="before"),)
+
+    def _commit(
+        self,
+        mission: Mission,
+        attempt: Attempt,
+        *,
+        intent: DispatchIntended,
+        planned: NodePlanned | None,
+        records: list[Record],
+    ) -> Accepted[AnyEvent] | Refused:
+        approval = attempt.approval
+        command = AuthoriseDispatch(
+            intent=intent,
+            planned=planned,
+            recovery=attempt.recovery,
+            signature=_signature(attempt.recovery, intent),
+            recovery_context=attempt.c4.digest if attempt.c4 else None,
+            approval=approval.handoff_id if approval else None,
+            approver=approval.command.actor if approval else None,
+            reason=approval.command.reason if approval else "",
+        )
+        requests = [Request(mission_stream(mission.mission_id), command), *acquire(mission.mission_id, intent)]
+        if approval is not None:
+            requests.insert(0, Request(handoff_stream(approval.handoff_id), approval.command))
+        return self._runtime.commit(requests, records=records)
+
+    def _fail(self, mission: Mission, attempt: Attempt, failure: FailureClass, reason: str) -> Refused:
+        if attempt.approval is None and mission.of(attempt.node_id).failure is None:
+            command = ReportFailure(
+                node_id=attempt.node_id,
+                invocation_id=None,
+                failure=failure,
+                reason=reason,
+                at_s=self._crew.clock.now().mission_s,
+            )
+            self._runtime.submit(mission.mission_id, command)
+        return Refused(failure, reason)
+
+
+def _signature(recovery: RecoveryProposal | None, intent: DispatchIntended) -> Signature | None:
+    if recovery is None:
+        return None
+    return Signature(
+        action=recovery.action,
+        provider_id=ProviderId(intent.provider_id),
+        provider_version=intent.provider_version,
+        parameters=digest(intent.parameters),
+        failure=recovery.failure,
+    )

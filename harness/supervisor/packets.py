@@ -1,0 +1,70 @@
+"""Evidence packets: built by the harness from what it measured and what the provider declared, kept apart (R93)."""
+
+from collections.abc import Sequence
+
+from msgspec.structs import replace
+
+from harness.contracts.evidence import EvidencePacket, EvidenceReference, PacketIdentity, ProposedFact
+from harness.contracts.ids import packet_id
+from harness.contracts.observations import AnySample, Image
+from harness.contracts.protocol import InvocationReport
+from harness.projections.mission import Invocation, Mission, required_contract
+from harness.supervisor.senses import Senses, image_reference
+
+
+def build_packet(
+    mission: Mission,
+    invocation: Invocation,
+    *,
+    report: InvocationReport,
+    samples: Sequence[AnySample],
+    senses: Senses,
+    collected_s: float,
+) -> EvidencePacket:
+    """Z = (I, k_ctx, O_before, O_after, P, proposed facts). The identity is the provider's own echo, not ours."""
+    intent = invocation.intent
+    estimates: tuple[EvidenceReference, ...] = ()
+    after: tuple[EvidenceReference, ...] = ()
+    if samples:
+        trajectory, _ = senses.seal(samples, source="robot")
+        tail, _ = senses.seal([s for s in samples if s.at_s >= report.at_s - 1.0], source="robot")
+        estimates, after = (trajectory,), (replace(tail, kind="after"),)
+    images = tuple(image_reference(sample) for sample in samples if isinstance(sample, Image))
+    node = required_contract(mission).node(intent.node_id)
+    return EvidencePacket(
+        identity=PacketIdentity(
+            mission_id=report.identity.mission_id,
+            node_id=report.identity.node_id,
+            attempt=report.identity.attempt,
+            request_id=report.identity.request_id,
+            invocation_id=intent.invocation_id,
+            packet_id=packet_id(intent.invocation_id),
+            provider_id=report.identity.provider_id,
+            provider_version=intent.provider_version,
+        ),
+        k_ctx=intent.k_ctx,
+        configuration=mission.configuration,
+        dispatched_s=intent.dispatched_s,
+        terminal_s=report.at_s,
+        collected_s=collected_s,
+        terminal=report.status,
+        failure=_failure_word(invocation, report),
+        declared=report.declared,
+        before=intent.before,
+        after=(*images, *after),
+        estimates=estimates,
+        proposed=tuple(
+            ProposedFact(name=condition.effect.predicate, arguments=dict(report.declared))
+            for condition in node.success_conditions
+        ),
+        receipts=report.receipts,
+        cites=intent.cites,
+        verify_only=intent.verify_only,
+    )
+
+
+def _failure_word(invocation: Invocation, report: InvocationReport) -> str:
+    """A stop that the supervisor asked for because of a deadline is a timeout, whatever the provider calls it."""
+    if report.status == "cancelled" and invocation.stop_requested.startswith("timeout"):
+        return "timeout"
+    return report.failure

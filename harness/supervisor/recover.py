@@ -1,0 +1,113 @@
+"""C4 carried out: one rung per failure. The ladder proposes, the gate authorises, the dispatcher acts (R134)."""
+
+from harness.contexts.recovery import recovery_context
+from harness.contracts.commands import AuthoriseWait, EndMission, FailNode, StopInvocation
+from harness.contracts.contexts import Context
+from harness.contracts.decisions import Refused
+from harness.contracts.ids import NodeId, ResourceId
+from harness.contracts.proposals import RecoveryProposal
+from harness.projections.mission import Failure, Mission, required_contract, required_policy
+from harness.recovery.ladder import exhausted, recover
+from harness.supervisor.attend import POLL_S
+from harness.supervisor.desk import Desk
+from harness.supervisor.dispatch import Attempt, Dispatcher
+from harness.supervisor.leases import free
+from harness.supervisor.rest import at_rest
+from harness.supervisor.roles import Roles, context_record
+
+IMPOSSIBLE = ("approval_required", "provider_unavailable", "repeated_without_news", "excluded_provider")
+
+
+class Recovery:
+    """Answers the open failure of one node."""
+
+    def __init__(self, roles: Roles, *, dispatcher: Dispatcher, desk: Desk) -> None:
+        self._roles = roles
+        self._runtime = roles.runtime
+        self._crew = roles.crew
+        self._dispatcher = dispatcher
+        self._desk = desk
+
+    def answer(self, mission: Mission, failure: Failure) -> float:
+        """One rung; returns when to look again, in mission time."""
+        now_s = self._crew.clock.now().mission_s
+        c4 = recovery_context(self._roles.view(mission), failure.node_id, self._crew.cards)
+        proposal = recover(c4, policy=required_policy(mission))
+        match proposal.action:
+            case "re_perceive" | "adjust_view" | "retry" | "local_replan" | "switch_skill":
+                return self._attempt(mission, failure, proposal, c4)
+            case "wait" | "reattach" | "verify_again":
+                self._wait(mission, failure.node_id, proposal, c4)
+                return now_s
+            case "stop" | "safe_stop":
+                return self._stop(mission, failure.node_id, proposal, c4)
+            case "human":
+                return self._ask(mission, failure, proposal.reason, spent=exhausted(proposal))
+
+    def _attempt(self, mission: Mission, failure: Failure, proposal: RecoveryProposal, c4: Context) -> float:
+        now_s = self._crew.clock.now().mission_s
+        attempt = Attempt(node_id=failure.node_id, recovery=proposal, c4=c4)
+        blocked = None if attempt.verify_only else self._dispatcher.blocked(mission, failure.node_id)
+        if blocked is None:
+            decision = self._dispatcher.dispatch(mission, attempt)
+            if not isinstance(decision, Refused):
+                return now_s
+            if decision.rule in IMPOSSIBLE:
+                return self._ask(mission, failure, f"{proposal.action}: {decision.message}", spent=False)
+            why = decision.message
+        else:
+            why = blocked.reason
+        if now_s > failure.at_s + required_policy(mission).wait_s:
+            return self._ask(mission, failure, f"{proposal.action} was not possible: {why}", spent=False)
+        return now_s + POLL_S
+
+    def _wait(self, mission: Mission, node_id: NodeId, proposal: RecoveryProposal, c4: Context) -> None:
+        until_s = self._crew.clock.now().mission_s + required_policy(mission).wait_s
+        self._runtime.submit(
+            mission.mission_id,
+            AuthoriseWait(node_id=node_id, proposal=proposal, context=c4.digest, until_s=until_s),
+        )
+
+    def _stop(self, mission: Mission, node_id: NodeId, proposal: RecoveryProposal, c4: Context) -> float:
+        """A rung that stops: an open invocation is asked to stop, and what is quarantined is freed once at rest."""
+        now_s = self._crew.clock.now().mission_s
+        if mission.invocation is not None:
+            stop = StopInvocation(
+                invocation_id=mission.invocation.intent.invocation_id,
+                reason=f"{proposal.failure}: {proposal.reason}",
+                recovery=proposal,
+                recovery_context=c4.digest,
+            )
+            self._runtime.submit(mission.mission_id, stop)
+            return now_s
+        rest = at_rest(self._roles.senses.recent, now_s)
+        if rest.static:
+            resources = tuple(ResourceId(r) for card in self._crew.cards if card.moves for r in card.resources)
+            self._runtime.commit(free(self._runtime, tuple(dict.fromkeys(resources)), static=rest.measured))
+        self._wait(mission, node_id, proposal, c4)
+        return now_s
+
+    def _ask(self, mission: Mission, failure: Failure, reason: str, *, spent: bool) -> float:
+        """A person, or the end: a replay has nobody to ask (D38), and a spent node that moves nothing fails (D26)."""
+        now_s = self._crew.clock.now().mission_s
+        node = required_contract(mission).node(failure.node_id)
+        moves = any(card.moves for card in self._crew.cards if card.capability in node.capabilities)
+        if mission.replay or (spent and not moves):
+            self._runtime.submit(mission.mission_id, FailNode(node_id=failure.node_id, reason=f"{failure.failure}: {reason}"))
+            return now_s
+        if not at_rest(self._roles.senses.recent, now_s).static and now_s < failure.at_s + ASK_AT_REST_S:
+            return now_s + POLL_S
+        self._desk.open(mission, failure, reason)
+        return now_s
+
+    def give_up(self, mission: Mission) -> None:
+        """Nothing is left to do and a required node failed."""
+        reasons = [f"{node.node_id}: {node.failures[-1].reason}" for node in mission.nodes.values() if node.failures]
+        self._runtime.submit(
+            mission.mission_id,
+            EndMission(status="failed", reason=f"A required stage failed. {'; '.join(reasons)}"),
+        )
+
+
+ASK_AT_REST_S = 8.0
+"""A person is asked with the body at rest; after this long without proof the question says that it is not shown."""

@@ -1,0 +1,33 @@
+"""Whether the body is at rest by a source outside the localiser: what releases leases and acknowledges stops (D15)."""
+
+from collections.abc import Iterable
+
+from harness.contracts.observations import AnySample, Odometry
+from harness.contracts.values import Value
+from harness.verification.geometry import Fix, window_displacement
+
+WINDOW_S = 1.0
+LIMIT_M = 0.02
+AGE_S = 1.0
+
+
+class Rest(Value):
+    """Measured displacement over the window; `static` is False too when nothing shows it, with the reason."""
+
+    static: bool
+    reason: str
+    measured: dict[str, float]
+
+
+def at_rest(samples: Iterable[AnySample], now_s: float) -> Rest:
+    """Displacement by odometry in the last second, in metres. No fresh odometry is not rest."""
+    fixes = [Fix(s.at_s, s.x_m, s.y_m) for s in samples if isinstance(s, Odometry) and s.at_s <= now_s]
+    newest = max((fix.at_s for fix in fixes), default=0.0)
+    if newest < now_s - AGE_S:
+        return Rest(static=False, reason="no fresh odometry shows whether the body moves", measured={})
+    moved = window_displacement(fixes, until_s=newest, window_s=WINDOW_S)
+    if moved is None:
+        return Rest(static=False, reason="less than a second of odometry was seen", measured={})
+    static = moved < LIMIT_M
+    reason = "" if static else f"the body moved {moved:.3f} m in a second"
+    return Rest(static=static, reason=reason, measured={"displacement_m": moved, "window_s": WINDOW_S})

@@ -1,0 +1,112 @@
+"""Runs missions on robots: one loop per mission, one robot at a time per crew, persons' answers in between."""
+
+import logging
+from collections.abc import Callable, Mapping
+from threading import Event, RLock, Thread
+
+from harness.contracts.commands import EndMission, PersonCommand, StopMission
+from harness.contracts.decisions import Decision, Refused
+from harness.contracts.errors import HarnessError
+from harness.contracts.events import AnyEvent
+from harness.contracts.ids import MissionId, RobotId
+from harness.projections.mission import Mission
+from harness.runtime import Runtime
+from harness.supervisor.agent_loop import AgentLoop
+from harness.supervisor.crew import Crew
+from harness.supervisor.leases import SUPERVISOR
+
+LOG = logging.getLogger("regen.supervisor")
+IDLE_WAIT_S = 0.2
+
+
+class Supervisor:
+    """The loops of all crews. A lock per robot keeps a person's answer and a step apart."""
+
+    def __init__(self, *, runtime: Runtime, crews: Mapping[RobotId, Crew]) -> None:
+        self._runtime = runtime
+        self._crews = crews
+        self._locks = {robot_id: RLock() for robot_id in crews}
+        self._loops: dict[MissionId, AgentLoop] = {}
+        self._halt = Event()
+        self._threads: list[Thread] = []
+        runtime.open_desk(self.answer)
+
+    def run(self, mission_id: MissionId, *, watch: Callable[[Mission], None] | None = None) -> Mission:
+        """In the foreground until the mission is over or, at speed 0, waits for a person."""
+        mission = self._runtime.mission(mission_id)
+        crew = self._crews[mission.robot_id]
+        while not self._halt.is_set():
+            wake_s = self.step(mission_id)
+            mission = self._runtime.mission(mission_id)
+            if watch is not None:
+                watch(mission)
+            if wake_s is None:
+                return mission
+            crew.clock.wait_until(wake_s)
+        return mission
+
+    def step(self, mission_id: MissionId) -> float | None:
+        """One step of one mission's loop."""
+        mission = self._runtime.mission(mission_id)
+        with self._locks[mission.robot_id]:
+            return self._loop(mission).step()
+
+    def answer(self, command: PersonCommand) -> Decision[AnyEvent]:
+        """A person's answer, between two steps of the robot's loop."""
+        opened = self._runtime.handoff(command.handoff_id).opened
+        if opened is None or opened.robot_id not in self._crews:
+            return Refused("no_robot", "The robot of this handoff is not connected, so nothing can be observed.")
+        with self._locks[opened.robot_id]:
+            return self._loop(self._runtime.mission(opened.mission_id)).desk.answer(command)
+
+    def serve(self) -> None:
+        """In the background: every robot works through its missions, oldest first."""
+        for robot_id in self._crews:
+            thread = Thread(target=self._work, args=(robot_id,), name=f"robot {robot_id}", daemon=True)
+            thread.start()
+            self._threads.append(thread)
+
+    def close(self) -> None:
+        """Let running steps finish and stop the threads. Missions go on from the log at the next start."""
+        self._halt.set()
+        for thread in self._threads:
+            thread.join(timeout=10.0)
+
+    def _work(self, robot_id: RobotId) -> None:
+        crew = self._crews[robot_id]
+        while not self._halt.is_set():
+            mission = self._next(robot_id)
+            if mission is None:
+                self._halt.wait(IDLE_WAIT_S)
+                continue
+            try:
+                wake_s = self.step(mission.mission_id)
+            except HarnessError as error:
+                self._broken(mission, error)
+                wake_s = None
+            if wake_s is None:
+                self._halt.wait(IDLE_WAIT_S)
+            else:
+                crew.clock.wait_until(wake_s)
+
+    def _next(self, robot_id: RobotId) -> Mission | None:
+        """The oldest mission of this robot that is not over."""
+        waiting = [m for m in self._runtime.missions() if m.robot_id == robot_id and not m.ended and not m.replay]
+        return waiting[-1] if waiting else None
+
+    def _broken(self, mission: Mission, error: HarnessError) -> None:
+        """A step failed for a reason the loop does not answer: stop the mission and say why; the next one runs."""
+        LOG.error("step_failed mission=%s code=%s %s", mission.mission_id, error.code, error)
+        self._loops.pop(mission.mission_id, None)
+        if mission.status == "stopping" and mission.invocation is None:
+            self._runtime.submit(mission.mission_id, EndMission(status="failed", reason=str(error)))
+        else:
+            self._runtime.submit(mission.mission_id, StopMission(actor=SUPERVISOR, reason=str(error)))
+
+    def _loop(self, mission: Mission) -> AgentLoop:
+        loop = self._loops.get(mission.mission_id)
+        if loop is None:
+            crew = self._crews[mission.robot_id]
+            loop = AgentLoop(runtime=self._runtime, crew=crew, mission_id=mission.mission_id)
+            self._loops[mission.mission_id] = loop
+        return loop

@@ -1,0 +1,41 @@
+"""What a predicate answers: a verdict of three, measured values beside their bounds, and what they rest on."""
+
+import msgspec
+
+from harness.contracts.ids import Digest
+from harness.contracts.values import Value
+from harness.contracts.verdicts import PRECEDENCE, PredicateVerdict
+
+RECEIPTS = "receipts"
+"""The name of the provider's own word among a finding's sources: alone it is independence level 0 (D17)."""
+
+
+class Undecidable(Exception):
+    """The evidence cannot decide: the message says what is missing or unreadable."""
+
+
+class Finding(Value):
+    """One predicate's answer. `age_s`: age of the newest sample it needs, at the instant the evidence speaks for.
+
+    `evidence` lists the digests it rests on; where facts bind them, the order is the predicate's own.
+    """
+
+    verdict: PredicateVerdict
+    reason: str
+    measured: dict[str, float] = msgspec.field(default_factory=dict)
+    bounds: dict[str, float] = msgspec.field(default_factory=dict)
+    sources: tuple[str, ...] = ()
+    evidence: tuple[Digest, ...] = ()
+    age_s: float | None = None
+
+
+def ambiguous(reason: str, **parts: float) -> Finding:
+    """Evidence that cannot decide, with what was measured all the same."""
+    return Finding(verdict="ambiguous", reason=reason, measured=parts)
+
+
+def worst(parts: tuple[tuple[PredicateVerdict, str], ...]) -> tuple[PredicateVerdict, str]:
+    """The strictest of several partial answers, and the reasons of all that are not satisfied."""
+    verdict = min((part[0] for part in parts), key=PRECEDENCE.index)
+    reasons = [reason for part, reason in parts if part != "satisfied"]
+    return verdict, "; ".join(reasons)

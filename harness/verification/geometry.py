@@ -1,0 +1,203 @@
+"""Pure: lengths, progress, departure and standstill of planar tracks. Knows no sensor, clock or file."""
+
+import math
+from bisect import bisect_right
+from collections.abc import Iterable, Sequence
+from itertools import combinations, pairwise
+from statistics import median
+from typing import NamedTuple
+
+from harness.contracts.values import Point
+
+DEAD_BAND_M = 0.05
+"""Default dead band of `path_length`: above the noise of a standing robot's pose, far below a robot's length.
+
+On the 395 s Husky drive (358.80 m of raw steps) every dead band from 0 to 0.10 m gives 358.78 to 358.80 m, so the
+figure does not hang on the choice; a robot that stands for 19 s with 5 mm of noise gets 0 m instead of metres.
+"""
+AHEAD_M = 2.0
+CORRIDOR_M = 1.5
+WAYPOINT_RADIUS_M = 0.8
+
+
+class Fix(NamedTuple):
+    """One position of a track: sensor time in seconds, planar metres in one frame."""
+
+    at_s: float
+    x_m: float
+    y_m: float
+
+    @property
+    def point(self) -> Point:
+        return (self.x_m, self.y_m)
+
+
+class Progress(NamedTuple):
+    """How much of a route a track shows. `covered_m` was travelled in evidence; `reached_m` is the furthest arc length.
+
+    They differ by the stretches that no position shows. `waypoints` of `of_waypoints` were passed in order.
+    """
+
+    covered_m: float
+    reached_m: float
+    length_m: float
+    waypoints: int
+    of_waypoints: int
+
+    @property
+    def share(self) -> float:
+        """Covered share of the route, 0 to 1; 0 for a route without length."""
+        return min(1.0, self.covered_m / self.length_m) if self.length_m > 0 else 0.0
+
+
+def distance(a: Point, b: Point) -> float:
+    """Planar Euclidean distance d, metres (R209)."""
+    return math.hypot(a[0] - b[0], a[1] - b[1])
+
+
+def polyline_length(points: Sequence[Point]) -> float:
+    """Sum of the planar distances between consecutive points, metres: L_ref of a commanded route (R209)."""
+    return math.fsum(distance(a, b) for a, b in pairwise(points))
+
+
+def path_length(points: Iterable[Point], dead_band_m: float = DEAD_BAND_M) -> float:
+    """Travelled metres: a step counts once the position left the last counted one by `dead_band_m` or more."""
+    steps: list[float] = []
+    anchor: Point | None = None
+    for point in points:
+        if anchor is None:
+            anchor = point
+        elif (step := distance(anchor, point)) >= dead_band_m:
+            steps.append(step)
+            anchor = point
+    return math.fsum(steps)
+
+
+def route_progress(
+    route: Sequence[Point], track: Sequence[Point], *, ahead_m: float = AHEAD_M, corridor_m: float = CORRIDOR_M
+) -> Progress:
+    """Monotone progress of `track` along `route`, both in one frame and in order of time.
+
+    Each position is matched to the nearest point of the route between the arc length reached and `ahead_m` beyond
+    it, and counts when it lies within `corridor_m`; so a circuit that starts at its goal starts at arc length 0, and
+    a crossing or a shortcut cannot jump. Where positions are further apart than `ahead_m`, matching goes on behind
+    the gap but the gap is not covered.
+    """
+    arcs = _arc_lengths(route)
+    reached = covered = 0.0
+    last: Point | None = None
+    for point in track:
+        step = distance(last, point) if last is not None else 0.0
+        gap = step > ahead_m
+        arc, offset = _nearest(route, arcs, point, from_m=reached, until_m=reached + max(ahead_m, step))
+        if offset > corridor_m:
+            continue
+        covered += 0.0 if gap else arc - reached
+        reached, last = arc, point
+    return Progress(
+        covered_m=covered,
+        reached_m=reached,
+        length_m=arcs[-1] if arcs else 0.0,
+        waypoints=waypoints_passed(route, track),
+        of_waypoints=len(route),
+    )
+
+
+def waypoints_passed(route: Sequence[Point], track: Iterable[Point], *, radius_m: float = WAYPOINT_RADIUS_M) -> int:
+    """How many waypoints `track` came within `radius_m` of, in the route's order.
+
+    One position passes at most one waypoint, so standing at a goal that is also the start passes only the start.
+    """
+    passed = 0
+    for point in track:
+        if passed < len(route) and distance(point, route[passed]) <= radius_m:
+            passed += 1
+    return passed
+
+
+def departed_s(
+    track: Iterable[Fix], *, origin: Point, after_s: float, radius_m: float, samples: int = 3
+) -> float | None:
+    """Sensor time at which `samples` fixes in a row, all after `after_s`, were further than `radius_m` from `origin`.
+
+    Repeated sensor times count once; None if that never happened (D19: radius 0.80 m, 3 samples).
+    """
+    run = 0
+    newest = -math.inf
+    for fix in track:
+        if fix.at_s <= after_s or fix.at_s <= newest:
+            continue
+        newest = fix.at_s
+        run = run + 1 if distance(fix.point, origin) > radius_m else 0
+        if run >= samples:
+            return fix.at_s
+    return None
+
+
+def excursion(track: Iterable[Point], *, origin: Point) -> float:
+    """Furthest distance of the track from `origin`, metres; 0 for an empty track."""
+    return max((distance(point, origin) for point in track), default=0.0)
+
+
+def window_displacement(track: Sequence[Fix], *, until_s: float, window_s: float = 1.0, least: int = 6) -> float | None:
+    """Robust displacement in metres over the window that ends at `until_s` (D15), or None: not enough to say.
+
+    The window is cut into three thirds; each is represented by the median of its fixes. The result is the larger of
+    the early-to-late displacement, extrapolated to the whole window, and the largest displacement between any two
+    thirds (a step out and back). Needs `least` distinct sensor times and at least one in every third.
+    """
+    fixes = sorted({fix.at_s: fix for fix in track if until_s - window_s <= fix.at_s <= until_s}.values())
+    third = window_s / 3
+    thirds = [
+        [fix for fix in fixes if min(2, int((fix.at_s - until_s + window_s) / third)) == index] for index in range(3)
+    ]
+    if len(fixes) < least or not all(thirds):
+        return None
+    centres = [Fix(*(median(values) for values in zip(*part, strict=True))) for part in thirds]
+    early, late = centres[0], centres[2]
+    across = distance(early.point, late.point) * window_s / (late.at_s - early.at_s)
+    return max(across, *(distance(a.point, b.point) for a, b in combinations(centres, 2)))
+
+
+def displacement(track: Sequence[Fix], *, from_s: float, until_s: float, tolerance_s: float = 0.3) -> float | None:
+    """Straight displacement between the fixes nearest to two instants, metres; None without one within `tolerance_s`.
+
+    For the comparison of two sources before standstill (D18).
+    """
+    if not track:
+        return None
+    start = min(track, key=lambda fix: abs(fix.at_s - from_s))
+    end = min(track, key=lambda fix: abs(fix.at_s - until_s))
+    if abs(start.at_s - from_s) > tolerance_s or abs(end.at_s - until_s) > tolerance_s:
+        return None
+    return distance(start.point, end.point)
+
+
+def _arc_lengths(route: Sequence[Point]) -> list[float]:
+    arcs = [0.0] if route else []
+    for a, b in pairwise(route):
+        arcs.append(arcs[-1] + distance(a, b))
+    return arcs
+
+
+def _nearest(
+    route: Sequence[Point], arcs: Sequence[float], point: Point, *, from_m: float, until_m: float
+) -> tuple[float, float]:
+    """Arc length of the nearest point of the route between two arc lengths, and how far away it is, metres."""
+    if len(route) < 2:
+        return from_m, math.inf
+    best = (from_m, math.inf)
+    for leg in range(max(0, bisect_right(arcs, from_m) - 1), len(route) - 1):
+        if arcs[leg] > until_m:
+            break
+        length = arcs[leg + 1] - arcs[leg]
+        if length == 0.0:
+            continue
+        (ax, ay), (bx, by) = route[leg], route[leg + 1]
+        along = ((point[0] - ax) * (bx - ax) + (point[1] - ay) * (by - ay)) / length
+        along = min(max(along, from_m - arcs[leg], 0.0), until_m - arcs[leg], length)
+        share = along / length
+        offset = distance(point, (ax + share * (bx - ax), ay + share * (by - ay)))
+        if offset < best[1]:
+            best = (arcs[leg] + along, offset)
+    return best

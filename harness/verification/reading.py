@@ -1,0 +1,243 @@
+"""What the verifier reads in C3: typed records, checked blobs, tracks. Raises Undecidable for what cannot be read."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeVar
+
+import msgspec
+
+from harness.contracts.capabilities import CapabilityCard, Risk
+from harness.contracts.contexts import Blobs, Context, ContextRecord
+from harness.contracts.effects import Condition
+from harness.contracts.errors import HarnessError
+from harness.contracts.evidence import CommittedFact, EvidenceReference, PacketIdentity
+from harness.contracts.ids import ConditionId, Digest, NodeId, RequestId, sha256
+from harness.contracts.observations import Odometry, Pose, Trajectory
+from harness.contracts.protocol import InvocationStatus, Receipt
+from harness.contracts.tasks import EvidencePolicy
+from harness.contracts.values import Count, Point, Value
+from harness.verification.finding import Undecidable
+from harness.verification.geometry import Fix
+
+T = TypeVar("T")
+FUTURE_S = 0.05
+"""Samples may not be younger than the evidence: a sensor clock ahead by more than this does not count."""
+
+
+class Execution(Value):
+    """The supervisor's record of the execution to judge."""
+
+    identity: PacketIdentity
+    k_ctx: Count
+    configuration: Digest
+    dispatched_s: float
+    terminal_s: float
+    collected_s: float
+    terminal: InvocationStatus
+    verify_only: bool
+
+
+class VerificationPolicy(Value):
+    """What the evidence must be, and the independence level that each condition needs (D17)."""
+
+    evidence: EvidencePolicy
+    risk: Risk
+    required: dict[ConditionId, int]
+
+
+class SafetyState(Value):
+    """Constraints of the contract, regions in the contract's frame, standing vetoes by layer."""
+
+    speed_cap_mps: float
+    keep_out_m: dict[str, tuple[Point, ...]]
+    vetoes: dict[str, str]
+
+
+class CommittedNode(Value):
+    """One accepted stage, in the goal's context. `requests`: its own and those of the packets it cites."""
+
+    node_id: NodeId
+    identity: PacketIdentity
+    requests: tuple[RequestId, ...]
+    dispatched_s: float
+    terminal_s: float
+    committed_k: Count
+
+
+class RecentSamples(Value):
+    """What is seen now, in the goal's context."""
+
+    window_s: float
+    trajectory: Trajectory
+
+
+@dataclass(frozen=True)
+class Track:
+    """The admitted samples of one execution: distinct sensor times, in order, none below the minimum confidence.
+
+    `newest_arrived_s`: the latest instant by other streams' clocks at which a pose arrived, whatever its stamp.
+    """
+
+    current: bool
+    dispatched_s: float
+    poses: tuple[Pose, ...]
+    odometry: tuple[Odometry, ...]
+    imu: tuple[tuple[float, float, float], ...]
+    blob: Digest | None
+    newest_arrived_s: float | None
+
+    @property
+    def until_s(self) -> float | None:
+        """Sensor time of the newest odometry or IMU sample."""
+        times = [*(one.at_s for one in self.odometry[-1:]), *(one[0] for one in self.imu[-1:])]
+        return max(times, default=None)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """One compiled C3 and the bytes it cites: the only things a predicate sees."""
+
+    context: Context
+    blobs: Blobs
+
+    @cached_property
+    def conditions(self) -> tuple[Condition, ...]:
+        return self._required("conditions", tuple[Condition, ...])
+
+    @cached_property
+    def policy(self) -> VerificationPolicy:
+        return self._required("policy", VerificationPolicy)
+
+    @cached_property
+    def execution(self) -> Execution:
+        return self._required("execution", Execution)
+
+    @cached_property
+    def speaks_at_s(self) -> float:
+        """The instant at which age counts: collection of the packet, or now for a goal."""
+        return self.execution.collected_s if self.context.one("execution") else self.context.at_s
+
+    @cached_property
+    def provider_sources(self) -> tuple[str, ...] | None:
+        """Sources that the executing provider itself uses; None where no provider is judged or none is named."""
+        record = self.context.one("card")
+        return (read(record, CapabilityCard).sources or None) if record else None
+
+    @cached_property
+    def facts(self) -> tuple[CommittedFact, ...]:
+        record = self.context.one("facts")
+        return read(record, tuple[CommittedFact, ...]) if record else ()
+
+    @cached_property
+    def receipts(self) -> tuple[Receipt, ...]:
+        found = (read(record, tuple[Receipt, ...]) for record in self.context.all("receipts"))
+        return tuple(receipt for receipts in found for receipt in receipts)
+
+    @cached_property
+    def declared(self) -> tuple[dict[str, float], ...]:
+        """Declared numbers, the newest execution's first."""
+        records = sorted(self.context.all("declared"), key=lambda record: -record.at_s)
+        return tuple(read(record, dict[str, float]) for record in records)
+
+    @cached_property
+    def images(self) -> tuple[EvidenceReference, ...]:
+        found = [read(record, EvidenceReference) for record in self.context.all("image")]
+        return tuple(sorted(found, key=lambda image: image.from_s))
+
+    @cached_property
+    def nodes(self) -> tuple[CommittedNode, ...]:
+        return tuple(read(record, CommittedNode) for record in self.context.all("node"))
+
+    @cached_property
+    def tracks(self) -> tuple[Track, ...]:
+        """Cited executions in order of dispatch, then the current one (or now)."""
+        cited, current = [], []
+        for record in self.context.all("trajectory"):
+            reference = read(record, EvidenceReference)
+            (current if reference.values.get("role") == "current" else cited).append(reference)
+        found = [self._track([one], current=False) for one in cited]
+        return (*sorted(found, key=lambda track: track.dispatched_s), *self._now(current))
+
+    def bytes_of(self, digest: Digest) -> bytes:
+        """The blob, its checksum computed again. Raises Undecidable if it is missing or changed."""
+        try:
+            body = self.blobs(digest)
+        except (HarnessError, KeyError) as error:
+            raise Undecidable(f"blob {digest[:12]} cannot be read: {error}") from error
+        if sha256(body) != digest:
+            raise Undecidable(f"blob {digest[:12]} does not match its checksum")
+        return body
+
+    def decoded(self, digest: Digest, kind: type[T]) -> T:
+        """The blob as JSON of `kind`. Raises Undecidable."""
+        try:
+            return msgspec.json.decode(self.bytes_of(digest), type=kind)
+        except msgspec.MsgspecError as error:
+            raise Undecidable(f"blob {digest[:12]} is no {kind.__name__}: {error}") from error
+
+    def fact(self, name: str, *, node_id: str = "") -> CommittedFact:
+        """The newest committed fact of that name (of that node). Raises Undecidable if there is none."""
+        found = [one for one in self.facts if one.name == name and node_id in ("", one.node_id)]
+        if not found:
+            raise Undecidable(f"no accepted fact {name}{f' of {node_id}' if node_id else ''} is known")
+        return max(found, key=lambda one: one.k)
+
+    def _now(self, references: Sequence[EvidenceReference]) -> list[Track]:
+        record = self.context.one("observations")
+        if record is not None:
+            samples = read(record, RecentSamples).trajectory
+            return [self._admitted(samples, current=True, dispatched_s=self.context.at_s, blob=None)]
+        return [self._track(references, current=True)] if references else []
+
+    def _track(self, references: Sequence[EvidenceReference], *, current: bool) -> Track:
+        samples = [self.decoded(one.blob, Trajectory) for one in references]
+        merged = Trajectory(
+            poses=tuple(pose for one in samples for pose in one.poses),
+            odometry=tuple(sample for one in samples for sample in one.odometry),
+            imu=tuple(sample for one in samples for sample in one.imu),
+        )
+        dispatched_s = min(float(one.values.get("dispatched_s", one.from_s)) for one in references)
+        return self._admitted(merged, current=current, dispatched_s=dispatched_s, blob=references[0].blob)
+
+    def _admitted(self, samples: Trajectory, *, current: bool, dispatched_s: float, blob: Digest | None) -> Track:
+        until_s, least = self.speaks_at_s + FUTURE_S, self.policy.evidence.minimum_confidence
+        poses = {one.at_s: one for one in samples.poses if one.at_s <= until_s and one.confidence >= least}
+        odometry = {one.at_s: one for one in samples.odometry if one.at_s <= until_s}
+        imu = {one.at_s: (one.at_s, one.ax_mps2, one.ay_mps2) for one in samples.imu if one.at_s <= until_s}
+        return Track(
+            current=current,
+            dispatched_s=dispatched_s,
+            poses=tuple(poses[at_s] for at_s in sorted(poses)),
+            odometry=tuple(odometry[at_s] for at_s in sorted(odometry)),
+            imu=tuple(imu[at_s] for at_s in sorted(imu)),
+            blob=blob,
+            newest_arrived_s=_newest_arrival(samples),
+        )
+
+    def _required(self, kind: str, of: type[T]) -> T:
+        record = self.context.one(kind)
+        if record is None:
+            raise Undecidable(f"the context holds no {kind}")
+        return read(record, of)
+
+
+def read(record: ContextRecord, kind: type[T]) -> T:
+    """The record's value as its contract type. Raises Undecidable if it is another."""
+    try:
+        return record.read(kind)
+    except msgspec.ValidationError as error:
+        raise Undecidable(f"the record {record.kind} cannot be read: {error}") from error
+
+
+def fixes(samples: Sequence[Pose] | Sequence[Odometry]) -> list[Fix]:
+    """Positions of samples, in their own frame."""
+    return [Fix(sample.at_s, sample.x_m, sample.y_m) for sample in samples]
+
+
+def _newest_arrival(samples: Trajectory) -> float | None:
+    """When the last pose came in: the stamp of the newest other sample that the robot numbered before it."""
+    last = max((pose.seq for pose in samples.poses), default=None)
+    if last is None:
+        return None
+    return max((one.at_s for one in (*samples.odometry, *samples.imu) if one.seq < last), default=None)

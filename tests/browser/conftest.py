@@ -1,0 +1,132 @@
+"""A Chromium for the console's pages, and a watch that fails a test on errors nobody expected."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Protocol
+
+import pytest
+from playwright.sync_api import Browser, ConsoleMessage, Page, Playwright, sync_playwright
+
+from tools import browser as chromium
+
+ARTEFACTS = Path(__file__).resolve().parents[2] / "artefacts"
+VIOLATIONS = """addEventListener("securitypolicyviolation", e =>
+    console.error("policy violation: " + e.violatedDirective + " " + e.blockedURI))"""
+
+
+class ConsoleWatch:
+    """Errors of all pages of one test: console errors, uncaught exceptions, violations of the page's policy."""
+
+    def __init__(self) -> None:
+        self.errors: list[str] = []
+        self._expected: list[re.Pattern[str]] = []
+
+    def follow(self, page: Page) -> None:
+        """Listen to one page from now on."""
+        page.add_init_script(VIOLATIONS)
+        page.on("console", self._said)
+        page.on("pageerror", lambda error: self.errors.append(f"uncaught: {error}"))
+
+    def expect(self, pattern: str) -> None:
+        """Errors that match are part of what the test does, as when it kills the server."""
+        self._expected.append(re.compile(pattern))
+
+    def unexpected(self) -> list[str]:
+        """Errors that no expectation covers."""
+        return [error for error in self.errors if not any(known.search(error) for known in self._expected)]
+
+    def _said(self, message: ConsoleMessage) -> None:
+        if message.type == "error":
+            self.errors.append(f"{message.text} ({message.location.get('url', '')})")
+
+
+class OpenPage(Protocol):
+    """Opens one more page: width and height in CSS pixels, scheme light or dark, scripts on or off."""
+
+    def __call__(
+        self,
+        url: str = "about:blank",
+        *,
+        width: int = 1280,
+        height: int = 800,
+        scheme: str = "light",
+        scripts: bool = True,
+    ) -> Page: ...
+
+
+class TakePicture(Protocol):
+    """Writes artefacts/<name>.png of the whole page (or of what is in view) and returns its path."""
+
+    def __call__(self, page: Page, name: str, *, whole: bool = True) -> Path: ...
+
+
+@pytest.fixture(scope="session")
+def playwright() -> Iterator[Playwright]:
+    """The driver."""
+    with sync_playwright() as driver:
+        yield driver
+
+
+@pytest.fixture(scope="session")
+def browser(playwright: Playwright) -> Iterator[Browser]:
+    """The Chromium that `make test` found or installed, with software rendering for 3D."""
+    executable = chromium.find(playwright)
+    if executable is None:
+        pytest.fail("No Chromium works here: run `make install-test`, or set REGEN_CHROMIUM", pytrace=False)
+    running = playwright.chromium.launch(executable_path=executable, headless=True, args=list(chromium.FLAGS))
+    yield running
+    running.close()
+
+
+@pytest.fixture
+def console_watch() -> Iterator[ConsoleWatch]:
+    """Fails the test at its end if a page reported something that was not expected."""
+    watch = ConsoleWatch()
+    yield watch
+    if watch.unexpected():
+        pytest.fail("The browser reported:\n  " + "\n  ".join(watch.unexpected()), pytrace=False)
+
+
+@pytest.fixture
+def open_page(browser: Browser, console_watch: ConsoleWatch) -> Iterator[OpenPage]:
+    """Opens watched pages, each in a context of its own, and closes them after the test."""
+    contexts = []
+
+    def open_one(
+        url: str = "about:blank", *, width: int = 1280, height: int = 800, scheme: str = "light", scripts: bool = True
+    ) -> Page:
+        context = browser.new_context(
+            viewport={"width": width, "height": height},
+            color_scheme="dark" if scheme == "dark" else "light",
+            java_script_enabled=scripts,
+        )
+        contexts.append(context)
+        page = context.new_page()
+        page.set_default_timeout(15_000)
+        console_watch.follow(page)
+        page.goto(url)
+        return page
+
+    yield open_one
+    for context in contexts:
+        context.close()
+
+
+@pytest.fixture
+def browser_page(open_page: OpenPage) -> Page:
+    """One watched page, 1280 x 800, light."""
+    return open_page()
+
+
+@pytest.fixture
+def take_picture() -> TakePicture:
+    """Pictures for people to look at."""
+
+    def take(page: Page, name: str, *, whole: bool = True) -> Path:
+        ARTEFACTS.mkdir(exist_ok=True)
+        path = ARTEFACTS / f"{name}.png"
+        page.screenshot(path=path, full_page=whole)
+        return path
+
+    return take

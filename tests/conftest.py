@@ -1,0 +1,62 @@
+"""What every test shares: markers that are checked, cheap tests first, one seed or many."""
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+import pytest
+
+from tools.marks import complaint
+
+ROOT = Path(__file__).resolve().parent.parent
+MUJOCO_MISSIONS = 6
+COST = {"rooms": 0, "unit": 1, "contract": 2, "replay": 3, "integration": 4, "faults": 5, "browser": 6}
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """A test that takes `campaign_seed` runs once for each of CAMPAIGN_MISSIONS seeds from CAMPAIGN_SEED on."""
+    if "campaign_seed" in metafunc.fixturenames:
+        first, missions = int(os.environ.get("CAMPAIGN_SEED", "1")), int(os.environ.get("CAMPAIGN_MISSIONS", "1"))
+        metafunc.parametrize("campaign_seed", range(first, first + missions))
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark campaigns and browser tests, count the missions on real physics, put cheap tests first."""
+    for item in items:
+        if "campaign_seed" in getattr(item, "fixturenames", ()):
+            item.add_marker("campaign")
+        if room(item) == "browser":
+            item.add_marker("browser")
+            item.add_marker(pytest.mark.xdist_group("browser"))
+    missions = sum(map(mujoco_missions, items))
+    if missions > MUJOCO_MISSIONS:
+        tests = "\n  ".join(item.nodeid for item in items if mujoco_missions(item))
+        raise pytest.UsageError(f"{missions} full MuJoCo missions, {MUJOCO_MISSIONS} are allowed:\n  {tests}")
+    items.sort(key=cost)
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """A ledger mark that names no row, or nothing that exists, fails its own test."""
+    for mark in item.iter_markers("ledger"):
+        wrong = complaint(mark.args, mark.kwargs)
+        if wrong:
+            pytest.fail(wrong, pytrace=False)
+
+
+def room(item: pytest.Item) -> str:
+    """The folder under tests/ that the test stands in."""
+    parts: Iterable[str] = item.path.relative_to(ROOT).parts
+    return [*parts, ""][1]
+
+
+def cost(item: pytest.Item) -> tuple[int, int]:
+    """The order of running: whole missions on physics last, and rooms from the cheapest on."""
+    return (mujoco_missions(item), COST.get(room(item), 3))
+
+
+def mujoco_missions(item: pytest.Item) -> int:
+    """How many full missions on real physics a test declares to run."""
+    mark = item.get_closest_marker("mujoco")
+    if mark is None:
+        return 0
+    return int(mark.kwargs.get("missions", 0 if room(item) in {"unit", "contract"} else 1))

@@ -1,0 +1,139 @@
+"""What every blob store keeps: bytes under their own digest, whole or not at all."""
+
+import re
+import resource
+import signal
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from harness.adapters.stores.blobs import FileBlobStore
+from harness.adapters.stores.memory import MemoryBlobStore
+from harness.contracts.errors import BlobDamaged, StoreUnavailable
+from harness.contracts.ids import Digest, sha256
+from harness.contracts.ports import BlobStore
+from tests.unit.stores.processes import kill, lines, running
+
+
+@pytest.fixture(params=["memory", "files"])
+def blobs(request: pytest.FixtureRequest, tmp_path: Path) -> BlobStore:
+    return MemoryBlobStore() if request.param == "memory" else FileBlobStore(tmp_path / "blobs")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return tmp_path / "blobs"
+
+
+def file_of(folder: Path, digest: Digest) -> Path:
+    return folder / digest[:2] / digest[2:4] / digest
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[BlobStore]]:
+    yield [MemoryBlobStore(), FileBlobStore(tmp_path_factory.mktemp("kept"))]
+
+
+@given(bodies=st.lists(st.binary(max_size=2000), max_size=5))
+def test_every_blob_is_found_again_under_its_sha256(kept: list[BlobStore], bodies: list[bytes]) -> None:
+    for blobs in kept:
+        digests = [blobs.put(body) for body in bodies]
+        assert digests == [sha256(body) for body in bodies]
+        assert [blobs.get(digest) for digest in digests] == bodies
+        listed = list(blobs.digests())
+        assert set(digests) <= set(listed)
+        assert listed == sorted(set(listed))
+
+
+def test_what_was_never_put_is_missing(blobs: BlobStore) -> None:
+    digest = sha256(b"never put")
+    assert not blobs.has(digest)
+    with pytest.raises(BlobDamaged, match=digest):
+        blobs.get(digest)
+    assert list(blobs.digests()) == []
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["", "abc", "A" * 64, "../../../../etc/passwd", "a" * 63 + "/", "a" * 64 + "\n", "a" * 65, "ab/../" + "a" * 58],
+)
+def test_what_is_no_digest_names_no_blob_and_no_path(blobs: BlobStore, name: str) -> None:
+    assert not blobs.has(Digest(name))
+    with pytest.raises(BlobDamaged):
+        blobs.get(Digest(name))
+
+
+def test_the_same_bytes_are_kept_once(blobs: BlobStore) -> None:
+    assert blobs.put(b"image") == blobs.put(b"image")
+    assert len(list(blobs.digests())) == 1
+
+
+def test_many_threads_may_put_the_same_blobs(blobs: BlobStore) -> None:
+    bodies = [bytes([number]) * 5000 for number in range(8)]
+    with ThreadPoolExecutor(8) as pool:
+        found = list(pool.map(blobs.put, bodies * 8))
+    assert set(found) == {sha256(body) for body in bodies} == set(blobs.digests())
+    assert [blobs.get(sha256(body)) for body in bodies] == bodies
+
+
+def test_files_lie_in_two_levels_by_digest_and_nothing_else_is_left(folder: Path) -> None:
+    blobs = FileBlobStore(folder)
+    digest = blobs.put(b"image")
+    assert [path for path in folder.rglob("*") if path.is_file()] == [file_of(folder, digest)]
+    assert FileBlobStore(folder).get(digest) == b"image"
+
+
+@pytest.mark.parametrize("spoiled", [b"imagE", b"imag", b"", b"image "])
+def test_changed_bytes_are_refused_and_mended_by_putting_them_again(folder: Path, spoiled: bytes) -> None:
+    blobs = FileBlobStore(folder)
+    digest = blobs.put(b"image")
+    file_of(folder, digest).write_bytes(spoiled)
+    with pytest.raises(BlobDamaged, match="does not match") as caught:
+        blobs.get(digest)
+    assert caught.value.where == str(file_of(folder, digest))
+    assert blobs.put(b"image") == digest
+    assert blobs.get(digest) == b"image"
+
+
+def test_a_killed_writer_leaves_whole_blobs_only(folder: Path) -> None:
+    with running("blobs", str(folder)) as child:
+        acknowledged = lines(child, 30) + kill(child)
+    blobs = FileBlobStore(folder)
+    digests = list(blobs.digests())
+    assert set(acknowledged) <= set(digests)
+    assert [sha256(blobs.get(digest)) for digest in digests] == digests
+    assert blobs.discard_unfinished() <= 1
+    assert blobs.discard_unfinished() == 0
+
+
+def test_what_a_killed_writer_left_unfinished_is_no_blob_and_can_be_discarded(folder: Path) -> None:
+    blobs = FileBlobStore(folder)
+    digest = blobs.put(b"image")
+    (folder / "incoming" / "tmp0").write_bytes(b"half an im")
+    assert list(blobs.digests()) == [digest]
+    assert blobs.discard_unfinished() == 1
+    assert list(blobs.digests()) == [digest]
+
+
+def test_a_full_disk_is_said_and_leaves_nothing_behind(folder: Path) -> None:
+    blobs = FileBlobStore(folder)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000_000, hard))
+        with pytest.raises(StoreUnavailable, match=re.escape(str(folder))):
+            blobs.put(bytes(20_000_001))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        signal.signal(signal.SIGXFSZ, before)
+    assert [path for path in folder.rglob("*") if path.is_file()] == []
+
+
+def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path) -> None:
+    (tmp_path / "file").write_bytes(b"")
+    with pytest.raises(StoreUnavailable, match=r"cannot be written.*file"):
+        FileBlobStore(tmp_path / "file" / "blobs")

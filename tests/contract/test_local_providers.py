@@ -1,0 +1,278 @@
+"""The provider protocol, kept by every provider beside the harness: same assertions, all four of them."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import msgspec
+import numpy as np
+import pytest
+
+from harness.adapters.providers.intake import TextIntake
+from harness.adapters.providers.local import LocalProvider
+from harness.adapters.providers.messaging.delivery import OutboxDelivery
+from harness.adapters.providers.messaging.folder import FolderOutbox
+from harness.adapters.providers.models.analysis import OpenCvAnalysis
+from harness.adapters.providers.speech.speaker import PacedSpeaker
+from harness.adapters.providers.speech.voice import EspeakVoice
+from harness.contracts.errors import FencingRefused, LogDamaged, ProviderFailed, StoreUnavailable
+from harness.contracts.observations import Camera
+from harness.contracts.ports import Provider
+from harness.contracts.protocol import InvocationReport, StartRequest
+from tests.unit.senses.builders import EPOCH_S, Blobs, StillClock, request_to
+
+CAMERA = Camera(
+    width_px=64, height_px=36, fx_px=32.0, fy_px=32.0, cx_px=32.0, cy_px=18.0, height_m=0.5, forward_m=0.3, pitch_rad=0.0
+)
+
+
+class Desk:
+    """One provider with its clock, blobs and journal folder, which can be built again after a crash."""
+
+    def __init__(self, build: Callable[["Desk"], LocalProvider], folder: Path) -> None:
+        self.clock, self.blobs, self.folder, self._build = StillClock(), Blobs(), folder, build
+        self.provider = build(self)
+
+    def restart(self) -> LocalProvider:
+        self.provider = self._build(self)
+        return self.provider
+
+    def request(self, **changes: int | float) -> StartRequest:
+        return request_to(self.provider.card, parameters=PARAMETERS[self.provider.card.capability](self), **changes)  # type: ignore[arg-type]
+
+    def ended(self, begun: InvocationReport) -> InvocationReport:
+        """The terminal report; mission time goes on by half seconds until it is there."""
+        for _ in range(100):
+            report = self.provider.report(begun.handle)
+            if report.status in {"succeeded", "failed", "cancelled"}:
+                return report
+            self.clock.now_s += 0.5
+        raise AssertionError(report)
+
+
+def intake(desk: Desk) -> LocalProvider:
+    return TextIntake(clock=desk.clock, blobs=desk.blobs, journal=desk.folder)
+
+
+def delivery(desk: Desk) -> LocalProvider:
+    outbox = FolderOutbox(desk.folder / "outbox", blobs=desk.blobs)
+    return OutboxDelivery(outbox, clock=desk.clock, blobs=desk.blobs, journal=desk.folder)
+
+
+def voice(desk: Desk) -> LocalProvider:
+    return EspeakVoice(PacedSpeaker(), clock=desk.clock, blobs=desk.blobs, journal=desk.folder)
+
+
+def analysis(desk: Desk) -> LocalProvider:
+    return OpenCvAnalysis(CAMERA, clock=desk.clock, blobs=desk.blobs, journal=desk.folder)
+
+
+def frame(desk: Desk) -> str:
+    done, body = cv2.imencode(".png", np.full((36, 64, 3), 90, np.uint8))
+    assert done
+    return desk.blobs.put(body.tobytes())
+
+
+PARAMETERS: dict[str, Callable[[Desk], dict[str, object]]] = {
+    "take_request": lambda desk: {"text": "Help me go and check the office storage area"},
+    "deliver_message": lambda desk: {"text": "Nothing found.", "images": (frame(desk),)},
+    "speak": lambda desk: {"text": "Done."},
+    "analyse_passage": lambda desk: {
+        "images": (frame(desk),),
+        "yaws_rad": ((0.0, 0.0),),
+        "passage": ((1.0, -0.5), (3.0, -0.5), (3.0, 0.5), (1.0, 0.5)),
+        "position": (0.0, 0.0),
+        "heading_rad": 0.0,
+    },
+}
+
+
+@pytest.fixture(params=[intake, delivery, voice, analysis])
+def desk(request: pytest.FixtureRequest, tmp_path: Path) -> Desk:
+    return Desk(request.param, tmp_path)
+
+
+def test_work_is_accepted_then_ends_with_receipts_that_cite_stored_bytes(desk: Desk) -> None:
+    request = desk.request()
+    begun = desk.provider.start(request)
+    ended = desk.ended(begun)
+    assert (begun.status, begun.receipts) == ("accepted", ())
+    assert ended.status == "succeeded", ended.message
+    assert ended.identity == request.identity
+    assert ended.receipts
+    for receipt in ended.receipts:
+        assert (receipt.source, receipt.request_id) == (desk.provider.card.provider_id, request.identity.request_id)
+        assert receipt.kind in desk.provider.card.evidence
+        assert receipt.blob is not None
+        assert desk.blobs.has(receipt.blob)
+        assert EPOCH_S <= receipt.at_s <= desk.clock.now_s
+
+
+def test_a_repeat_of_a_request_returns_the_same_invocation_whatever_its_state_version(desk: Desk) -> None:
+    request = desk.request()
+    ended = desk.ended(desk.provider.start(request))
+    stored = set(desk.blobs.bodies)
+    again = desk.provider.start(msgspec.structs.replace(request, k_ctx=request.k_ctx + 3))
+    assert again == ended
+    assert desk.provider.find(request.identity.request_id) == ended
+    assert set(desk.blobs.bodies) == stored
+
+
+def test_the_same_request_id_with_other_parameters_is_refused(desk: Desk) -> None:
+    request = desk.request()
+    ended = desk.ended(desk.provider.start(request))
+    name = next(name for name, value in request.parameters.items() if isinstance(value, str | tuple))
+    other = "another text" if isinstance(request.parameters[name], str) else ("f" * 64,)
+    changed = msgspec.structs.replace(request, parameters={**request.parameters, name: other})
+    with pytest.raises(ProviderFailed, match="other contents"):
+        desk.provider.start(changed)
+    assert desk.provider.find(request.identity.request_id) == ended
+
+
+def test_a_restart_remembers_what_ended_and_does_nothing_twice(desk: Desk) -> None:
+    request = desk.request()
+    ended = desk.ended(desk.provider.start(request))
+    desk.blobs.bodies.clear()
+    restarted = desk.restart()
+    assert restarted.find(request.identity.request_id) == ended
+    assert restarted.start(request) == ended
+    assert restarted.report(ended.handle) == ended
+    assert desk.blobs.bodies == {}
+
+
+def test_a_stop_before_the_work_is_acknowledged_and_final(desk: Desk) -> None:
+    begun = desk.provider.start(desk.request())
+    stopped = desk.provider.stop(begun.handle)
+    assert (stopped.status, stopped.receipts) == ("cancelled", ())
+    assert desk.provider.report(begun.handle) == stopped
+    assert desk.provider.stop(begun.handle) == stopped
+
+
+def test_a_stop_after_the_end_changes_nothing(desk: Desk) -> None:
+    ended = desk.ended(desk.provider.start(desk.request()))
+    assert desk.provider.stop(ended.handle) == ended
+
+
+def test_work_not_done_by_the_deadline_fails_with_timeout(desk: Desk) -> None:
+    begun = desk.provider.start(desk.request(deadline_s=5.0))
+    desk.clock.now_s += 5.1
+    ended = desk.provider.report(begun.handle)
+    assert (ended.status, ended.failure, ended.receipts) == ("failed", "timeout", ())
+
+
+def test_an_older_fencing_token_is_refused_even_after_a_restart(desk: Desk) -> None:
+    if not desk.provider.card.resources:
+        pytest.skip("nothing to lease")
+    desk.ended(desk.provider.start(desk.request(token=7)))
+    restarted = desk.restart()
+    with pytest.raises(FencingRefused, match="older than 7"):
+        restarted.start(desk.request(attempt=1, token=6))
+    assert restarted.start(desk.request(attempt=1, token=7)).status == "accepted"
+
+
+def test_a_request_without_the_token_of_a_leased_resource_is_refused(desk: Desk) -> None:
+    if not desk.provider.card.resources:
+        pytest.skip("nothing to lease")
+    with pytest.raises(ProviderFailed, match="fencing token"):
+        desk.provider.start(msgspec.structs.replace(desk.request(), fencing={}))
+
+
+def test_a_request_for_another_provider_or_capability_is_refused(desk: Desk) -> None:
+    request = desk.request()
+    elsewhere = msgspec.structs.replace(request.identity, provider_id="route-follower")
+    for wrong in (
+        msgspec.structs.replace(request, identity=elsewhere),
+        msgspec.structs.replace(request, capability="navigate"),
+    ):
+        with pytest.raises(ProviderFailed):
+            desk.provider.start(wrong)
+    assert desk.provider.find(request.identity.request_id) is None
+
+
+def test_parameters_that_do_not_fit_the_card_are_refused_by_name(desk: Desk) -> None:
+    request = desk.request()
+    for name in request.parameters:
+        missing = {key: value for key, value in request.parameters.items() if key != name}
+        for parameters in (missing, {**request.parameters, name: True}, {**request.parameters, "speed": 1.0}):
+            with pytest.raises(ProviderFailed, match=name if "speed" not in parameters else "speed"):
+                desk.provider.start(msgspec.structs.replace(request, parameters=parameters))
+    assert desk.provider.find(request.identity.request_id) is None
+
+
+def test_an_unknown_handle_is_refused(desk: Desk) -> None:
+    for ask in (desk.provider.report, desk.provider.stop, desk.provider.keepalive, desk.provider.resume):
+        with pytest.raises(ProviderFailed):
+            ask("no-such-handle")
+
+
+def test_the_card_has_every_field_and_moves_nothing(desk: Desk) -> None:
+    card = desk.provider.card
+    provider: Provider = desk.provider
+    assert provider.card is card
+    assert not card.moves
+    assert card.risk == "low"
+    assert card.evidence
+    assert "timeout" in card.failure_words
+    assert msgspec.json.decode(msgspec.json.encode(card), type=type(card)) == card
+
+
+def test_a_torn_last_journal_line_is_forgotten_and_a_damaged_one_is_named(desk: Desk) -> None:
+    request = desk.request()
+    ended = desk.ended(desk.provider.start(request))
+    (journal,) = desk.folder.glob("*.jsonl")
+    whole = journal.read_bytes()
+    journal.write_bytes(whole + b'{"report":{"handle":"torn')
+    assert desk.restart().find(request.identity.request_id) == ended
+    assert journal.read_bytes() == whole
+    journal.write_bytes(b"garbage\n" + whole)
+    with pytest.raises(LogDamaged, match="line 1"):
+        desk.restart()
+
+
+def test_a_journal_that_cannot_be_written_says_where(tmp_path: Path) -> None:
+    (tmp_path / "journal").write_text("a file stands where the folder should be")
+    with pytest.raises(StoreUnavailable, match=r"text-intake\.jsonl"):
+        TextIntake(clock=StillClock(), blobs=Blobs(), journal=tmp_path / "journal")
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from harness.adapters.providers.messaging.delivery import CARD, OutboxDelivery
+from harness.adapters.providers.messaging.folder import FolderOutbox
+from tests.unit.senses.builders import Blobs, StillClock, request_to
+
+class DyingOutbox(FolderOutbox):
+    def send(self, key, text, images):
+        super().send(key, text, images)
+        os.kill(os.getpid(), signal.SIGKILL)
+
+folder, blobs = Path(sys.argv[1]), Blobs()
+image = blobs.put(b"image")
+outbox = DyingOutbox(folder / "outbox", blobs=blobs)
+provider = OutboxDelivery(outbox, clock=StillClock(), blobs=blobs, journal=folder)
+provider.report(provider.start(request_to(CARD, parameters={"text": "t", "images": (image,)})).handle)
+"""
+
+
+def test_a_kill_between_delivery_and_receipt_leads_to_one_message_and_its_receipts(tmp_path: Path) -> None:
+    killed = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path)], cwd=Path.cwd(), timeout=60, check=False)
+    assert killed.returncode == -signal.SIGKILL
+    (message,) = (tmp_path / "outbox").iterdir()
+    written = {path.name: (path.stat().st_mtime_ns, path.stat().st_ino) for path in message.iterdir()}
+
+    desk = Desk(delivery, tmp_path)
+    request = request_to(desk.provider.card, parameters={"text": "t", "images": (desk.blobs.put(b"image"),)})
+    found = desk.provider.find(request.identity.request_id)
+    assert found is not None
+    assert found.status == "accepted"
+    ended = desk.ended(desk.provider.start(request))
+
+    assert ended.status == "succeeded"
+    assert len(ended.receipts) == 2
+    assert os.listdir(tmp_path / "outbox") == [message.name]
+    assert {path.name: (path.stat().st_mtime_ns, path.stat().st_ino) for path in message.iterdir()} == written

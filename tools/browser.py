@@ -1,0 +1,79 @@
+"""Find a Chromium that works, or get one: the system's, else Debian's package, else Playwright's own download."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from playwright.sync_api import Playwright, sync_playwright
+
+SYSTEM_NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+FLAGS = (
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist",
+    "--disable-dev-shm-usage",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+)
+
+
+def find(playwright: Playwright) -> Path | None:
+    """The first browser that answers `--version`: REGEN_CHROMIUM, the system's, then Playwright's."""
+    named = os.environ.get("REGEN_CHROMIUM")
+    system = [shutil.which(name) for name in SYSTEM_NAMES]
+    for candidate in (named, *system, playwright.chromium.executable_path):
+        if candidate and _answers(candidate):
+            return Path(candidate)
+    return None
+
+
+def ensure(playwright: Playwright) -> Path:
+    """A working browser, installed if there is none; raises SystemExit that says what to do if that fails too."""
+    found = find(playwright)
+    if found:
+        return found
+    is_root, has_apt = os.geteuid() == 0, shutil.which("apt-get") is not None
+    if is_root and has_apt:
+        print("No Chromium found: installing Debian's package", flush=True)
+        _run("apt-get", "update", "-qq")
+        _run("apt-get", "install", "-y", "-qq", "--no-install-recommends", "chromium")
+        found = find(playwright)
+    if not found:
+        print("No Chromium found: downloading Playwright's own", flush=True)
+        _run(
+            sys.executable,
+            "-m",
+            "playwright",
+            "install",
+            *(("--with-deps",) if is_root and has_apt else ()),
+            "chromium",
+        )
+        found = find(playwright)
+    if not found:
+        raise SystemExit("No Chromium works here. Install one, or name it: REGEN_CHROMIUM=/path/to/chromium make test")
+    return found
+
+
+def _answers(executable: str) -> bool:
+    try:
+        answer = subprocess.run([executable, "--version"], capture_output=True, text=True, timeout=30, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return False
+    return answer.returncode == 0 and any(name in answer.stdout for name in ("Chromium", "Chrome"))
+
+
+def _run(*command: str) -> None:
+    quiet = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
+    ended = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, env=quiet, check=False)
+    if ended.returncode:
+        print(ended.stdout[-1500:], ended.stderr[-1500:], sep="\n", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    with sync_playwright() as driver:
+        ensure(driver)

@@ -1,0 +1,49 @@
+"""`make ledger`: which requirements of docs/ledger.md a test proves, by which symbol, and which are open."""
+
+from collections import defaultdict
+from collections.abc import Iterable
+
+from tools.marks import Mark, Row, collected, ledger
+
+
+def main() -> None:
+    """Print covered rows with their tests, then the open ones, then the two counts."""
+    rows, marks = ledger(), collected()
+    claims: dict[str, list[Mark]] = defaultdict(list)
+    for mark in marks:
+        for row in mark.rows:
+            claims[row].append(mark)
+    stray = sorted(set(claims) - set(rows))
+    if stray:
+        raise SystemExit(f"Marks name rows that docs/ledger.md does not have: {', '.join(stray)}")
+    _print_covered(rows.values(), claims)
+    _print_open([row for row in rows.values() if row.name not in claims])
+    print(" ".join(f"{kind} {_share(rows.values(), claims, kind=kind)}" for kind in ("core", "adapter")))
+
+
+def _print_covered(rows: Iterable[Row], claims: dict[str, list[Mark]]) -> None:
+    print("Covered")
+    for row in rows:
+        if row.name in claims:
+            print(f"  {row.name} [{row.mark}] {row.text}")
+            for mark in {(m.test.partition("[")[0], m.symbol or f"planted {m.planted}"): m for m in claims[row.name]}:
+                print(f"      {mark[0]}  ({mark[1]})")
+
+
+def _print_open(rows: list[Row]) -> None:
+    print("\nOpen")
+    section = ""
+    for row in rows:
+        if row.section != section:
+            section = row.section
+            print(f"  {section}")
+        print(f"    {row.name} [{row.mark}] {row.text}")
+
+
+def _share(rows: Iterable[Row], claims: dict[str, list[Mark]], *, kind: str) -> str:
+    names = [row.name for row in rows if row.mark == kind]
+    return f"{sum(name in claims for name in names)}/{len(names)}"
+
+
+if __name__ == "__main__":
+    main()
