@@ -63,6 +63,10 @@ class Doors:
             self._invitations[sha256(token.encode())] = self._clock() + INVITATION_S
         return f"/account/sign-in?token={token}"
 
+    def key(self) -> str:
+        """A one-use key for a form."""
+        return secrets.token_urlsafe(16)
+
     def enter(self, token: str) -> str | None:
         """The new session's cookie value for a fresh invitation; None for a used, late or unknown one."""
         with self._lock:

@@ -3,7 +3,7 @@
 Persons and the supervisor enter here; every change goes on to the gate, which alone appends.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from threading import Lock
 
@@ -28,6 +28,7 @@ from harness.contracts.observations import AnySample
 from harness.contracts.places import Site
 from harness.contracts.ports import BlobStore, EventStore, Head, Ids, Record, Signals, StoredEvent
 from harness.contracts.protocol import InvocationReport, RobotStatus
+from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import Value
 from harness.gate.commit import Gate, Request
 from harness.planning.compile import compile_contract
@@ -89,15 +90,15 @@ class Runtime:
 
     # commands -------------------------------------------------------------------------------------------------------
 
-    def start(self, start: Start, *, site: Site | None = None) -> Accepted[AnyEvent] | Refused:
+    def start(self, start: Start, *, template: TaskTemplate | None = None) -> Accepted[AnyEvent] | Refused:
         """Compile the goal to a contract and create the mission; the first event names it.
 
-        Raises UnknownName (template, place) or ContractInvalid; nothing is written then.
+        `template` replaces the configuration's own, for a replay whose legs are known only from its recording. Raises UnknownName (template, place) or ContractInvalid; nothing is written then.
         """
         templates = self.configuration.templates
-        template = by_name(start.template, templates) if start.template else select(start.goal, templates)
+        template = template or (by_name(start.template, templates) if start.template else select(start.goal, templates))
         contract = compile_contract(
-            goal=start.goal or template.goal, template=template, arguments=start.arguments or {}, site=site or self.site
+            goal=start.goal or template.goal, template=template, arguments=start.arguments or {}, site=self.site
         )
         mission_id = self._ids.mission()
         create = CreateMission(
@@ -189,6 +190,9 @@ class Runtime:
     def blob(self, digest: Digest) -> bytes:
         """Bytes that match their digest; raises BlobDamaged."""
         return self._blobs.get(digest)
+
+    def blob_digests(self) -> Iterator[Digest]:
+        return self._blobs.digests()
 
     def keep(self, body: bytes) -> Digest:
         return self._blobs.put(body)

@@ -9,14 +9,14 @@ log=.venv/install.log
 new_enough='import sys; raise SystemExit(sys.version_info < (3, 11))'
 
 find_python() {
-    local candidate
-    for candidate in ${PYTHON:-python3 python3.14 python3.13 python3.12 python3.11}; do
+    local candidate candidates=${PYTHON:-python3 python3.14 python3.13 python3.12 python3.11}
+    for candidate in $candidates; do
         if "$candidate" -c "$new_enough" 2>/dev/null; then
             echo "$candidate"
             return
         fi
     done
-    echo "RegenHarness needs Python 3.11 or newer; found: $(python3 --version 2>&1 || echo none)." >&2
+    echo "RegenHarness needs Python 3.11 or newer; none of these is one: $candidates." >&2
     echo "Install one (Debian: apt-get install python3 python3-venv) or name it: make PYTHON=/path/to/python3.12 ..." >&2
     exit 1
 }
@@ -62,17 +62,18 @@ pip_install() {
     .venv/bin/python -m pip install --disable-pip-version-check --no-input --progress-bar off "$@" </dev/null
 }
 
+stamp_of() { # what .venv holds once this lock is installed
+    echo "$(.venv/bin/python --version) $(cat "$1" pyproject.toml tools/install.sh | sha256sum | cut -d' ' -f1)"
+}
+
+is_installed() {
+    [ -f ".venv/installed-$1" ] && [ "$(cat ".venv/installed-$1")" = "$(stamp_of "$1")" ]
+}
+
 .venv/bin/python -c "$new_enough" 2>/dev/null || create_environment
-wanted="$(.venv/bin/python --version) $(cat "$lock" pyproject.toml tools/install.sh | sha256sum | cut -d' ' -f1)"
-for stamp in .venv/installed-*; do
-    case "$stamp" in
-        ".venv/installed-$lock" | .venv/installed-requirements-test.lock) ;;
-        *) continue ;;
-    esac
-    other=${stamp#.venv/installed-}
-    current="$(.venv/bin/python --version) $(cat "$other" pyproject.toml tools/install.sh | sha256sum | cut -d' ' -f1)"
-    [ "$(cat "$stamp" 2>/dev/null)" = "$current" ] && exit 0 # the test lock contains the other one
-done
+if is_installed "$lock" || is_installed requirements-test.lock; then # the test lock contains the other one
+    exit 0
+fi
 
 packages=$(grep -cE '^[A-Za-z0-9]' "$lock")
 started=$SECONDS
@@ -88,5 +89,5 @@ if ! pip_install --quiet --no-deps --no-build-isolation -e . >>"$log" 2>&1; then
     tail -n 25 "$log" >&2
     exit 1
 fi
-echo "$wanted" >".venv/installed-$lock"
+stamp_of "$lock" >".venv/installed-$lock"
 echo "Installed in $((SECONDS - started)) s"

@@ -34,9 +34,7 @@ def baseline() -> Configuration:
     folder = files(_PACKAGE).joinpath("templates")
     names = sorted(entry.name for entry in folder.iterdir() if entry.name.endswith(".yaml"))
     templates = tuple(
-        read_yaml(
-            folder.joinpath(name).read_text(encoding="utf-8"), TaskTemplate, where=f"baseline/templates/{name}"
-        )
+        read_yaml(folder.joinpath(name).read_text(encoding="utf-8"), TaskTemplate, where=f"baseline/templates/{name}")
         for name in names
     )
     configuration = Configuration(

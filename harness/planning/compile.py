@@ -11,6 +11,7 @@ from harness.contracts.effects import Condition, Relational, Temporal
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.places import Place, Site
 from harness.contracts.tasks import Goal, TaskContract, TaskTemplate, TemplateParameter, check
+from harness.contracts.values import encode
 from harness.planning.binding import bind_passage, bind_place, bind_route, names_in, substitute, unknown
 from harness.planning.templates import goal_of
 
@@ -88,9 +89,7 @@ def _argument(parameter: TemplateParameter, value: Argument) -> Argument:
     return value
 
 
-def _bindings(
-    goal: Goal, chosen: Mapping[str, Argument], template: TaskTemplate, site: Site
-) -> dict[str, Any]:
+def _bindings(goal: Goal, chosen: Mapping[str, Argument], template: TaskTemplate, site: Site) -> dict[str, Any]:
     places = {
         parameter.name: bind_place(str(chosen[parameter.name]), site=site)
         for parameter in template.parameters
@@ -104,7 +103,7 @@ def _bindings(
         **places,
         **_journeys(places, used, site),
     }
-    builtins: dict[str, Any] = msgspec.to_builtins(bound)
+    builtins: dict[str, Any] = msgspec.json.decode(encode(bound))
     return builtins
 
 

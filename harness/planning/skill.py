@@ -48,7 +48,7 @@ def propose_skill(context: Context) -> SkillProposal:
     return SkillProposal(
         provider_id=card.provider_id,
         parameters=parameters,
-        reason=f"Attempt {attempt.attempt} of {node.node_id}: {node.subgoal}. Facts used of: {facts}. Dropped: {dropped}.",
+        reason=f"Attempt {attempt.attempt} of {node.node_id}: {node.subgoal}. Facts of: {facts}. Dropped: {dropped}.",
     )
 
 

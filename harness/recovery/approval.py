@@ -6,9 +6,7 @@ from harness.projections.mission import Mission
 from harness.recovery.standing import OBSERVING, cost_of
 
 
-def approval_required(
-    *, mission: Mission, node: Node, action: RecoveryAction | None, moves: bool, share: float
-) -> str:
+def approval_required(*, mission: Mission, node: Node, action: RecoveryAction | None, moves: bool, share: float) -> str:
     """The reason why a person must approve, or "". `action` is None for a first dispatch.
 
     `moves`: whether the chosen provider moves the body. `share` is the part of the node's total recovery budget

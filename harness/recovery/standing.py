@@ -95,15 +95,6 @@ def repeated(action: RecoveryAction, standing: Standing, *, provider_id: Provide
     return ""
 
 
-def excluded_after(action: RecoveryAction, *, excluded: tuple[ProviderId, ...], failed: ProviderId | None) -> tuple[
-    ProviderId, ...
-]:
-    """The providers kept out after this rung: a switch adds the one that failed, nothing removes one (R64)."""
-    if action != "switch_skill" or failed is None or failed in excluded:
-        return excluded
-    return (*excluded, failed)
-
-
 def ladder_of(failure: FailureClass, policy: RecoveryPolicy) -> tuple[RecoveryAction, ...]:
     """The ordered ladder of this failure class; a class without one goes to a person at once."""
     return policy.ladders.get(failure, ("human",))

@@ -203,7 +203,7 @@ class Dispatcher:
 
     def _before(self, node: Node, attempt: Attempt) -> tuple[EvidenceReference, ...]:
         """O_before: the samples of the last seconds, for nodes whose policy wants pose evidence."""
-        if attempt.verify_only or not {"pose", "odometry"} & set(node.evidence.mandatory):
+        if attempt.verify_only or "trajectory" not in node.evidence.mandatory:
             return ()
         reference, _ = self._roles.senses.seal(self._roles.senses.recent, source="robot")
         return (replace(reference, kind="before"),)

@@ -32,7 +32,7 @@ class Recovery:
         """One rung; returns when to look again, in mission time."""
         now_s = self._crew.clock.now().mission_s
         c4 = recovery_context(self._roles.view(mission), failure.node_id, self._crew.cards)
-        proposal = recover(c4, policy=required_policy(mission))
+        proposal = recover(c4)
         match proposal.action:
             case "re_perceive" | "adjust_view" | "retry" | "local_replan" | "switch_skill":
                 return self._attempt(mission, failure, proposal, c4)

@@ -80,8 +80,8 @@ def route_progress(
 
     Each position is matched to the nearest point of the route between the arc length reached and `ahead_m` beyond
     it, and counts when it lies within `corridor_m`; so a circuit that starts at its goal starts at arc length 0, and
-    a crossing or a shortcut cannot jump. Where positions are further apart than `ahead_m`, matching goes on behind
-    the gap but the gap is not covered.
+    a crossing or a shortcut cannot jump. Where positions are further apart than `ahead_m`, matching goes on up to
+    twice that distance further (a corner), but the gap is not covered.
     """
     arcs = _arc_lengths(route)
     reached = covered = 0.0
@@ -89,7 +89,7 @@ def route_progress(
     for point in track:
         step = distance(last, point) if last is not None else 0.0
         gap = step > ahead_m
-        arc, offset = _nearest(route, arcs, point, from_m=reached, until_m=reached + max(ahead_m, step))
+        arc, offset = _nearest(route, arcs, point, from_m=reached, until_m=reached + (2 * step if gap else ahead_m))
         if offset > corridor_m:
             continue
         covered += 0.0 if gap else arc - reached

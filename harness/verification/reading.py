@@ -152,12 +152,27 @@ class Evidence:
     @cached_property
     def tracks(self) -> tuple[Track, ...]:
         """Cited executions in order of dispatch, then the current one (or now)."""
-        cited, current = [], []
+        cited: list[EvidenceReference] = []
+        current: list[EvidenceReference] = []
         for record in self.context.all("trajectory"):
             reference = read(record, EvidenceReference)
             (current if reference.values.get("role") == "current" else cited).append(reference)
         found = [self._track([one], current=False) for one in cited]
         return (*sorted(found, key=lambda track: track.dispatched_s), *self._now(current))
+
+    @cached_property
+    def before(self) -> Trajectory:
+        """Samples from just before the dispatches, of all packets in the context."""
+        found = [
+            self.decoded(reference.blob, Trajectory)
+            for record in self.context.all("before")
+            for reference in [read(record, EvidenceReference)]
+            if reference.kind in ("before", "trajectory")
+        ]
+        return Trajectory(
+            poses=tuple(pose for one in found for pose in one.poses),
+            odometry=tuple(sample for one in found for sample in one.odometry),
+        )
 
     def bytes_of(self, digest: Digest) -> bytes:
         """The blob, its checksum computed again. Raises Undecidable if it is missing or changed."""

@@ -87,6 +87,11 @@ class Sources:
         return next(moving, None)
 
     @property
+    def moved(self) -> bool:
+        """Whether odometry shows any motion."""
+        return bool(self._odometry) and self.moved_until_s() is not None
+
+    @property
     def moved_m(self) -> float:
         """Path length by odometry, metres."""
         return path_length(fix.point for fix in self._odometry)

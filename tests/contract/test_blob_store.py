@@ -3,7 +3,6 @@
 import re
 import resource
 import signal
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -34,8 +33,8 @@ def file_of(folder: Path, digest: Digest) -> Path:
 
 
 @pytest.fixture(scope="module")
-def kept(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[BlobStore]]:
-    yield [MemoryBlobStore(), FileBlobStore(tmp_path_factory.mktemp("kept"))]
+def kept(tmp_path_factory: pytest.TempPathFactory) -> list[BlobStore]:
+    return [MemoryBlobStore(), FileBlobStore(tmp_path_factory.mktemp("kept"))]
 
 
 @given(bodies=st.lists(st.binary(max_size=2000), max_size=5))

@@ -54,7 +54,8 @@ def test_a_killed_owner_is_followed_at_once(tmp_path: Path) -> None:
     assert b"secret" in (tmp_path / "owner.lock").read_bytes()
     assert read_owner(tmp_path) is None
     with OwnerLock(tmp_path) as lock:
-        assert read_owner(tmp_path) == lock.take(token="mine", url=URL)
+        owner = lock.take(token="mine", url=URL)
+        assert read_owner(tmp_path) == owner
 
 
 def test_a_child_of_the_owner_does_not_keep_the_folder(tmp_path: Path) -> None:

@@ -1,8 +1,6 @@
 """What templates read against what page classes offer: types are followed through loops, includes and macros."""
 
-import ast
 import dataclasses
-import importlib
 import inspect
 import types
 import typing
@@ -13,20 +11,9 @@ import jinja2
 import msgspec
 from jinja2 import nodes
 
-from tests.rooms.sources import Function, Module, functions
-
 Scope = dict[str, object]
 SAME_TYPE = frozenset({"list", "sort", "reverse", "selectattr", "rejectattr", "unique", "default"})
 NAMES_AS_TEXT = frozenset({"selectattr", "rejectattr", "map", "sort", "groupby", "sum", "attr"})
-
-
-@dataclass(frozen=True)
-class Rendering:
-    """One `render("x.html", page)` in the console: where, which template, and the class of the page."""
-
-    where: str
-    template: str
-    page: type | None
 
 
 @dataclass
@@ -81,46 +68,6 @@ def inside(kind: object) -> Iterator[type]:
             seen.add(here)
             stack.extend(typing.get_type_hints(here).values())
             yield here
-
-
-def renderings(source: Module, views: Collection[Module]) -> Iterator[Rendering]:
-    """Every rendering of a page in one module of the console."""
-    for function in functions(source.tree):
-        for call in ast.walk(function):
-            if not isinstance(call, ast.Call):
-                continue
-            template, page = _given(call)
-            if template and page:
-                yield Rendering(f"{source.path}:{call.lineno}", template, _class_of(page, function, views))
-
-
-def _given(call: ast.Call) -> tuple[str, ast.expr | None]:
-    """The template's name and the page: the argument after the name, or the keyword `page`."""
-    for index, argument in enumerate(call.args):
-        if isinstance(argument, ast.Constant) and str(argument.value).endswith(".html"):
-            named = [keyword.value for keyword in call.keywords if keyword.arg == "page"]
-            return str(argument.value), next(iter((*call.args[index + 1 :], *named)), None)
-    return "", None
-
-
-def _class_of(expression: ast.expr, function: Function, views: Collection[Module]) -> type | None:
-    """The class a page expression has: by the view function it calls, or the class it constructs."""
-    if isinstance(expression, ast.Name):
-        for node in ast.walk(function):
-            if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == expression.id:
-                return _class_of(node.value, function, views)
-        return None
-    if not isinstance(expression, ast.Call):
-        return None
-    name = ast.unparse(expression.func).rpartition(".")[2]
-    for view in views:
-        offer = getattr(importlib.import_module(view.name), name, None)
-        if isinstance(offer, type):
-            return offer
-        if callable(offer):
-            found = plain(typing.get_type_hints(offer).get("return"))
-            return found if isinstance(found, type) else None
-    return None
 
 
 def plain(kind: object) -> object:

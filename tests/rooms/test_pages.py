@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import jinja2
 
 from tests.rooms.markup import TEMPLATES, template_texts
-from tests.rooms.pages import Reading, fields_of, inside, renderings
+from tests.rooms.pages import Reading, fields_of, inside
+from tests.rooms.renderings import renderings
 from tests.rooms.sources import module, modules
 
 
@@ -50,7 +51,7 @@ def test_templates_and_page_classes_agree_both_ways() -> None:
     if not template_texts():
         return
     views = [source for source in modules("app/views") if not source.is_init]
-    found = [rendering for source in modules("app") for rendering in renderings(source, views)]
+    found = [rendering for source in modules("app") for rendering in renderings(source)]
     assert found, "templates exist, but nothing in app/ renders one"
     assert [f"{item.where}: the page's class cannot be seen" for item in found if item.page is None] == []
     reading = Reading(jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True))
@@ -64,14 +65,25 @@ def test_templates_and_page_classes_agree_both_ways() -> None:
 
 
 def test_a_rendering_is_seen_with_the_class_of_its_page() -> None:
-    views = (module("tests/rooms/test_pages.py", ""),)
-    text = "def show():\n    page = Page(1)\n    return render('a.html', page, status=2)\n"
-    other = "def part(x):\n    return render('_b.html', page=some_page(x))\n"
-    seen = list(renderings(module("app/routes/x.py", text + other), views))
-    assert [(item.template, item.page and item.page.__name__) for item in seen] == [
-        ("a.html", "Page"),
-        ("_b.html", "Page"),
-    ]
+    text = """
+def show(desk: Desk):
+    page = Page("t", (), None)
+    render("a.html", page, status=2)
+    render("_b.html", page=some_page(x))
+    render("_c.html", desk.best())
+    render("_d.html", something())
+"""
+    seen = list(renderings(module("tests/rooms/test_pages.py", text)))
+    kinds = [(item.template, item.page.__name__ if item.page else "") for item in seen]
+    assert kinds == [("a.html", "Page"), ("_b.html", "Page"), ("_c.html", "Row"), ("_d.html", "")]
+
+
+class Desk:
+    """What a handler of the example above is given."""
+
+    def best(self) -> Row:
+        """A page that is a row."""
+        return Row(name="", age_s=0.0)
 
 
 def some_page(text: str) -> Page | None:

@@ -21,7 +21,7 @@ CARD = CapabilityCard(
     cancel=CancelBehaviour(acknowledged=True, within_s=1.0),
     risk="low",
     failure_words=("timeout", "store_unavailable"),
-    evidence=("transcript",),
+    evidence=("receipt:transcript",),
     capability="take_request",
     estimates=Estimates(success=1.0, risk=0.0, uncertainty=0.0, cost=0.0),
     moves=False,

@@ -15,7 +15,7 @@ from sqlalchemy.engine import URL
 from sqlalchemy.exc import DBAPIError
 
 from harness.adapters.stores.chain import GENESIS, admit_record, check, check_record, damaged, link
-from harness.adapters.stores.sql_engine import file_url, immediate, reader_engine, translated, writer_engine
+from harness.adapters.stores.sql_engine import enter_wal, file_url, immediate, reader_engine, translated, writer_engine
 from harness.adapters.stores.sql_schema import SCHEMA_VERSION, SQLITE_TRIGGERS, meta, tables
 from harness.contracts.errors import LogDamaged, StoreNewer, StoreUnavailable, UnknownName
 from harness.contracts.ids import Digest, StreamId
@@ -53,7 +53,7 @@ class SqlEventStore:
         with translated(self._url):
             writer = writer_engine(self._url, busy_s=busy_s).connect()
             try:
-                _prepare(writer, self._url)
+                _prepare(writer, self._url, busy_s=busy_s)
             except BaseException:
                 writer.close()
                 raise
@@ -159,10 +159,10 @@ class SqlEventStore:
             return reader.exec_driver_sql(statement, arguments).all()
 
 
-def _prepare(writer: Connection, url: URL) -> None:
+def _prepare(writer: Connection, url: URL, *, busy_s: float) -> None:
     """Create the tables in an empty file; refuse a file of another program or of a newer version."""
     if not _has_log(writer, url):
-        writer.exec_driver_sql("PRAGMA journal_mode=WAL")
+        enter_wal(writer, busy_s=busy_s)
         with immediate(writer):
             if not _has_log(writer, url):
                 tables.create_all(writer)
@@ -176,7 +176,7 @@ def _prepare(writer: Connection, url: URL) -> None:
             where=str(url.database),
             do="install the newer version of the program, or choose another data folder",
         )
-    mode = writer.exec_driver_sql("PRAGMA journal_mode=WAL").scalar_one()
+    mode = enter_wal(writer, busy_s=busy_s)
     if mode != "wal":
         raise StoreUnavailable(
             f"The file system allows journal mode {mode} only, the event log needs wal",

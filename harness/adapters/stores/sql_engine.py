@@ -5,6 +5,7 @@ Transactions are opened by hand (BEGIN IMMEDIATE), so that two writers queue ins
 """
 
 import sqlite3
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -12,7 +13,7 @@ from typing import Any
 from sqlalchemy import Connection, Engine, create_engine
 from sqlalchemy.engine import URL, make_url
 from sqlalchemy.event import listen
-from sqlalchemy.exc import ArgumentError, DBAPIError, SQLAlchemyError
+from sqlalchemy.exc import ArgumentError, DBAPIError, OperationalError, SQLAlchemyError
 from sqlalchemy.pool import NullPool
 
 from harness.contracts.errors import StoreUnavailable
@@ -32,6 +33,7 @@ _REMEDIES = {
     sqlite3.SQLITE_CORRUPT: "restore the file from a copy, or move it away to start a new log",
 }
 _PRIMARY = 0xFF
+_PAUSE_S = 0.01
 
 
 def writer_engine(url: URL, *, busy_s: float) -> Engine:
@@ -71,6 +73,18 @@ def immediate(connection: Connection) -> Iterator[None]:
         raise
 
 
+def enter_wal(connection: Connection, *, busy_s: float) -> str:
+    """Switch the file to WAL and return the mode it then has. SQLite would not wait for other processes here."""
+    until = time.monotonic() + busy_s
+    while True:
+        try:
+            return str(connection.exec_driver_sql("PRAGMA journal_mode=WAL").scalar_one())
+        except OperationalError as error:
+            if _code(error) != sqlite3.SQLITE_BUSY or time.monotonic() > until:
+                raise
+            time.sleep(_PAUSE_S)
+
+
 @contextmanager
 def translated(url: URL) -> Iterator[None]:
     """Turn the database's failures into StoreUnavailable with where and what to do."""
@@ -83,12 +97,16 @@ def translated(url: URL) -> Iterator[None]:
 def unavailable(url: URL, error: SQLAlchemyError) -> StoreUnavailable:
     """What a database failure means for a person."""
     cause = error.orig if isinstance(error, DBAPIError) else error
-    code = getattr(cause, "sqlite_errorcode", 0) & _PRIMARY
     return StoreUnavailable(
         f"The event log cannot be used: {cause}",
         where=str(url.database),
-        do=_REMEDIES.get(code, "run `regen doctor` to see what is wrong with the data folder"),
+        do=_REMEDIES.get(_code(error), "run `regen doctor` to see what is wrong with the data folder"),
     )
+
+
+def _code(error: SQLAlchemyError) -> int:
+    cause = error.orig if isinstance(error, DBAPIError) else error
+    return int(getattr(cause, "sqlite_errorcode", 0)) & _PRIMARY
 
 
 def _engine(url: URL, pragmas: tuple[str, ...], *, busy_s: float, **pool: Any) -> Engine:

@@ -66,5 +66,5 @@ def request_to(
         k_ctx=4,
         configuration=Digest("c" * 64),
         deadline_s=EPOCH_S + deadline_s,
-        fencing={resource: token for resource in card.resources},
+        fencing=dict.fromkeys(card.resources, token),
     )

@@ -41,14 +41,14 @@ def test_four_of_eight_images_and_the_text_are_delivered_and_each_is_acknowledge
     frames = tuple(blobs.put(b"\xff\xd8\xff frame %d" % index) for index in range(8))
     report = blobs.put(encode({"cited": [frames[6], frames[1]], "text": "two boxes"}))
     provider = delivery(blobs, tmp_path)
-    request = request_to(CARD, parameters={"text": "Zwei Kartons", "images": frames, "analysis": report})
+    request = request_to(CARD, parameters={"text": "Two boxes", "images": frames, "analysis": report})
 
     ended = provider.report(provider.start(request).handle)
 
     sent = json.loads((tmp_path / "outbox" / request.identity.request_id / "message.json").read_bytes())
     assert ended.status == "succeeded"
     assert [receipt.blob for receipt in ended.receipts] == [
-        frames[6], frames[1], frames[0], frames[4], sha256("Zwei Kartons".encode()),
+        frames[6], frames[1], frames[0], frames[4], sha256(b"Two boxes"),
     ]  # fmt: skip
     assert {receipt.text for receipt in ended.receipts} == {f"{sent['acknowledgement']} cited-then-evenly-spaced"}
     for file, frame in zip(sent["files"], sent["images"], strict=True):

@@ -13,8 +13,9 @@ import signal
 import sys
 from itertools import count
 from pathlib import Path
+from typing import cast
 
-from harness.adapters.failpoints import parse, with_failpoint
+from harness.adapters.failpoints import parse, provider_with_failpoint, with_failpoint
 from harness.adapters.stores.blobs import FileBlobStore
 from harness.adapters.stores.owner import OwnerLock
 from harness.adapters.stores.spool import FileSpool
@@ -22,7 +23,8 @@ from harness.adapters.stores.sql import SqlEventStore
 from harness.contracts.errors import ConcurrencyConflict, StoreUnavailable
 from harness.contracts.ids import InvocationId, StreamId
 from harness.contracts.observations import Battery
-from harness.contracts.ports import Batch, NewEvent
+from harness.contracts.ports import Batch, NewEvent, Provider
+from harness.contracts.protocol import StartRequest
 from harness.contracts.values import Moment, encode
 
 NOW = Moment(mission_s=1.0, wall_s=2.0)
@@ -67,6 +69,22 @@ def fail(url: str, name: str) -> None:
         store.append([_batch("mission/a", version, kind)], [], NOW)
 
 
+class PrintingProvider:
+    """A provider that only starts, and prints how often it did."""
+
+    def __init__(self) -> None:
+        self._starts = count(1)
+
+    def start(self, _request: object) -> None:
+        print(next(self._starts), flush=True)
+
+
+def dispatch(name: str) -> None:
+    provider = provider_with_failpoint(cast(Provider, PrintingProvider()), parse(name))
+    for _ in range(3):
+        provider.start(cast(StartRequest, None))
+
+
 def own(folder: str, url: str) -> None:
     lock = OwnerLock(Path(folder))
     lock.take(token="secret", url=url)
@@ -93,5 +111,14 @@ def _batch(stream: str, version: int, kind: str, size: int = 0) -> Batch:
 
 
 if __name__ == "__main__":
-    programs = {"burst": burst, "race": race, "fill": fill, "fail": fail, "own": own, "spool": spool, "blobs": blobs}
+    programs = {
+        "burst": burst,
+        "race": race,
+        "fill": fill,
+        "fail": fail,
+        "dispatch": dispatch,
+        "own": own,
+        "spool": spool,
+        "blobs": blobs,
+    }
     programs[sys.argv[1]](*sys.argv[2:])

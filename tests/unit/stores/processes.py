@@ -29,11 +29,13 @@ def running(*arguments: str) -> "Iterator[subprocess.Popen[str]]":
 def lines(child: "subprocess.Popen[str]", number: int) -> list[str]:
     """The next `number` lines the child prints; fewer if it ends."""
     assert child.stdout is not None
-    return [line.strip() for line, _ in zip(child.stdout, range(number), strict=False)]
+    return [line.strip() for _, line in zip(range(number), child.stdout, strict=False)]
 
 
 def kill(child: "subprocess.Popen[str]") -> list[str]:
     """SIGKILL the child, wait for it, and return the lines it had still printed."""
+    assert child.stdout is not None
     child.kill()
-    rest, _ = child.communicate(timeout=30)
-    return rest.split()
+    rest = child.stdout.read().split()
+    child.wait(timeout=30)
+    return rest

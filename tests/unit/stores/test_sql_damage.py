@@ -2,6 +2,7 @@
 
 import sqlite3
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -244,6 +245,22 @@ def test_an_append_that_waits_too_long_for_another_writer_is_left_out(file: Path
     other.close()
     assert store.append([batch("mission/a", 5, "Resumed")], [], NOW).position == 10
     store.close()
+
+
+def test_opening_waits_for_a_process_that_is_just_creating_the_log(tmp_path: Path) -> None:
+    path = tmp_path / "events.db"
+    other = sqlite3.connect(path, isolation_level=None)
+    other.execute("BEGIN")
+    other.execute("SELECT * FROM sqlite_master").fetchall()
+    with pytest.raises(StoreUnavailable, match="locked"):
+        SqlEventStore(f"sqlite:///{path}", busy_s=0.05)
+    with ThreadPoolExecutor(1) as pool:
+        opening = pool.submit(SqlEventStore, f"sqlite:///{path}")
+        with pytest.raises(TimeoutError):
+            opening.result(timeout=0.1)
+        other.execute("ROLLBACK")
+        opening.result().close()
+    other.close()
 
 
 def test_a_closed_log_says_so(file: Path) -> None:

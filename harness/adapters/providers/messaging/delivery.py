@@ -28,7 +28,7 @@ CARD = CapabilityCard(
     cancel=CancelBehaviour(acknowledged=True, within_s=1.0),
     risk="low",
     failure_words=("timeout", "provider_failed", "blob_damaged", "store_unavailable"),
-    evidence=("delivery",),
+    evidence=("receipt:delivery",),
     capability="deliver_message",
     estimates=Estimates(success=0.98, risk=0.0, uncertainty=0.02, cost=0.0),
     moves=False,

@@ -4,9 +4,11 @@ import math
 from pathlib import Path
 
 import cv2
+import msgspec
 import numpy as np
 
 from harness.adapters.providers.local import Draft, Failed, LocalProvider, Outcome, Result
+from harness.adapters.providers.models.faces import Pixels
 from harness.adapters.providers.models.passage import METHOD, Frame, analyse
 from harness.contracts.capabilities import CancelBehaviour, CapabilityCard, Estimates, Latency, Parameter
 from harness.contracts.errors import ProviderFailed
@@ -14,7 +16,7 @@ from harness.contracts.ids import Digest, ProviderId
 from harness.contracts.observations import Camera
 from harness.contracts.ports import BlobStore, Clock
 from harness.contracts.protocol import StartRequest
-from harness.contracts.values import Point, encode
+from harness.contracts.values import Point, Value, encode
 
 CARD = CapabilityCard(
     provider_id=ProviderId("opencv-analysis"),
@@ -61,50 +63,51 @@ class OpenCvAnalysis(LocalProvider):
         self._camera = camera
 
     def check(self, request: StartRequest) -> None:
-        images, yaws = _digests(request), _points(request, "yaws_rad")
-        if not images or sorted(index for index, _ in yaws) != list(range(len(images))):
+        asked = _asked(request)
+        if not asked.images or sorted(index for index, _ in asked.yaws_rad) != list(range(len(asked.images))):
             raise ProviderFailed(
-                f"{len(images)} images came with {len(yaws)} headings",
+                f"{len(asked.images)} images came with {len(asked.yaws_rad)} headings",
                 where="opencv-analysis, parameter yaws_rad",
                 do="pass one point (index, heading) for each image",
             )
-        if len(_points(request, "passage")) < 3:
+        if len(asked.passage) < 3:
             raise ProviderFailed(
                 "The passage is not a polygon", where="opencv-analysis, parameter passage", do="pass 3 corners or more"
             )
 
     def work(self, request: StartRequest, now_s: float) -> Outcome:
-        images, headings = _digests(request), dict(_points(request, "yaws_rad"))
-        measured = request.parameters.get("heading_rad")
-        if isinstance(measured, int | float) and not _near(float(measured), tuple(headings.values())):
+        asked = _asked(request)
+        headings = dict(asked.yaws_rad)
+        if asked.heading_rad is not None and not _near(asked.heading_rad, tuple(headings.values())):
             return Failed(
                 failure="poses_disagree",
-                message=f"No frame was taken near the measured heading of {measured:.2f} rad.",
+                message=f"No frame was taken near the measured heading of {asked.heading_rad:.2f} rad.",
             )
         report = analyse(
             [
-                Frame(digest=image, heading_rad=headings[float(index)], pixels=self._pixels(image))
-                for index, image in enumerate(images)
+                Frame(digest=image, heading_rad=headings[index], pixels=self._pixels(image))
+                for index, image in enumerate(asked.images)
             ],
             camera=self._camera,
-            position=_point(request, "position"),
-            passage=_points(request, "passage"),
+            position=asked.position,
+            passage=asked.passage,
         )
         if not report.findings and report.in_view < _LEAST_IN_VIEW:
             return Failed(
                 failure="passage_not_seen",
-                message=f"Only {report.in_view:.0%} of the passage is in view of the {len(images)} frames.",
+                message=f"Only {report.in_view:.0%} of the passage is in view of the {len(asked.images)} frames.",
             )
         blob = self._blobs.put(encode(report))
         declared = {"obstructions": float(len(report.findings)), "blocked": float(report.blocked)}
+        values = {**declared, "in_view": report.in_view}
         return Result(
             message=report.text,
-            drafts=(Draft(kind="analysis", text=report.text, blob=blob, values={**declared, "in_view": report.in_view}),),
+            drafts=(Draft(kind="analysis", text=report.text, blob=blob, values=values),),
             declared=declared,
             blobs=(blob, *report.cited),
         )
 
-    def _pixels(self, image: Digest) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
+    def _pixels(self, image: Digest) -> Pixels:
         body = np.frombuffer(self._blobs.get(image), dtype=np.uint8)
         decoded = cv2.imdecode(body, cv2.IMREAD_COLOR_RGB) if len(body) else None
         size = (self._camera.height_px, self._camera.width_px)
@@ -117,24 +120,18 @@ class OpenCvAnalysis(LocalProvider):
         return np.asarray(decoded, dtype=np.uint8)
 
 
-def _digests(request: StartRequest) -> tuple[Digest, ...]:
-    value = request.parameters["images"]
-    return tuple(Digest(str(image)) for image in value) if isinstance(value, tuple) else ()
+class _Asked(Value):
+    """The parameters of a request, typed; `heading_rad` is looked at where it is given."""
+
+    images: tuple[Digest, ...]
+    yaws_rad: tuple[Point, ...]
+    passage: tuple[Point, ...]
+    position: Point
+    heading_rad: float | None = None
 
 
-def _points(request: StartRequest, name: str) -> tuple[Point, ...]:
-    value = request.parameters[name]
-    points = value if isinstance(value, tuple) else ()
-    return tuple((float(point[0]), float(point[1])) for point in points if isinstance(point, tuple))
-
-
-def _point(request: StartRequest, name: str) -> Point:
-    (point,) = _points_of(request.parameters[name])
-    return point
-
-
-def _points_of(value: object) -> tuple[Point, ...]:
-    return ((float(value[0]), float(value[1])),) if isinstance(value, tuple) else ()
+def _asked(request: StartRequest) -> _Asked:
+    return msgspec.convert(request.parameters, _Asked)
 
 
 def _near(heading: float, others: tuple[float, ...]) -> bool:

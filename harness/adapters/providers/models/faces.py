@@ -1,8 +1,8 @@
 """Pure: which even patches of an image are upright faces that touch the floor, by the shape of their outline.
 
 Colour only separates one patch from the next. What a patch is follows from geometry: an upright face is bounded on
-both sides by lines that are vertical in the world and ends below on the floor; paint on the floor is not, whatever
-its colour, because its sides run to the horizon.
+both hands by lines that are vertical in the world, at least one of them its own, and it ends below on the floor.
+Paint does not, whatever its colour, because its sides run to the horizon.
 """
 
 import math
@@ -16,8 +16,12 @@ from harness.adapters.providers.models.projection import Floats, View
 
 Pixels = npt.NDArray[np.uint8]
 Labels = npt.NDArray[np.int32]
+Patch = npt.NDArray[np.bool_]
 
+_SCHARR = 32.0
+"""Scharr's answer to a slope of one level per pixel."""
 _EDGE_LEVELS = 4.0
+_STEP_LEVELS = 6.0
 _SMALLEST_SEED_PX = 30
 _SMALLEST_FACE_PX = 120
 _SHORTEST_SIDE_PX = 10.0
@@ -25,60 +29,79 @@ _SLACK_RAD = math.radians(2.5)
 _SLACK_PX = 1.5
 _SIDE_SHARE = 0.45
 _CUT_PX = 4
+_BESIDE_PX = 6
+_CORNER_PX = 25
+_SEAM_PX = 2
 
 
 class Face(msgspec.Struct, frozen=True):
-    """One upright face. `box_px` = x, y, width, height; `contact_px` (N, 2) and `contact_m` (N, 2): where it meets
-    the floor, column by column; `height_m`: how tall it is at least; `whole`: both of its sides are in the image.
+    """One upright face. `box_px` = x, y, width, height; `contact_m` (N, 2): where it meets the floor, column by column;
+    `height_m`: how tall it is at least; `whole`: both of its sides are in the image.
     """
 
     box_px: tuple[int, int, int, int]
-    contact_px: Floats
     contact_m: Floats
     height_m: float
     whole: bool
 
 
-def patches(image: Pixels) -> Labels:
-    """Labels (H, W) of evenly coloured patches of an RGB image: from 1 on; -1 on the seams between them."""
-    smooth = cv2.medianBlur(image, 5)
-    edges = np.zeros(image.shape[:2], np.float32)
+class Side(msgspec.Struct, frozen=True):
+    """One upright run of an outline, window pixels. `hand` is -1 on the left, 1 on the right; `cut` when it is the
+    edge of the window, where the true side may lie outside."""
+
+    x: int
+    top: int
+    bottom: int
+    hand: int
+    cut: bool
+
+
+class Window(msgspec.Struct, frozen=True):
+    """The lower part of an image from row `top` on: smoothed RGB (H, W, 3), its patches (H, W), and the camera."""
+
+    image: Pixels
+    labels: Labels
+    view: View
+    top: int
+
+
+def look(pixels: Pixels, view: View, *, top: int) -> Window:
+    """Split the rows from `top` on of an RGB image (H, W, 3) into evenly coloured patches: 1 and up, -1 on seams."""
+    smooth = cv2.medianBlur(np.ascontiguousarray(pixels[top:]), 5)
+    edges = np.zeros(smooth.shape[:2], np.float32)
     for channel in cv2.split(smooth):
-        across = cv2.Scharr(channel, cv2.CV_32F, 1, 0) / 32.0
-        along = cv2.Scharr(channel, cv2.CV_32F, 0, 1) / 32.0
-        edges = np.maximum(edges, cv2.magnitude(across, along))
+        across = np.asarray(cv2.Scharr(channel, cv2.CV_32F, 1, 0), dtype=np.float32)
+        along = np.asarray(cv2.Scharr(channel, cv2.CV_32F, 0, 1), dtype=np.float32)
+        edges = np.maximum(edges, cv2.magnitude(across, along) / _SCHARR)
     even = (cv2.dilate(edges, np.ones((3, 3), np.uint8)) < _EDGE_LEVELS).astype(np.uint8)
     _, seeds, stats, _ = cv2.connectedComponentsWithStats(even, connectivity=4)
-    small = stats[:, cv2.CC_STAT_AREA] < _SMALLEST_SEED_PX
-    seeds[small[seeds]] = 0
-    return np.asarray(cv2.watershed(smooth, np.ascontiguousarray(seeds, dtype=np.int32)), dtype=np.int32)
+    seeds[(stats[:, cv2.CC_STAT_AREA] < _SMALLEST_SEED_PX)[seeds]] = 0
+    labels = cv2.watershed(smooth, np.ascontiguousarray(seeds, dtype=np.int32))
+    return Window(image=np.asarray(smooth), labels=np.asarray(labels), view=view, top=top)
 
 
-class _Sides(msgspec.Struct, frozen=True):
-    """The columns from one upright side to the other; `whole` when neither is the edge of the window."""
+def upright_faces(window: Window) -> list[Face]:
+    """Upright faces among the patches that end above the window's lower edge.
 
-    low: int
-    high: int
-    whole: bool
-
-
-def upright_faces(labels: Labels, view: View, *, offset_px: tuple[int, int]) -> list[Face]:
-    """Upright faces among the patches; `offset_px` is where the labelled window begins in the whole image."""
-    between: dict[int, _Sides] = {}
-    for label in np.setdiff1d(labels, labels[-_CUT_PX:]):
-        outline = _outline(labels == label) if label > 0 else None
-        sides = None if outline is None else _sides(outline, view.upward_at(outline, offset_px), labels.shape[1])
-        if sides is not None:
-            between[int(label)] = sides
-    standing = np.isin(labels, list(between))
-    faces = (
-        _face(labels == label, sides, standing=standing, view=view, offset_px=offset_px)
-        for label, sides in between.items()
-    )
+    Nearest first: a side that belongs to a nearer face is where that face hides a patch, so it says nothing of the
+    patch; floor seen through a gap between two boxes has no side of its own.
+    """
+    bounded: dict[int, tuple[Side, ...]] = {}
+    for label in np.setdiff1d(window.labels, window.labels[-_CUT_PX:]).tolist():
+        outline = _outline(window.labels == label) if label > 0 else None
+        sides = () if outline is None else _sides(outline, window)
+        if sides:
+            bounded[label] = sides
+    upright: dict[int, tuple[Side, ...]] = {}
+    for label in sorted(bounded, key=lambda one: -max(side.bottom for side in bounded[one])):
+        if _has_own_side(label, bounded[label], window=window, nearer=tuple(upright)):
+            upright[label] = bounded[label]
+    standing = np.isin(window.labels, list(upright))
+    faces = (_face(window.labels == label, sides, window=window, standing=standing) for label, sides in upright.items())
     return [face for face in faces if face is not None]
 
 
-def _outline(patch: npt.NDArray[np.bool_]) -> Floats | None:
+def _outline(patch: Patch) -> Floats | None:
     """The corners (N, 2) of a patch's outer contour, clockwise as seen; None when it is too small to judge."""
     if np.count_nonzero(patch) < _SMALLEST_FACE_PX:
         return None
@@ -89,54 +112,92 @@ def _outline(patch: npt.NDArray[np.bool_]) -> Floats | None:
     return np.asarray(corners if turned > 0 else corners[::-1])
 
 
-def _sides(corners: Floats, upward: Floats, width_px: int) -> _Sides | None:
-    """The upright sides of an outline; None unless both rise over a good part of its height.
+def _sides(corners: Floats, window: Window) -> tuple[Side, ...]:
+    """The upright sides of an outline; none unless those on both hands rise over a good part of its height.
 
-    `upward` (N, 2) is the direction of the world's vertical in the middle of the run from each corner to the next. A
-    run along the edge of a window `width_px` wide may hide an upright side, so it counts as one, but not both may.
+    A run along the window's left or right edge may hide an upright side, so it counts as one.
     """
     following = np.roll(corners, -1, axis=0)
     runs, middle = following - corners, (corners + following) / 2.0
     lengths = np.hypot(runs[:, 0], runs[:, 1])
+    upward = window.view.upward(middle + np.array([0, window.top]))
     cosine = np.abs((runs * upward).sum(axis=1)) / np.maximum(lengths, 1e-9)
     turned = np.arccos(np.clip(cosine, 0.0, 1.0))
-    at_edge = (middle[:, 0] < _CUT_PX) | (middle[:, 0] > width_px - 1 - _CUT_PX)
+    at_edge = (middle[:, 0] < _CUT_PX) | (middle[:, 0] > window.labels.shape[1] - 1 - _CUT_PX)
     cut = at_edge & (np.abs(runs[:, 0]) < 2)
     upright = (lengths > _SHORTEST_SIDE_PX) & (turned < _SLACK_RAD + _SLACK_PX / np.maximum(lengths, 1.0)) | cut
-    left, right = upright & (runs[:, 1] < 0), upright & (runs[:, 1] > 0)
-    height = float(np.ptp(corners[:, 1]))
-    if min(-runs[left, 1].sum(), runs[right, 1].sum()) < _SIDE_SHARE * height:
-        return None
-    low, high = round(float(middle[left, 0].min())), round(float(middle[right, 0].max()))
-    edges = int(cut[left].any()) + int(cut[right].any())
-    return _Sides(low=low, high=high, whole=edges == 0) if low < high and edges < 2 else None
+    least = _SIDE_SHARE * float(np.ptp(corners[:, 1]))
+    if min(-runs[upright & (runs[:, 1] < 0), 1].sum(), runs[upright & (runs[:, 1] > 0), 1].sum()) < least:
+        return ()
+    return tuple(
+        Side(
+            x=round(float(middle[index, 0])),
+            top=int(min(corners[index, 1], following[index, 1])),
+            bottom=int(max(corners[index, 1], following[index, 1])),
+            hand=-1 if runs[index, 1] < 0 else 1,
+            cut=bool(cut[index]),
+        )
+        for index in np.flatnonzero(upright & (runs[:, 1] != 0))
+    )
 
 
-def _face(
-    patch: npt.NDArray[np.bool_],
-    sides: _Sides,
-    *,
-    standing: npt.NDArray[np.bool_],
-    view: View,
-    offset_px: tuple[int, int],
-) -> Face | None:
+def _has_own_side(label: int, sides: tuple[Side, ...], *, window: Window, nearer: tuple[int, ...]) -> bool:
+    """Whether the upright runs of one hand are, for a good part, the patch's own and end where the patch ends."""
+    height = max(side.bottom for side in sides) - min(side.top for side in sides)
+    for hand in (-1, 1):
+        runs = [side for side in sides if side.hand == hand]
+        lowest = max((side.bottom for side in runs), default=0)
+        own = 0
+        for side in runs:
+            inside = np.flatnonzero(_column(window.labels, side, outwards=-1) == label)
+            ends = len(inside) > 0 and inside[-1] < lowest + _CORNER_PX
+            if not side.cut and ends and _steps(side, window) and not _hides(side, window.labels, nearer):
+                own += side.bottom - side.top
+        if own > _SIDE_SHARE * height:
+            return True
+    return False
+
+
+def _steps(side: Side, window: Window) -> bool:
+    """Whether the two banks of a side differ: a joint between two tiles is a line with the same floor on both."""
+    rows = np.linspace(side.top, side.bottom, 11).astype(int)[1:-1]
+    inner, outer = (_column(window.image, side, outwards=way)[rows].astype(np.float64) for way in (-1, 1))
+    return bool(np.median(np.abs(inner - outer).max(axis=1)) > _STEP_LEVELS)
+
+
+def _hides(side: Side, labels: Labels, nearer: tuple[int, ...]) -> bool:
+    """Whether what lies beyond a side is a nearer face, which reaches at least as far down there."""
+    column = _column(labels, side, outwards=1)
+    beyond = column[(side.top + side.bottom) // 2]
+    return beyond in nearer and bool(np.flatnonzero(column == beyond)[-1] > side.bottom - _BESIDE_PX)
+
+
+def _column(image: npt.NDArray[np.generic], side: Side, *, outwards: int) -> npt.NDArray[np.generic]:
+    """The image column a few pixels outwards (1) or inwards (-1) of a side."""
+    column = side.x + _BESIDE_PX * side.hand * outwards
+    return image[:, min(max(column, 0), image.shape[1] - 1)]
+
+
+def _face(patch: Patch, sides: tuple[Side, ...], *, window: Window, standing: Patch) -> Face | None:
     """The face of a patch, or None where its lower end is hidden by another face or lies above the horizon."""
-    columns = np.arange(max(sides.low, 0), min(sides.high + 1, patch.shape[1]))
-    columns = columns[patch[:, columns].any(axis=0)]
+    low = max(0, min(side.x for side in sides if side.hand < 0))
+    high = min(patch.shape[1] - 1, max(side.x for side in sides if side.hand > 0))
+    columns = low + np.flatnonzero(patch[:, low : high + 1].any(axis=0))[_SEAM_PX:-_SEAM_PX]
+    if len(columns) == 0:
+        return None
     bottom = patch.shape[0] - 1 - np.argmax(patch[::-1, columns], axis=0)
     top = np.argmax(patch[:, columns], axis=0)
-    free = ~standing[np.minimum(bottom + 5, patch.shape[0] - 1), columns]
-    contact_px = np.column_stack([columns[free], bottom[free] + 1]) + np.array(offset_px, dtype=np.float64)
-    contact_m = view.floor(contact_px)
-    seen = np.isfinite(contact_m).all(axis=1)
-    if not seen.any():
+    below = np.minimum(bottom + _BESIDE_PX, patch.shape[0] - 1)
+    above = np.maximum(bottom - _BESIDE_PX, 0)
+    step = np.abs(window.image[above, columns].astype(np.float64) - window.image[below, columns]).max(axis=1)
+    contact = window.view.floor(np.column_stack([columns, bottom + 1 + window.top]).astype(np.float64))
+    meets = ~standing[below, columns] & (step > _STEP_LEVELS) & np.isfinite(contact).all(axis=1)
+    if not meets.any():
         return None
-    heights = (bottom - top)[free][seen] * view.depth(contact_m[seen]) / view.camera.fy_px
-    x, y = int(columns[0]) + offset_px[0], int(top.min()) + offset_px[1]
+    heights = (bottom - top)[meets] * window.view.depth(contact[meets]) / window.view.camera.fy_px
     return Face(
-        box_px=(x, y, int(np.ptp(columns)) + 1, int(bottom.max()) + offset_px[1] - y + 1),
-        contact_px=contact_px[seen],
-        contact_m=contact_m[seen],
+        box_px=(low, int(top.min()) + window.top, high - low + 1, int(bottom.max() - top.min()) + 1),
+        contact_m=contact[meets],
         height_m=float(np.median(heights)),
-        whole=sides.whole,
+        whole=not any(side.cut for side in sides),
     )

@@ -7,7 +7,7 @@ import cv2
 import msgspec
 import numpy as np
 
-from harness.adapters.providers.models.faces import Face, Pixels, patches, upright_faces
+from harness.adapters.providers.models.faces import Face, Pixels, look, upright_faces
 from harness.adapters.providers.models.projection import Floats, View
 from harness.contracts.ids import Digest
 from harness.contracts.observations import Camera
@@ -22,7 +22,7 @@ _LEAST_CUT_HEIGHT_M = 0.22
 """A face cut off by the image shows one side only, which paint can imitate: it must be taller than paint can look."""
 _SAME_THING_M = 0.15
 _ABOVE_M = 1.2
-_MARGIN_PX = 40
+_MARGIN_PX = 20
 _SAMPLES = 24
 
 
@@ -101,6 +101,11 @@ def analyse(frames: Sequence[Frame], *, camera: Camera, position: Point, passage
     )
 
 
+def shows_passage(camera: Camera, *, position: Point, heading_rad: float, passage: tuple[Point, ...]) -> bool:
+    """Whether a frame taken there has any of the passage floor in it."""
+    return bool(View(camera, position=position, heading_rad=heading_rad).shows(_samples(passage)).any())
+
+
 def _samples(passage: tuple[Point, ...]) -> Floats:
     """A grid of floor points (N, 2) inside the passage."""
     ring = np.array(passage)
@@ -109,7 +114,9 @@ def _samples(passage: tuple[Point, ...]) -> Floats:
     return grid[_inside(grid, passage, inset_m=0.0)]
 
 
-def _inside(points: Floats, passage: tuple[Point, ...], *, inset_m: float) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _inside(
+    points: Floats, passage: tuple[Point, ...], *, inset_m: float
+) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Which floor points (N, 2) lie at least `inset_m` inside the passage."""
     ring = np.array(passage, dtype=np.float32)
     depths = [cv2.pointPolygonTest(ring, (float(x), float(y)), True) for x, y in points]
@@ -118,12 +125,11 @@ def _inside(points: Floats, passage: tuple[Point, ...], *, inset_m: float) -> np
 
 def _sightings(index: int, pixels: Pixels, *, view: View, passage: tuple[Point, ...]) -> list[_Sighting]:
     """Upright faces of one frame that touch the floor inside the passage."""
-    left, top, right, bottom = _window(view, passage)
-    if right - left < _MARGIN_PX or bottom - top < _MARGIN_PX:
+    top = _top(view, passage)
+    if top > view.camera.height_px - _MARGIN_PX:
         return []
-    labels = patches(np.ascontiguousarray(pixels[top:bottom, left:right]))
     found = []
-    for face in upright_faces(labels, view, offset_px=(left, top)):
+    for face in upright_faces(look(pixels, view, top=top)):
         inside = face.contact_m[_inside(face.contact_m, passage, inset_m=_INSET_M)]
         tall = _LEAST_HEIGHT_M if face.whole else _LEAST_CUT_HEIGHT_M
         if len(inside) > 1 and _length(inside) > _LEAST_CONTACT_M and face.height_m > tall:
@@ -131,15 +137,10 @@ def _sightings(index: int, pixels: Pixels, *, view: View, passage: tuple[Point, 
     return found
 
 
-def _window(view: View, passage: tuple[Point, ...]) -> tuple[int, int, int, int]:
-    """The part of the image (left, top, right, bottom) where things on the passage floor can be seen."""
+def _top(view: View, passage: tuple[Point, ...]) -> int:
+    """The image row above which nothing that stands on the passage floor matters."""
     outline = view.outline(passage, rise_m=_ABOVE_M)
-    if len(outline) == 0:
-        return (0, 0, 0, 0)
-    size = np.array([view.camera.width_px, view.camera.height_px])
-    low = np.clip(outline.min(axis=0) - _MARGIN_PX, 0, size).astype(int)
-    high = np.clip(outline.max(axis=0) + _MARGIN_PX, 0, size).astype(int)
-    return (int(low[0]), int(low[1]), int(high[0]), int(size[1]))
+    return int(np.clip(outline[:, 1].min() - _MARGIN_PX, 0, view.camera.height_px)) if len(outline) else 0
 
 
 def _length(points: Floats) -> float:
@@ -161,9 +162,7 @@ def _gap(one: _Sighting, other: _Sighting) -> float:
     return float(np.hypot(apart[..., 0], apart[..., 1]).min())
 
 
-def _finding(
-    group: list[_Sighting], frames: Sequence[Frame], *, lens_m: Floats, passage: tuple[Point, ...]
-) -> Finding:
+def _finding(group: list[_Sighting], frames: Sequence[Frame], *, lens_m: Floats, passage: tuple[Point, ...]) -> Finding:
     areas: dict[int, int] = {}
     for sighting in group:
         width, height = sighting.face.box_px[2:]
@@ -194,10 +193,10 @@ def _finding(
 
 
 def _text(found: Sequence[Finding], *, shown: int) -> str:
-    """The finding in words, for a message and for the voice."""
-    frames = f"{shown} frame{'s' if shown != 1 else ''}"
+    """The finding in words, for a message and for the voice. Things that hide one another are counted as one."""
     if not found:
+        frames = f"{shown} frame{'s' if shown != 1 else ''}"
         return f"The passage is clear: nothing stands on its floor in the {frames} that show it."
-    count = "one thing stands" if len(found) == 1 else f"{len(found)} things stand"
+    stand = "one thing stands" if len(found) == 1 else f"{len(found)} things stand"
     shares = " and ".join(f"{finding.share_of_passage:.0%}" for finding in found)
-    return f"The passage is obstructed: {count} on its floor, taking {shares} of its width."
+    return f"The passage is obstructed: at least {stand} on its floor, taking {shares} of its width."

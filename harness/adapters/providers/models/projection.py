@@ -29,6 +29,7 @@ class View:
         self._focal = np.array([camera.fx_px, camera.fy_px])
         self._middle = np.array([camera.cx_px, camera.cy_px])
         self.camera = camera
+        self.heading_rad = heading_rad
 
     def pixels(self, points: Floats) -> Floats:
         """Pixels (N, 2) of map points (N, 3); NaN for points behind the lens."""
@@ -48,12 +49,8 @@ class View:
         points = np.column_stack([floor, np.zeros(len(floor))])
         return np.asarray((points - self.centre) @ self._axes[2])
 
-    def upward_at(self, corners: Floats, offset_px: tuple[int, int]) -> Floats:
-        """Image directions (N, 2) of the world's vertical, up to sign, in the middle of each side of an outline.
-
-        `corners` (N, 2) are counted from `offset_px` in the image.
-        """
-        pixels = (corners + np.roll(corners, -1, axis=0)) / 2.0 + np.array(offset_px)
+    def upward(self, pixels: Floats) -> Floats:
+        """Unit image directions (N, 2) of the world's vertical at pixels (N, 2), up to sign."""
         rise = self._axes @ np.array([0.0, 0.0, 1.0])
         towards = rise[:2] * self._focal - (pixels - self._middle) * rise[2]
         return np.asarray(towards / np.linalg.norm(towards, axis=1, keepdims=True))

@@ -1,7 +1,7 @@
 """MCAP files as a tape: every record is read once, with its checksums, before anything counts as recorded."""
 
 import struct
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from io import BytesIO
 from pathlib import Path
 from zlib import crc32
@@ -85,6 +85,7 @@ class _Scan:
         self._run: list[Raw] = []
         self._run_from = self._run_until = 0
         self._unguarded = 0
+        self._sets: dict[frozenset[Channel], frozenset[Channel]] = {}
 
     def read(self, cursor: Cursor) -> Iterator[Raw]:
         """All messages in file order; sets `cut` when the file ends early."""
@@ -170,9 +171,13 @@ class _Scan:
                 unpacked=unpacked,
                 first_ns=min(raw.log_ns for raw in messages),
                 last_ns=max(raw.log_ns for raw in messages),
-                channels=frozenset(raw.channel for raw in messages),
+                channels=self._shared(raw.channel for raw in messages),
             )
         )
+
+    def _shared(self, channels: Iterable[Channel]) -> frozenset[Channel]:
+        found = frozenset(channels)
+        return self._sets.setdefault(found, found)
 
     def _known(self, messages: Iterator[Raw]) -> Iterator[Raw]:
         for raw in messages:

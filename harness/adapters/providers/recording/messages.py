@@ -55,8 +55,8 @@ class Decoder:
         return lambda body: read(body, channel.type)
 
     def _store(self, channel: Channel) -> Any:
-        known = get_typestore(Stores.ROS1_NOETIC if channel.encoding == "ros1" else Stores.ROS2_JAZZY)
         if not channel.definition:
+            known = get_typestore(Stores.ROS1_NOETIC if channel.encoding == "ros1" else Stores.ROS2_JAZZY)
             if channel.type in known.fielddefs:
                 return known
             raise RecordingInvalid(

@@ -158,13 +158,13 @@ class Recording:
     def segments(self, target: Point | None = None) -> tuple[Segment, ...]:
         """One segment per dispatched route; without routes, or with a `target`, one over everything."""
         lines = self.declarations()
-        routes = merged(self.paths(), [line for line in lines if line.kind == "arrival"])
-        if routes and target is None:
+        if self._survey.dispatched and target is None:
             names = [name for name in self._recorded.get("legs", "").split("\n") if name]
-            return measured(routes, names=names, track=self.track(), lines=lines)
+            routes = merged(self.paths(), names=names, arrivals=[line for line in lines if line.kind == "arrival"])
+            return measured(routes, track=self.track(), lines=lines)
         whole = DispatchedRoute(at_s=self._first_s(), frame=self.frame, route_m=(target or self.last_position(),))
         source = "given target" if target else "last position of the recording"
-        return measured([whole], names=["recording"], track=self.track(), lines=lines, target_source=source)
+        return measured([("recording", whole)], track=self.track(), lines=lines, target_source=source)
 
     def last_position(self) -> Point:
         """The position that arrived last, metres in `frame`."""

@@ -19,7 +19,7 @@ from harness.contracts.ports import BlobStore, Clock, Provider
 from harness.contracts.protocol import Observations, PhysicalStart, Progress, RobotStatus, StartRequest
 from harness.contracts.values import Moment, Point
 
-RING = 20_000
+REMEMBERED = 20_000
 SETTLE_S = 2.0
 LOCALISED_WITHIN_S = 1.0
 SPEED_OVER_S = 1.0
@@ -59,14 +59,14 @@ class RecordedRobot:
     """Implements the Robot port and the Clock port over one recording, on the recording's own mission time.
 
     The clock starts when the first position arrived and is moved by `advance_to` alone. Samples become visible when
-    they arrived. Memory holds the newest samples; older ones are read from the file again when somebody asks.
+    they arrived. Memory holds the newest `remembered` samples; older ones are read from the file when asked for.
     """
 
-    def __init__(self, recording: Recording, *, target: Point | None = None) -> None:
+    def __init__(self, recording: Recording, *, target: Point | None = None, remembered: int = REMEMBERED) -> None:
         self.recording = recording
         self._now_s = recording.starts_s
         self._spill = Spill()
-        self._ring: deque[AnySample] = deque(maxlen=RING)
+        self._ring: deque[AnySample] = deque(maxlen=remembered)
         self._arrivals = recording.arrivals(self._spill.put)
         self._coming: Arrival | None = next(self._arrivals, None)
         self._pose: Pose | None = None

@@ -194,6 +194,7 @@ class Samples:
     def _due(self, raw: Raw, period_s: float) -> bool:
         at_s, topic = self._times.arrival_s(raw.log_ns), raw.channel.topic
         if at_s < self._next_at.get(topic, at_s):
+            self.left_out[f"{topic}: thinned to one message per {period_s:g} s"] += 1
             return False
         self._next_at[topic] = at_s + period_s
         return True

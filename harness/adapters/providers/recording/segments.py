@@ -56,38 +56,38 @@ class Segment(Value):
         return at_s - self.dispatched_s
 
 
-def merged(routes: Sequence[DispatchedRoute], arrivals: Sequence[Declaration]) -> list[DispatchedRoute]:
-    """Routes that begin a segment: a repeat of the same target before an arrival belongs to the first (a retry)."""
-    kept: list[DispatchedRoute] = []
-    for route in routes:
-        last = kept[-1] if kept else None
+def merged(
+    routes: Sequence[DispatchedRoute], *, names: Sequence[str], arrivals: Sequence[Declaration]
+) -> list[tuple[str, DispatchedRoute]]:
+    """Routes that begin a segment, with their names: the same target again, before an arrival, is a retry.
+
+    `names` go with `routes` in order; a route beyond them is called by its number.
+    """
+    kept: list[tuple[str, DispatchedRoute]] = []
+    for index, route in enumerate(routes):
+        last = kept[-1][1] if kept else None
         again = (
             last is not None
             and math.dist(last.route_m[-1], route.route_m[-1]) <= SAME_TARGET_M
             and not any(last.at_s < line.at_s <= route.at_s for line in arrivals)
         )
         if not again:
-            kept.append(route)
+            kept.append((names[index] if index < len(names) else f"segment {len(kept) + 1}", route))
     return kept
 
 
 def measured(
-    routes: Sequence[DispatchedRoute],
+    routes: Sequence[tuple[str, DispatchedRoute]],
     *,
-    names: Sequence[str],
     track: Iterable[tuple[float, Point]],
     lines: Sequence[Declaration],
     target_source: str = "dispatched route",
 ) -> tuple[Segment, ...]:
-    """Segments over `track`: (mission seconds, position), in order. Keeps one segment's figures at a time."""
+    """Segments over `track`: (mission seconds, position), in order. Keeps figures, not positions."""
+    ends = [route.at_s for _, route in routes[1:]] + [math.inf]
     meters = [
-        _Meter(
-            route=route,
-            name=names[index] if index < len(names) else f"segment {index + 1}",
-            until_s=routes[index + 1].at_s if index + 1 < len(routes) else math.inf,
-            lines=lines,
-        )
-        for index, route in enumerate(routes)
+        _Meter(route=route, name=name, until_s=until_s, lines=lines)
+        for (name, route), until_s in zip(routes, ends, strict=True)
     ]
     current = 0
     for at_s, position in track:

@@ -35,7 +35,7 @@ class Frames:
         chain = {frame: np.eye(4)}
         matrix = np.eye(4)
         while frame in self.transforms and self.transforms[frame].parent not in chain:
-            matrix = _matrix(self.transforms[frame]) @ matrix
+            matrix = matrix_of(self.transforms[frame]) @ matrix
             frame = self.transforms[frame].parent
             chain[frame] = matrix
         return chain
@@ -82,7 +82,8 @@ def rotation(quaternion: tuple[float, float, float, float]) -> Matrix:
     )
 
 
-def _matrix(transform: StaticTransform) -> Matrix:
+def matrix_of(transform: StaticTransform) -> Matrix:
+    """4x4 matrix that takes points in the child frame to the parent frame."""
     matrix = np.eye(4)
     matrix[:3, :3] = rotation(transform.rotation)
     matrix[:3, 3] = transform.translation_m

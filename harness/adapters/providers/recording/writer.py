@@ -3,6 +3,7 @@
 import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from heapq import merge
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -15,7 +16,7 @@ from harness.adapters.providers.recording import messages
 from harness.adapters.providers.recording.binding import METADATA
 from harness.adapters.providers.recording.ros_words import RosWords, nanoseconds
 from harness.adapters.providers.recording.topics import StaticTransform
-from harness.adapters.providers.recording.transforms import Frames, Matrix, body_from_map
+from harness.adapters.providers.recording.transforms import body_from_map, matrix_of
 from harness.contracts.errors import RecordingInvalid
 from harness.contracts.ids import Digest
 from harness.contracts.observations import AnySample, Image, Odometry, Pose, Scan
@@ -23,7 +24,8 @@ from harness.contracts.values import Name, Point, Positive, Value
 
 LIMIT_BYTES = 4 * 1024 * 1024
 SUPERVISOR = "regen_supervisor"
-LIDAR_INIT = StaticTransform(parent="map", child="lidar_init", translation_m=(0.0, 0.0, 0.45))
+LIDAR_INIT = "lidar_init"
+LIDAR_HEIGHT_M = 0.45
 TOPICS = {
     "pose": ("/vbot_planner/body_pose", messages.POSE),
     "route": ("/initial_path", messages.PATH),
@@ -50,7 +52,7 @@ class Leg(Value):
 
 
 class Thinning(NamedTuple):
-    """How much a recording gives up: points per sweep, seconds between sweeps, picture width in pixels, JPEG quality."""
+    """What a recording keeps: points per sweep, seconds between sweeps, picture width in pixels, JPEG quality."""
 
     points: int
     sweep_s: float
@@ -146,7 +148,10 @@ class _Recorder:
         self._pose: Pose | None = None
         self._next_sweep_s = -math.inf
         self._walked: list[Point] = []
-        self._map_to_lidar = Frames((LIDAR_INIT,)).between(LIDAR_INIT.child, LIDAR_INIT.parent)
+        self._lidar_init = StaticTransform(
+            parent=mission.frame, child=LIDAR_INIT, translation_m=(0.0, 0.0, LIDAR_HEIGHT_M)
+        )
+        self._map_to_lidar = np.linalg.inv(matrix_of(self._lidar_init))
 
     def write(self, samples: Sequence[AnySample]) -> dict[str, int]:
         ordered = sorted(samples, key=lambda sample: (sample.at_s, sample.seq))
@@ -163,8 +168,8 @@ class _Recorder:
         events = sorted(self._events(start_s, end_s), key=lambda entry: entry.at_s)
         for entry in merge(events, self._sampled(ordered), key=lambda entry: entry.at_s):
             self._put(entry)
-        self._put(_Entry(end_s, "slam", lambda: self._slam(end_s)))
-        self._writer.finish()
+        self._put(_Entry(end_s, "slam", partial(self._slam, end_s)))
+        self._writer.finish()  # type: ignore[no-untyped-call]
         return self._counts
 
     def _put(self, entry: _Entry) -> None:
@@ -178,17 +183,17 @@ class _Recorder:
 
     def _events(self, start_s: float, end_s: float) -> Iterator[_Entry]:
         words, frame = self._words, self._mission.frame
-        yield _Entry(start_s, "frames", lambda: words.transforms(start_s, [LIDAR_INIT]))
+        yield _Entry(start_s, "frames", partial(words.transforms, start_s, [self._lidar_init]))
         for leg in self._mission.legs:
-            yield _Entry(leg.dispatched_s, "route", _path(words, leg.dispatched_s, frame, list(leg.route_m)))
+            yield _Entry(leg.dispatched_s, "route", partial(words.path, leg.dispatched_s, frame, list(leg.route_m)))
             if leg.departed_s is not None:
-                yield _Entry(leg.departed_s, "log", _line(words, leg.departed_s, f"DEPARTED on {leg.name}"))
+                yield _Entry(leg.departed_s, "log", self._line(leg.departed_s, f"DEPARTED on {leg.name}"))
             if leg.arrived_s is not None:
-                told = "" if leg.declared_distance_m is None else f": {leg.declared_distance_m!r} m to the goal"
-                yield _Entry(leg.arrived_s, "log", _line(words, leg.arrived_s, f"GOAL REACHED{told}"))
+                told = "" if leg.declared_distance_m is None else f": {leg.declared_distance_m:.6f} m to the goal"
+                yield _Entry(leg.arrived_s, "log", self._line(leg.arrived_s, f"GOAL REACHED{told}"))
         at_s = start_s + _SLAM_PERIOD_S
         while at_s < end_s:
-            yield _Entry(at_s, "slam", lambda at_s=at_s: self._slam(at_s))  # type: ignore[misc]
+            yield _Entry(at_s, "slam", partial(self._slam, at_s))
             at_s += _SLAM_PERIOD_S
 
     def _sampled(self, samples: Iterable[AnySample]) -> Iterator[_Entry]:
@@ -205,7 +210,10 @@ class _Recorder:
                 case Scan():
                     body, role = self._sweep(sample), "cloud"
             if body is not None:
-                yield _Entry(sample.at_s, role, _fixed(body))
+                yield _Entry(sample.at_s, role, partial(bytes, body))
+
+    def _line(self, at_s: float, text: str) -> Callable[[], bytes]:
+        return partial(self._words.log, at_s, SUPERVISOR, text)
 
     def _walk(self, pose: Pose) -> None:
         self._pose = pose
@@ -236,21 +244,9 @@ class _Recorder:
         self._next_sweep_s = scan.at_s + self._thinning.sweep_s
         points = np.frombuffer(self._blob(scan.blob), dtype="<f4").reshape(-1, 3).astype(np.float64)
         points = points[:: max(1, -(-len(points) // self._thinning.points))]
-        to_map: Matrix = np.linalg.inv(body_from_map(self._pose.x_m, self._pose.y_m, self._pose.yaw_rad))
-        assert self._map_to_lidar is not None
-        return self._words.cloud(scan.at_s, LIDAR_INIT.child, points, moved=np.asarray(self._map_to_lidar @ to_map))
-
-
-def _fixed(body: bytes) -> Callable[[], bytes]:
-    return lambda: body
-
-
-def _path(words: RosWords, at_s: float, frame: str, points: list[Point]) -> Callable[[], bytes]:
-    return lambda: words.path(at_s, frame, points)
-
-
-def _line(words: RosWords, at_s: float, text: str) -> Callable[[], bytes]:
-    return lambda: words.log(at_s, SUPERVISOR, text)
+        to_body = body_from_map(self._pose.x_m, self._pose.y_m, self._pose.yaw_rad)
+        moved = np.asarray(self._map_to_lidar @ np.linalg.inv(to_body))
+        return self._words.cloud(scan.at_s, LIDAR_INIT, points, moved=moved)
 
 
 def _told(thinning: Thinning) -> str:

@@ -6,8 +6,8 @@ Two fidelities with one face. `MujocoBody` integrates contacts; `KinematicBody` 
 import math
 from typing import Protocol
 
-import mujoco
 import msgspec
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -191,10 +191,10 @@ class MujocoBody:
 
 
 def _sweep() -> Floats:
-    azimuth, elevation = np.meshgrid(np.linspace(-np.pi, np.pi, 180, endpoint=False), np.radians(np.linspace(-22, 16, 16)))
-    azimuth, elevation = azimuth.ravel(), elevation.ravel()
+    around, rings = np.linspace(-np.pi, np.pi, 180, endpoint=False), np.radians(np.linspace(-22, 16, 16))
+    azimuth, elevation = np.meshgrid(around, rings)
     across = np.cos(elevation)
-    return np.stack([across * np.cos(azimuth), across * np.sin(azimuth), np.sin(elevation)], axis=1)
+    return np.stack([across * np.cos(azimuth), across * np.sin(azimuth), np.sin(elevation)], axis=2).reshape(-1, 3)
 
 
 _SWEEP = _sweep()

@@ -19,7 +19,7 @@ FaultName = Literal[
 FAULT_NAMES: tuple[FaultName, ...] = get_args(FaultName)
 CLEARED_AFTER_S = 10.0
 LOST_FOR_S = 8.0
-BIAS_M = 0.6
+BIASED_BEFORE_M = 2.3
 MID_LEG = 0.5
 FROZEN_BEFORE_M = 1.5
 EARLY_BEFORE_M = 2.5
@@ -60,14 +60,8 @@ class FaultPlan:
         self._mode_fault: Fault | None = None
         self._terminal_s: float | None = None
         self._once: set[FaultName] = set()
-        for name in ("lost-localisation", "biased-localiser"):
-            if name in self._faults:
-                self._count(name)
-
-    @property
-    def bias_m(self) -> float:
-        """How far the localiser is off along x, metres."""
-        return BIAS_M if "biased-localiser" in self._faults else 0.0
+        if "lost-localisation" in self._faults:
+            self._count("lost-localisation")
 
     def mode(self, at_s: float) -> LocaliserMode:
         """What the localiser does now."""
@@ -91,6 +85,8 @@ class FaultPlan:
 
     def navigation_moves(self, *, share: float, remaining_m: float) -> None:
         """The navigation has covered `share` of its way; sensor faults begin where they are due."""
+        if remaining_m <= BIASED_BEFORE_M and self.strikes("biased-localiser"):
+            self._distort("biased-localiser", "biased")
         if share >= MID_LEG and self.strikes("stale-pose"):
             self._distort("stale-pose", "stale")
         if remaining_m <= FROZEN_BEFORE_M and self.strikes("frozen-localiser"):

@@ -15,6 +15,7 @@ CELL_M = 0.1
 HALF_CELLS = 40
 SWEEPS = 30
 INFLATION_M = 0.3
+LONGER_M = 2.0
 _STEPS = tuple((dx, dy, math.hypot(dx, dy)) for dx in (-1, 0, 1) for dy in (-1, 0, 1) if dx or dy)
 _DISC = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * round(INFLATION_M / CELL_M) + 1,) * 2)
 Cell = tuple[int, int]
@@ -47,7 +48,10 @@ class LocalMap:
         return 0 <= x <= 2 * HALF_CELLS and 0 <= y <= 2 * HALF_CELLS and not self._closed[x, y]
 
     def path(self, start: Point, goal: Point) -> tuple[Point, ...]:
-        """Cell centres from start to goal, or nothing if no way is wide enough inside the square."""
+        """Cell centres from start to goal, or nothing if no way inside the square is wide and short enough.
+
+        What no sweep has seen counts as free, so a way more than LONGER_M longer than the straight line is not trusted.
+        """
         first, last = self._cell(start), self._cell(goal)
         if not self.free(goal):
             return ()
@@ -55,6 +59,7 @@ class LocalMap:
         came: dict[Cell, Cell] = {}
         costs: dict[Cell, float] = {first: 0.0}
         closed = self._closed.tolist()
+        longest = math.dist(first, last) + LONGER_M / CELL_M
         while open_cells:
             _, cost, cell = heapq.heappop(open_cells)
             if cell == last:
@@ -67,9 +72,10 @@ class LocalMap:
                 if not (0 <= x <= 2 * HALF_CELLS and 0 <= y <= 2 * HALF_CELLS) or (closed[x][y] and not leaving):
                     continue
                 further = cost + length
-                if further < costs.get((x, y), math.inf):
+                whole = further + math.hypot(x - last[0], y - last[1])
+                if further < costs.get((x, y), math.inf) and whole <= longest:
                     costs[(x, y)], came[(x, y)] = further, cell
-                    heapq.heappush(open_cells, (further + math.hypot(x - last[0], y - last[1]), further, (x, y)))
+                    heapq.heappush(open_cells, (whole, further, (x, y)))
         return ()
 
     def _trace(self, came: dict[Cell, Cell], last: Cell) -> tuple[Point, ...]:

@@ -116,5 +116,6 @@ class Observer:
         self._share = min(1.0, looked_s / self._duration_s)
         outcome = None
         if looked_s >= self._duration_s:
-            outcome = Outcome(status="succeeded", message=f"Looked for {looked_s:.1f} s", declared={"looked_s": looked_s})
+            message = f"Looked for {looked_s:.1f} s"
+            outcome = Outcome(status="succeeded", message=message, declared={"looked_s": looked_s})
         return Step(drafts=tuple(drafts), shots=tuple(shots), outcome=outcome)

@@ -3,8 +3,8 @@
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
-import mujoco
 import msgspec
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -69,7 +69,8 @@ def mjcf(site: SiteModel) -> str:
 def _geom(solid: Solid) -> str:
     collide = 1 if solid.blocks else 0
     return (
-        f'<geom name={quoteattr(solid.name)} type="box" pos="{_numbers(solid.centre_m)}" size="{_numbers(solid.half_m)}" '
+        f'<geom name={quoteattr(solid.name)} type="box" '
+        f'pos="{_numbers(solid.centre_m)}" size="{_numbers(solid.half_m)}" '
         f'euler="0 0 {np.degrees(solid.yaw_rad):.5f}" contype="{collide}" conaffinity="{collide}" '
         f'rgba="{_numbers(solid.rgb)} 1"/>'
     )

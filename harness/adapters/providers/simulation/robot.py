@@ -5,7 +5,6 @@ from pathlib import Path
 
 from harness.adapters.providers.journal import Entry, Journal
 from harness.adapters.providers.parameters import parameter_problems
-from harness.adapters.providers.simulation.bodies import TICK_S
 from harness.adapters.providers.simulation.camera import CAMERA
 from harness.adapters.providers.simulation.cards import CARDS
 from harness.adapters.providers.simulation.faults import DUPLICATE_AFTER_S, Fault
@@ -21,7 +20,6 @@ from harness.contracts.protocol import (
     InvocationReport,
     Observations,
     PhysicalStart,
-    Progress,
     RobotStatus,
     StartRequest,
 )
@@ -93,8 +91,8 @@ class SimulatedRobot:
         return dict(self.world.faults.struck)
 
     def advance_to(self, mission_s: float) -> float:
-        """Let the world run until mission time `mission_s`; returns the time reached, at most one tick short."""
-        while self.world.at_s + TICK_S <= mission_s + 1e-6:
+        """Let the world run to the first tick at or after mission time `mission_s`; returns the time reached."""
+        while self.world.at_s < mission_s - 1e-6:
             self._tick()
         return self.world.at_s
 
@@ -162,8 +160,8 @@ class SimulatedRobot:
                 self._journal.write(Entry(report=invocation.report()))
                 world.invocation_ended(invocation, _way(invocation.request))
         while self._repeats and self._repeats[0][0] <= world.at_s:
-            _, card, request = self._repeats.pop(0)
-            self.begin(card, request)
+            _, card, repeated = self._repeats.pop(0)
+            self.begin(card, repeated)
 
     def _mover(self) -> Invocation | None:
         return next((invocation for invocation in self._running.values() if invocation.card.moves), None)

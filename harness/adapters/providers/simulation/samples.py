@@ -80,6 +80,8 @@ class SensorBlobs:
             body = (self._folder / digest).read_bytes()
         if body is None or sha256(body) != digest:
             raise BlobDamaged(
-                f"The robot does not hold the bytes {digest[:16]}", where="simulated robot", do="fetch blobs as they come"
+                f"The robot does not hold the bytes {digest[:16]}",
+                where="simulated robot",
+                do="fetch blobs as they come",
             )
         return body

@@ -1,4 +1,4 @@
-"""Random storage scenes for whoever analyses pictures: a passage with or without boxes, and things that look like them."""
+"""Random storage scenes for image analysis: a passage with or without boxes, and things that look like boxes."""
 
 import math
 
@@ -39,7 +39,7 @@ def random_scene(seed: int) -> Scene:
         map_version="site-1",
         solids=WALLS + _shelves(chance) + _flat(chance, colours) + _beside(chance, colours) + boxes,
         floor_rgb=(grey, grey * float(chance.uniform(0.94, 1.04)), grey * float(chance.uniform(0.9, 1.06))),
-        light_m=(float(chance.uniform(8.5, 13.5)), float(chance.uniform(6.5, 12.5)), float(chance.uniform(4.0, 8.0))),
+        lamps_m=(_lamp(chance),),
         brightness=float(chance.uniform(0.85, 1.15)),
     )
     pose = (
@@ -49,6 +49,10 @@ def random_scene(seed: int) -> Scene:
     )
     passage = Passage(passage_id=PlaceId("storage_passage"), frame="map", floor_m=PASSAGE_M)
     return Scene(model=model, pose=pose, passage=passage, truth_blocked=blocked, obstructions=boxes)
+
+
+def _lamp(chance: np.random.Generator) -> tuple[float, float, float]:
+    return (float(chance.uniform(8.5, 13.5)), float(chance.uniform(6.5, 12.5)), float(chance.uniform(4.0, 8.0)))
 
 
 def _boxes_inside(chance: np.random.Generator, colours: list[Rgb]) -> tuple[Solid, ...]:

@@ -12,12 +12,13 @@ from harness.adapters.providers.simulation.samples import SampleRing
 from harness.contracts.ids import Digest
 from harness.contracts.observations import Battery, Imu, Odometry, Pose, Scan
 
-LocaliserMode = Literal["good", "stale", "missing", "frozen", "lost"]
+LocaliserMode = Literal["good", "stale", "missing", "frozen", "lost", "biased"]
 POSE_TICKS = 2
 SCAN_TICKS = 20
 BATTERY_TICKS = 100
 POSE_NOISE_M = 0.006
 YAW_NOISE_RAD = 0.004
+BIAS_M = -0.6
 SCALE_NOISE = 0.006
 TURN_NOISE = 0.004
 HEADING_NOISE_RAD = 0.0008
@@ -37,7 +38,6 @@ class Sensors:
         self._ring = ring
         self._frame, self._map_version = frame, map_version
         self.mode: LocaliserMode = "good"
-        self.bias_m = 0.0
         self.fix: Fix | None = None
         self.odometer: Fix = (0.0, 0.0, 0.0)
         self.charge = 0.92
@@ -123,9 +123,10 @@ class Sensors:
                 return
         else:
             normal = self._streams.normal
+            bias_m = BIAS_M if self.mode == "biased" else 0.0
             self.fix = (
-                state.x_m + POSE_NOISE_M * normal("localiser-x", index) + self.bias_m,
-                state.y_m + POSE_NOISE_M * normal("localiser-y", index),
+                state.x_m + POSE_NOISE_M * normal("localiser-x", index),
+                state.y_m + POSE_NOISE_M * normal("localiser-y", index) + bias_m,
                 math.remainder(state.yaw_rad + YAW_NOISE_RAD * normal("localiser-yaw", index), math.tau),
             )
         if self.mode != "missing":

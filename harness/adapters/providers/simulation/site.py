@@ -63,5 +63,9 @@ DECOR: tuple[Solid, ...] = (
 def storage_site() -> SiteModel:
     """The site of `harness/baseline/site.yaml`, as solids."""
     return SiteModel(
-        name="storage-site", frame="map", map_version="site-1", solids=WALLS + SHELVES + FURNITURE + BOXES + DECOR
+        name="storage-site",
+        frame="map",
+        map_version="site-1",
+        solids=WALLS + SHELVES + FURNITURE + BOXES + DECOR,
+        lamps_m=((1.0, 1.0, 5.0), (5.5, -1.0, 5.0), (2.0, 5.0, 4.0), (10.0, 7.0, 6.0)),
     )

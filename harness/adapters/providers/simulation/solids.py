@@ -32,9 +32,8 @@ class Solid(Value):
         cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         x, y = self.centre_m[0], self.centre_m[1]
         hx, hy = self.half_m[0], self.half_m[1]
-        first, second, third, fourth = (
-            (x + cos * dx - sin * dy, y + sin * dx + cos * dy) for dx, dy in ((hx, hy), (-hx, hy), (-hx, -hy), (hx, -hy))
-        )
+        offsets = ((hx, hy), (-hx, hy), (-hx, -hy), (hx, -hy))
+        first, second, third, fourth = ((x + cos * dx - sin * dy, y + sin * dx + cos * dy) for dx, dy in offsets)
         return first, second, third, fourth
 
 
@@ -46,7 +45,7 @@ class SiteModel(Value):
     map_version: Name
     solids: tuple[Solid, ...]
     floor_rgb: Rgb = (0.62, 0.63, 0.65)
-    light_m: tuple[float, float, float] = (10.0, 7.0, 6.0)
+    lamps_m: tuple[tuple[float, float, float], ...] = ((10.0, 7.0, 6.0),)
     brightness: Positive = 1.0
 
     def with_solids(self, *extra: Solid) -> "SiteModel":
@@ -57,7 +56,7 @@ class SiteModel(Value):
             map_version=self.map_version,
             solids=self.solids + extra,
             floor_rgb=self.floor_rgb,
-            light_m=self.light_m,
+            lamps_m=self.lamps_m,
             brightness=self.brightness,
         )
 

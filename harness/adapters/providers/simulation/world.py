@@ -108,9 +108,10 @@ class World:
         if isinstance(skill, RouteFollower):
             self.reached_m[node] = skill.at_m
             if self.site is self._home and self.faults.strikes("blocked-passage"):
-                at_m = skill.begin_m + 0.5 * skill.remaining_m
+                at_m = float(round(skill.begin_m + 0.5 * skill.remaining_m))
                 gap = not self.faults.persistent("blocked-passage")
-                self._furnish(self._home.with_solids(*boxes_across(self._home, skill.route, float(round(at_m)), gap=gap)))
+                boxes = boxes_across(self._home, skill.route, at_m, gap=gap)
+                self._furnish(self._home.with_solids(*boxes))
 
     def invocation_ended(self, invocation: Invocation, node: str) -> None:
         """A skill is terminal: what it reached is remembered and the world saved."""
@@ -119,15 +120,15 @@ class World:
         if isinstance(invocation.skill, RouteFollower):
             self.reached_m[node] = invocation.skill.at_m
             self.faults.navigation_ends(self.at_s)
-            if report.status == "succeeded" and "blocked-passage" in self.faults.struck:
-                if not self.faults.persistent("blocked-passage"):
-                    self._furnish(self._home)
+            struck = "blocked-passage" in self.faults.struck and not self.faults.persistent("blocked-passage")
+            if struck and report.status == "succeeded":
+                self._furnish(self._home)
         self.save(durable=True)
 
     def tick(self, invocations: Sequence[Invocation]) -> None:
         """TICK_S of mission time: skills decide, the body moves, sensors read."""
         sensors = self.sensors
-        sensors.mode, sensors.bias_m = self.faults.mode(self.at_s), self.faults.bias_m
+        sensors.mode = self.faults.mode(self.at_s)
         command = Velocity()
         if invocations:
             senses = self._senses()
@@ -152,9 +153,8 @@ class World:
     def note(self, kind: Literal["pose", "start", "terminal", "struck", "mission"], **facts: str) -> None:
         """One line of truth."""
         state = self.body.state
-        self.truth.add(
-            Truth(kind=kind, at_s=self.at_s, x_m=state.x_m, y_m=state.y_m, yaw_rad=state.yaw_rad, v_mps=state.v_mps, **facts)
-        )
+        x, y, yaw = state.x_m, state.y_m, state.yaw_rad
+        self.truth.add(Truth(kind=kind, at_s=self.at_s, x_m=x, y_m=y, yaw_rad=yaw, v_mps=state.v_mps, **facts))
 
     def save(self, *, durable: bool) -> None:
         """Write clock, body and counters, if there is a folder."""

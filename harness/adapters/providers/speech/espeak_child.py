@@ -26,13 +26,13 @@ def speak(text: bytes, *, voice: str) -> tuple[int, bytes]:
         sys.exit("the library found no voice files")
     parts: list[bytes] = []
 
-    @_CALLBACK
     def take(samples: Any, count: int, _events: int | None) -> int:
         if samples and count > 0:
             parts.append(ctypes.string_at(samples, count * 2))
         return 0
 
-    library.espeak_SetSynthCallback(take)
+    callback = _CALLBACK(take)
+    library.espeak_SetSynthCallback(callback)
     library.espeak_ng_SetRandSeed(ctypes.c_long(1))
     if library.espeak_SetVoiceByName(voice.encode()) != 0:
         sys.exit(f"the voice {voice} does not exist")

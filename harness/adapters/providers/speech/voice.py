@@ -26,7 +26,7 @@ CARD = CapabilityCard(
     cancel=CancelBehaviour(acknowledged=True, within_s=1.0),
     risk="low",
     failure_words=("timeout", "interrupted", "playback_differs", "provider_failed", "store_unavailable"),
-    evidence=("playback",),
+    evidence=("receipt:playback",),
     capability="speak",
     estimates=Estimates(success=0.99, risk=0.0, uncertainty=0.01, cost=0.0),
     moves=False,
@@ -65,7 +65,9 @@ class EspeakVoice(LocalProvider):
     def check(self, request: StartRequest) -> None:
         text = str(request.parameters["text"])
         if not text.strip() or "\0" in text:
-            raise ProviderFailed("The text cannot be spoken", where="espeak-voice, parameter text", do="pass the report")
+            raise ProviderFailed(
+                "The text cannot be spoken", where="espeak-voice, parameter text", do="pass the report"
+            )
         if self._playback is not None and self._clock.now().mission_s < self._playback.end_s:
             raise ProviderFailed("The speaker is playing", where="espeak-voice", do="wait for its end, or stop it")
 

@@ -1,0 +1,32 @@
+"""The command line `regen`: the same front door as the console, for a terminal and for scripts.
+
+Exit: 0 succeeded; 3 waits for a person or is paused; 1 any other end, or a bad file, port, folder or database;
+2 a bad argument, name or contract.
+"""
+
+import sys
+
+import typer
+
+from app.terminal import audit, handoffs, missions, service
+from app.terminal.answers import complain
+from harness.contracts.errors import HarnessError
+
+app = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, rich_markup_mode=None)
+app.add_typer(missions.app, name="mission")
+app.add_typer(handoffs.app, name="handoff")
+app.add_typer(audit.app, name="audit")
+app.command("up")(service.up)
+app.command("doctor")(service.doctor)
+
+
+def main() -> None:
+    """Entry point. A typed error becomes one sentence on standard error and an exit code."""
+    try:
+        app()
+    except HarnessError as error:
+        sys.exit(complain(error))
+
+
+if __name__ == "__main__":
+    main()

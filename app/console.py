@@ -1,0 +1,133 @@
+"""What every room of the console shares: the runtime, the doors, the scenes, and how a page is put together."""
+
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from threading import Lock
+from typing import Annotated, TypeVar
+
+import msgspec
+from fastapi import Depends, Request
+
+from app.history import Histories
+from app.live import SignalBroker
+from app.scene import Scenes
+from app.security import Doors, actor_of
+from app.settings import ConsoleSettings
+from app.views.missions import Span
+from app.views.shell import Shell, Surroundings, shell
+from harness.contracts.contexts import Context
+from harness.contracts.errors import BlobDamaged, UnknownName
+from harness.contracts.events import Actor
+from harness.contracts.ids import Digest, MissionId
+from harness.contracts.ports import Head
+from harness.contracts.proposals import CandidateSet
+from harness.contracts.protocol import PhysicalStart
+from harness.projections.handoffs import Handoff
+from harness.projections.mission import Mission
+from harness.runtime import Runtime
+
+Starts = Callable[[MissionId], Sequence[PhysicalStart] | None]
+T = TypeVar("T")
+SPENT_KEYS = 1024
+
+
+def no_journal(mission_id: MissionId) -> None:
+    """The answer of an installation whose robots' journals cannot be read from here."""
+
+
+class OneUse:
+    """Remembers what the newest one-use keys led to, so that a form sent twice acts once."""
+
+    def __init__(self) -> None:
+        self._results: OrderedDict[str, str] = OrderedDict()
+        self._lock = Lock()
+
+    def once(self, key: str, act: Callable[[], str]) -> str:
+        """The result of `act`, or what it was when the key was first used. Failures leave the key unused."""
+        with self._lock:
+            if key not in self._results:
+                self._results[key] = act()
+                while len(self._results) > SPENT_KEYS:
+                    self._results.popitem(last=False)
+            return self._results[key]
+
+
+@dataclass(frozen=True)
+class Console:
+    """One running console."""
+
+    runtime: Runtime
+    settings: ConsoleSettings
+    broker: SignalBroker
+    scenes: Scenes
+    doors: Doors
+    histories: Histories
+    starts: Starts = no_journal
+    keys: OneUse = field(default_factory=OneUse)
+    clock: Callable[[], float] = time.time
+
+    def head(self) -> Head:
+        return self.runtime.head()
+
+    def surroundings(self, actor: Actor) -> Surroundings:
+        return Surroundings(
+            missions=self.runtime.missions(),
+            handoffs=self.runtime.handoffs(),
+            robots=self.settings.robots,
+            actor=actor,
+            position=self.runtime.head().position,
+            now_s=self.clock(),
+        )
+
+    def shell(self, title: str, section: str, actor: Actor, *, topics: Sequence[str] = ()) -> Shell:
+        return shell(title, section, self.surroundings(actor), topics=topics)
+
+    def span(self, mission: Mission) -> Span:
+        entries = self.histories.of(mission.mission_id)
+        return Span(began_s=entries[0].recorded_s, newest_s=entries[-1].recorded_s)
+
+    def mission_of(self, handoff: Handoff) -> Mission | None:
+        """The mission a handoff belongs to, if the log still has it."""
+        if handoff.opened is None:
+            return None
+        try:
+            return self.runtime.mission(handoff.opened.mission_id)
+        except UnknownName:
+            return None
+
+    def check(self, digest: Digest) -> str:
+        """Empty if a blob's bytes match its digest at this moment, else why not."""
+        try:
+            self.runtime.blob(digest)
+        except BlobDamaged as error:
+            return error.what
+        return ""
+
+    def context(self, digest: Digest) -> Context | None:
+        return self._record(digest, Context)
+
+    def candidates(self, digest: Digest) -> CandidateSet | None:
+        return self._record(digest, CandidateSet)
+
+    def _record(self, digest: Digest, kind: type[T]) -> T | None:
+        try:
+            return msgspec.json.decode(self.runtime.record(digest).body, type=kind)
+        except (UnknownName, msgspec.DecodeError):
+            return None
+
+
+def console_of(request: Request) -> Console:
+    console: Console = request.app.state.console
+    return console
+
+
+async def form_of(request: Request) -> dict[str, str]:
+    """The fields of a posted form; files are ignored."""
+    return {name: value for name, value in (await request.form()).items() if isinstance(value, str)}
+
+
+FormDep = Annotated[dict[str, str], Depends(form_of)]
+ConsoleDep = Annotated[Console, Depends(console_of)]
+ActorDep = Annotated[Actor, Depends(actor_of)]

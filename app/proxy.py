@@ -1,0 +1,93 @@
+"""The only way to a viewer: its page and its socket, relayed under the console's origin, session and policy."""
+
+import asyncio
+
+import msgspec
+import viser
+from httpx import AsyncClient, HTTPError
+from starlette.responses import Response
+from starlette.websockets import WebSocket, WebSocketDisconnect
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed
+from websockets.typing import Subprotocol
+
+from app.errors import problem
+from app.security import SCENE_POLICY
+
+ADMITTED = frozenset({"ViewerCameraMessage", "ScenePointerMessage"})
+BANNED_QUERIES = frozenset({"websocket", "playbackPath"})
+LARGEST = 64 * 1024
+PROTOCOL = f"viser-v{viser.__version__}"
+
+
+def admitted(message: bytes) -> bool:
+    """Whether a viewer may say this: where its camera is and where it points, nothing else."""
+    if len(message) > LARGEST:
+        return False
+    try:
+        said = msgspec.msgpack.decode(message)
+    except msgspec.DecodeError:
+        return False
+    return isinstance(said, dict) and said.get("type") in ADMITTED
+
+
+async def page(port: int, *, queries: frozenset[str]) -> Response:
+    """The viewer's page under the viewer's policy. Refuses queries that point it at another server or file."""
+    if queries & BANNED_QUERIES:
+        return problem(400, code="query_refused", title="Refused", detail="The 3D view shows this mission only.")
+    try:
+        async with AsyncClient(base_url=f"http://127.0.0.1:{port}", trust_env=False, timeout=10.0) as client:
+            answer = await client.get("/", headers={"Accept-Encoding": "identity"})
+    except HTTPError as error:
+        return problem(502, code="scene_gone", title="The 3D view does not answer", detail=str(error))
+    headers = {"Content-Security-Policy": SCENE_POLICY, "X-Frame-Options": "SAMEORIGIN"}
+    return Response(answer.content, status_code=answer.status_code, media_type="text/html", headers=headers)
+
+
+async def relay(socket: WebSocket, port: int) -> None:
+    """Both directions until either end leaves. Needs the viewer's own version as subprotocol."""
+    if PROTOCOL not in socket.scope.get("subprotocols", ()):
+        await socket.close(code=1002, reason=f"the viewer must speak {PROTOCOL}")
+        return
+    try:
+        upstream = connect(
+            f"ws://127.0.0.1:{port}", subprotocols=[Subprotocol(PROTOCOL)], max_size=None, compression=None, proxy=None
+        )
+        async with upstream as viewer:
+            await socket.accept(subprotocol=PROTOCOL)
+            ways = [asyncio.create_task(_out(socket, viewer)), asyncio.create_task(_back(socket, viewer))]
+            try:
+                await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
+            finally:
+                for way in ways:
+                    way.cancel()
+                await asyncio.gather(*ways, return_exceptions=True)
+    except (OSError, ConnectionClosed):
+        await _close(socket, code=1011)
+        return
+    await _close(socket, code=1000)
+
+
+async def _out(socket: WebSocket, viewer: ClientConnection) -> None:
+    """Browser to viewer, admitted messages only."""
+    while True:
+        message = await socket.receive()
+        if message["type"] == "websocket.disconnect":
+            return
+        body = message.get("bytes")
+        if body is not None and admitted(body):
+            await viewer.send(body)
+
+
+async def _back(socket: WebSocket, viewer: ClientConnection) -> None:
+    """Viewer to browser, unchanged."""
+    async for message in viewer:
+        if isinstance(message, bytes):
+            await socket.send_bytes(message)
+
+
+async def _close(socket: WebSocket, *, code: int) -> None:
+    try:
+        await socket.close(code=code)
+    except (RuntimeError, WebSocketDisconnect):
+        return

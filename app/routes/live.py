@@ -1,0 +1,36 @@
+"""/live: one stream of names per page. /healthz: whether the console answers, for strangers too."""
+
+from collections.abc import AsyncIterator
+from typing import Annotated
+
+from fastapi import APIRouter, Query
+from starlette.responses import PlainTextResponse, StreamingResponse
+
+from app.console import Console, ConsoleDep
+
+router = APIRouter()
+TOPICS = 40
+
+
+@router.get("/live")
+async def live(console: ConsoleDep, topic: Annotated[list[str], Query(max_length=TOPICS)]) -> StreamingResponse:
+    """Server-sent events: `hello` with the log's position, then `changed` with a name, and `beat` in between."""
+    return StreamingResponse(
+        stream(console, tuple(topic)), media_type="text/event-stream", headers={"X-Accel-Buffering": "no"}
+    )
+
+
+async def stream(console: Console, topics: tuple[str, ...]) -> AsyncIterator[str]:
+    """Frames of the stream until the reader leaves or the broker closes."""
+    subscription = console.broker.subscribe(topics)
+    try:
+        yield f"retry: 500\nevent: hello\ndata: {console.head().position}\n\n"
+        async for name in subscription.names():
+            yield f"event: changed\ndata: {name}\n\n" if name else "event: beat\ndata: \n\n"
+    finally:
+        console.broker.unsubscribe(subscription)
+
+
+@router.get("/healthz")
+def healthz() -> PlainTextResponse:
+    return PlainTextResponse("ok\n")

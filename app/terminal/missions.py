@@ -1,0 +1,215 @@
+"""regen mission: run, replay, list, show, events, stop."""
+
+import getpass
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+import typer
+
+from app.history import Histories
+from app.terminal.answers import DEFAULT_DATA, Data, Json, Progress, exit_code, settings, show, table
+from app.terminal.owner import owner_api
+from app.views.outcome import mission_outcome
+from harness.bootstrap import Harness, check_faults, open_harness, read_harness
+from harness.contracts.commands import StopMission
+from harness.contracts.decisions import Refused
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.events import Actor
+from harness.contracts.ids import MissionId, RobotId
+from harness.recordings import replayed, write_recording
+from harness.runtime import Start
+
+app = typer.Typer(no_args_is_help=True, help="Run and read missions.")
+
+
+def me() -> Actor:
+    """The person at this terminal."""
+    return Actor(name=getpass.getuser(), role="operator")
+
+
+@app.command()
+def run(
+    template: Annotated[str, typer.Argument(help="Name of a task template, or a goal in words.")],
+    data: Data = DEFAULT_DATA,
+    as_json: Json = False,
+    speed: Annotated[float | None, typer.Option(help="Mission seconds per second; 0 is as fast as possible.")] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the simulated world.", min=0)] = 1,
+    fault: Annotated[list[str] | None, typer.Option(help="NAME or NAME:persistent; may be given again.")] = None,
+    argument: Annotated[list[str] | None, typer.Option("--set", help="NAME=VALUE of a template parameter.")] = None,
+    fidelity: Annotated[str | None, typer.Option(help="mujoco or kinematic.")] = None,
+    record_to: Annotated[Path | None, typer.Option("--record", help="Write the mission as MCAP.")] = None,
+) -> None:
+    """Run one mission and wait for its end. At speed 0 nothing waits for people: exit 3 at once."""
+    faults = ",".join(fault or [])
+    check_faults(fault or [])
+    api = owner_api(data)
+    if api is not None:
+        body = {"template": template, "arguments": _arguments(argument), "seed": seed, "faults": fault or []}
+        outcome = api.follow(api.post("/missions", body)["mission_id"], lambda _: None)
+    else:
+        chosen = settings(data=data, speed=speed, seed=seed, fidelity=fidelity)
+        with open_harness(chosen) as harness:
+            outcome = _run(harness, template, _arguments(argument), seed=seed, faults=faults)
+            if record_to is not None:
+                write_recording(harness.runtime, MissionId(outcome["mission_id"]), record_to)
+    show(outcome, as_json=as_json, lines=_summary(outcome))
+    raise typer.Exit(exit_code(outcome["status"]))
+
+
+def _run(
+    harness: Harness, template: str, arguments: dict[str, str | float], *, seed: int, faults: str
+) -> dict[str, Any]:
+    known = {known.name for known in harness.runtime.configuration.templates}
+    start = Start(
+        actor=me(),
+        robot_id=RobotId(next(iter(harness.robots))),
+        template=template if template in known or " " not in template else "",
+        goal="" if template in known or " " not in template else template,
+        arguments=arguments,
+        seed=seed,
+        labels={"faults": faults} if faults else {},
+    )
+    decision = harness.runtime.start(start)
+    if isinstance(decision, Refused):
+        raise ContractInvalid(decision.message)
+    mission_id: MissionId = decision.events[0].mission_id  # type: ignore[union-attr]
+    mission = harness.supervisor.run(mission_id, watch=Progress())
+    return mission_outcome(mission, Histories(harness.runtime).of(mission_id), harness.starts(mission_id))
+
+
+def _arguments(given: list[str] | None) -> dict[str, str | float]:
+    arguments: dict[str, str | float] = {}
+    for text in given or []:
+        name, found, value = text.partition("=")
+        if not found or not name:
+            raise typer.BadParameter(f"{text!r} is not NAME=VALUE", param_hint="--set")
+        arguments[name] = value
+    return arguments
+
+
+def _summary(outcome: dict[str, Any]) -> list[str]:
+    lines = [f"{outcome['mission_id']}  {outcome['status']}  goal {outcome['goal_verdict'] or 'not judged'}"]
+    lines += table(
+        [["segment", "L_ref m", "declared m", "measured m", "last pose m"]]
+        + [
+            [
+                segment["name"],
+                *(
+                    f"{value:.2f}" if (value := segment[name]) is not None else "-"
+                    for name in (
+                        "reference_length_m",
+                        "declared_distance_m",
+                        "measured_distance_m",
+                        "last_pose_distance_m",
+                    )
+                ),
+            ]
+            for segment in outcome["segments"]
+        ]
+    )
+    if outcome.get("reason"):
+        lines.append(str(outcome["reason"]))
+    return lines
+
+
+@app.command()
+def replay(
+    recording: Annotated[Path, typer.Argument(help="MCAP, rosbag2 folder or ROS 1 bag.")],
+    target: Annotated[str | None, typer.Option(help="X,Y in metres; default: the recording's last pose.")] = None,
+    data: Data = DEFAULT_DATA,
+    as_json: Json = False,
+    topic: Annotated[list[str] | None, typer.Option(help="ROLE=TOPIC, such as odometry=/odom.")] = None,
+) -> None:
+    """Run a navigation mission on a recording; the harness measures arrival and progress itself."""
+    with replayed(settings(data=data, speed=0.0), recording, target=_point(target), topics=topic or []) as replayer:
+        mission, facts = replayer.run(me(), watch=Progress())
+        outcome = mission_outcome(mission, Histories(replayer.harness.runtime).of(mission.mission_id), ()) | facts
+    show(outcome, as_json=as_json, lines=[*_summary(outcome), *(f"{name}: {value}" for name, value in facts.items())])
+    raise typer.Exit(exit_code(outcome["status"]))
+
+
+def _point(text: str | None) -> tuple[float, float] | None:
+    if text is None:
+        return None
+    try:
+        x, y = (float(part) for part in text.split(","))
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is not X,Y", param_hint="--target") from None
+    return x, y
+
+
+@app.command("list")
+def list_missions(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+    """All missions, newest first."""
+    with read_harness(settings(data=data)) as runtime:
+        rows = [
+            {
+                "mission_id": mission.mission_id,
+                "status": mission.status,
+                "template": mission.template,
+                "goal": mission.goal,
+                "robot_id": mission.robot_id,
+                "state_version": mission.k,
+                "reason": mission.reason,
+            }
+            for mission in runtime.missions()
+        ]
+    lines = table([[row["mission_id"], row["status"], row["template"], row["goal"][:60]] for row in rows])
+    show({"missions": rows}, as_json=as_json, lines=lines or ["No mission yet: `regen mission run warehouse-inspection`."])
+
+
+@app.command("show")
+def show_mission(mission_id: str, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+    """One mission as the log has it."""
+    with read_harness(settings(data=data)) as runtime:
+        mission = runtime.mission(MissionId(mission_id))
+        outcome = mission_outcome(mission, Histories(runtime).of(mission.mission_id), ())
+    nodes = [[n.node_id, n.status, str(n.provider_id or "-"), f"attempt {n.attempt}"] for n in mission.nodes.values()]
+    show(outcome, as_json=as_json, lines=[*_summary(outcome), *table(nodes)])
+
+
+@app.command()
+def events(mission_id: str, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+    """The mission's events in order, each with its position in the log."""
+    with read_harness(settings(data=data)) as runtime:
+        runtime.mission(MissionId(mission_id))
+        stored = runtime.events(MissionId(mission_id))
+    rows = [
+        {
+            "position": event.position,
+            "version": event.version,
+            "kind": event.kind,
+            "mission_s": event.mission_s,
+            "recorded_s": event.recorded_s,
+            "body": msgspec.json.decode(event.body),
+        }
+        for event in stored
+    ]
+    first_s = stored[0].mission_s
+    lines = [f"{e.position:>6}  {e.mission_s - first_s:>8.2f} s  {e.kind}" for e in stored]
+    show({"mission_id": mission_id, "events": rows}, as_json=as_json, lines=lines)
+
+
+@app.command()
+def stop(
+    mission_id: str,
+    reason: Annotated[str, typer.Option(help="Why; it stands in the log.")],
+    data: Data = DEFAULT_DATA,
+    as_json: Json = False,
+) -> None:
+    """Stop a mission: stopping until acknowledged, then static."""
+    api = owner_api(data)
+    if api is not None:
+        api.post(f"/missions/{mission_id}/stop", {"reason": reason})
+        outcome = api.follow(mission_id, lambda _: None)
+    else:
+        with open_harness(settings(data=data, speed=0.0)) as harness:
+            mission = harness.runtime.mission(MissionId(mission_id))
+            decision = harness.runtime.submit(mission.mission_id, StopMission(actor=me(), reason=reason))
+            if isinstance(decision, Refused):
+                raise ContractInvalid(decision.message)
+            mission = harness.supervisor.run(mission.mission_id, watch=Progress())
+            outcome = mission_outcome(mission, Histories(harness.runtime).of(mission.mission_id), harness.starts(mission.mission_id)
+            )
+    show(outcome, as_json=as_json, lines=_summary(outcome))

@@ -1,0 +1,68 @@
+"""The owner's API, for every call while another process owns the data folder (D11)."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import httpx
+
+from harness.bootstrap import owner_of
+from harness.contracts.errors import HarnessError, StoreOwned, UnknownName
+
+POLL_S = 0.5
+LASTING = ("awaiting_human", "paused", "succeeded", "failed", "cancelled", "safe_stopped", "handed_off")
+
+
+class OwnerApi:
+    """A client of the console that owns a data folder."""
+
+    def __init__(self, url: str, token: str) -> None:
+        self._client = httpx.Client(
+            base_url=f"{url}/api/v1", headers={"Authorization": f"Bearer {token}"}, timeout=30.0, trust_env=False
+        )
+
+    def get(self, path: str) -> Any:
+        """Decoded JSON; raises UnknownName for 404 and HarnessError for any other refusal."""
+        return self._answer("GET", path)
+
+    def post(self, path: str, body: dict[str, Any]) -> Any:
+        return self._answer("POST", path, json=body)
+
+    def follow(self, mission_id: str, watch: Callable[[dict[str, Any]], None]) -> dict[str, Any]:
+        """The mission's outcome once it is over or waits for a person."""
+        while True:
+            outcome: dict[str, Any] = self.get(f"/missions/{mission_id}")
+            watch(outcome)
+            if outcome["status"] in LASTING:
+                return outcome
+            time.sleep(POLL_S)
+
+    def _answer(self, method: str, path: str, **options: Any) -> Any:
+        try:
+            response = self._client.request(method, path, **options)
+        except httpx.HTTPError as error:
+            raise HarnessError(
+                f"The owner of this data folder does not answer ({type(error).__name__})",
+                where=str(self._client.base_url),
+                do="stop that process, or wait until it answers",
+            ) from error
+        if response.is_success:
+            return response.json()
+        problem = response.json() if "json" in response.headers.get("content-type", "") else {}
+        kind = UnknownName if response.status_code in (404, 422) else HarnessError
+        raise kind(problem.get("detail") or problem.get("title") or f"The owner answered {response.status_code}")
+
+
+def owner_api(data: Path) -> OwnerApi | None:
+    """The API of the process that owns this folder, or None. Raises StoreOwned for an owner without an API."""
+    owner = owner_of(data)
+    if owner is None:
+        return None
+    if not owner.url:
+        raise StoreOwned(
+            f"Process {owner.pid} owns this data folder and has no API",
+            where=str(data),
+            do="wait until it ends, or use another --data folder",
+        )
+    return OwnerApi(owner.url, owner.token)

@@ -1,0 +1,60 @@
+"""Pure: recovery budgets as meters: what was spent and what is left, per action, per node, per mission."""
+
+from dataclasses import dataclass
+
+from harness.contracts.configuration import SPENDING
+from harness.contracts.ids import NodeId
+from harness.projections.mission import Mission
+
+
+@dataclass(frozen=True)
+class Meter:
+    """One budget. `tight` marks one that is more than half spent."""
+
+    name: str
+    used: int
+    limit: int
+    tight: bool
+
+
+@dataclass(frozen=True)
+class Try:
+    """One authorised rung and what it cost."""
+
+    action: str
+    after: str
+    reason: str
+    cost: int
+
+
+@dataclass(frozen=True)
+class Budget:
+    """A stage's own budgets, the mission's total, and what was tried."""
+
+    node_id: str
+    meters: tuple[Meter, ...]
+    tries: tuple[Try, ...]
+
+
+def budget(mission: Mission, node_id: str) -> Budget:
+    """Meters of one node, its total and the mission's; empty before the contract is compiled."""
+    contract = mission.contract
+    if contract is None or node_id not in mission.nodes:
+        return Budget(node_id=node_id, meters=(), tries=())
+    node, state = contract.node(NodeId(node_id)), mission.of(NodeId(node_id))
+    actions = [
+        _meter(action.replace("_", " "), state.spent(action), getattr(node.recovery, action)) for action in SPENDING
+    ]
+    totals = [
+        _meter("this stage", state.spent_total, node.recovery.total),
+        _meter("whole mission", mission.spent_total, contract.recovery_total),
+    ]
+    tries = tuple(
+        Try(action=s.action.replace("_", " "), after=s.failure.replace("_", " "), reason=s.reason, cost=s.cost)
+        for s in state.spends
+    )
+    return Budget(node_id=node_id, meters=(*totals, *actions), tries=tries)
+
+
+def _meter(name: str, used: int, limit: int) -> Meter:
+    return Meter(name=name, used=used, limit=limit, tight=limit > 0 and used * 2 > limit)

@@ -1,0 +1,173 @@
+"""Pure: what each role was shown (C1 to C4) when it decided, and which providers were looked at, as recorded."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from app.views.timeline import Entry
+from harness.contracts.contexts import Context, ContextRecord
+from harness.contracts.events import (
+    DispatchIntended,
+    GoalVerified,
+    NodePlanned,
+    RecoveryAuthorised,
+    VerdictRecorded,
+)
+from harness.contracts.ids import Digest
+from harness.contracts.proposals import Candidate, CandidateSet
+
+ReadContext = Callable[[Digest], Context | None]
+ReadCandidates = Callable[[Digest], CandidateSet | None]
+ROLES = {"planner": "C1 planner", "skill": "C2 skill", "verifier": "C3 verifier", "recovery": "C4 recovery"}
+
+
+@dataclass(frozen=True)
+class Item:
+    """One record of a context, as the role saw it."""
+
+    kind: str
+    origin: str
+    source: str
+    age_s: float
+    confidence: float
+    mandatory: bool
+    value: Any
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What the compiler kept out, and why."""
+
+    kind: str
+    source: str
+    reason: str
+    detail: str
+
+
+@dataclass(frozen=True)
+class ContextView:
+    """One stored context. `missing` is true when the log names it but holds no record of it."""
+
+    role: str
+    decision: str
+    position: int
+    digest: str
+    k: int
+    items: tuple[Item, ...]
+    withheld: tuple[Kept, ...]
+    missing: bool
+
+
+@dataclass(frozen=True)
+class CandidateRow:
+    """One provider that was looked at: refused by a named filter, or scored term by term."""
+
+    provider: str
+    refused_by: str
+    reason: str
+    score: float | None
+    terms: tuple[tuple[str, float], ...]
+    chosen: bool
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One candidate set, best first."""
+
+    position: int
+    k: int
+    candidates: tuple[CandidateRow, ...]
+
+
+@dataclass(frozen=True)
+class ContextsView:
+    """All decisions about one stage, newest first."""
+
+    node_id: str
+    contexts: tuple[ContextView, ...]
+    choices: tuple[Choice, ...]
+
+
+def contexts(
+    entries: Sequence[Entry], *, node_id: str, read: ReadContext, candidates: ReadCandidates
+) -> ContextsView:
+    """Contexts and candidate sets of one node, from the records that were stored with the decisions."""
+    shown: list[ContextView] = []
+    choices: list[Choice] = []
+    owner: dict[str, str] = {}
+    for entry in entries:
+        if isinstance(entry.event, DispatchIntended):
+            owner[entry.event.invocation_id] = entry.event.node_id
+        cited = _cited(entry, owner)
+        if cited is None or cited[0] != node_id:
+            continue
+        shown.append(_context(entry.position, cited[1], cited[2], read=read))
+        if isinstance(entry.event, NodePlanned) and (found := candidates(entry.event.candidates)):
+            choices.append(_choice(entry.position, found))
+    return ContextsView(node_id=node_id, contexts=tuple(reversed(shown)), choices=tuple(reversed(choices)))
+
+
+def goal_context(entries: Sequence[Entry], *, read: ReadContext) -> ContextView | None:
+    """What the goal verifier was shown, if it has answered."""
+    for entry in reversed(entries):
+        if isinstance(entry.event, GoalVerified):
+            return _context(entry.position, "verified the goal", entry.event.verdict.context, read=read)
+    return None
+
+
+def _cited(entry: Entry, owner: dict[str, str]) -> tuple[str, str, Digest] | None:
+    """(node, what was decided, context digest) of an event that names a context."""
+    match entry.event:
+        case NodePlanned() as event:
+            return event.node_id, "chose the stage and its provider", event.context
+        case DispatchIntended() as event:
+            return event.node_id, f"set the parameters of attempt {event.attempt}", event.context
+        case VerdictRecorded() as event:
+            node = owner.get(event.invocation_id, "")
+            return node, f"judged the packet {event.verdict.verdict}", event.verdict.context
+        case RecoveryAuthorised() as event:
+            return event.node_id, f"proposed {event.action.replace('_', ' ')}", event.context
+        case _:
+            return None
+
+
+def _context(position: int, decision: str, digest: Digest, *, read: ReadContext) -> ContextView:
+    context = read(digest)
+    return ContextView(
+        role=ROLES[context.role] if context else "unknown role",
+        decision=decision,
+        position=position,
+        digest=digest,
+        k=context.k if context else 0,
+        items=tuple(_item(record, context.at_s) for record in context.records) if context else (),
+        withheld=tuple(Kept(w.kind, w.source, w.reason, w.detail) for w in context.withheld) if context else (),
+        missing=context is None,
+    )
+
+
+def _item(record: ContextRecord, at_s: float) -> Item:
+    return Item(
+        kind=record.kind,
+        origin=record.origin,
+        source=record.source,
+        age_s=max(at_s - record.at_s, 0.0),
+        confidence=record.confidence,
+        mandatory=record.mandatory,
+        value=record.value,
+    )
+
+
+def _choice(position: int, found: CandidateSet) -> Choice:
+    rows = tuple(_candidate(one, chosen=one.provider_id == found.chosen) for one in found.candidates)
+    return Choice(position=position, k=found.k, candidates=rows)
+
+
+def _candidate(one: Candidate, *, chosen: bool) -> CandidateRow:
+    return CandidateRow(
+        provider=f"{one.provider_id} {one.version}",
+        refused_by=one.refused_by,
+        reason=one.reason,
+        score=one.score,
+        terms=tuple(one.terms.items()),
+        chosen=chosen,
+    )

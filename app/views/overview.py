@@ -1,0 +1,48 @@
+"""Pure: the first page: what runs, who waits for a person, how the last missions ended. Calm when all is well."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from app.views.handoffs import HandoffRow
+from app.views.missions import MissionRow, RobotStrip
+from app.views.shell import Shell
+from harness.projections.mission import TERMINAL_MISSION
+
+RECENT = 8
+
+
+@dataclass(frozen=True)
+class OverviewRegions:
+    """What changes by itself on the first page."""
+
+    waiting: tuple[HandoffRow, ...]
+    running: tuple[MissionRow, ...]
+    ended: tuple[MissionRow, ...]
+    robots: tuple[RobotStrip, ...]
+    idle: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class OverviewPage(OverviewRegions):
+    """The regions inside the shell."""
+
+    shell: Shell
+
+
+def overview(
+    rows: Sequence[MissionRow],
+    waiting: Sequence[HandoffRow],
+    strips: Sequence[RobotStrip],
+    *,
+    robots: Sequence[str],
+) -> OverviewRegions:
+    """Newest first; robots without a word of their own are listed as idle."""
+    ended = [one for one in rows if one.status in TERMINAL_MISSION]
+    heard = {strip.robot_id for strip in strips}
+    return OverviewRegions(
+        waiting=tuple(waiting),
+        running=tuple(one for one in rows if one.status not in TERMINAL_MISSION),
+        ended=tuple(ended[:RECENT]),
+        robots=tuple(strips),
+        idle=tuple(robot for robot in robots if robot not in heard),
+    )

@@ -1,0 +1,251 @@
+"""Pure: the stages of a mission in three columns (declared, measured, accepted) and as a graph."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import hypot
+
+from app.views.measures import Measure, quantity
+from app.views.timeline import Entry
+from harness.contracts.effects import Metric
+from harness.contracts.events import CommitRejected, NodeCommitted
+from harness.contracts.ids import NodeId
+from harness.contracts.observations import AnySample, Pose
+from harness.contracts.protocol import InvocationReport
+from harness.contracts.tasks import Node, TaskContract, order
+from harness.contracts.verdicts import ConditionResult
+from harness.projections.mission import Mission, NodeState
+
+BOX_W, BOX_H, GAP_X, GAP_Y = 132, 50, 26, 16
+BUSY = frozenset({"dispatched", "executed", "verifying"})
+GOAL_STATE = {"satisfied": "committed", "pending": "pending", "violated": "failed", "unsafe": "failed"}
+NEEDS_EYES = frozenset({"recovering", "escalated", "rejected"})
+
+
+@dataclass(frozen=True)
+class Observed:
+    """What is observed now and not stored as an event: the running invocation's report and the latest samples."""
+
+    report: InvocationReport | None = None
+    samples: Sequence[AnySample] = ()
+
+
+@dataclass(frozen=True)
+class Acceptance:
+    """The gate's newest word on a stage, and the event that carries it."""
+
+    text: str
+    tone: str
+    href: str
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One node: what was declared, what the harness measured, what the gate accepted. `state` picks the colour."""
+
+    node_id: str
+    title: str
+    state: str
+    status: str
+    verdict: str
+    progress: float | None
+    declared: tuple[Measure, ...]
+    measured: tuple[Measure, ...]
+    accepted: Acceptance
+    note: str
+    href: str
+    selected: bool
+
+
+@dataclass(frozen=True)
+class Box:
+    """One node of the drawn graph, in the units of its view box."""
+
+    x: int
+    y: int
+    title: str
+    label: str
+    state: str
+    href: str
+    selected: bool
+
+
+@dataclass(frozen=True)
+class Graph:
+    """The task graph as boxes and arrows; `edges` are SVG paths."""
+
+    width: int
+    height: int
+    boxes: tuple[Box, ...]
+    edges: tuple[str, ...]
+
+
+def stages(mission: Mission, entries: Sequence[Entry], now: Observed, *, selected: str) -> tuple[Stage, ...]:
+    """One per node in graph order; none before the contract is compiled."""
+    contract = mission.contract
+    if contract is None:
+        return ()
+    return tuple(
+        _stage(mission, contract.node(node_id), entries, now=_of_node(mission, node_id, now), selected=selected)
+        for node_id in order(contract)
+    )
+
+
+def graph(contract: TaskContract, drawn: Sequence[Stage], *, goal: str) -> Graph:
+    """Columns by depth, rows by order; the last box is the goal itself."""
+    depth: dict[NodeId, int] = {}
+    for node_id in order(contract):
+        before = [depth[dependency] + 1 for dependency in contract.node(node_id).depends_on]
+        depth[node_id] = max(before, default=0)
+    columns = max(depth.values()) + 2
+    rows = {level: [n for n in depth if depth[n] == level] for level in range(columns - 1)}
+    place = {
+        node_id: (level * (BOX_W + GAP_X), row * (BOX_H + GAP_Y))
+        for level, members in rows.items()
+        for row, node_id in enumerate(members)
+    }
+    end = ((columns - 1) * (BOX_W + GAP_X), 0)
+    last = {node_id for node_id in depth if not any(node_id in node.depends_on for node in contract.nodes)}
+    edges = [_edge(place[before], place[node.node_id]) for node in contract.nodes for before in node.depends_on]
+    edges += [_edge(place[node_id], end) for node_id in sorted(last)]
+    boxes = [_box(place[NodeId(stage.node_id)], stage) for stage in drawn]
+    boxes.append(Box(x=end[0], y=end[1], title="goal", label=goal, state=GOAL_STATE.get(goal, "waiting"), href="#contract", selected=False))
+    tallest = max(len(members) for members in rows.values())
+    return Graph(
+        width=columns * (BOX_W + GAP_X) - GAP_X,
+        height=tallest * (BOX_H + GAP_Y) - GAP_Y,
+        boxes=tuple(boxes),
+        edges=tuple(edges),
+    )
+
+
+def to_target_m(node: Node, samples: Sequence[AnySample]) -> float | None:
+    """Planar distance from the newest measured pose to the node's target, metres; None if either is missing."""
+    target = next((c.effect.target_m for c in node.success_conditions if isinstance(c.effect, Metric)), None)
+    poses = [sample for sample in samples if isinstance(sample, Pose)]
+    if target is None or not poses:
+        return None
+    newest = max(poses, key=lambda pose: pose.at_s)
+    return hypot(newest.x_m - target[0], newest.y_m - target[1])
+
+
+def _of_node(mission: Mission, node_id: NodeId, now: Observed) -> Observed:
+    """The observations, if they belong to this node's open invocation; else none."""
+    invocation = mission.invocation
+    if invocation is None or invocation.intent.node_id != node_id:
+        return Observed()
+    mine = now.report is not None and now.report.identity.request_id == invocation.intent.request_id
+    return Observed(report=now.report if mine else None, samples=now.samples)
+
+
+def _stage(mission: Mission, node: Node, entries: Sequence[Entry], *, now: Observed, selected: str) -> Stage:
+    state = mission.of(node.node_id)
+    verdict = state.verdicts[-1].verdict if state.verdicts else ""
+    return Stage(
+        node_id=node.node_id,
+        title=node.subgoal,
+        state=_colour(state),
+        status=_status(state, now),
+        verdict=verdict,
+        progress=now.report.progress.share if now.report else None,
+        declared=_declared(state, now),
+        measured=_measured(node, state, now),
+        accepted=_acceptance(mission.mission_id, state, entries),
+        note=_note(state),
+        href=f"/missions/{mission.mission_id}?node={node.node_id}#evidence",
+        selected=node.node_id == selected,
+    )
+
+
+def _colour(state: NodeState) -> str:
+    if state.status == "committed":
+        return "committed"
+    if state.status in BUSY:
+        return "running"
+    if state.status in NEEDS_EYES:
+        return "waiting"
+    return "failed" if state.status == "failed" else "pending"
+
+
+def _status(state: NodeState, now: Observed) -> str:
+    if now.report and now.report.status == "running" and state.status == "dispatched":
+        return f"running, {now.report.progress.share:.0%}"
+    return "running" if state.status == "dispatched" else state.status
+
+
+def _declared(state: NodeState, now: Observed) -> tuple[Measure, ...]:
+    """The provider's own words: of the running invocation, else of the newest packet that says something."""
+    if now.report and now.report.status not in ("succeeded", "failed", "cancelled"):
+        left = now.report.progress.remaining_m
+        return (Measure(name="to go", value=f"{left:.1f} m"),) if left is not None else ()
+    packet = next((one for one in reversed(state.packets) if one.declared or one.receipts), None)
+    if packet is None:
+        return ()
+    kinds: dict[str, int] = {}
+    for receipt in packet.receipts:
+        kinds[receipt.kind] = kinds.get(receipt.kind, 0) + 1
+    said = [Measure(*quantity(name, value)) for name, value in packet.declared.items()]
+    said += [Measure(name=f"{kind} receipt{'s' if many > 1 else ''}", value=str(many)) for kind, many in kinds.items()]
+    return tuple(said[:3])
+
+
+def _measured(node: Node, state: NodeState, now: Observed) -> tuple[Measure, ...]:
+    """What the harness measured itself: the leading quantity of each condition, beside its bound."""
+    if state.status == "dispatched":
+        distance = to_target_m(node, now.samples)
+        return (Measure(name="straight to target", value=f"{distance:.1f} m"),) if distance is not None else ()
+    if not state.verdicts:
+        return ()
+    return tuple(measure for result in state.verdicts[-1].results for measure in _leading(result))[:3]
+
+
+def _leading(result: ConditionResult) -> tuple[Measure, ...]:
+    """The first measured quantity that has a bound, else the first measured one."""
+    bounded = [name for name in result.measured if name in result.bounds]
+    name = next(iter(bounded or result.measured), None)
+    if name is None:
+        return ()
+    label, value = quantity(name, result.measured[name])
+    return (Measure(label, value, quantity(name, result.bounds[name])[1] if name in result.bounds else ""),)
+
+
+def _acceptance(mission_id: str, state: NodeState, entries: Sequence[Entry]) -> Acceptance:
+    for entry in reversed(entries):
+        href = f"/missions/{mission_id}/events/{entry.position}"
+        match entry.event:
+            case NodeCommitted(node_id=state.node_id):
+                return Acceptance(text=f"k {state.committed_k}", tone="good", href=href)
+            case CommitRejected(node_id=state.node_id, rule=rule):
+                return Acceptance(text=f"refused: {rule.replace('_', ' ')}", tone="bad", href=href)
+            case _:
+                continue
+    return Acceptance(text="not yet", tone="plain", href="")
+
+
+def _note(state: NodeState) -> str:
+    """Why a stage is not simply going on."""
+    if state.waiting_for:
+        return state.waiting_for
+    if state.failure is not None:
+        return f"{state.failure.failure.replace('_', ' ')}: {state.failure.reason}"
+    if state.attempt > 1 or state.spends:
+        tried = ", ".join(spend.action.replace("_", " ") for spend in state.spends)
+        return f"attempt {state.attempt}" + (f" after {tried}" if tried else "")
+    return ""
+
+
+def _box(place: tuple[int, int], stage: Stage) -> Box:
+    return Box(
+        x=place[0],
+        y=place[1],
+        title=stage.node_id.replace("_", " "),
+        label=stage.status,
+        state=stage.state,
+        href=stage.href,
+        selected=stage.selected,
+    )
+
+
+def _edge(start: tuple[int, int], end: tuple[int, int]) -> str:
+    x0, y0, x1, y1 = start[0] + BOX_W, start[1] + BOX_H // 2, end[0] - 3, end[1] + BOX_H // 2
+    middle = (x0 + x1) // 2
+    return f"M{x0} {y0}C{middle} {y0} {middle} {y1} {x1} {y1}"

@@ -1,0 +1,149 @@
+"""What one durable append costs: this event log beside raw sqlite3, in one interleaved loop.
+
+    python -m benchmarks.append [--rounds 1500] [--folder .bench] [--json FILE]
+
+The floor is one fsynced 600-byte row in raw sqlite3 (WAL, synchronous=FULL); every other figure is also a ratio
+to it. Medians over interleaved rounds, after the write-ahead logs have passed their first checkpoint.
+"""
+
+import argparse
+import json
+import platform
+import sqlite3
+import statistics
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import sqlalchemy
+
+from harness.adapters.stores.sql import SqlEventStore
+from harness.contracts.ids import StreamId, sha256
+from harness.contracts.ports import Batch, NewEvent, Record
+from harness.contracts.values import Moment, encode
+
+BODY = encode({"kind": "Measured", "padding": "x" * 566})
+STREAM_LENGTH = 56
+WARM_UP = 700
+FLOOR = "raw sqlite3, 1 row"
+Append = Callable[[int], None]
+
+
+@dataclass(frozen=True)
+class Arm:
+    """One way to append: `append(n)` makes the n-th append and returns once it is durable; `durability` in force."""
+
+    name: str
+    append: Append
+    durability: dict[str, Any]
+
+
+def raw(folder: Path, *, rows: int) -> Arm:
+    """Nothing but the driver: one prepared insert per row in one immediate transaction."""
+    connection = sqlite3.connect(folder / f"raw{rows}.db", isolation_level=None)
+    pragmas = ("journal_mode=WAL", "synchronous=FULL")
+    for pragma in pragmas:
+        connection.execute(f"PRAGMA {pragma}")
+    connection.execute(
+        "CREATE TABLE events (seq INTEGER PRIMARY KEY, stream TEXT NOT NULL, ver INTEGER NOT NULL, type TEXT NOT NULL,"
+        " payload BLOB NOT NULL, UNIQUE (stream, ver))"
+    )
+
+    def append(number: int) -> None:
+        stream, first = f"mission/{number // STREAM_LENGTH}", number % STREAM_LENGTH * rows
+        connection.execute("BEGIN IMMEDIATE")
+        connection.executemany(
+            "INSERT INTO events (stream, ver, type, payload) VALUES (?, ?, ?, ?)",
+            [(stream, first + row, "Measured", BODY) for row in range(rows)],
+        )
+        connection.execute("COMMIT")
+
+    in_force = {name: connection.execute(f"PRAGMA {name}").fetchone()[0] for name in ("journal_mode", "synchronous")}
+    return Arm(f"raw sqlite3, {rows} row{'s' * (rows > 1)}", append, in_force)
+
+
+def ours(folder: Path, *, events: int, records: int = 0) -> Arm:
+    """The event log with everything on: version check, hash chain, and `records` of 4 KiB in the same transaction."""
+    store = SqlEventStore(f"sqlite:///{folder / f'ours{events}-{records}.db'}")
+    new = tuple(NewEvent(kind="Measured", body=BODY) for _ in range(events))
+
+    def append(number: int) -> None:
+        stream, first = f"mission/{number // STREAM_LENGTH}", number % STREAM_LENGTH * events
+        batch = Batch(stream=StreamId(stream), expected_version=first, events=new)
+        bodies = [f'{{"number":{number},"of":{n},"padding":"{"y" * 4050}"}}'.encode() for n in range(records)]
+        artefacts = [Record(digest=sha256(body), kind="context", body=body) for body in bodies]
+        store.append([batch], artefacts, Moment(mission_s=float(number), wall_s=float(number)))
+
+    and_records = f", {records} records" if records else ""
+    return Arm(f"event log, {events} event{'s' * (events > 1)}{and_records}", append, dict(store.durability()))
+
+
+def measure(arms: Sequence[Arm], *, rounds: int) -> dict[str, list[float]]:
+    """Microseconds of every append, by arm. The arms take turns and the first of a round changes."""
+    for number in range(WARM_UP):
+        for arm in arms:
+            arm.append(number)
+    times: dict[str, list[float]] = {arm.name: [] for arm in arms}
+    for number in range(WARM_UP, WARM_UP + rounds):
+        turn = number % len(arms)
+        for arm in (*arms[turn:], *arms[:turn]):
+            begun = time.perf_counter()
+            arm.append(number)
+            times[arm.name].append((time.perf_counter() - begun) * 1e6)
+    return times
+
+
+def report(arms: Sequence[Arm], times: dict[str, list[float]], *, rounds: int) -> dict[str, Any]:
+    """The figures, with what they were measured on."""
+    floor = statistics.median(times[FLOOR])
+    rows = [
+        {
+            "name": arm.name,
+            "p50_us": round(statistics.median(times[arm.name]), 1),
+            "p99_us": round(statistics.quantiles(times[arm.name], n=100)[98], 1),
+            "floors": round(statistics.median(times[arm.name]) / floor, 2),
+            "durability": arm.durability,
+        }
+        for arm in arms
+    ]
+    versions = {
+        "python": platform.python_version(),
+        "sqlite": sqlite3.sqlite_version,
+        "sqlalchemy": sqlalchemy.__version__,
+        "msgspec": msgspec.__version__,
+    }
+    return {"benchmark": "append", "rounds": rounds, "body_bytes": len(BODY), "versions": versions, "rows": rows}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--rounds", type=int, default=1500)
+    parser.add_argument("--folder", type=Path, default=Path(".bench"), help="on the disk to measure")
+    parser.add_argument("--json", type=Path, help="also write the figures there")
+    options = parser.parse_args()
+    options.folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=options.folder) as name:
+        folder = Path(name)
+        arms = [
+            raw(folder, rows=1),
+            raw(folder, rows=8),
+            ours(folder, events=1),
+            ours(folder, events=8),
+            ours(folder, events=8, records=2),
+        ]
+        figures = report(arms, measure(arms, rounds=options.rounds), rounds=options.rounds)
+    print(f"{'':32}{'p50 us':>10}{'p99 us':>10}{'floors':>9}")
+    for row in figures["rows"]:
+        print(f"{row['name']:32}{row['p50_us']:10.1f}{row['p99_us']:10.1f}{row['floors']:9.2f}")
+    written = json.dumps(figures)
+    print(written)
+    if options.json:
+        options.json.write_text(written + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

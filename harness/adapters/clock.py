@@ -1,0 +1,75 @@
+"""Clocks: mission time is the robot's. One follows a robot that runs by itself, one drives a robot in lockstep."""
+
+import threading
+import time
+from collections.abc import Callable
+
+from harness.contracts.errors import ProviderUnreachable
+from harness.contracts.values import Moment
+
+RESYNC_S = 0.5
+
+
+class RobotClock:
+    """Mission time read from a robot and extrapolated at its speed between readings; it never runs backwards.
+
+    `read` returns the robot's mission time. While the robot does not answer, time goes on by extrapolation.
+    """
+
+    def __init__(self, read: Callable[[], float], speed: float) -> None:
+        self._read, self._speed = read, speed
+        self._lock = threading.Lock()
+        self._latest_s = self._base_s = read()
+        self._read_s = time.monotonic()
+
+    def now(self) -> Moment:
+        """Both clocks now."""
+        with self._lock:
+            elapsed_s = time.monotonic() - self._read_s
+            if elapsed_s > RESYNC_S:
+                self._resync()
+                elapsed_s = time.monotonic() - self._read_s
+            self._latest_s = max(self._latest_s, self._base_s + elapsed_s * self._speed)
+            return Moment(mission_s=self._latest_s, wall_s=time.time())
+
+    def wait_until(self, mission_s: float) -> None:
+        """Sleep until mission time `mission_s`."""
+        while (left_s := mission_s - self.now().mission_s) > 0:
+            time.sleep(min(left_s / self._speed, RESYNC_S))
+
+    def _resync(self) -> None:
+        sent_s = time.monotonic()
+        try:
+            read_s = self._read()
+        except ProviderUnreachable:
+            return
+        self._base_s, self._read_s = read_s, (sent_s + time.monotonic()) / 2
+
+
+class LockstepClock:
+    """Mission time that passes only by waiting for it: `advance` runs the world and returns the time reached."""
+
+    def __init__(self, advance: Callable[[float], float], at_s: float, wall: Callable[[], float] = time.time) -> None:
+        self._advance, self._at_s, self._wall = advance, at_s, wall
+
+    def now(self) -> Moment:
+        """Both clocks now."""
+        return Moment(mission_s=self._at_s, wall_s=self._wall())
+
+    def wait_until(self, mission_s: float) -> None:
+        """Let the world run to mission time `mission_s`."""
+        if mission_s > self._at_s:
+            self._at_s = self._advance(mission_s)
+
+
+class SystemClock:
+    """Both clocks are the machine's: for reading a log where no robot is connected."""
+
+    def now(self) -> Moment:
+        """Mission time is wall time."""
+        wall_s = time.time()
+        return Moment(mission_s=wall_s, wall_s=wall_s)
+
+    def wait_until(self, mission_s: float) -> None:
+        """Sleep until that instant of wall time."""
+        time.sleep(max(0.0, mission_s - time.time()))

@@ -1,0 +1,156 @@
+"""A robot behind the HTTP provider protocol: the client side of `contracts.ports.Robot`."""
+
+from collections.abc import Sequence
+from typing import TypeVar
+
+import httpx
+import msgspec
+
+from harness.adapters.providers.http.wire import (
+    Advance,
+    ClockReading,
+    Done,
+    MissionSettings,
+    Problem,
+    error_of,
+)
+from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.errors import ProviderFailed, ProviderUnreachable, UnknownName
+from harness.contracts.ids import Digest, MissionId, RequestId
+from harness.contracts.protocol import InvocationReport, Observations, PhysicalStart, RobotStatus, StartRequest
+from harness.contracts.values import Value, decode, encode
+
+T = TypeVar("T")
+DEFAULT_TIMEOUT_S = 10.0
+
+
+class HttpRobot:
+    """Raises ProviderUnreachable when no answer came, and the robot's own typed errors when one did.
+
+    Nothing that could start or change something is ever sent twice by this client; reads are repeated once.
+    """
+
+    def __init__(self, base_url: str, token: str, timeout_s: float = DEFAULT_TIMEOUT_S) -> None:
+        self._client = httpx.Client(
+            base_url=base_url, timeout=timeout_s, headers={"Authorization": f"Bearer {token}"}, trust_env=False
+        )
+        self._providers: tuple[HttpProvider, ...] = ()
+
+    def providers(self) -> Sequence["HttpProvider"]:
+        """The robot's providers; their cards are read once."""
+        if not self._providers:
+            cards = self.read("/providers", list[CapabilityCard])
+            self._providers = tuple(HttpProvider(self, card) for card in cards)
+        return self._providers
+
+    def status(self) -> RobotStatus:
+        return self.read("/robot", RobotStatus)
+
+    def observations(self, after: int, limit: int = 5000) -> Observations:
+        return self.read(f"/observations?after={after}&limit={limit}", Observations)
+
+    def blob(self, digest: Digest) -> bytes:
+        """Raises BlobDamaged if the robot no longer holds it."""
+        return self._get(f"/blobs/{digest}")
+
+    def starts(self) -> Sequence[PhysicalStart]:
+        return self.read("/starts", list[PhysicalStart])
+
+    def clock(self) -> ClockReading:
+        """The robot's mission time now."""
+        return self.read("/clock", ClockReading)
+
+    def advance(self, until_s: float) -> float:
+        """Lockstep only: run the world to this mission time; returns the time reached."""
+        return self.write("/simulation/advance", Done, Advance(until_s=until_s)).at_s
+
+    def configure(self, mission_id: MissionId, seed: int, faults: Sequence[str] = ()) -> None:
+        """Simulation only: begin a mission with this seed and these faults. Raises UnknownName for a fault."""
+        settings = MissionSettings(mission_id=mission_id, seed=seed, faults=tuple(faults))
+        self.write("/simulation/configure", Done, settings)
+
+    def save(self) -> None:
+        """Simulation only: write the world durably."""
+        self.write("/simulation/save", Done)
+
+    def struck(self) -> dict[str, int]:
+        """Simulation only: how often each fault of the mission struck."""
+        return self.read("/simulation/struck", dict[str, int])
+
+    def close(self) -> None:
+        self._client.close()
+
+    def read(self, path: str, kind: type[T]) -> T:
+        """GET and decode."""
+        return _decoded(self._get(path), kind, path)
+
+    def write(self, path: str, kind: type[T], body: Value | None = None) -> T:
+        """POST once and decode."""
+        return _decoded(self._send("POST", path, b"" if body is None else encode(body)), kind, path)
+
+    def _get(self, path: str) -> bytes:
+        try:
+            return self._send("GET", path)
+        except ProviderUnreachable:
+            return self._send("GET", path)
+
+    def _send(self, method: str, path: str, content: bytes = b"") -> bytes:
+        try:
+            response = self._client.request(method, path, content=content)
+        except httpx.HTTPError as error:
+            raise ProviderUnreachable(
+                f"The robot did not answer {method} {path.partition('?')[0]} ({type(error).__name__})",
+                where=str(self._client.base_url),
+                do="see whether the robot is running; the request may or may not have arrived",
+            ) from error
+        if response.is_success:
+            return response.content
+        raise error_of(_problem(response, path))
+
+
+class HttpProvider:
+    """One provider of that robot."""
+
+    def __init__(self, robot: HttpRobot, card: CapabilityCard) -> None:
+        self._robot, self._card = robot, card
+
+    @property
+    def card(self) -> CapabilityCard:
+        return self._card
+
+    def start(self, request: StartRequest) -> InvocationReport:
+        return self._robot.write(f"/providers/{self._card.provider_id}/invocations", InvocationReport, request)
+
+    def report(self, handle: str) -> InvocationReport:
+        return self._robot.read(f"/invocations/{handle}", InvocationReport)
+
+    def find(self, request: RequestId) -> InvocationReport | None:
+        try:
+            return self._robot.read(f"/requests/{request}", InvocationReport)
+        except UnknownName:
+            return None
+
+    def keepalive(self, handle: str) -> None:
+        self._robot.write(f"/invocations/{handle}/keepalive", dict[str, str])
+
+    def resume(self, handle: str) -> InvocationReport:
+        return self._robot.write(f"/invocations/{handle}/resume", InvocationReport)
+
+    def stop(self, handle: str) -> InvocationReport:
+        return self._robot.write(f"/invocations/{handle}/stop", InvocationReport)
+
+
+def _decoded(body: bytes, kind: type[T], path: str) -> T:
+    try:
+        return decode(body, kind)
+    except msgspec.MsgspecError as error:
+        raise ProviderFailed(
+            f"The robot's answer breaks the protocol ({error})", where=path, do="run the conformance kit against it"
+        ) from error
+
+
+def _problem(response: httpx.Response, path: str) -> Problem:
+    try:
+        return decode(response.content, Problem)
+    except msgspec.MsgspecError:
+        return Problem(code="provider_failed", what=f"The robot answered {response.status_code}", where=path)

@@ -1,0 +1,22 @@
+"""Messages kept in this process, for suites in virtual time."""
+
+from collections.abc import Sequence
+
+from harness.contracts.errors import ProviderFailed
+from harness.contracts.ids import Digest, sha256
+
+
+class MemoryOutbox:
+    """MessageOutbox without a disk: idempotent by key, like every other."""
+
+    def __init__(self) -> None:
+        self._sent: dict[str, tuple[str, tuple[Digest, ...]]] = {}
+
+    def send(self, key: str, text: str, images: Sequence[Digest]) -> str:
+        """Raises ProviderFailed for a key that came before with other contents."""
+        message = (text, tuple(images))
+        if self._sent.setdefault(key, message) != message:
+            raise ProviderFailed(
+                f"Message {key} was sent before with other contents", where="message outbox", do="use a new key"
+            )
+        return f"ack-{sha256(key.encode())[:16]}"

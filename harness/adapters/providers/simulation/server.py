@@ -1,0 +1,127 @@
+"""The simulated robot as a service: the provider protocol, its clock, and the simulation's own commands."""
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from fastapi import FastAPI
+
+from harness.adapters.providers.http.protocol import Names, Operation, provider_operations
+from harness.adapters.providers.http.service import provider_service
+from harness.adapters.providers.http.wire import Advance, ClockReading, Done, MissionSettings
+from harness.adapters.providers.simulation.bodies import TICK_S
+from harness.adapters.providers.simulation.faults import parse_faults
+from harness.adapters.providers.simulation.robot import SimulatedRobot
+from harness.contracts.errors import ProviderFailed
+
+FREE_RUN_AFTER_S = 2.0
+SLIP_S = 0.25
+LONGEST_ADVANCE_S = 120.0
+
+
+class Pace:
+    """Lets a robot's time pass, and lets one caller at a time see it.
+
+    At speed 0 only `advance` moves time; but when no request came for FREE_RUN_AFTER_S of wall time and something
+    moves, time runs by itself, so that the dead man works when the harness is gone.
+    """
+
+    def __init__(self, robot: SimulatedRobot, speed: float) -> None:
+        self.robot, self.speed = robot, speed
+        self._lock = threading.Lock()
+        self._asked_s = time.monotonic()
+        self._ended = threading.Event()
+        self._orphaned = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="pace", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def end(self) -> None:
+        """Stop time; returns when it stands."""
+        self._ended.set()
+        self._thread.join()
+
+    def orphan(self) -> None:
+        """Nobody will ask any more: do not wait before running free."""
+        self._orphaned.set()
+
+    @property
+    def silent_s(self) -> float:
+        """Wall seconds since the last request."""
+        return time.monotonic() - self._asked_s
+
+    @contextmanager
+    def turn(self) -> Iterator[None]:
+        """One request at a time."""
+        with self._lock:
+            self._asked_s = time.monotonic()
+            yield
+            self._asked_s = time.monotonic()
+
+    def standing(self) -> bool:
+        """Whether nothing moves and no mover holds the base, except one that the dead man has stopped."""
+        with self._lock:
+            return not self.robot.moving
+
+    def _run(self) -> None:
+        due_s = time.monotonic()
+        while not self._ended.is_set():
+            speed = self.speed or (1.0 if self._runs_free() else 0.0)
+            if speed == 0.0:
+                self._ended.wait(0.05)
+                due_s = time.monotonic()
+                continue
+            with self._lock:
+                self.robot.advance_to(self.robot.at_s + TICK_S)
+            due_s = max(due_s + TICK_S / speed, time.monotonic() - SLIP_S / speed)
+            self._ended.wait(max(due_s - time.monotonic(), 0.0))
+
+    def _runs_free(self) -> bool:
+        silent = self._orphaned.is_set() or self.silent_s > FREE_RUN_AFTER_S
+        return silent and not self.standing()
+
+
+def simulation_operations(pace: Pace) -> tuple[Operation, ...]:
+    """What only a simulated robot serves."""
+    robot = pace.robot
+
+    def clock(names: Names, body: None) -> ClockReading:
+        return ClockReading(at_s=robot.at_s, speed=pace.speed, monotonic_s=time.monotonic())
+
+    def advance(names: Names, body: Advance) -> Done:
+        if pace.speed:
+            raise ProviderFailed("This robot runs by itself", where="/simulation/advance", do="start it with speed 0")
+        if not 0 <= body.until_s - robot.at_s <= LONGEST_ADVANCE_S:
+            raise ProviderFailed(
+                f"{body.until_s - robot.at_s:.1f} s is no step forward of at most {LONGEST_ADVANCE_S:.0f} s",
+                where="/simulation/advance",
+                do="advance in smaller steps",
+            )
+        return Done(at_s=robot.advance_to(body.until_s))
+
+    def configure(names: Names, body: MissionSettings) -> Done:
+        robot.configure(body.mission_id, body.seed, parse_faults(body.faults))
+        return Done(at_s=robot.at_s)
+
+    def save(names: Names, body: None) -> Done:
+        robot.save()
+        return Done(at_s=robot.at_s)
+
+    def struck(names: Names, body: None) -> dict[str, int]:
+        return robot.struck()
+
+    return (
+        Operation("GET", "/clock", "Mission time", ClockReading, clock),
+        Operation("POST", "/simulation/advance", "Lockstep: run to a mission time", Done, advance, body=Advance),
+        Operation("POST", "/simulation/configure", "Begin a mission", Done, configure, body=MissionSettings),
+        Operation("POST", "/simulation/save", "Write the world durably", Done, save),
+        Operation("GET", "/simulation/struck", "Faults that struck", dict[str, int], struck),
+    )
+
+
+def robot_service(pace: Pace, token: str) -> FastAPI:
+    """The whole service of one simulated robot."""
+    operations = provider_operations(pace.robot) + simulation_operations(pace)
+    return provider_service(operations, token=token, turn=pace.turn, title=f"Simulated robot {pace.robot.robot_id}")

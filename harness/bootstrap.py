@@ -1,0 +1,258 @@
+"""Builds the house: picks the adapters, hands them to the gate and the supervisor, and takes them down again."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from harness.adapters.clock import LockstepClock, RobotClock, SystemClock
+from harness.adapters.failpoints import parse, provider_with_failpoint, with_failpoint
+from harness.adapters.ids import SeededIds, SystemIds
+from harness.adapters.providers.intake import TextIntake
+from harness.adapters.providers.messaging.delivery import OutboxDelivery
+from harness.adapters.providers.messaging.folder import FolderOutbox
+from harness.adapters.providers.messaging.memory import MemoryOutbox
+from harness.adapters.providers.models.analysis import OpenCvAnalysis
+from harness.adapters.providers.simulation.camera import CAMERA
+from harness.adapters.providers.simulation.child import RobotProcess, RobotSettings
+from harness.adapters.providers.simulation.faults import parse_faults
+from harness.adapters.providers.simulation.robot import SimulatedRobot
+from harness.adapters.providers.simulation.world import WorldSettings
+from harness.adapters.providers.speech.speaker import PacedSpeaker
+from harness.adapters.providers.speech.voice import EspeakVoice
+from harness.adapters.stores.blobs import FileBlobStore
+from harness.adapters.stores.folder import DataFolder, prepare
+from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
+from harness.adapters.stores.owner import Owner, OwnerLock, read_owner
+from harness.adapters.stores.spool import FileSpool
+from harness.adapters.stores.sql import SqlEventStore
+from harness.baseline.load import baseline, site
+from harness.contracts.decider import Decider
+from harness.contracts.ids import MissionId, ProviderId, RobotId
+from harness.contracts.observations import Camera
+from harness.contracts.ports import BlobStore, Clock, EventStore, Ids, Provider, Robot, Signals, Spool
+from harness.contracts.protocol import PhysicalStart
+from harness.gate.commit import Gate
+from harness.gate.decide import DECIDER as MISSION
+from harness.gate.handoffs import DECIDER as HANDOFF
+from harness.gate.leases import DECIDER as LEASE
+from harness.projections.mission import Mission
+from harness.runtime import Runtime
+from harness.settings import HarnessSettings
+from harness.supervisor.crew import Crew
+from harness.supervisor.supervisor import Supervisor
+
+DECIDERS: dict[str, Decider[Any, Any, Any]] = {"mission": MISSION, "lease": LEASE, "handoff": HANDOFF}
+
+
+class Unheard:
+    """Signals that nobody listens to."""
+
+    def changed(self, name: str) -> None:
+        return None
+
+
+@dataclass(frozen=True)
+class Harness:
+    """What runs: the face of the building, the supervisor and the robots it may command. `token` is the owner's."""
+
+    runtime: Runtime
+    supervisor: Supervisor
+    robots: Mapping[RobotId, Robot]
+    clock: Clock
+    token: str = ""
+
+    def starts(self, mission_id: MissionId) -> tuple[PhysicalStart, ...]:
+        """Physical starts of one mission, from the robots' own journals."""
+        journals = (start for robot in self.robots.values() for start in robot.starts())
+        return tuple(start for start in journals if start.mission_id == mission_id)
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The ports that one harness is built on."""
+
+    store: EventStore
+    blobs: BlobStore
+    spool: Spool
+    ids: Ids
+    clock: Clock
+    signals: Signals
+
+
+@contextmanager
+def open_harness(
+    settings: HarnessSettings, *, signals: Signals | None = None, url: str = ""
+) -> Iterator[Harness]:
+    """The runtime on this data folder with the simulated robot as a child process, until the block ends.
+
+    Raises StoreOwned if another supervisor owns the folder, StoreUnavailable or StoreNewer if it cannot be used.
+    """
+    with ExitStack() as stack:
+        folder = prepare(settings.data)
+        lock = stack.enter_context(OwnerLock(folder.root))
+        ids = SystemIds()
+        token = ids.token()
+        lock.take(token=token, url=url)
+        store = stack.enter_context(_store(folder, settings))
+        process = stack.enter_context(_robot_process(folder, settings))
+        robot = process.robot
+        clock: Clock = (
+            RobotClock(lambda: robot.clock().at_s, settings.speed)
+            if settings.speed
+            else LockstepClock(robot.advance, at_s=robot.clock().at_s)
+        )
+
+        def configure(mission: Mission) -> None:
+            robot.configure(mission.mission_id, mission.seed, _faults(mission))
+
+        parts = Parts(
+            store=store,
+            blobs=FileBlobStore(folder.blobs),
+            spool=FileSpool(folder.spool),
+            ids=ids,
+            clock=clock,
+            signals=signals or Unheard(),
+        )
+        local = local_providers(parts, camera=CAMERA, folder=folder.root)
+        harness = assemble(stack, settings, parts, robot=robot, local=local, configure=configure)
+        yield replace(harness, token=token)
+
+
+@contextmanager
+def read_harness(settings: HarnessSettings) -> Iterator[Runtime]:
+    """Only reading: no robot, no ownership. Raises StoreUnavailable where there is nothing to read."""
+    folder = prepare(settings.data)
+    store = SqlEventStore(folder.log_url)
+    try:
+        parts = Parts(
+            store=store,
+            blobs=FileBlobStore(folder.blobs),
+            spool=MemorySpool(),
+            ids=SystemIds(),
+            clock=SystemClock(),
+            signals=Unheard(),
+        )
+        yield _runtime(parts)
+    finally:
+        store.close()
+
+
+@contextmanager
+def simulated(settings: HarnessSettings, *, seed: int, store: EventStore | None = None) -> Iterator[Harness]:
+    """Everything in this process and in virtual time: kinematic robot, stores in memory. For suites and tests."""
+    with ExitStack() as stack:
+        world = WorldSettings(fidelity=settings.fidelity, seed=seed)
+        robot = SimulatedRobot(world, robot_id=settings.robot_id)
+        parts = Parts(
+            store=store or MemoryEventStore(),
+            blobs=MemoryBlobStore(),
+            spool=MemorySpool(),
+            ids=SeededIds(seed),
+            clock=LockstepClock(robot.advance_to, at_s=robot.at_s),
+            signals=Unheard(),
+        )
+
+        def configure(mission: Mission) -> None:
+            robot.configure(mission.mission_id, mission.seed, parse_faults(_faults(mission)))
+
+        local = local_providers(parts, camera=CAMERA, folder=None)
+        yield assemble(stack, settings, parts, robot=robot, local=local, configure=configure)
+
+
+def assemble(
+    stack: ExitStack,
+    settings: HarnessSettings,
+    parts: Parts,
+    *,
+    robot: Robot,
+    local: Sequence[Provider],
+    configure: Callable[[Mission], None],
+) -> Harness:
+    """One robot with its crew under one supervisor. The stack closes the supervisor."""
+    runtime = _runtime(parts)
+    plan = parse(settings.failpoint) if settings.failpoint else None
+    providers = [provider_with_failpoint(provider, plan) for provider in (*robot.providers(), *local)]
+    crew = Crew(
+        robot_id=RobotId(settings.robot_id),
+        robot=robot,
+        providers={ProviderId(provider.card.provider_id): provider for provider in providers},
+        clock=parts.clock,
+        ids=parts.ids,
+        spool=parts.spool,
+        prepare=configure,
+        waits_for_people=settings.speed > 0,
+    )
+    supervisor = Supervisor(runtime=runtime, crews={crew.robot_id: crew})
+    stack.callback(supervisor.close)
+    return Harness(runtime=runtime, supervisor=supervisor, robots={crew.robot_id: robot}, clock=parts.clock)
+
+
+def _runtime(parts: Parts) -> Runtime:
+    return Runtime(
+        gate=Gate(store=parts.store, clock=parts.clock, deciders=DECIDERS),
+        store=parts.store,
+        blobs=parts.blobs,
+        ids=parts.ids,
+        signals=parts.signals,
+        configuration=baseline(),
+        site=site(),
+    )
+
+
+def local_providers(parts: Parts, *, camera: Camera, folder: Path | None) -> Sequence[Provider]:
+    """Providers that run beside the harness: intake, analysis, delivery, voice."""
+
+    def journal(name: str) -> Path | None:
+        return folder / "providers" / f"{name}.jsonl" if folder else None
+
+    clock, blobs = parts.clock, parts.blobs
+    outbox = FolderOutbox(folder / "outbox", blobs=blobs) if folder else MemoryOutbox()
+    return (
+        TextIntake(clock=clock, blobs=blobs, journal=journal("text-intake")),
+        OpenCvAnalysis(camera, clock=clock, blobs=blobs, journal=journal("opencv-analysis")),
+        OutboxDelivery(outbox, clock=clock, blobs=blobs, journal=journal("message-outbox")),
+        EspeakVoice(PacedSpeaker(), clock=clock, blobs=blobs, journal=journal("espeak-voice")),
+    )
+
+
+def _faults(mission: Mission) -> list[str]:
+    return [name for name in mission.labels.get("faults", "").split(",") if name]
+
+
+def check_faults(names: Sequence[str]) -> None:
+    """Raise UnknownName for a fault that the simulated robot does not know."""
+    parse_faults(names)
+
+
+def owner_of(data: Path) -> Owner | None:
+    """The live owner of a data folder, if there is one."""
+    return read_owner(data.absolute()) if data.exists() else None
+
+
+@contextmanager
+def _store(folder: DataFolder, settings: HarnessSettings) -> Iterator[EventStore]:
+    store = SqlEventStore(folder.log_url)
+    try:
+        yield with_failpoint(store, parse(settings.failpoint) if settings.failpoint else None)
+    finally:
+        store.close()
+
+
+@contextmanager
+def _robot_process(folder: DataFolder, settings: HarnessSettings) -> Iterator[RobotProcess]:
+    process = RobotProcess(
+        RobotSettings(
+            folder=str(folder.robots / settings.robot_id),
+            robot_id=settings.robot_id,
+            speed=settings.speed,
+            seed=settings.seed,
+            fidelity=settings.fidelity,
+        )
+    )
+    try:
+        yield process
+    finally:
+        process.robot.close()
+        process.terminate()

@@ -1,0 +1,235 @@
+"""Recordings at the top floor: run the ordinary agent loop on one, and write a mission as one."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from pydantic import ValidationError
+
+from harness.adapters.ids import SystemIds
+from harness.adapters.providers.recording.reader import Recording, open_recording
+from harness.adapters.providers.recording.robot import RecordedRobot
+from harness.adapters.providers.recording.segments import Segment
+from harness.adapters.providers.recording.topics import TopicSettings
+from harness.adapters.providers.recording.writer import Leg, Written, record_mission
+from harness.adapters.providers.recording.writer import Mission as Recorded
+from harness.adapters.stores.blobs import FileBlobStore
+from harness.adapters.stores.folder import prepare
+from harness.adapters.stores.owner import OwnerLock
+from harness.adapters.stores.spool import FileSpool
+from harness.adapters.stores.sql import SqlEventStore
+from harness.bootstrap import Harness, Parts, Unheard, assemble
+from harness.contracts.decisions import Refused
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.events import Actor
+from harness.contracts.evidence import EvidencePacket
+from harness.contracts.ids import Digest, MissionId, RobotId
+from harness.contracts.observations import AnySample, Image, Trajectory
+from harness.contracts.tasks import Node, TaskTemplate
+from harness.contracts.values import Point, decode
+from harness.planning.templates import by_name
+from harness.projections.mission import Mission, required_contract
+from harness.runtime import Runtime, Start
+from harness.settings import HarnessSettings
+from harness.verification.geometry import path_length
+
+TOLERANCE_M = 0.40
+
+
+@dataclass(frozen=True)
+class Replayer:
+    """A recording with the harness around it."""
+
+    harness: Harness
+    recording: Recording
+    robot: RecordedRobot
+    target_source: str
+
+    def run(self, actor: Actor, *, watch: Callable[[Mission], None]) -> tuple[Mission, dict[str, Any]]:
+        """Run the navigation mission on the recording, and what the harness measured on its own (D38)."""
+        template = drive_template(
+            by_name("recording", self.harness.runtime.configuration.templates), self.robot.segments
+        )
+        last = self.robot.segments[-1]
+        arguments: dict[str, str | float] = {
+            "target_x_m": last.target_m[0],
+            "target_y_m": last.target_m[1],
+            "frame": self.recording.frame,
+            "map_version": self.recording.map_version,
+            "tolerance_m": TOLERANCE_M,
+        }
+        start = Start(
+            actor=actor,
+            robot_id=RobotId("recording"),
+            template="recording",
+            arguments=arguments,
+            replay=True,
+            labels={"recording": self.recording.sha256, "target_source": self.target_source},
+        )
+        decision = self.harness.runtime.start(start, template=template)
+        if isinstance(decision, Refused):
+            raise ContractInvalid(decision.message)
+        mission_id: MissionId = decision.events[0].mission_id  # type: ignore[union-attr]
+        mission = self.harness.supervisor.run(mission_id, watch=watch)
+        return mission, self.facts()
+
+    def facts(self) -> dict[str, Any]:
+        """Path length over the whole recording, the target's source, and every leg's figures."""
+        return {
+            "path_length_m": path_length(point for _, point in self.recording.track()),
+            "target_source": self.target_source,
+            "recording": self.recording.sha256,
+            "segments": [
+                {
+                    "name": segment.name,
+                    "reference_length_m": segment.reference_length_m,
+                    "declared_distance_m": segment.declared_distance_m,
+                    "measured_distance_m": segment.measured_distance_m,
+                    "last_pose_distance_m": segment.last_pose_distance_m,
+                }
+                for segment in self.robot.segments
+            ],
+        }
+
+
+@contextmanager
+def replayed(
+    settings: HarnessSettings, path: Path, *, target: Point | None, topics: Sequence[str]
+) -> Iterator[Replayer]:
+    """The harness on this data folder with a recording in place of a robot.
+
+    Raises RecordingInvalid for a recording that cannot be read, before anything is written.
+    """
+    with ExitStack() as stack:
+        recording = open_recording(path, _topics(topics))
+        stack.callback(recording.close)
+        robot = RecordedRobot(recording, target=target)
+        stack.callback(robot.close)
+        folder = prepare(settings.data)
+        lock = stack.enter_context(OwnerLock(folder.root))
+        ids = SystemIds()
+        lock.take(token=ids.token())
+        store = SqlEventStore(folder.log_url)
+        stack.callback(store.close)
+        parts = Parts(
+            store=store,
+            blobs=FileBlobStore(folder.blobs),
+            spool=FileSpool(folder.spool),
+            ids=ids,
+            clock=robot,
+            signals=Unheard(),
+        )
+        recorded = settings.model_copy(update={"robot_id": "recording", "speed": 0.0})
+        harness = assemble(stack, recorded, parts, robot=robot, local=(), configure=lambda _: None)
+        source = "--target" if target is not None else robot.segments[-1].target_source
+        yield Replayer(harness=harness, recording=recording, robot=robot, target_source=source)
+
+
+def drive_template(template: TaskTemplate, segments: Sequence[Segment]) -> TaskTemplate:
+    """One node per recorded leg, in order; the template's single node is the pattern."""
+    (pattern,) = template.nodes
+    names = [pattern["node_id"] if len(segments) == 1 else f"leg-{index + 1}" for index in range(len(segments))]
+    nodes = tuple(
+        _leg_node(pattern, name, segment, after=names[index - 1 : index])
+        for index, (name, segment) in enumerate(zip(names, segments, strict=True))
+    )
+    return msgspec.structs.replace(template, nodes=nodes)
+
+
+def _leg_node(pattern: dict[str, Any], name: str, segment: Segment, *, after: list[str]) -> dict[str, Any]:
+    target = list(segment.target_m)
+    route = {"route": [list(point) for point in segment.route_m]} if segment.route_m else {}
+    conditions = [
+        condition
+        | {
+            "condition_id": f"{name}.{condition['condition_id'].partition('.')[2]}",
+            "effect": condition["effect"] | {"target_m": target},
+        }
+        for condition in pattern["success_conditions"]
+    ]
+    parameters = pattern["parameters"] | {"target": target} | route
+    return pattern | {
+        "node_id": name,
+        "depends_on": after,
+        "parameters": parameters,
+        "success_conditions": conditions,
+    }
+
+
+def write_recording(runtime: Runtime, mission_id: MissionId, path: Path) -> Written:
+    """Write a mission as MCAP with the paper's topics (4 MiB at most). Raises RecordingInvalid."""
+    mission = runtime.mission(mission_id)
+    contract = required_contract(mission)
+    packets = [packet for node in mission.nodes.values() for packet in node.packets]
+    recorded = Recorded(
+        mission_id=mission_id,
+        frame=contract.frame,
+        map_version=contract.map_version,
+        legs=tuple(
+            _leg(contract.node(packet.identity.node_id), packet)
+            for packet in sorted(packets, key=lambda packet: packet.dispatched_s)
+            if "route" in contract.node(packet.identity.node_id).parameters and not packet.verify_only
+        ),
+    )
+    return record_mission(path, recorded, samples=_samples(runtime, packets), blob=runtime.blob)
+
+
+def _leg(node: Node, packet: EvidencePacket) -> Leg:
+    arrival = next((receipt for receipt in packet.receipts if receipt.kind == "arrival"), None)
+    return Leg(
+        name=node.node_id,
+        route_m=msgspec.convert(node.parameters["route"], tuple[Point, ...]),
+        dispatched_s=packet.dispatched_s,
+        departed_s=packet.declared.get("departed_at_s"),
+        arrived_s=arrival.at_s if arrival else None,
+        declared_distance_m=packet.declared.get("distance_m"),
+    )
+
+
+def _samples(runtime: Runtime, packets: Sequence[EvidencePacket]) -> list[AnySample]:
+    found: dict[int, AnySample] = {}
+    for packet in packets:
+        for reference in packet.estimates:
+            trajectory = decode(runtime.blob(reference.blob), Trajectory)
+            kept: tuple[AnySample, ...] = (*trajectory.poses, *trajectory.odometry, *trajectory.scans)
+            found |= {sample.seq: sample for sample in kept}
+        for reference in packet.after:
+            if reference.kind == "image":
+                image = _image(reference.blob, reference.until_s, reference.values)
+                found[image.seq] = image
+    return sorted(found.values(), key=lambda sample: (sample.at_s, sample.seq))
+
+
+def _image(blob: Digest, at_s: float, values: dict[str, float | str]) -> Image:
+    return msgspec.convert(
+        {
+            "kind": "image",
+            "seq": int(values["seq"]),
+            "at_s": at_s,
+            "source": "camera",
+            "frame": "camera",
+            "blob": blob,
+            "media_type": values["media_type"],
+            "width_px": int(values["width_px"]),
+            "height_px": int(values["height_px"]),
+            "yaw_rad": values["yaw_rad"],
+            "request_id": values["request_id"],
+        },
+        Image,
+    )
+
+
+def _topics(given: Sequence[str]) -> TopicSettings:
+    roles = dict(text.partition("=")[::2] for text in given)
+    try:
+        return TopicSettings.model_validate(roles)
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise ContractInvalid(
+            f"{'.'.join(str(part) for part in first['loc'])}: {first['msg']}",
+            where="--topic",
+            do=f"name one of {', '.join(TopicSettings.model_fields)}",
+        ) from error

@@ -1,0 +1,91 @@
+"""Pure: which facts a satisfied verdict would make true. It proposes; only the gate commits (R29, R113)."""
+
+from typing import Any
+
+from harness.contracts.effects import Condition, Metric, Relational, Symbolic, Temporal, Visual
+from harness.contracts.evidence import CommittedFact, EvidencePacket
+from harness.contracts.tasks import Node
+from harness.contracts.values import Count
+from harness.contracts.verdicts import ConditionResult, NodeVerdict
+
+
+def facts_of(verdict: NodeVerdict, *, packet: EvidencePacket, node: Node, k: Count) -> tuple[CommittedFact, ...]:
+    """One fact per satisfied condition, named as its predicate, with the values that later nodes bind.
+
+    panorama: frames, yaws_rad (index, heading in map), position, heading_rad. analysis_of: report, frames, text (the
+    harness's own words from the report's numbers). delivered: frames, images (how many), text_digest.
+    transcript: digest. played: sound. arrival, circuit: frame, map_version, target_m, tolerance_m.
+    """
+    declared = {condition.condition_id: condition for condition in node.success_conditions}
+    return tuple(
+        CommittedFact(
+            name=declared[result.condition_id].effect.predicate,
+            kind=declared[result.condition_id].fact,
+            node_id=node.node_id,
+            condition_id=result.condition_id,
+            packet_id=packet.identity.packet_id,
+            k=k,
+            at_s=packet.terminal_s,
+            arguments=_arguments(declared[result.condition_id], result),
+            measured=result.measured,
+        )
+        for result in verdict.results
+        if result.verdict == "satisfied" and result.condition_id in declared
+    )
+
+
+def finding_in_words(measured: dict[str, float]) -> str:
+    """What an analysis found, said by the harness from its numbers: no provider's prose enters a fact."""
+    count = round(measured["obstructions"])
+    if not measured["blocked"]:
+        return "The passage is clear: nothing stands on its floor."
+    shares = [f"{measured[name]:.0%}" for name in sorted(measured) if name.startswith("share_")]
+    things = "one thing stands" if count == 1 else f"{count} things stand"
+    return f"The passage is obstructed: {things} on its floor, taking {' and '.join(shares)} of its width."
+
+
+def _arguments(condition: Condition, result: ConditionResult) -> dict[str, Any]:
+    match condition.effect:
+        case Metric() as effect:
+            return {
+                "frame": effect.frame,
+                "map_version": effect.map_version,
+                "target_m": list(effect.target_m),
+                "tolerance_m": effect.tolerance_m,
+            }
+        case Visual():
+            return _panorama(result)
+        case Relational() as effect:
+            report, *frames = result.evidence
+            bound = {"subject": effect.subject, "object": effect.object, "report": report, "frames": list(frames)}
+            return {**bound, "text": finding_in_words(result.measured)}
+        case Symbolic() as effect:
+            return _symbolic(effect, result)
+        case Temporal() as effect:
+            return {"interval_s": effect.interval_s, "bound": effect.bound}
+
+
+def _panorama(result: ConditionResult) -> dict[str, Any]:
+    measured, frames = result.measured, list(result.evidence)
+    if "heading_rad" not in measured:
+        return {"frames": frames}
+    headings = [[float(index), measured[f"yaw_{index}_rad"]] for index in range(len(frames))]
+    return {
+        "frames": frames,
+        "yaws_rad": headings,
+        "position": [measured["x_m"], measured["y_m"]],
+        "heading_rad": measured["heading_rad"],
+    }
+
+
+def _symbolic(effect: Symbolic, result: ConditionResult) -> dict[str, Any]:
+    match effect.predicate:
+        case "delivered":
+            *images, text = result.evidence
+            return {"frames": images, "images": len(images), "text_digest": text}
+        case "transcript":
+            return {"digest": result.evidence[0]}
+        case "played":
+            return {"sound": result.evidence[0]}
+        case _:
+            return dict(effect.arguments)

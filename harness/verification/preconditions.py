@@ -1,0 +1,157 @@
+"""Pure: do a node's preconditions hold now? Tested again at every dispatch, on fresh samples only (R18, D20)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from harness.contracts.configuration import ContextRules
+from harness.contracts.effects import Precondition
+from harness.contracts.evidence import CommittedFact
+from harness.contracts.ids import ConditionId
+from harness.contracts.observations import AnySample, Odometry, Pose
+from harness.contracts.protocol import RobotStatus
+from harness.contracts.tasks import Node
+from harness.contracts.values import Point
+from harness.contracts.verdicts import ConditionResult, Verdict
+from harness.verification.body import LIMIT_M, WINDOW_S
+from harness.verification.geometry import distance, window_displacement
+from harness.verification.predicates.arrival import SAMPLES
+from harness.verification.reading import fixes
+
+
+@dataclass(frozen=True)
+class _Now:
+    """What is known at the instant of the test."""
+
+    status: RobotStatus | None
+    poses: tuple[Pose, ...]
+    odometry: tuple[Odometry, ...]
+    facts: tuple[CommittedFact, ...]
+    at_s: float
+    rules: ContextRules
+
+
+def verify_preconditions(
+    node: Node,
+    *,
+    status: RobotStatus | None,
+    recent: Sequence[AnySample],
+    facts: Sequence[CommittedFact],
+    at_s: float,
+    rules: ContextRules,
+) -> tuple[ConditionResult, ...]:
+    """One result per precondition; missing or old state never holds (R173). condition_id = `<node>.<predicate>`."""
+    poses = {one.at_s: one for one in recent if isinstance(one, Pose) and one.confidence >= rules.minimum_confidence}
+    odometry = {one.at_s: one for one in recent if isinstance(one, Odometry)}
+    now = _Now(
+        status=status,
+        poses=tuple(poses[stamp] for stamp in sorted(poses)),
+        odometry=tuple(odometry[stamp] for stamp in sorted(odometry)),
+        facts=tuple(facts),
+        at_s=at_s,
+        rules=rules,
+    )
+    return tuple(_result(node, precondition, now) for precondition in node.preconditions)
+
+
+def _result(node: Node, precondition: Precondition, now: _Now) -> ConditionResult:
+    match precondition.predicate:
+        case "localised":
+            return _localised(node, now)
+        case "hardware_stop_released":
+            return _hardware_stop(node, now)
+        case "static":
+            return _static(node, now)
+        case "at_place":
+            return _at_place(node, precondition, now)
+
+
+def _localised(node: Node, now: _Now) -> ConditionResult:
+    if not _status_fresh(now) or now.status is None:
+        return _answer(node, "localised", "ambiguous", "the robot's status is unknown or old")
+    age_s = _pose_age_s(now)
+    if not now.status.localised:
+        return _answer(node, "localised", "violated", "the robot says that it is not localised", age_s=age_s)
+    if age_s is None or age_s > now.rules.pose_age_s:
+        return _answer(node, "localised", "violated", "no fresh pose from the localiser", age_s=age_s)
+    if now.poses[-1].map_version != now.status.map_version:
+        return _answer(node, "localised", "ambiguous", "pose and status name different maps", age_s=age_s)
+    return _answer(node, "localised", "satisfied", "a fresh pose in the robot's map", age_s=age_s)
+
+
+def _hardware_stop(node: Node, now: _Now) -> ConditionResult:
+    name = "hardware_stop_released"
+    if not _status_fresh(now) or now.status is None:
+        return _answer(node, name, "ambiguous", "the robot's status is unknown or old")
+    if now.status.hardware_stop:
+        return _answer(node, name, "violated", "the hardware stop is engaged")
+    return _answer(node, name, "satisfied", "the hardware stop is released")
+
+
+def _static(node: Node, now: _Now) -> ConditionResult:
+    newest_s = now.odometry[-1].at_s if now.odometry else None
+    if newest_s is None or now.at_s - newest_s > now.rules.pose_age_s:
+        return _answer(node, "static", "ambiguous", "no fresh odometry shows whether the body moves")
+    moved = window_displacement(fixes(now.odometry), until_s=newest_s, window_s=WINDOW_S)
+    if moved is None:
+        return _answer(node, "static", "ambiguous", "odometry shows less than a second")
+    verdict: Verdict = "satisfied" if moved < LIMIT_M else "violated"
+    reason = f"the body moved {moved:.3f} m in the last second"
+    return _answer(node, "static", verdict, reason, measured={"displacement_m": moved}, bound=LIMIT_M)
+
+
+def _at_place(node: Node, precondition: Precondition, now: _Now) -> ConditionResult:
+    target, tolerance_m = precondition.target_m, precondition.tolerance_m
+    if target is None or tolerance_m is None:
+        return _answer(node, "at_place", "ambiguous", "the precondition names no place")
+    newest = now.poses[-SAMPLES:]
+    age_s = _pose_age_s(now)
+    if len(newest) < SAMPLES or age_s is None or age_s > now.rules.pose_age_s:
+        return _answer(node, "at_place", "ambiguous", f"fewer than {SAMPLES} fresh poses", age_s=age_s)
+    away_m = [distance((pose.x_m, pose.y_m), target) for pose in newest]
+    inside = all(value <= tolerance_m for value in away_m)
+    reason = f"{max(away_m):.2f} m from the place{'' if inside else _belied(now, target)}"
+    return _answer(
+        node,
+        "at_place",
+        "satisfied" if inside else "violated",
+        reason,
+        measured={"distance_m": max(away_m)},
+        bound=tolerance_m,
+        age_s=age_s,
+    )
+
+
+def _belied(now: _Now, target: Point) -> str:
+    """The accepted fact that fresh poses contradict, by its condition."""
+    named = [fact for fact in now.facts if tuple(fact.arguments.get("target_m", ())) == target]
+    return f"; the accepted fact {named[-1].condition_id} no longer holds" if named else ""
+
+
+def _status_fresh(now: _Now) -> bool:
+    return now.status is not None and now.at_s - now.status.at_s <= now.rules.pose_age_s
+
+
+def _pose_age_s(now: _Now) -> float | None:
+    return now.at_s - now.poses[-1].at_s if now.poses else None
+
+
+def _answer(
+    node: Node,
+    name: str,
+    verdict: Verdict,
+    reason: str,
+    *,
+    measured: dict[str, float] | None = None,
+    bound: float | None = None,
+    age_s: float | None = None,
+) -> ConditionResult:
+    return ConditionResult(
+        condition_id=ConditionId(f"{node.node_id}.{name}"),
+        text=name.replace("_", " "),
+        verdict=verdict,
+        reason=reason,
+        measured=measured or {},
+        bounds={key: bound for key in measured or {} if bound is not None},
+        sources=("odometry",) if name == "static" else ("localiser",) if name == "at_place" else (),
+        age_s=age_s,
+    )

@@ -1,0 +1,61 @@
+"""relational analysis_of: a report bound to the accepted frames. Whether it is right, its binding does not show."""
+
+import msgspec
+
+from harness.contracts.effects import AnyEffect, Relational
+from harness.contracts.ids import Digest
+from harness.verification.finding import RECEIPTS, Finding, Undecidable, ambiguous
+from harness.verification.reading import Evidence
+
+MOST_SHARES = 3
+
+
+class Obstruction(msgspec.Struct, frozen=True):
+    """One finding of a report: the frame that shows it, and its share of the passage's width where stated."""
+
+    frame: Digest
+    share_of_passage: float | None = None
+
+
+class AnalysisReport(msgspec.Struct, frozen=True):
+    """What any analysis provider's report must hold: the frames it looked at, those it cites, its verdict."""
+
+    frames: tuple[Digest, ...]
+    cited: tuple[Digest, ...]
+    findings: tuple[Obstruction, ...]
+    blocked: bool
+
+
+def analysis_of(effect: AnyEffect, evidence: Evidence) -> Finding:
+    """The report of `subject` covers exactly the accepted frames of `object` and cites nothing else.
+
+    `evidence` = the report, then its frames. measured: obstructions, blocked, share_<i> of the largest findings.
+    """
+    if not isinstance(effect, Relational):
+        raise Undecidable("analysis_of is a relational effect")
+    committed = tuple(evidence.fact("panorama", node_id=effect.object).arguments["frames"])
+    digest = next((one.blob for one in reversed(evidence.receipts) if one.kind == "analysis" and one.blob), None)
+    if digest is None:
+        return ambiguous("no analysis receipt names a report")
+    report = evidence.decoded(digest, AnalysisReport)
+    cited = {*report.frames, *report.cited, *(finding.frame for finding in report.findings)}
+    foreign, missing = cited - set(committed), set(committed) - set(report.frames)
+    problems = [f"it cites {len(foreign)} images that are not of the accepted panorama"] if foreign else []
+    problems += [f"it leaves out {len(missing)} of {len(committed)} accepted frames"] if missing else []
+    if report.blocked != bool(report.findings):
+        problems.append("its verdict does not follow from its findings")
+    shares = sorted((one.share_of_passage or 0.0 for one in report.findings), reverse=True)[:MOST_SHARES]
+    return Finding(
+        verdict="violated" if problems else "satisfied",
+        reason="; ".join(problems) or f"the report covers the {len(committed)} accepted frames and no other",
+        measured={
+            "frames": float(len(report.frames)),
+            "foreign": float(len(foreign)),
+            "obstructions": float(len(report.findings)),
+            "blocked": float(report.blocked),
+            **{f"share_{index}": share for index, share in enumerate(shares)},
+        },
+        bounds={"frames": float(len(committed)), "foreign": 0.0},
+        sources=(RECEIPTS,),
+        evidence=(digest, *report.frames),
+    )

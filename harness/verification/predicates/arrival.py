@@ -1,0 +1,146 @@
+"""metric arrival (D18): where the body is by measurement. What the provider declares is not read here."""
+
+from dataclasses import dataclass
+
+from harness.contracts.effects import AnyEffect, Metric
+from harness.contracts.observations import Odometry, Pose
+from harness.contracts.verdicts import PredicateVerdict
+from harness.verification.body import LIMIT_M, current_track, static_body
+from harness.verification.finding import Finding, Undecidable, ambiguous, worst
+from harness.verification.geometry import distance, path_length
+from harness.verification.reading import Evidence, Track
+from harness.verification.sources import Agreement, Sources
+
+SAMPLES = 3
+
+
+@dataclass(frozen=True)
+class _Place:
+    """The newest poses and how far each is from the target, metres, oldest first."""
+
+    poses: tuple[Pose, ...]
+    distances_m: tuple[float, ...]
+
+
+def arrival(effect: AnyEffect, evidence: Evidence) -> Finding:
+    """Within the tolerance in 3 samples with distinct sensor times, fresh, in the target's frame, body static.
+
+    Where localiser and odometry tell different stories the distance cannot be trusted: ambiguous, not violated.
+    """
+    if not isinstance(effect, Metric):
+        raise Undecidable("arrival is a metric effect")
+    track = current_track(evidence)
+    poses = poses_of(effect, track)
+    if not poses:
+        return ambiguous("no pose of the target's frame and map was received in this execution")
+    missing = _went_silent(track, poses, evidence)
+    if missing:
+        return ambiguous(missing, samples=float(len(poses)))
+    rest, agreement = static_body(evidence), agreement_of(evidence, effect)
+    place = _Place(poses[-SAMPLES:], tuple(distance((p.x_m, p.y_m), effect.target_m) for p in poses[-SAMPLES:]))
+    verdict, reason = worst(
+        (_within(place, effect), (rest.verdict, rest.reason), _trusted(agreement, poses[-1], evidence))
+    )
+    if agreement is not None and not agreement.holds:
+        verdict = "ambiguous"
+    measured = {
+        "distance_m": max(place.distances_m),
+        "last_pose_distance_m": place.distances_m[-1],
+        "samples": float(len(place.poses)),
+        "pose_age_s": evidence.speaks_at_s - poses[-1].at_s,
+        "path_length_m": _path_m(effect, evidence),
+        **({"disagreement_m": agreement.disagreement_m} if agreement else {}),
+        **{name: value for name, value in rest.measured.items() if name == "displacement_m"},
+    }
+    return Finding(
+        verdict=verdict,
+        reason=reason or f"{max(place.distances_m):.2f} m from the target in {SAMPLES} samples, at rest",
+        measured=measured,
+        bounds={
+            "distance_m": effect.tolerance_m,
+            "samples": float(SAMPLES),
+            "pose_age_s": evidence.policy.evidence.pose_age_s,
+            "displacement_m": LIMIT_M,
+            **({"disagreement_m": agreement.bound_m} if agreement else {}),
+        },
+        sources=tuple(dict.fromkeys((poses[-1].source, *rest.sources))),
+        evidence=(track.blob,) if track.blob else (),
+        age_s=max(0.0, evidence.speaks_at_s - poses[-1].at_s),
+    )
+
+
+def poses_of(effect: Metric, track: Track) -> tuple[Pose, ...]:
+    """The track's poses in the target's frame and map version."""
+    wanted = (effect.frame, effect.map_version)
+    return tuple(pose for pose in track.poses if (pose.frame, pose.map_version) == wanted)
+
+
+def agreement_of(evidence: Evidence, effect: Metric) -> Agreement | None:
+    """How well localiser and odometry agree; None where they cannot be compared.
+
+    In an execution that moved: over the 2 s before standstill. In one that only looks, or did not move: from the
+    latest instant in the cited motion at which both still agreed, to now.
+    """
+    tracks = evidence.tracks
+    current = current_track(evidence)
+    if any(pose.source != "localiser" for track in tracks for pose in poses_of(effect, track)[-1:]):
+        return None
+    alone = Sources(poses_of(effect, current), current.odometry)
+    looked = evidence.context.one("execution") is not None and evidence.execution.verify_only
+    whole = _joined(effect, evidence)
+    if (looked or not alone.moved) and whole.moved_m > alone.moved_m:
+        return whole.since_agreement(departed_s=tracks[0].dispatched_s)
+    return None if looked else alone.before_standstill()
+
+
+def _joined(effect: Metric, evidence: Evidence) -> Sources:
+    """All executions in the context, and the seconds before them, as one story."""
+    poses: dict[float, Pose] = {}
+    odometry: dict[float, Odometry] = {one.at_s: one for one in evidence.before.odometry}
+    wanted = (effect.frame, effect.map_version)
+    poses |= {one.at_s: one for one in evidence.before.poses if (one.frame, one.map_version) == wanted}
+    for track in evidence.tracks:
+        poses |= {pose.at_s: pose for pose in poses_of(effect, track)}
+        odometry |= {one.at_s: one for one in track.odometry}
+    return Sources([poses[at_s] for at_s in sorted(poses)], [odometry[at_s] for at_s in sorted(odometry)])
+
+
+def _went_silent(track: Track, poses: tuple[Pose, ...], evidence: Evidence) -> str:
+    """Poses that stopped coming while other sensors went on are missing; poses that come with old stamps are stale."""
+    limit_s = evidence.policy.evidence.pose_age_s
+    now_s = evidence.speaks_at_s
+    if now_s - poses[-1].at_s <= limit_s:
+        return ""
+    others_fresh = track.until_s is not None and now_s - track.until_s <= limit_s
+    arriving = track.newest_arrived_s is not None and now_s - track.newest_arrived_s <= limit_s
+    if others_fresh and not arriving:
+        return f"no pose arrived in the last {now_s - poses[-1].at_s:.1f} s, while other sensors went on"
+    return ""
+
+
+def _within(place: _Place, effect: Metric) -> tuple[PredicateVerdict, str]:
+    inside = [value <= effect.tolerance_m for value in place.distances_m]
+    if len(inside) < SAMPLES:
+        return "ambiguous", f"{len(inside)} of {SAMPLES} samples with distinct sensor times"
+    if all(inside):
+        return "satisfied", ""
+    furthest = f"{max(place.distances_m):.2f} m from the target, bound {effect.tolerance_m:.2f} m"
+    if any(inside):
+        return "ambiguous", f"the {SAMPLES} newest samples fall on both sides of the bound: {furthest}"
+    return "violated", furthest
+
+
+def _trusted(agreement: Agreement | None, newest: Pose, evidence: Evidence) -> tuple[PredicateVerdict, str]:
+    if agreement is None:
+        if newest.source != "localiser":
+            return "satisfied", ""
+        return "ambiguous", "no odometry in motion confirms the localiser"
+    if agreement.holds:
+        return "satisfied", ""
+    differ = f"{agreement.disagreement_m:.2f} m, bound {agreement.bound_m:.2f} m"
+    return "ambiguous", f"sources disagree: the displacements of localiser and odometry differ by {differ}"
+
+
+def _path_m(effect: Metric, evidence: Evidence) -> float:
+    poses = {pose.at_s: pose for track in evidence.tracks for pose in poses_of(effect, track)}
+    return path_length((poses[at_s].x_m, poses[at_s].y_m) for at_s in sorted(poses))

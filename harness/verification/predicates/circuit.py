@@ -1,0 +1,111 @@
+"""metric circuit (D19): departure, then progress along the route, then return, in the order of sensor times."""
+
+from itertools import pairwise
+
+from harness.contracts.effects import AnyEffect, Metric
+from harness.contracts.observations import Pose
+from harness.contracts.verdicts import PredicateVerdict
+from harness.verification.finding import Finding, Undecidable, ambiguous, worst
+from harness.verification.geometry import Fix, departed_s, excursion, path_length, route_progress
+from harness.verification.predicates.arrival import SAMPLES, agreement_of, arrival, poses_of
+from harness.verification.reading import Evidence, fixes
+
+GAP_S = 1.0
+
+
+def circuit(effect: AnyEffect, evidence: Evidence) -> Finding:
+    """The history over all attempts that the packet cites. Nearness to the goal alone decides nothing.
+
+    A declared progress below the bound refuses; no declared figure satisfies.
+    """
+    if not isinstance(effect, Metric) or len(effect.route_m) < 2:
+        raise Undecidable("circuit is a metric effect with a route")
+    departure_m, share = effect.bounds["departure_m"], effect.bounds["progress"]
+    poses = _history(effect, evidence)
+    if not poses:
+        return ambiguous("no pose of the route's frame and map was received")
+    track = fixes(poses)
+    began_s = min(one.dispatched_s for one in evidence.tracks)
+    left_s = departed_s(track, origin=effect.target_m, after_s=began_s, radius_m=departure_m, samples=SAMPLES)
+    progress = route_progress(effect.route_m, [fix.point for fix in track])
+    gap_s = max((b.at_s - a.at_s for a, b in pairwise(track)), default=0.0)
+    back = arrival(effect, evidence)
+    declared = _declared(evidence)
+    verdict, reason = worst(
+        (
+            _departure(left_s, departure_m, gap_s),
+            _covered(progress.share, share, gap_s),
+            _in_order(progress.waypoints, progress.of_waypoints, gap_s),
+            _admitted_by_planner(declared, share),
+            _returned(left_s, track),
+            (back.verdict, back.reason if back.verdict != "satisfied" else ""),
+        )
+    )
+    agreement = agreement_of(evidence, effect)
+    if agreement is not None and not agreement.holds:
+        verdict = "ambiguous"
+    measured = {
+        "progress": progress.share,
+        "covered_m": progress.covered_m,
+        "reference_m": progress.length_m,
+        "waypoints": float(progress.waypoints),
+        "excursion_m": excursion((fix.point for fix in track), origin=effect.target_m),
+        **({"departed_at_s": left_s} if left_s is not None else {}),
+        **({"declared_progress": declared} if declared is not None else {}),
+    }
+    return Finding(
+        verdict=verdict,
+        reason=reason or f"departed, {progress.share:.1%} of the route in order, and back",
+        measured={**back.measured, **measured, "path_length_m": path_length(fix.point for fix in track)},
+        bounds={**back.bounds, **effect.bounds, "waypoints": float(progress.of_waypoints)},
+        sources=back.sources,
+        evidence=tuple(one.blob for one in evidence.tracks if one.blob),
+        age_s=back.age_s,
+    )
+
+
+def _history(effect: Metric, evidence: Evidence) -> tuple[Pose, ...]:
+    poses = {pose.at_s: pose for track in evidence.tracks for pose in poses_of(effect, track)}
+    return tuple(poses[at_s] for at_s in sorted(poses))
+
+
+def _declared(evidence: Evidence) -> float | None:
+    """The newest execution's own figure for its route progress."""
+    found = (figures["route_progress"] for figures in evidence.declared if "route_progress" in figures)
+    return next(found, None)
+
+
+def _departure(left_s: float | None, departure_m: float, gap_s: float) -> tuple[PredicateVerdict, str]:
+    if left_s is not None:
+        return "satisfied", ""
+    return _unless_unseen(gap_s), f"no departure beyond {departure_m:.2f} m was measured in {SAMPLES} samples"
+
+
+def _covered(covered: float, share: float, gap_s: float) -> tuple[PredicateVerdict, str]:
+    if covered >= share:
+        return "satisfied", ""
+    return _unless_unseen(gap_s), f"{covered:.1%} of the route was measured, bound {share:.0%}"
+
+
+def _in_order(passed: int, of: int, gap_s: float) -> tuple[PredicateVerdict, str]:
+    if passed >= of:
+        return "satisfied", ""
+    return _unless_unseen(gap_s), f"{passed} of {of} waypoints were passed in order"
+
+
+def _admitted_by_planner(declared: float | None, share: float) -> tuple[PredicateVerdict, str]:
+    if declared is None or declared >= share:
+        return "satisfied", ""
+    return "violated", f"the planner itself declares {declared:.1%} of the route"
+
+
+def _returned(left_s: float | None, track: list[Fix]) -> tuple[PredicateVerdict, str]:
+    """The samples that show the arrival come after departure."""
+    if left_s is None or all(fix.at_s > left_s for fix in track[-SAMPLES:]):
+        return "satisfied", ""
+    return "violated", "the return was measured before the departure"
+
+
+def _unless_unseen(gap_s: float) -> PredicateVerdict:
+    """What was not measured is violated where poses came throughout, and undecided where they have gaps."""
+    return "ambiguous" if gap_s > GAP_S else "violated"

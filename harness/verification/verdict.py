@@ -1,0 +1,145 @@
+"""Pure: which verdict a packet earns, and the goal. Reads no clock, writes nothing, commits nothing."""
+
+from collections.abc import Sequence
+
+from msgspec.structs import replace
+
+from harness.contracts.contexts import Blobs, Context
+from harness.contracts.effects import Condition
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.evidence import EvidenceReference
+from harness.contracts.verdicts import ConditionResult, GoalVerdict, NodeVerdict, Verdict, strictest
+from harness.verification.admission import missing, stale, unsafe
+from harness.verification.finding import Finding, Undecidable, ambiguous
+from harness.verification.independence import described, independence
+from harness.verification.predicates.registry import predicate_of
+from harness.verification.reading import Evidence, read
+
+VERIFIER = "predicates-1"
+
+
+def verify(context: Context, blobs: Blobs) -> NodeVerdict:
+    """Every declared postcondition of one packet. C3 is the only state; `blobs` are the immutable bytes it cites.
+
+    Raises ContractInvalid if the context is not one of a packet.
+    """
+    evidence = Evidence(context, blobs)
+    if context.role != "verifier" or context.one("execution") is None:
+        raise ContractInvalid(
+            "The context shows no execution to judge", where=f"context {context.role}", do="compile C3 of the packet"
+        )
+    results = _results(evidence)
+    verdict, reason = _overall(results)
+    return NodeVerdict(
+        packet_id=evidence.execution.identity.packet_id,
+        verdict=verdict,
+        results=results,
+        reason=reason,
+        verifier=VERIFIER,
+        context=context.digest,
+        at_s=context.at_s,
+    )
+
+
+def verify_goal(context: Context, blobs: Blobs) -> GoalVerdict:
+    """The original completion conditions, on what was committed and what is seen now (R118)."""
+    results = _results(Evidence(context, blobs))
+    verdict, reason = _overall(results)
+    return GoalVerdict(
+        mission_id=context.mission_id,
+        verdict=verdict,
+        results=results,
+        reason=reason,
+        verifier=VERIFIER,
+        context=context.digest,
+        at_s=context.at_s,
+    )
+
+
+def _results(evidence: Evidence) -> tuple[ConditionResult, ...]:
+    try:
+        conditions = evidence.conditions
+    except Undecidable as error:
+        raise ContractInvalid(str(error), where="context", do="compile C3 with its conditions") from error
+    return tuple(_result(condition, evidence) for condition in conditions)
+
+
+def _result(condition: Condition, evidence: Evidence) -> ConditionResult:
+    finding = _found(condition, evidence)
+    level = independence(finding.sources, provider=_or_none(evidence))
+    level, finding = _attested(condition, finding, evidence, level=level)
+    required = _required(condition, evidence)
+    verdict, reason = _admitted(finding, evidence, short=level < required)
+    return ConditionResult(
+        condition_id=condition.condition_id,
+        text=condition.text,
+        verdict=verdict,
+        reason=described(level, required, sources=finding.sources, reason=reason),
+        measured=finding.measured,
+        bounds=finding.bounds,
+        sources=finding.sources,
+        independence=level,
+        required_independence=required,
+        age_s=finding.age_s,
+        evidence=finding.evidence,
+    )
+
+
+def _found(condition: Condition, evidence: Evidence) -> Finding:
+    """The predicate's answer; whatever keeps it from answering is ambiguous, with the reason (R45)."""
+    predicate = predicate_of(condition.effect)
+    if predicate is None:
+        return ambiguous(f"no predicate tests {condition.effect.predicate}")
+    try:
+        return predicate(condition.effect, evidence)
+    except Undecidable as error:
+        return ambiguous(str(error))
+    except Exception as error:  # noqa: BLE001 - a verifier that breaks has decided nothing, whatever broke it
+        return ambiguous(f"the predicate {condition.effect.predicate} failed: {type(error).__name__}: {error}")
+
+
+def _admitted(finding: Finding, evidence: Evidence, *, short: bool) -> tuple[Verdict, str]:
+    """By precedence: unsafe, stale, then the predicate's own word, made ambiguous where evidence falls short."""
+    try:
+        forbidden = unsafe(evidence)
+        lacking, aged = missing(evidence)
+        old = stale(finding, evidence)
+    except Undecidable as error:
+        return "ambiguous", str(error)
+    if forbidden:
+        return "unsafe", forbidden
+    if old or (lacking and aged):
+        return "stale", old or lacking
+    if finding.verdict == "satisfied" and (lacking or short):
+        return "ambiguous", lacking or finding.reason
+    return finding.verdict, finding.reason
+
+
+def _attested(condition: Condition, finding: Finding, evidence: Evidence, *, level: int) -> tuple[int, Finding]:
+    """A person's attestation supplies the missing source of a condition that is satisfied without it (D17)."""
+    words = [read(record, EvidenceReference) for record in evidence.context.all("attestation")]
+    seen = [one for one in words if one.values.get("condition_id") == condition.condition_id and one.origin == "human"]
+    if not seen or finding.verdict != "satisfied":
+        return level, finding
+    return 2, replace(finding, sources=(*finding.sources, f"attested by {seen[-1].source}"))
+
+
+def _required(condition: Condition, evidence: Evidence) -> int:
+    try:
+        return evidence.policy.required[condition.condition_id]
+    except (Undecidable, KeyError):
+        return 2
+
+
+def _or_none(evidence: Evidence) -> tuple[str, ...] | None:
+    try:
+        return evidence.provider_sources
+    except Undecidable:
+        return None
+
+
+def _overall(results: Sequence[ConditionResult]) -> tuple[Verdict, str]:
+    verdict = strictest(tuple(result.verdict for result in results))
+    if verdict == "satisfied":
+        return verdict, f"all {len(results)} conditions hold"
+    return verdict, "; ".join(f"{one.condition_id}: {one.reason}" for one in results if one.verdict == verdict)

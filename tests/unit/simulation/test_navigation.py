@@ -1,0 +1,129 @@
+"""How the two navigation providers drive: arrival, circuit, obstacles, limits; measured on the true body."""
+
+import math
+from itertools import pairwise
+
+import pytest
+
+from harness.adapters.providers.simulation.faults import CLEARED_AFTER_S
+from harness.adapters.providers.simulation.obstruction import GAP_M
+from harness.contracts.values import Point
+from tests.unit.simulation.builders import Bench, along, bench, route
+
+GOAL_B = route("A-B").waypoints_m[-1]
+
+
+def off_m(made: Bench, goal: Point) -> float:
+    return math.dist((made.pose().x_m, made.pose().y_m), goal)
+
+
+@pytest.mark.parametrize("provider", ["route-follower", "careful-local-planner"])
+@pytest.mark.ledger("R180", symbol="harness.adapters.providers.simulation.navigation:RouteFollower.step")
+def test_a_leg_ends_inside_the_arrival_radius_with_arrival_and_disarm_receipts(provider: str) -> None:
+    made = bench()
+    report = made.run(provider, along("A-B"))
+    made.wait(1.0)
+    assert report.status == "succeeded"
+    assert off_m(made, GOAL_B) < 0.2
+    assert report.declared["distance_m"] == pytest.approx(off_m(made, GOAL_B), abs=0.05)
+    assert [receipt.kind for receipt in report.receipts] == ["arrival", "disarm"]
+    assert report.receipts[0].text.startswith("GOAL REACHED")
+
+
+@pytest.mark.ledger("R217", symbol="harness.adapters.providers.simulation.navigation:RouteFollower._settle")
+def test_after_arrival_the_body_stands_and_the_velocity_interface_is_disarmed() -> None:
+    made = bench()
+    made.start("route-follower", along("A-B"))
+    made.wait(1.0)
+    assert made.robot.status().armed
+    made.run("route-follower", along("A-B"))
+    ended = made.pose().at_s
+    made.wait(3.0)
+    assert not made.robot.status().armed
+    assert all(truth.v_mps == pytest.approx(0.0, abs=0.005) for truth in made.truth() if truth.at_s > ended)
+
+
+@pytest.mark.ledger("R210", symbol="harness.adapters.providers.simulation.navigation:RouteFollower._steer")
+def test_no_leg_is_faster_than_the_speed_cap() -> None:
+    made = bench()
+    made.run("route-follower", along("A-B"))
+    fastest = max(
+        math.dist((a.x_m, a.y_m), (b.x_m, b.y_m)) / (b.at_s - a.at_s)
+        for a, b in pairwise(made.truth())
+        if b.at_s - a.at_s > 0.15
+    )
+    assert 0.45 < fastest < 0.53
+
+
+@pytest.mark.ledger("R215", symbol="harness.adapters.providers.simulation.navigation:RouteFollower._near")
+def test_a_circuit_does_not_arrive_where_it_begins() -> None:
+    made = bench()
+    report = made.watch(made.start("route-follower", along("circuit")), until_s=20.0)
+    assert report.status == "running"
+    assert max(math.hypot(truth.x_m, truth.y_m) for truth in made.truth()) > 5.0
+    report = made.watch(report)
+    assert report.status == "succeeded"
+    assert off_m(made, (0.0, 0.0)) < 0.2
+    assert max(math.hypot(truth.x_m, truth.y_m) for truth in made.truth()) == pytest.approx(6.2, abs=0.15)
+    assert report.declared["departed_at_s"] < report.at_s - 20.0
+
+
+def test_a_circuit_that_was_interrupted_goes_on_and_does_not_start_over() -> None:
+    made = bench(faults=["interrupted"])
+    assert made.run("route-follower", along("circuit")).failure == "interrupted"
+    begun = made.at_s
+    report = made.run("route-follower", along("circuit"), attempt=2)
+    assert report.status == "succeeded"
+    assert made.at_s - begun < 25.0
+
+
+@pytest.mark.parametrize("fidelity", ["kinematic", "mujoco"])
+def test_the_follower_stops_before_a_closed_route_and_gives_up(fidelity: str) -> None:
+    made = bench("mujoco" if fidelity == "mujoco" else "kinematic", faults=["blocked-passage"])
+    report = made.run("route-follower", along("A-B"))
+    assert (report.status, report.failure) == ("failed", "no_progress")
+    boxes_at = 9.0 - 0.2
+    travelled = report.declared["route_progress"] * 17.62
+    assert boxes_at - 1.6 < travelled < boxes_at - 0.25
+
+
+@pytest.mark.parametrize("fidelity", ["kinematic", "mujoco"])
+@pytest.mark.ledger("R186", symbol="harness.adapters.providers.simulation.navigation:CarefulPlanner._look")
+def test_the_careful_planner_passes_a_gap_that_the_follower_must_not(fidelity: str) -> None:
+    made = bench("mujoco" if fidelity == "mujoco" else "kinematic", faults=["blocked-passage"])
+    made.run("route-follower", along("A-B"))
+    report = made.run("careful-local-planner", along("A-B"), attempt=2)
+    assert report.status == "succeeded"
+    assert off_m(made, GOAL_B) < 0.2
+    aside = max(abs(truth.y_m - 4.75) for truth in made.truth() if 5.8 < truth.x_m < 6.4)
+    assert aside > (2.2 - GAP_M) / 2 - 0.3
+
+
+def test_nobody_passes_where_every_gap_is_closed() -> None:
+    made = bench(faults=["blocked-passage:persistent"])
+    for attempt, provider in enumerate(("route-follower", "careful-local-planner"), start=1):
+        report = made.run(provider, along("A-B"), attempt=attempt)
+        assert (report.status, report.failure) == ("failed", "no_progress")
+    assert max(truth.x_m for truth in made.truth()) < 6.0
+
+
+def test_a_passed_obstruction_is_gone_on_the_way_back() -> None:
+    made = bench(faults=["blocked-passage"])
+    made.run("careful-local-planner", along("A-B"))
+    assert made.run("route-follower", along("B-A"), node="back").status == "succeeded"
+
+
+def test_physics_keeps_the_body_out_of_the_walls() -> None:
+    made = bench("mujoco")
+    into_the_wall = {**along("A-B"), "route": ((0.0, 0.0), (-1.9, 0.0), (-4.0, 0.0)), "target": (-4.0, 0.0)}
+    report = made.run("route-follower", into_the_wall)
+    assert report.failure == "no_progress"
+    assert min(truth.x_m for truth in made.truth()) > -2.0 + 0.2
+
+
+def test_a_stale_localiser_recovers_when_somebody_looks_or_after_a_while() -> None:
+    made = bench(faults=["stale-pose"])
+    made.run("route-follower", along("A-B"))
+    assert made.samples("localiser")[-1].at_s < made.at_s - 5.0
+    made.wait(CLEARED_AFTER_S + 0.5)
+    assert made.samples("localiser")[-1].at_s > made.at_s - 1.0
