@@ -97,7 +97,7 @@ class Feed:
         packet = entry.event.packet
         self._packets.add(packet.identity.packet_id)
         changed: set[str] = set()
-        for reference in (*packet.before, *packet.after):
+        for reference in (*packet.before, *packet.after, *packet.estimates):
             if reference.kind == "trajectory":
                 sealed = self._trajectory(reference.blob)
                 changed |= self._take((*sealed.poses, *sealed.scans), node=packet.identity.node_id)

@@ -19,7 +19,7 @@ from harness.runtime import Start
 
 router = APIRouter(prefix="/missions")
 At = Annotated[int | None, Query(ge=1)]
-PARTS = ("head", "stages", "graph", "timeline", "events", "evidence", "contexts", "contract", "budget", "robot")
+PARTS = ("head", "stages", "graph", "timeline", "events", "evidence", "contexts", "contract", "budget", "robot", "scene")
 
 
 class StartRefused(ContractInvalid):

@@ -7,6 +7,7 @@ from app.console import ActorDep, Console, ConsoleDep
 from app.rendering import render
 from app.views import handoffs, missions
 from app.views.overview import OverviewPage, OverviewRegions, overview
+from app.views.shell import Frame
 
 router = APIRouter()
 
@@ -39,9 +40,9 @@ def now(console: ConsoleDep) -> HTMLResponse:
 
 @router.get("/overview/bar")
 def bar(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
-    return render("components/_bar.html", console.shell("", "", actor))
+    return render("components/_bar.html", Frame(console.shell("", "", actor)))
 
 
 @router.get("/overview/rail")
 def rail(console: ConsoleDep, actor: ActorDep, section: str = "") -> HTMLResponse:
-    return render("components/_rail.html", console.shell("", section, actor))
+    return render("components/_rail.html", Frame(console.shell("", section, actor)))

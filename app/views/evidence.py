@@ -108,7 +108,7 @@ def _packet(mission_id: str, packet: EvidencePacket, entries: Sequence[Entry], *
     decision, decided, rule, href = _decision(mission_id, entries, identity.packet_id)
     references = tuple(
         _reference(part, reference, check=check)
-        for part, group in (("before", packet.before), ("after", packet.after), ("provider's estimate", packet.estimates))
+        for part, group in (("before", packet.before), ("after", packet.after), ("estimates", packet.estimates))
         for reference in group
     )
     every = (*packet.before, *packet.after)

@@ -72,6 +72,7 @@ class ActionView:
     parameters: tuple[tuple[str, str], ...]
     limits: tuple[tuple[str, str], ...]
     digest: str
+    body: str
     sound: bool
 
 
@@ -238,6 +239,7 @@ def action_view(proposal: ProposedAction | None, *, subject: str) -> ActionView 
         parameters=tuple((quantity(name, "")[0], _valued(name, value)) for name, value in parameters.items()),
         limits=tuple(quantity(name, value) for name, value in limits.items()),
         digest=sha256(body),
+        body=body.decode(),
         sound=sha256(body) == subject,
     )
 

@@ -33,6 +33,13 @@ class Shell:
 
 
 @dataclass(frozen=True)
+class Frame:
+    """What the header and the navigation read: only the shell."""
+
+    shell: Shell
+
+
+@dataclass(frozen=True)
 class Surroundings:
     """The state of the house that every page shows."""
 

@@ -307,7 +307,7 @@ def _dispatched(m: Mission, event: DispatchIntended) -> Mission:
         event.node_id,
         status="dispatched",
         attempt=event.attempt,
-        provider_id=event.provider_id,
+        provider_id=m.of(event.node_id).provider_id if event.verify_only else event.provider_id,
         failure=None,
         wait_until_s=None,
         waiting_for="",

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from harness.contexts.planner import planner_context
 from harness.contexts.skill import skill_context
 from harness.contexts.view import StateView
-from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.capabilities import Capability, CapabilityCard
 from harness.contracts.commands import ApproveHandoff, AuthoriseDispatch, RefusePrecondition, ReportFailure
 from harness.contracts.configuration import FailureClass
 from harness.contracts.contexts import Context
@@ -25,13 +25,14 @@ from harness.contracts.ids import (
     request_id,
 )
 from harness.contracts.ports import Record
+from harness.contracts.protocol import Parameters
 from harness.contracts.proposals import CandidateSet, RecoveryProposal, Signature, SkillProposal
 from harness.contracts.tasks import Node
 from harness.contracts.values import digest
 from harness.gate.commit import Request
 from harness.gate.dispatch import spend
 from harness.planning.planner import plan
-from harness.planning.skill import propose_skill
+from harness.planning.skill import LOOK_S, propose_skill
 from harness.projections.mission import Mission, apply, required_contract
 from harness.recovery.standing import OBSERVING
 from harness.routing.candidates import candidates
@@ -41,6 +42,8 @@ from harness.supervisor.roles import Roles, context_record, record
 from harness.verification.preconditions import verify_preconditions
 
 OBSERVING_TIMEOUT_S = 30.0
+OBSERVE: tuple[Capability, ...] = ("observe",)
+LOOK: Parameters = {"duration_s": LOOK_S, "frames": 1.0}
 
 
 @dataclass(frozen=True)
@@ -155,8 +158,8 @@ class Dispatcher:
             cards = [card for card in cards if card.provider_id == attempt.recovery.provider_id]
         need = Need(
             node=node,
-            capabilities=("observe",) if attempt.verify_only else node.capabilities,
-            parameters={} if attempt.verify_only else node.parameters,
+            capabilities=OBSERVE if attempt.verify_only else node.capabilities,
+            parameters=LOOK if attempt.verify_only else node.parameters,
             embodiment=self._crew.embodiment,
             k=mission.k,
             at_s=view.at_s,

@@ -1,6 +1,6 @@
 """Pure: how independent of the executing provider an answer is (D17). Recorded for every condition."""
 
-from harness.verification.finding import RECEIPTS
+from harness.verification.finding import RECEIPTS, Finding
 
 
 def independence(sources: tuple[str, ...], *, provider: tuple[str, ...] | None) -> int:
@@ -17,9 +17,11 @@ def independence(sources: tuple[str, ...], *, provider: tuple[str, ...] | None) 
     return 1 if set(measured) & set(provider) else 2
 
 
-def described(level: int, required: int, *, sources: tuple[str, ...], reason: str) -> str:
-    """The reason with what must be said about its sources: a single source, and whether that is enough."""
-    if level < required:
-        what = f"single source ({', '.join(sources) or 'none'}): independence {level}, required {required}"
-        return f"{what}; {reason}" if reason else what
-    return f"{reason} (single source: the provider's own word)" if level == 0 and sources else reason
+def labelled(finding: Finding, *, level: int, required: int) -> str:
+    """The finding's reason with what must be said of its sources: whether one source is all, and whether it is enough."""
+    if finding.verdict == "satisfied" and level < required:
+        names = ", ".join(finding.sources) or "none"
+        return f"single source ({names}): independence {level}, required {required}; {finding.reason}"
+    if finding.verdict == "satisfied" and level == 0:
+        return f"{finding.reason} (single source: the provider's own word)"
+    return finding.reason

@@ -11,7 +11,7 @@ from harness.contracts.evidence import EvidenceReference
 from harness.contracts.verdicts import ConditionResult, GoalVerdict, NodeVerdict, Verdict, strictest
 from harness.verification.admission import missing, stale, unsafe
 from harness.verification.finding import Finding, Undecidable, ambiguous
-from harness.verification.independence import described, independence
+from harness.verification.independence import independence, labelled
 from harness.verification.predicates.registry import predicate_of
 from harness.verification.reading import Evidence, read
 
@@ -69,12 +69,13 @@ def _result(condition: Condition, evidence: Evidence) -> ConditionResult:
     level = independence(finding.sources, provider=_or_none(evidence))
     level, finding = _attested(condition, finding, evidence, level=level)
     required = _required(condition, evidence)
-    verdict, reason = _admitted(finding, evidence, short=level < required)
+    labelling = replace(finding, reason=labelled(finding, level=level, required=required))
+    verdict, reason = _admitted(labelling, evidence, short=level < required)
     return ConditionResult(
         condition_id=condition.condition_id,
         text=condition.text,
         verdict=verdict,
-        reason=described(level, required, sources=finding.sources, reason=reason),
+        reason=reason,
         measured=finding.measured,
         bounds=finding.bounds,
         sources=finding.sources,

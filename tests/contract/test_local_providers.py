@@ -63,20 +63,20 @@ class Desk:
 
 
 def intake(desk: Desk) -> LocalProvider:
-    return TextIntake(clock=desk.clock, blobs=desk.blobs, journal=desk.folder)
+    return TextIntake(clock=desk.clock, blobs=desk.blobs, journal=desk.folder / "journal.jsonl")
 
 
 def delivery(desk: Desk) -> LocalProvider:
     outbox = FolderOutbox(desk.folder / "outbox", blobs=desk.blobs)
-    return OutboxDelivery(outbox, clock=desk.clock, blobs=desk.blobs, journal=desk.folder)
+    return OutboxDelivery(outbox, clock=desk.clock, blobs=desk.blobs, journal=desk.folder / "journal.jsonl")
 
 
 def voice(desk: Desk) -> LocalProvider:
-    return EspeakVoice(PacedSpeaker(), clock=desk.clock, blobs=desk.blobs, journal=desk.folder)
+    return EspeakVoice(PacedSpeaker(), clock=desk.clock, blobs=desk.blobs, journal=desk.folder / "journal.jsonl")
 
 
 def analysis(desk: Desk) -> LocalProvider:
-    return OpenCvAnalysis(CAMERA, clock=desk.clock, blobs=desk.blobs, journal=desk.folder)
+    return OpenCvAnalysis(CAMERA, clock=desk.clock, blobs=desk.blobs, journal=desk.folder / "journal.jsonl")
 
 
 def frame(desk: Desk) -> str:
@@ -245,8 +245,8 @@ def test_a_torn_last_journal_line_is_forgotten_and_a_damaged_one_is_named(desk: 
 
 def test_a_journal_that_cannot_be_written_says_where(tmp_path: Path) -> None:
     (tmp_path / "journal").write_text("a file stands where the folder should be")
-    with pytest.raises(StoreUnavailable, match=r"text-intake\.jsonl"):
-        TextIntake(clock=StillClock(), blobs=Blobs(), journal=tmp_path / "journal")
+    with pytest.raises(StoreUnavailable, match=r"journal\.jsonl"):
+        TextIntake(clock=StillClock(), blobs=Blobs(), journal=tmp_path / "journal" / "journal.jsonl")
 
 
 KILLED = """
@@ -264,7 +264,7 @@ class DyingOutbox(FolderOutbox):
 folder, blobs = Path(sys.argv[1]), Blobs()
 image = blobs.put(b"image")
 outbox = DyingOutbox(folder / "outbox", blobs=blobs)
-provider = OutboxDelivery(outbox, clock=StillClock(), blobs=blobs, journal=folder)
+provider = OutboxDelivery(outbox, clock=StillClock(), blobs=blobs, journal=folder / "journal.jsonl")
 provider.report(provider.start(request_to(CARD, parameters={"text": "t", "images": (image,)})).handle)
 """
 

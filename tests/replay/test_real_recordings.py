@@ -93,7 +93,7 @@ def test_what_cannot_be_replayed_is_refused_with_what_where_and_what_to_do(real_
 
 
 @pytest.mark.parametrize("name", HUSKY)
-@pytest.mark.parametrize("share", [0.1, 0.5, 0.99])
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.99])
 def test_half_a_drive_is_never_presented_as_whole(real_data, tmp_path, name, share):
     whole = (real_data / name).read_bytes()
     cut = tmp_path / f"cut.{name[-4:]}"

@@ -41,7 +41,12 @@ def module(path: str, text: str) -> Module:
 def modules(*folders: str) -> tuple[Module, ...]:
     """Every Python file under these folders, in the order of their paths."""
     paths = sorted(path for folder in folders for path in (ROOT / folder).rglob("*.py"))
-    return tuple(module(path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8")) for path in paths)
+    return tuple(_read(path) for path in paths)
+
+
+@cache
+def _read(path: Path) -> Module:
+    return module(path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8"))
 
 
 @cache

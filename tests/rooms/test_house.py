@@ -63,9 +63,9 @@ def banned_names(source: Module) -> Iterator[str]:
             yield f"line {line}: the name {name} says nothing"
 
 
-def _overrides(kind: ast.ClassDef) -> list[ast.stmt]:
+def _overrides(kind: ast.AST) -> list[ast.stmt]:
     """Methods of a class with bases: their names may be given by a library."""
-    return kind.body if kind.bases else []
+    return kind.body if isinstance(kind, ast.ClassDef) and kind.bases else []
 
 
 def doubts(source: Module) -> Iterator[str]:

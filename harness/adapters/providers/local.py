@@ -52,11 +52,12 @@ class LocalProvider(ABC):
 
     `start` accepts durably and begins; `report` works and ends the invocation. After a restart an accepted request
     goes on by its request id, so `work` must be idempotent. Nothing here moves, so a stop is acknowledged at once.
+    `journal` is the file that remembers requests; None remembers them in this process only.
     """
 
     def __init__(self, card: CapabilityCard, *, clock: Clock, blobs: BlobStore, journal: Path | None) -> None:
         self._card, self._clock, self._blobs = card, clock, blobs
-        self._journal = Journal(journal and journal / f"{card.provider_id}.jsonl")
+        self._journal = Journal(journal)
         self._lock = threading.RLock()
 
     @property

@@ -18,7 +18,7 @@ FRAMES = tuple(Digest(letter * 64) for letter in "01234567")
 
 def delivery(blobs: Blobs, folder: Path) -> OutboxDelivery:
     outbox = FolderOutbox(folder / "outbox", blobs=blobs)
-    return OutboxDelivery(outbox, clock=StillClock(), blobs=blobs, journal=folder)
+    return OutboxDelivery(outbox, clock=StillClock(), blobs=blobs, journal=folder / "journal.jsonl")
 
 
 def test_cited_frames_come_first_and_the_rest_is_evenly_spaced() -> None:

@@ -11,7 +11,7 @@ from harness.adapters.providers.models.passage import Report, analyse
 from harness.adapters.providers.models.projection import View
 from tests.unit.senses.painter import BLUE, CAMERA, CARDBOARD, PASSAGE, Rgb, Room
 
-AHEAD = (0.0, math.pi / 4, -math.pi / 4)
+AHEAD = (0.0, math.pi / 4)
 
 
 def report_on(room: Room, headings: tuple[float, ...] = AHEAD) -> Report:

@@ -26,7 +26,7 @@ class DroppingSpeaker(PacedSpeaker):
 
 
 def voice(clock: StillClock, blobs: Blobs, folder: Path | None, speaker: PacedSpeaker | None = None) -> EspeakVoice:
-    return EspeakVoice(speaker or PacedSpeaker(), clock=clock, blobs=blobs, journal=folder)
+    return EspeakVoice(speaker or PacedSpeaker(), clock=clock, blobs=blobs, journal=folder and folder / "journal.jsonl")
 
 
 def test_synthesis_gives_audible_and_repeatable_samples() -> None:

@@ -84,14 +84,14 @@ def test_the_same_seed_is_the_same_scene() -> None:
 def test_a_panorama_is_eight_turns_eight_frames_and_the_first_heading_again() -> None:
     made = bench()
     before = made.pose().yaw_rad
-    report = made.run("panorama-camera", {"frames": 3.0})
+    report = made.run("panorama-camera", {"frames": 8.0})
     assert report.status == "succeeded"
-    assert [receipt.kind for receipt in report.receipts] == ["rotation", "capture"] * 3
+    assert [receipt.kind for receipt in report.receipts] == ["rotation", "capture"] * 8
     images = [sample for sample in made.samples("camera") if isinstance(sample, Image)]
     assert [image.blob for image in images] == list(report.blobs)
     assert [image.seq for image in images] == list(report.samples)
     turns = np.diff([before, *(image.yaw_rad for image in images)])
-    assert np.remainder(turns, math.tau) == pytest.approx([math.tau / 3] * 3, abs=0.03)
+    assert np.remainder(turns, math.tau) == pytest.approx([math.tau / 8] * 8, abs=0.03)
     assert math.remainder(made.pose().yaw_rad - before, math.tau) == pytest.approx(0.0, abs=0.03)
     body = np.frombuffer(made.robot.blob(images[0].blob), dtype=np.uint8)
     assert cv2.imdecode(body, cv2.IMREAD_COLOR).shape == (720, 1280, 3)

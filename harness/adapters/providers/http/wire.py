@@ -7,6 +7,7 @@ from harness.contracts.errors import (
     LogDamaged,
     ProviderFailed,
     ProviderUnreachable,
+    StoreOwned,
     StoreUnavailable,
     UnknownName,
 )
@@ -59,6 +60,7 @@ STATUS: dict[type[HarnessError], int] = {
     UnknownName: 404,
     BlobDamaged: 404,
     StoreUnavailable: 503,
+    StoreOwned: 503,
     LogDamaged: 500,
 }
 _BY_CODE = {kind.code: kind for kind in STATUS}

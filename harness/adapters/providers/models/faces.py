@@ -87,24 +87,25 @@ def upright_faces(window: Window) -> list[Face]:
     patch; floor seen through a gap between two boxes has no side of its own.
     """
     bounded: dict[int, tuple[Side, ...]] = {}
-    for label in np.setdiff1d(window.labels, window.labels[-_CUT_PX:]).tolist():
-        outline = _outline(window.labels == label) if label > 0 else None
-        sides = () if outline is None else _sides(outline, window)
+    sizes = np.bincount(window.labels.ravel() + 1)[1:]
+    sizes[window.labels[-_CUT_PX:].clip(min=0).ravel()] = 0
+    for label in np.flatnonzero(sizes > _SMALLEST_FACE_PX).tolist():
+        sides = _sides(_outline(window.labels == label), window)
         if sides:
             bounded[label] = sides
     upright: dict[int, tuple[Side, ...]] = {}
     for label in sorted(bounded, key=lambda one: -max(side.bottom for side in bounded[one])):
         if _has_own_side(label, bounded[label], window=window, nearer=tuple(upright)):
             upright[label] = bounded[label]
-    standing = np.isin(window.labels, list(upright))
+    stands = np.zeros(len(sizes) + 1, dtype=np.bool_)
+    stands[list(upright)] = True
+    standing = stands[window.labels]
     faces = (_face(window.labels == label, sides, window=window, standing=standing) for label, sides in upright.items())
     return [face for face in faces if face is not None]
 
 
-def _outline(patch: Patch) -> Floats | None:
-    """The corners (N, 2) of a patch's outer contour, clockwise as seen; None when it is too small to judge."""
-    if np.count_nonzero(patch) < _SMALLEST_FACE_PX:
-        return None
+def _outline(patch: Patch) -> Floats:
+    """The corners (N, 2) of a patch's outer contour, clockwise as seen."""
     contours, _ = cv2.findContours(patch.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     corners = cv2.approxPolyDP(max(contours, key=cv2.contourArea), 2.0, True)[:, 0, :].astype(np.float64)
     following = np.roll(corners, -1, axis=0)
@@ -126,10 +127,7 @@ def _sides(corners: Floats, window: Window) -> tuple[Side, ...]:
     at_edge = (middle[:, 0] < _CUT_PX) | (middle[:, 0] > window.labels.shape[1] - 1 - _CUT_PX)
     cut = at_edge & (np.abs(runs[:, 0]) < 2)
     upright = (lengths > _SHORTEST_SIDE_PX) & (turned < _SLACK_RAD + _SLACK_PX / np.maximum(lengths, 1.0)) | cut
-    least = _SIDE_SHARE * float(np.ptp(corners[:, 1]))
-    if min(-runs[upright & (runs[:, 1] < 0), 1].sum(), runs[upright & (runs[:, 1] > 0), 1].sum()) < least:
-        return ()
-    return tuple(
+    sides = tuple(
         Side(
             x=round(float(middle[index, 0])),
             top=int(min(corners[index, 1], following[index, 1])),
@@ -139,6 +137,9 @@ def _sides(corners: Floats, window: Window) -> tuple[Side, ...]:
         )
         for index in np.flatnonzero(upright & (runs[:, 1] != 0))
     )
+    sides = tuple(side for side in sides if side.cut or _steps(side, window))
+    risen = {hand: sum(side.bottom - side.top for side in sides if side.hand == hand) for hand in (-1, 1)}
+    return sides if min(risen.values()) > _SIDE_SHARE * float(np.ptp(corners[:, 1])) else ()
 
 
 def _has_own_side(label: int, sides: tuple[Side, ...], *, window: Window, nearer: tuple[int, ...]) -> bool:
@@ -151,7 +152,7 @@ def _has_own_side(label: int, sides: tuple[Side, ...], *, window: Window, nearer
         for side in runs:
             inside = np.flatnonzero(_column(window.labels, side, outwards=-1) == label)
             ends = len(inside) > 0 and inside[-1] < lowest + _CORNER_PX
-            if not side.cut and ends and _steps(side, window) and not _hides(side, window.labels, nearer):
+            if not side.cut and ends and not _hides(side, window.labels, nearer):
                 own += side.bottom - side.top
         if own > _SIDE_SHARE * height:
             return True

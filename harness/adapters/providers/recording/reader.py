@@ -220,6 +220,8 @@ class Recording:
 
     def _check_count(self) -> None:
         declared, found = self._container.declared, sum(self._survey.counts.values())
+        if self._container.tape.cut and not found:
+            raise RecordingInvalid(self._container.tape.cut, where=str(self.path), do="copy the recording again")
         if declared is not None and declared != found and not self._container.tape.cut:
             raise RecordingInvalid(
                 f"The folder's metadata declares {declared} messages; its files hold {found}",

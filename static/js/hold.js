@@ -1,0 +1,61 @@
+// Press and hold: pointer, Space or Enter. Letting go early changes nothing. One-tap reasons. A changed question.
+let timer = null;
+let held = null;
+
+function begin(button) {
+  if (held || button.disabled) return;
+  const reason = button.form.elements.reason;
+  if (reason && !reason.reportValidity()) return;
+  held = button;
+  button.dataset.held = "";
+  say("Keep holding.");
+  timer = setTimeout(() => {
+    end("Sent.");
+    button.form.dataset.sure = "";
+    button.form.requestSubmit(button);
+  }, Number(button.dataset.hold));
+}
+
+function end(text) {
+  clearTimeout(timer);
+  if (held) { delete held.dataset.held; say(text); }
+  held = null;
+}
+
+function say(text) {
+  document.getElementById("status").textContent = text;
+}
+
+document.addEventListener("pointerdown", (event) => {
+  const button = event.target.closest("button[data-hold]");
+  if (button && event.button === 0) begin(button);
+});
+for (const name of ["pointerup", "pointercancel", "blur"]) addEventListener(name, () => held && end("Let go too early: nothing was sent."));
+
+document.addEventListener("keydown", (event) => {
+  const button = event.target.closest?.("button[data-hold]");
+  if (button && (event.key === " " || event.key === "Enter")) { event.preventDefault(); if (!event.repeat) begin(button); }
+});
+document.addEventListener("keyup", (event) => {
+  if (held && (event.key === " " || event.key === "Enter")) { event.preventDefault(); end("Let go too early: nothing was sent."); }
+});
+document.addEventListener("submit", (event) => {
+  const button = event.submitter;
+  if (button?.dataset.hold && !("sure" in event.target.dataset)) event.preventDefault();
+});
+
+document.addEventListener("click", (event) => {
+  const tap = event.target.closest("button[data-reason]");
+  if (!tap) return;
+  const field = tap.form.elements.reason;
+  field.value = tap.dataset.reason;
+  field.focus();
+});
+
+document.addEventListener("htmx:after:swap", () => {
+  const form = document.getElementById("decision");
+  const question = document.getElementById("question");
+  if (!form || !question || form.elements.cycle.value === question.dataset.cycle) return;
+  form.querySelector("[data-changed]").hidden = false;
+  for (const button of form.querySelectorAll("button[name=decision]")) button.disabled = true;
+});

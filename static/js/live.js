@@ -1,0 +1,95 @@
+// One EventSource per page. It carries names; the regions fetch themselves. A page that is not live says so.
+const LOST_AFTER_MS = 1600;
+const body = document.body;
+const topics = (body.dataset.topics || "").split(" ").filter(Boolean);
+const exact = { mission: "live:mission", live: "live:observations", handoff: "live:handoff" };
+const families = { mission: "live:missions", handoff: "live:handoffs" };
+let position = body.dataset.position;
+let heard = performance.now();
+let source = null;
+let waiting = new Set();
+let asked = -Infinity;
+
+function tell(name) {
+  body.dispatchEvent(new CustomEvent(name));
+}
+
+function say(text) {
+  const status = document.getElementById("status");
+  if (status && status.textContent !== text) status.textContent = text;
+}
+
+function buttons(off) {
+  for (const button of document.querySelectorAll("form[data-act] button")) {
+    if (off && !button.disabled) { button.disabled = true; button.dataset.off = ""; }
+    else if (!off && "off" in button.dataset) { button.disabled = false; delete button.dataset.off; }
+  }
+}
+
+function lost() {
+  if (body.dataset.link === "lost") return;
+  const since = new Date(Date.now() - (performance.now() - heard)).toISOString().slice(11, 19);
+  body.dataset.link = "lost";
+  for (const region of document.querySelectorAll("[data-region]")) region.dataset.stale = `not live since ${since} UTC`;
+  buttons(true);
+  say(`Not live since ${since} UTC. What you see may be old. Stop still works if the console answers.`);
+}
+
+// Heard again after a silence: every region is fetched anew before the page calls itself live.
+function alive() {
+  heard = performance.now();
+  if (body.dataset.link === "lost" && heard - asked > 3000) resync();
+}
+
+function resync() {
+  asked = performance.now();
+  waiting = new Set([...document.querySelectorAll("[data-region]")].map((region) => region.id));
+  tell("live:resync");
+  if (!waiting.size) live();
+}
+
+function live() {
+  for (const region of document.querySelectorAll("[data-stale]")) delete region.dataset.stale;
+  const back = body.dataset.link === "lost";
+  body.dataset.link = "live";
+  buttons(false);
+  say(back ? "Live again." : "");
+}
+
+function hello(event) {
+  heard = performance.now();
+  const first = body.dataset.link === "opening";
+  if (first && event.data === position) live();
+  else resync();
+  position = event.data;
+}
+
+function changed(event) {
+  alive();
+  const name = event.data;
+  const family = name.split("/", 1)[0];
+  if (topics.includes(name) && exact[family]) tell(exact[family]);
+  if (families[family]) tell(families[family]);
+}
+
+function open() {
+  if (source) source.close();
+  source = new EventSource("/live?" + topics.map((topic) => "topic=" + encodeURIComponent(topic)).join("&"));
+  source.addEventListener("hello", hello);
+  source.addEventListener("changed", changed);
+  source.addEventListener("beat", alive);
+  source.onerror = () => { if (source.readyState === EventSource.CLOSED) { lost(); setTimeout(open, 1000); } };
+}
+
+document.addEventListener("htmx:after:swap", () => {
+  if (body.dataset.link === "lost") for (const region of document.querySelectorAll("[data-region]:not([data-stale])")) waiting.delete(region.id);
+  if (body.dataset.link !== "live" && !waiting.size && performance.now() - heard < LOST_AFTER_MS) live();
+});
+
+setInterval(() => {
+  if (performance.now() - heard > LOST_AFTER_MS) lost();
+}, 100);
+
+addEventListener("pagehide", () => source && source.close());
+addEventListener("pageshow", (event) => { if (event.persisted) { heard = performance.now(); open(); } });
+open();

@@ -1,0 +1,105 @@
+"""A circuit is departure, progress and return in this order; its start lies inside its goal's radius (D19)."""
+
+import pytest
+from msgspec.structs import replace
+
+from tests.unit.verification.building import (
+    CIRCUIT,
+    Bench,
+    Drive,
+    circuit,
+    contract,
+    mission,
+    node,
+    only,
+    retained,
+)
+
+ROUND = mission(contract(node(circuit())))
+PREDICATE = "harness.verification.predicates.circuit:circuit"
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+@pytest.mark.ledger("R214", "R219", symbol=PREDICATE)
+def test_a_body_that_left_went_round_and_came_back_closed_the_circuit(bench: Bench) -> None:
+    packet = bench.driven(Drive(route=CIRCUIT), declared={"route_progress": 0.99})
+    result = only(bench.judged(packet, ROUND))
+    assert result.verdict == "satisfied", result.reason
+    assert result.measured["progress"] > 0.95
+    assert result.measured["waypoints"] == len(CIRCUIT)
+    assert result.measured["excursion_m"] == pytest.approx(6.4, abs=0.1)
+    assert result.measured["departed_at_s"] > packet.dispatched_s
+
+
+@pytest.mark.ledger("R215", "R214", symbol="harness.verification.predicates.circuit:_departure")
+def test_standing_inside_the_radius_at_the_start_is_no_return(bench: Bench) -> None:
+    result = only(
+        bench.judged(bench.driven(Drive(route=CIRCUIT, until_m=0.0), declared={"route_progress": 1.0}), ROUND)
+    )
+    assert result.verdict == "violated"
+    assert result.measured["distance_m"] < 0.4
+    assert "no departure" in result.reason
+
+
+def test_a_start_that_equals_the_goal_is_no_reason_to_fail(bench: Bench) -> None:
+    packet = bench.driven(Drive(route=CIRCUIT))
+    first = packet.estimates[0]
+    assert CIRCUIT[0] == CIRCUIT[-1]
+    assert first.from_s == packet.dispatched_s
+    assert bench.judged(packet, ROUND).verdict == "satisfied"
+
+
+@pytest.mark.ledger("R214", symbol="harness.verification.predicates.circuit:_covered")
+def test_going_out_and_straight_back_is_departure_and_return_without_progress(bench: Bench) -> None:
+    out_and_back = Drive(route=((0.0, 0.0), (5.0, 0.0), (0.0, 0.0)))
+    result = only(bench.judged(bench.driven(out_and_back, declared={"route_progress": 1.0}), ROUND))
+    assert result.verdict == "violated"
+    assert result.measured["progress"] < 0.95
+    assert result.measured["distance_m"] < 0.4
+
+
+def test_the_circuit_walked_the_wrong_way_round_does_not_count(bench: Bench) -> None:
+    assert bench.judged(bench.driven(Drive(route=CIRCUIT[::-1])), ROUND).verdict == "violated"
+
+
+@pytest.mark.ledger("R216", "R219", symbol="harness.verification.predicates.circuit:_admitted_by_planner")
+def test_a_planner_that_declares_too_little_progress_refuses_and_one_that_declares_all_satisfies_nothing(
+    bench: Bench,
+) -> None:
+    driven = bench.driven(Drive(route=CIRCUIT))
+    assert bench.judged(replace(driven, declared={"route_progress": 0.6}), ROUND).verdict == "violated"
+    half = bench.driven(Drive(route=CIRCUIT, until_m=9.0), declared={"route_progress": 1.0})
+    assert bench.judged(half, ROUND).verdict == "violated"
+
+
+@pytest.mark.ledger("R121", symbol="harness.verification.predicates.circuit:_history")
+def test_a_circuit_spread_over_two_attempts_counts_as_one_history(bench: Bench) -> None:
+    whole = Drive(route=CIRCUIT)
+    half = Drive(route=CIRCUIT, until_m=9.0)
+    rest = Drive(route=CIRCUIT, from_m=9.0, from_s=half.until_s + 1)
+    first = replace(bench.driven(half), terminal="failed", failure="interrupted", declared={"route_progress": 0.5})
+    second = bench.driven(rest, name="go-2", declared={"route_progress": 0.99})
+    citing = replace(second, cites=(first.identity.packet_id,))
+    state = retained(ROUND, first)
+    assert whole.length_m == rest.length_m
+    assert bench.judged(citing, state).verdict == "satisfied"
+    assert bench.judged(second, state).verdict == "violated"
+
+
+def test_progress_that_nobody_saw_is_ambiguous_and_not_violated(bench: Bench) -> None:
+    samples = Drive(route=CIRCUIT).trajectory()
+    seen = tuple(pose for pose in samples.poses if not 1010.0 < pose.at_s < 1030.0)
+    packet = replace(bench.driven(Drive(route=CIRCUIT)), estimates=(bench.trajectory(replace(samples, poses=seen)),))
+    result = only(bench.judged(packet, ROUND))
+    assert result.verdict == "ambiguous"
+    assert "of the route was measured" in result.reason
+
+
+def test_a_localiser_that_froze_on_the_last_stretch_leaves_the_circuit_undecided(bench: Bench) -> None:
+    result = only(bench.judged(bench.driven(Drive(route=CIRCUIT, freeze_after_m=16.5)), ROUND))
+    assert result.verdict == "ambiguous"
+    assert "sources disagree" in result.reason
