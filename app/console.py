@@ -17,9 +17,9 @@ from app.security import Doors, actor_of
 from app.settings import ConsoleSettings
 from app.views.missions import Span
 from app.views.shell import Shell, Surroundings, shell
+from harness.contracts.actors import Actor
 from harness.contracts.contexts import Context
 from harness.contracts.errors import BlobDamaged, UnknownName
-from harness.contracts.events import Actor
 from harness.contracts.ids import Digest, MissionId
 from harness.contracts.ports import Head
 from harness.contracts.proposals import CandidateSet
@@ -86,7 +86,7 @@ class Console:
 
     def span(self, mission: Mission) -> Span:
         entries = self.histories.of(mission.mission_id)
-        return Span(began_s=entries[0].recorded_s, newest_s=entries[-1].recorded_s)
+        return Span(began_s=entries[0].recorded_s, until_s=entries[-1].recorded_s if mission.ended else self.clock())
 
     def mission_of(self, handoff: Handoff) -> Mission | None:
         """The mission a handoff belongs to, if the log still has it."""

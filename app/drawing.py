@@ -14,6 +14,7 @@ ANCHOR = (176, 132, 235)
 BODY = (64, 156, 255)
 STAGES = ((64, 156, 255), (92, 201, 160), (240, 178, 85), (176, 132, 235), (236, 112, 128), (120, 200, 230))
 LINE_M = 0.05
+LYING = (0.7071068, 0.7071068, 0.0, 0.0)
 
 
 class Drawing:
@@ -22,6 +23,7 @@ class Drawing:
     def __init__(self, server: viser.ViserServer) -> None:
         self._scene = server.scene
         server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
+        server.gui.main_panel.minimize()
         self._scene.configure_environment_map(None)
         self._scene.add_grid(
             "/floor", width=60.0, height=60.0, cell_size=1.0, section_size=5.0,
@@ -42,9 +44,9 @@ class Drawing:
 
     def anchor(self, name: str, at_m: tuple[float, float]) -> None:
         self._scene.add_cylinder(
-            f"/anchor/{name}", radius=0.22, height=0.02, color=ANCHOR, position=(at_m[0], at_m[1], 0.01)
+            f"/anchor/{name}", radius=0.25, height=0.03, color=ANCHOR, position=(at_m[0], at_m[1], 0.02), wxyz=LYING
         )
-        self._scene.add_label(f"/anchor/{name}/label", name, position=(0.0, 0.0, 0.5), anchor="bottom-center")
+        self._scene.add_label(f"/label/{name}", name, position=(at_m[0], at_m[1], 0.6), anchor="bottom-center")
 
     def route(self, name: str, waypoints: Sequence[tuple[float, float]]) -> None:
         """The commanded reference as a dashed line."""

@@ -14,7 +14,7 @@ from app.console import Console, Starts, no_journal
 from app.errors import PortBusy
 from app.history import Histories
 from app.live import SignalBroker
-from app.routes import account, api, evidence, handoffs, live, missions, overview, scene
+from app.routes import account, api, evidence, handoffs, live, missions, overview, scene, watch
 from app.scene import Scenes
 from app.security import Doorkeeper, Doors
 from app.settings import ConsoleSettings
@@ -57,7 +57,7 @@ def create_app(
         starts=starts,
     )
     app.mount("/static", StaticFiles(directory=settings.static), name="static")
-    for room in (overview, scene, missions, handoffs, evidence, account, live, api):
+    for room in (overview, scene, missions, watch, handoffs, evidence, account, live, api):
         app.include_router(room.router, include_in_schema=room is api)
     errors.install(app)
     app.add_middleware(Doorkeeper, doors=doors, hosts=settings.hosts, cookie=settings.cookie)

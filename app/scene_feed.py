@@ -184,6 +184,6 @@ def _points(value: Any) -> tuple[tuple[float, float], ...]:
 
 
 def _label(name: str, aliases: Sequence[str]) -> str:
-    """"B, Office storage area": the letter of the paper where a place has one."""
+    """ "B, Office storage area": the letter of the paper where a place has one."""
     letter = next((one for one in aliases if one in ("A", "B")), "")
     return f"{letter}, {name}" if letter and letter not in name.split() else name

@@ -13,7 +13,7 @@ from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.errors import refused
-from harness.contracts.events import Actor
+from harness.contracts.actors import Actor
 from harness.contracts.ids import sha256
 
 PAGE_POLICY = (
@@ -96,7 +96,9 @@ class Doors:
         """The actor behind `Bearer <owner token>`: whoever can read the data folder's lock."""
         scheme, _, token = authorization.partition(" ")
         known = bool(self._owner) and scheme.lower() == "bearer"
-        return Actor(name="owner", role="operator") if known and hmac.compare_digest(token.encode(), self._owner) else None
+        return (
+            Actor(name="owner", role="operator") if known and hmac.compare_digest(token.encode(), self._owner) else None
+        )
 
     def leave(self, session: str) -> None:
         with self._lock:

@@ -22,9 +22,9 @@ from harness.adapters.stores.owner import OwnerLock
 from harness.adapters.stores.spool import FileSpool
 from harness.adapters.stores.sql import SqlEventStore
 from harness.bootstrap import Harness, Parts, Unheard, assemble
+from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid
-from harness.contracts.events import Actor
 from harness.contracts.evidence import EvidencePacket
 from harness.contracts.ids import Digest, MissionId, RobotId
 from harness.contracts.observations import AnySample, Image, Trajectory

@@ -7,12 +7,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from threading import Lock
 
-
+from harness.contracts.actors import Actor
+from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import CreateMission, MissionCommand, PersonCommand
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.errors import UnknownName
-from harness.contracts.events import Actor, AnyEvent, Autonomy
+from harness.contracts.events import Autonomy
 from harness.contracts.ids import (
     Digest,
     HandoffId,

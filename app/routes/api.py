@@ -103,9 +103,7 @@ def stop(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: Stop
 
 
 @router.get("/missions/{mission_id}/events")
-def events(
-    console: ConsoleDep, mission_id: MissionId, after: Annotated[int, Query(ge=0)] = 0
-) -> list[dict[str, Any]]:
+def events(console: ConsoleDep, mission_id: MissionId, after: Annotated[int, Query(ge=0)] = 0) -> list[dict[str, Any]]:
     """Events after a position, with their places in the hash chain."""
     return [
         {
@@ -174,4 +172,6 @@ def outcome(console: Console, mission_id: MissionId) -> dict[str, Any]:
 
 
 def refusal(decision: Refused) -> Response:
-    return problem(409, code=decision.rule, title="Refused", detail=decision.message, do="look at it again, then decide")
+    return problem(
+        409, code=decision.rule, title="Refused", detail=decision.message, do="look at it again, then decide"
+    )

@@ -36,4 +36,6 @@ def kind_of(body: bytes) -> tuple[str, str, bool]:
             return media_type, suffix, True
     if body[:4] == b"RIFF" and body[8:12] == b"WAVE":
         return "audio/wav", "wav", True
-    return ("application/json", "json", False) if body[:1] in (b"{", b"[") else ("application/octet-stream", "bin", False)
+    return (
+        ("application/json", "json", False) if body[:1] in (b"{", b"[") else ("application/octet-stream", "bin", False)
+    )

@@ -7,10 +7,10 @@ from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.rendering import render
 from app.views import forms, handoffs, missions
 from app.views.handoffs import HandoffPage, Surface
+from harness.contracts.actors import Actor
 from harness.contracts.commands import DecideHandoff, LookAgain
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid
-from harness.contracts.events import Actor
 from harness.contracts.ids import Digest, HandoffId
 
 router = APIRouter(prefix="/handoffs")

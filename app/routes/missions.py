@@ -1,25 +1,21 @@
 """/missions: list them, watch one, start one, stop one."""
 
-from typing import Annotated
-
-from fastapi import APIRouter, Query, Request
+from fastapi import APIRouter, Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.rendering import render
-from app.routes.mission_regions import page_of, regions_of
 from app.views import forms, missions
 from app.views.forms import StopPage
+from harness.contracts.actors import Actor
 from harness.contracts.commands import StopMission
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
-from harness.contracts.events import Actor, MissionCreated
+from harness.contracts.events import MissionCreated
 from harness.contracts.ids import MissionId, RobotId
 from harness.runtime import Start
 
 router = APIRouter(prefix="/missions")
-At = Annotated[int | None, Query(ge=1)]
-PARTS = ("head", "stages", "graph", "timeline", "events", "evidence", "contexts", "contract", "budget", "robot", "scene")
 
 
 class StartRefused(ContractInvalid):
@@ -75,11 +71,6 @@ def started(console: Console, order: Start) -> MissionId:
     return next(event.mission_id for event in decision.events if isinstance(event, MissionCreated))
 
 
-@router.get("/{mission_id}")
-def show(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, at: At = None, node: str = "") -> HTMLResponse:
-    return render("missions/detail.html", page_of(console, actor, mission_id, at=at, node=node))
-
-
 @router.get("/{mission_id}/stop")
 def stopping(console: ConsoleDep, actor: ActorDep, mission_id: MissionId) -> HTMLResponse:
     return render("missions/stop.html", _stop_page(console, actor, mission_id, errors=()))
@@ -103,15 +94,6 @@ def event(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, position:
     entries = console.histories.of(mission_id)
     shell = console.shell(f"Event {position}", "missions", actor)
     return render("missions/event.html", missions.event_page(shell, mission_id, entries, position=position))
-
-
-@router.get("/{mission_id}/{part}")
-def region(
-    console: ConsoleDep, mission_id: MissionId, part: str, at: At = None, node: str = ""
-) -> HTMLResponse:
-    if part not in PARTS:
-        raise UnknownName(f"A mission page has no part {part}", do="go back to the mission")
-    return render(f"missions/_{part}.html", regions_of(console, mission_id, at=at, node=node))
 
 
 def _form(console: Console, actor: Actor, typed: dict[str, str], *, errors: list[str] | None = None) -> HTMLResponse:

@@ -122,9 +122,7 @@ def _decide(handoff_id: str, decision: str, *, digest: str, reason: str, data: A
     raise typer.Exit(0 if ended_as_asked else exit_code(outcome["status"]))
 
 
-def _decide_here(
-    harness: Harness, handoff_id: HandoffId, decision: str, *, digest: str, reason: str
-) -> dict[str, Any]:
+def _decide_here(harness: Harness, handoff_id: HandoffId, decision: str, *, digest: str, reason: str) -> dict[str, Any]:
     runtime = harness.runtime
     handoff = runtime.handoff(handoff_id)
     if handoff.opened is None:
@@ -144,7 +142,9 @@ def _decide_here(
     )
     decided = runtime.answer(answer)
     if isinstance(decided, Refused):
-        raise HarnessError(f"{decided.message} ({decided.rule})", do="look again with `regen handoff list`, then decide")
+        raise HarnessError(
+            f"{decided.message} ({decided.rule})", do="look again with `regen handoff list`, then decide"
+        )
     mission = harness.supervisor.run(mission_id, watch=Progress())
     return mission_outcome(mission, Histories(runtime).of(mission_id), harness.starts(mission_id))
 

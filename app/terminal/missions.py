@@ -12,10 +12,10 @@ from app.terminal.answers import DEFAULT_DATA, Data, Json, Progress, exit_code, 
 from app.terminal.owner import owner_api
 from app.views.outcome import mission_outcome
 from harness.bootstrap import Harness, check_faults, open_harness, read_harness
+from harness.contracts.actors import Actor
 from harness.contracts.commands import StopMission
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid
-from harness.contracts.events import Actor
 from harness.contracts.ids import MissionId, RobotId
 from harness.recordings import replayed, write_recording
 from harness.runtime import Start
@@ -156,7 +156,11 @@ def list_missions(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
             for mission in runtime.missions()
         ]
     lines = table([[row["mission_id"], row["status"], row["template"], row["goal"][:60]] for row in rows])
-    show({"missions": rows}, as_json=as_json, lines=lines or ["No mission yet: `regen mission run warehouse-inspection`."])
+    show(
+        {"missions": rows},
+        as_json=as_json,
+        lines=lines or ["No mission yet: `regen mission run warehouse-inspection`."],
+    )
 
 
 @app.command("show")
@@ -210,6 +214,7 @@ def stop(
             if isinstance(decision, Refused):
                 raise ContractInvalid(decision.message)
             mission = harness.supervisor.run(mission.mission_id, watch=Progress())
-            outcome = mission_outcome(mission, Histories(harness.runtime).of(mission.mission_id), harness.starts(mission.mission_id)
+            outcome = mission_outcome(
+                mission, Histories(harness.runtime).of(mission.mission_id), harness.starts(mission.mission_id)
             )
     show(outcome, as_json=as_json, lines=_summary(outcome))

@@ -14,9 +14,9 @@ from app.scene import Scenes
 from app.settings import ConsoleSettings
 from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show
 from harness.bootstrap import Harness, open_harness, owner_of, read_harness
+from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, HarnessError, StoreUnavailable
-from harness.contracts.events import Actor
 from harness.contracts.ids import RobotId
 from harness.runtime import Start
 

@@ -6,15 +6,9 @@ from typing import Any
 
 from app.views.timeline import Entry
 from harness.contracts.contexts import Context, ContextRecord
-from harness.contracts.events import (
-    DispatchIntended,
-    GoalVerified,
-    NodePlanned,
-    RecoveryAuthorised,
-    VerdictRecorded,
-)
+from harness.contracts.events import DispatchIntended, GoalVerified, NodePlanned, RecoveryAuthorised, VerdictRecorded
 from harness.contracts.ids import Digest
-from harness.contracts.proposals import Candidate, CandidateSet
+from harness.contracts.proposals import CandidateSet
 
 ReadContext = Callable[[Digest], Context | None]
 ReadCandidates = Callable[[Digest], CandidateSet | None]
@@ -59,15 +53,22 @@ class ContextView:
 
 
 @dataclass(frozen=True)
-class CandidateRow:
-    """One provider that was looked at: refused by a named filter, or scored term by term."""
+class Scored:
+    """One provider that passed the filter, with its score term by term."""
+
+    provider: str
+    score: float
+    terms: tuple[tuple[str, float], ...]
+    chosen: bool
+
+
+@dataclass(frozen=True)
+class Filtered:
+    """One provider that the hard filter refused, and why."""
 
     provider: str
     refused_by: str
     reason: str
-    score: float | None
-    terms: tuple[tuple[str, float], ...]
-    chosen: bool
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,8 @@ class Choice:
 
     position: int
     k: int
-    candidates: tuple[CandidateRow, ...]
+    scored: tuple[Scored, ...]
+    refused: tuple[Filtered, ...]
 
 
 @dataclass(frozen=True)
@@ -88,9 +90,7 @@ class ContextsView:
     choices: tuple[Choice, ...]
 
 
-def contexts(
-    entries: Sequence[Entry], *, node_id: str, read: ReadContext, candidates: ReadCandidates
-) -> ContextsView:
+def contexts(entries: Sequence[Entry], *, node_id: str, read: ReadContext, candidates: ReadCandidates) -> ContextsView:
     """Contexts and candidate sets of one node, from the records that were stored with the decisions."""
     shown: list[ContextView] = []
     choices: list[Choice] = []
@@ -158,16 +158,22 @@ def _item(record: ContextRecord, at_s: float) -> Item:
 
 
 def _choice(position: int, found: CandidateSet) -> Choice:
-    rows = tuple(_candidate(one, chosen=one.provider_id == found.chosen) for one in found.candidates)
-    return Choice(position=position, k=found.k, candidates=rows)
-
-
-def _candidate(one: Candidate, *, chosen: bool) -> CandidateRow:
-    return CandidateRow(
-        provider=f"{one.provider_id} {one.version}",
-        refused_by=one.refused_by,
-        reason=one.reason,
-        score=one.score,
-        terms=tuple(one.terms.items()),
-        chosen=chosen,
+    return Choice(
+        position=position,
+        k=found.k,
+        scored=tuple(
+            Scored(
+                provider=f"{one.provider_id} {one.version}",
+                score=one.score,
+                terms=tuple(one.terms.items()),
+                chosen=one.provider_id == found.chosen,
+            )
+            for one in found.candidates
+            if one.score is not None
+        ),
+        refused=tuple(
+            Filtered(provider=f"{one.provider_id} {one.version}", refused_by=one.refused_by, reason=one.reason)
+            for one in found.candidates
+            if one.score is None
+        ),
     )

@@ -89,9 +89,7 @@ class EvidenceView:
     packets: tuple[PacketView, ...]
 
 
-def evidence(
-    mission_id: str, entries: Sequence[Entry], *, node_id: str, title: str, check: Check
-) -> EvidenceView:
+def evidence(mission_id: str, entries: Sequence[Entry], *, node_id: str, title: str, check: Check) -> EvidenceView:
     """Every packet that was retained for the node, each with its verdict and the gate's decision."""
     packets = [e.event.packet for e in entries if isinstance(e.event, PacketRetained)]
     mine = [packet for packet in packets if packet.identity.node_id == node_id]

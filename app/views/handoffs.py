@@ -9,7 +9,7 @@ from app.views.budgets import Budget, budget
 from app.views.measures import ConditionRow, condition_row, quantity
 from app.views.missions import RobotStrip
 from app.views.shell import Shell
-from harness.contracts.events import HandoffOpened, ProposedAction
+from harness.contracts.handoff_events import HandoffOpened, ProposedAction
 from harness.contracts.ids import sha256
 from harness.contracts.values import encode
 from harness.projections.handoffs import Handoff

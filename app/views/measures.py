@@ -2,9 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime
 
 from harness.contracts.verdicts import ConditionResult
 
+MANY, FEW = 6, 3
+"""How many quantities of a condition are shown at once: with bounds, or without any."""
 UNITS = {
     "m": "m", "s": "s", "rad": "rad", "deg": "°", "px": "px", "mps": "m/s", "radps": "rad/s", "m2": "m²", "hz": "Hz",
 }  # fmt: skip
@@ -28,6 +31,7 @@ class ConditionRow:
     verdict: str
     reason: str
     measures: tuple[Measure, ...]
+    others: tuple[Measure, ...]
     sources: str
     independence: int
     required: int
@@ -45,6 +49,8 @@ def number(value: float) -> str:
 
 def quantity(name: str, value: float | str) -> tuple[str, str]:
     """("distance", "0.09 m") for distance_m = 0.09; names without a known unit keep all their words."""
+    if name.endswith("_at_s") and not isinstance(value, str):
+        return name.removesuffix("_s").replace("_", " "), datetime.fromtimestamp(value, UTC).strftime("%H:%M:%S UTC")
     stem, _, suffix = name.rpartition("_")
     unit = UNITS.get(suffix, "") if stem else ""
     label = (stem if unit else name).replace("_", " ")
@@ -66,12 +72,15 @@ def measures(measured: Mapping[str, float], bounds: Mapping[str, float]) -> tupl
 
 
 def condition_row(result: ConditionResult) -> ConditionRow:
+    every = measures(result.measured, result.bounds)
+    first = [one for one in every if one.bound][:MANY] or list(every[:FEW])
     return ConditionRow(
         condition_id=result.condition_id,
         text=result.text,
         verdict=result.verdict,
         reason=result.reason,
-        measures=measures(result.measured, result.bounds),
+        measures=tuple(first),
+        others=tuple(one for one in every if one not in first),
         sources=", ".join(result.sources),
         independence=result.independence,
         required=result.required_independence,

@@ -6,14 +6,11 @@ from dataclasses import dataclass
 
 import msgspec
 
-from app.views.budgets import Budget
-from app.views.contexts import ContextsView, ContextView
-from app.views.evidence import EvidenceView
+from app.views.contexts import ContextView
 from app.views.measures import ConditionRow, condition_row
 from app.views.sentences import sentence as event_sentence
 from app.views.shell import Shell
-from app.views.stages import Graph, Stage
-from app.views.timeline import Entry, Timeline
+from app.views.timeline import Entry
 from harness.contracts.errors import UnknownName
 from harness.contracts.events import MissionEnded
 from harness.contracts.protocol import RobotStatus
@@ -32,10 +29,10 @@ GROUPS: tuple[tuple[str, str], ...] = (
 
 @dataclass(frozen=True)
 class Span:
-    """Wall time of a mission's first and newest event, seconds since the Unix epoch."""
+    """Wall time from a mission's first event to its end, or to now: seconds since the Unix epoch."""
 
     began_s: float
-    newest_s: float
+    until_s: float
 
 
 @dataclass(frozen=True)
@@ -129,33 +126,6 @@ class ContractView:
 
 
 @dataclass(frozen=True)
-class Regions:
-    """Everything on a mission page that is fetched again when something changes."""
-
-    mission_id: str
-    node: str
-    at: int | None
-    query: str
-    head: Head
-    robot: RobotStrip | None
-    stages: tuple[Stage, ...]
-    graph: Graph | None
-    timeline: Timeline
-    evidence: EvidenceView
-    contexts: ContextsView
-    contract: ContractView | None
-    budget: Budget
-    scene: str
-
-
-@dataclass(frozen=True)
-class MissionPage(Regions):
-    """The regions inside the shell. The 3D view stands outside all of them."""
-
-    shell: Shell
-
-
-@dataclass(frozen=True)
 class EventPage:
     """One event as it is stored, with its links in the hash chain."""
 
@@ -180,7 +150,7 @@ def row(mission: Mission, span: Span) -> MissionRow:
         stage=current_stage(mission),
         verdict=mission.goal_verdict.verdict if mission.goal_verdict else "",
         began_s=span.began_s,
-        took_s=span.newest_s - span.began_s,
+        took_s=span.until_s - span.began_s,
         spent=mission.spent_total,
         budget=contract.recovery_total if contract else 0,
         handoff_id=mission.handoff_id or "",
@@ -239,7 +209,7 @@ def sentence(mission: Mission) -> str:
 
 
 def current_stage(mission: Mission) -> str:
-    """"return, 6 of 7" for the stage that is under way; empty without a contract."""
+    """ "return, 6 of 7" for the stage that is under way; empty without a contract."""
     if mission.contract is None:
         return "not compiled yet"
     names = order(mission.contract)

@@ -14,6 +14,7 @@ from harness.contracts.protocol import PhysicalStart, Receipt
 from harness.contracts.tasks import Node, order
 from harness.projections.mission import Mission, NodeState
 
+
 def mission_outcome(
     mission: Mission, entries: Sequence[Entry], starts: Sequence[PhysicalStart] | None
 ) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from harness.contracts.events import Actor
+from harness.contracts.actors import Actor
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
 

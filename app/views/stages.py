@@ -17,6 +17,7 @@ from harness.projections.mission import Mission, NodeState
 
 BOX_W, BOX_H, GAP_X, GAP_Y = 132, 50, 26, 16
 BUSY = frozenset({"dispatched", "executed", "verifying"})
+TELLING = ("distance_m", "frames", "images", "findings", "displacement_m")
 GOAL_STATE = {"satisfied": "committed", "pending": "pending", "violated": "failed", "unsafe": "failed"}
 NEEDS_EYES = frozenset({"recovering", "escalated", "rejected"})
 
@@ -108,7 +109,17 @@ def graph(contract: TaskContract, drawn: Sequence[Stage], *, goal: str) -> Graph
     edges = [_edge(place[before], place[node.node_id]) for node in contract.nodes for before in node.depends_on]
     edges += [_edge(place[node_id], end) for node_id in sorted(last)]
     boxes = [_box(place[NodeId(stage.node_id)], stage) for stage in drawn]
-    boxes.append(Box(x=end[0], y=end[1], title="goal", label=goal, state=GOAL_STATE.get(goal, "waiting"), href="#contract", selected=False))
+    boxes.append(
+        Box(
+            x=end[0],
+            y=end[1],
+            title="goal",
+            label=goal,
+            state=GOAL_STATE.get(goal, "waiting"),
+            href="#contract",
+            selected=False,
+        )
+    )
     tallest = max(len(members) for members in rows.values())
     return Graph(
         width=columns * (BOX_W + GAP_X) - GAP_X,
@@ -183,9 +194,10 @@ def _declared(state: NodeState, now: Observed) -> tuple[Measure, ...]:
     kinds: dict[str, int] = {}
     for receipt in packet.receipts:
         kinds[receipt.kind] = kinds.get(receipt.kind, 0) + 1
-    said = [Measure(*quantity(name, value)) for name, value in packet.declared.items()]
+    leading = sorted(packet.declared, key=lambda name: (_rank(name), name.endswith("_at_s")))
+    said = [Measure(*quantity(name, packet.declared[name])) for name in leading[:1]]
     said += [Measure(name=f"{kind} receipt{'s' if many > 1 else ''}", value=str(many)) for kind, many in kinds.items()]
-    return tuple(said[:3])
+    return tuple(said[:2])
 
 
 def _measured(node: Node, state: NodeState, now: Observed) -> tuple[Measure, ...]:
@@ -195,13 +207,17 @@ def _measured(node: Node, state: NodeState, now: Observed) -> tuple[Measure, ...
         return (Measure(name="straight to target", value=f"{distance:.1f} m"),) if distance is not None else ()
     if not state.verdicts:
         return ()
-    return tuple(measure for result in state.verdicts[-1].results for measure in _leading(result))[:3]
+    return tuple(measure for result in state.verdicts[-1].results for measure in _leading(result))[:2]
+
+
+def _rank(name: str) -> int:
+    return TELLING.index(name) if name in TELLING else len(TELLING)
 
 
 def _leading(result: ConditionResult) -> tuple[Measure, ...]:
-    """The first measured quantity that has a bound, else the first measured one."""
-    bounded = [name for name in result.measured if name in result.bounds]
-    name = next(iter(bounded or result.measured), None)
+    """The most telling measured quantity: one that people ask for, else one that has a bound, else the first."""
+    names = sorted(result.measured, key=lambda one: (_rank(one), one not in result.bounds))
+    name = next(iter(names), None)
     if name is None:
         return ()
     label, value = quantity(name, result.measured[name])

@@ -67,11 +67,9 @@ class Line:
 
 @dataclass(frozen=True)
 class Timeline:
-    """Lanes, and where the reader stands on them. `at` is None while the page follows the newest event."""
+    """Lanes, and where the reader stands on them."""
 
     lanes: tuple[Lane, ...]
-    lines: tuple[Line, ...]
-    at: int | None
     cursor: float
     elapsed_s: float
     total_s: float
@@ -107,8 +105,6 @@ def timeline(mission_id: str, entries: Sequence[Entry], *, at: int | None, node:
         )
     return Timeline(
         lanes=tuple(Lane(title=title, ticks=tuple(ticks[family])) for family, title in LANES),
-        lines=tuple(_line(mission_id, entry, begin_s=begin_s, at=at) for entry in entries),
-        at=at,
         cursor=round(99.0 * (here.mission_s - begin_s) / span_s, 3),
         elapsed_s=here.mission_s - begin_s,
         total_s=span_s,
@@ -119,6 +115,11 @@ def timeline(mission_id: str, entries: Sequence[Entry], *, at: int | None, node:
         earlier=href(entries[place - 1].position) if place else "",
         later=href(entries[place + 1].position) if place + 1 < len(entries) else "",
     )
+
+
+def lines(mission_id: str, entries: Sequence[Entry], *, at: int | None) -> tuple[Line, ...]:
+    """Every event as a sentence, oldest first."""
+    return tuple(_line(mission_id, entry, begin_s=entries[0].mission_s, at=at) for entry in entries)
 
 
 def until(entries: Sequence[Entry], at: int | None) -> tuple[Entry, ...]:

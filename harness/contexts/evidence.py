@@ -4,12 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import msgspec
 from msgspec.structs import replace
 
 from harness.contexts.observed import other_map, reference_states
 from harness.contexts.selection import Item, withhold
-from harness.contexts.view import StateView, referenced
+from harness.contexts.view import StateView, plain, referenced
 from harness.contracts.contexts import ContextRecord
 from harness.contracts.effects import Relational, Symbolic, Visual
 from harness.contracts.evidence import CommittedFact, EvidencePacket, EvidenceReference
@@ -67,7 +66,7 @@ def provider_word(source: Source, *, node: Node) -> list[Item]:
             origin="provider",
             source=identity.provider_id,
             at_s=packet.terminal_s,
-            value=msgspec.to_builtins(value),
+            value=plain(value),
             mandatory=needed and kind == "receipts" and source.lasting,
         )
         items.append(_unless_replaced(Item(record, scope=frozenset({identity.node_id})), source))

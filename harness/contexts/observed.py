@@ -3,7 +3,7 @@
 import msgspec
 
 from harness.contexts.selection import Item
-from harness.contexts.view import StateView, referenced
+from harness.contexts.view import StateView, plain, referenced
 from harness.contracts.contexts import ContextRecord, Withheld
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import NodeId
@@ -39,7 +39,7 @@ def robot_status(view: StateView) -> list[Item]:
         origin="provider",
         source=view.status.robot_id,
         at_s=view.status.at_s,
-        value=msgspec.to_builtins(view.status),
+        value=plain(view.status),
     )
     states = {"map_version": view.status.map_version}
     return [Item(record, speaks_at_s=view.at_s, limit_s=view.rules.pose_age_s, states=states)]
@@ -64,7 +64,7 @@ def recent_window(view: StateView, *, window_s: float) -> Item:
             origin="sensor",
             source="robot",
             at_s=max((sample.at_s for sample in kept), default=view.at_s),
-            value=msgspec.to_builtins(samples),
+            value=plain(samples),
             mandatory=True,
         )
     )
@@ -91,7 +91,7 @@ def _sample_item(view: StateView, sample: AnySample) -> Item:
         origin="sensor",
         source=sample.source,
         at_s=sample.at_s,
-        value=msgspec.to_builtins(sample),
+        value=plain(sample),
         confidence=confidence,
         blob=getattr(sample, "blob", None),
     )

@@ -7,11 +7,9 @@ CommittedFact, one record per node); "place" (Place) and "map"; "robot" (RobotSt
 
 from collections import Counter
 
-import msgspec
-
 from harness.contexts.observed import newest_samples, observed_references, robot_status
 from harness.contexts.selection import Item, Selection, compile_context
-from harness.contexts.view import StateView, accepted, configured
+from harness.contexts.view import StateView, accepted, configured, plain
 from harness.contracts.capabilities import Capability, Risk
 from harness.contracts.configuration import FailureClass
 from harness.contracts.contexts import Context, ContextRecord
@@ -74,7 +72,7 @@ def goal_record(view: StateView) -> ContextRecord:
         origin="human",
         source=asked.name if asked else "user",
         at_s=view.at_s,
-        value=msgspec.to_builtins(view.contract.goal),
+        value=plain(view.contract.goal),
         mandatory=True,
     )
 
@@ -107,7 +105,7 @@ def facts_by_node(view: StateView) -> list[ContextRecord]:
 
 
 def _places(view: StateView) -> list[Item]:
-    named = str(msgspec.to_builtins(view.contract.bindings))
+    named = str(plain(view.contract.bindings))
     targets = {place.approach_m for place in view.site.places if repr(place.place_id) in named}
     places = [place for place in view.site.places if place.approach_m in targets or not targets]
     map_state = {"site": view.site.name, "frame": view.contract.frame, "map_version": view.contract.map_version}

@@ -13,7 +13,6 @@ the history on which a circuit is tested).
 
 from typing import Any
 
-import msgspec
 from msgspec.structs import replace
 
 from harness.contexts.evidence import (
@@ -28,7 +27,7 @@ from harness.contexts.observed import other_map, recent_window
 from harness.contexts.planner import goal_record
 from harness.contexts.selection import Item, Selection, compile_context
 from harness.contexts.skill import ancestors, relevant_facts
-from harness.contexts.view import StateView, accepted, configured
+from harness.contexts.view import StateView, accepted, configured, plain
 from harness.contracts.capabilities import CapabilityCard, Risk
 from harness.contracts.contexts import Context, ContextRecord
 from harness.contracts.effects import Condition, Metric, Relational, Symbolic
@@ -228,7 +227,7 @@ def _receipts(view: StateView, packets: dict[NodeId, EvidencePacket]) -> list[It
         origin="provider",
         source="providers",
         at_s=max(receipt.at_s for receipt in receipts),
-        value=msgspec.to_builtins(receipts),
+        value=plain(receipts),
         mandatory=True,
     )
     return [Item(record)]

@@ -51,6 +51,11 @@ class StateView(Value):
         return next((packet for packet in packets if packet.identity.packet_id == packet_id), None)
 
 
+def plain(value: Any) -> Any:
+    """The value as JSON builtins, exactly as it will be read back from a stored context."""
+    return msgspec.json.decode(msgspec.json.encode(value))
+
+
 def configured(kind: str, source: str, value: Any, *, at_s: float, mandatory: bool = False) -> ContextRecord:
     """A record of configured semantics: contract, card, place. It holds as long as the configuration does."""
     return ContextRecord(
@@ -58,7 +63,7 @@ def configured(kind: str, source: str, value: Any, *, at_s: float, mandatory: bo
         origin="configuration",
         source=source,
         at_s=at_s,
-        value=msgspec.to_builtins(value),
+        value=plain(value),
         mandatory=mandatory,
     )
 
@@ -66,7 +71,7 @@ def configured(kind: str, source: str, value: Any, *, at_s: float, mandatory: bo
 def accepted(kind: str, source: str, value: Any, *, at_s: float, mandatory: bool = False) -> ContextRecord:
     """A record of the harness's own history: committed facts, verdicts, spends, executions."""
     return ContextRecord(
-        kind=kind, origin="verifier", source=source, at_s=at_s, value=msgspec.to_builtins(value), mandatory=mandatory
+        kind=kind, origin="verifier", source=source, at_s=at_s, value=plain(value), mandatory=mandatory
     )
 
 
@@ -79,7 +84,7 @@ def referenced(
         origin=origin or reference.origin,
         source=reference.source,
         at_s=reference.until_s,
-        value=msgspec.to_builtins(reference),
+        value=plain(reference),
         confidence=reference.confidence,
         mandatory=mandatory,
         blob=reference.blob,

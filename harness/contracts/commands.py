@@ -4,17 +4,12 @@ from typing import Literal
 
 import msgspec
 
-from harness.contracts.configuration import FailureClass, RecoveryPolicy
-from harness.contracts.events import (
-    Actor,
-    Autonomy,
-    DispatchIntended,
-    NodePlanned,
-    ProposedAction,
-    Snapshot,
-)
+from harness.contracts.actors import Actor
 from harness.contracts.capabilities import Risk
+from harness.contracts.configuration import FailureClass, RecoveryPolicy
+from harness.contracts.events import Autonomy, DispatchIntended, NodePlanned
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
+from harness.contracts.handoff_events import ProposedAction, Snapshot
 from harness.contracts.ids import (
     ConditionId,
     Digest,
@@ -22,7 +17,6 @@ from harness.contracts.ids import (
     InvocationId,
     MissionId,
     NodeId,
-    ProviderId,
     ResourceId,
     RobotId,
 )

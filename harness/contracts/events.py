@@ -1,4 +1,4 @@
-"""What happened, in the past tense. Three kinds of stream: mission, lease, handoff. Stored as tagged JSON.
+"""What happened, in the past tense. Of missions; leases and handoffs have modules of their own.
 
 Events marked (k+1) advance the mission's decision basis when folded (D2).
 """
@@ -7,7 +7,7 @@ from typing import Literal
 
 import msgspec
 
-from harness.contracts.capabilities import Risk
+from harness.contracts.actors import Actor, Event
 from harness.contracts.configuration import FailureClass, RecoveryAction, RecoveryPolicy
 from harness.contracts.evidence import CommittedFact, EvidencePacket, EvidenceReference
 from harness.contracts.ids import (
@@ -20,29 +20,15 @@ from harness.contracts.ids import (
     PacketId,
     ProviderId,
     RequestId,
-    ResourceId,
     RobotId,
 )
 from harness.contracts.proposals import Signature
 from harness.contracts.protocol import InvocationStatus, Parameters
 from harness.contracts.tasks import TaskContract
-from harness.contracts.values import Count, Name, Value
+from harness.contracts.values import Count, Name
 from harness.contracts.verdicts import GoalVerdict, NodeVerdict
 
 Autonomy = Literal["manual", "approve_each_motion", "approve_risky", "autonomous"]
-Channel = Literal["human", "timeout", "policy"]
-
-
-class Event(Value, tag_field="kind"):
-    """Base of all events; the tag is the class name."""
-
-
-class Actor(Value):
-    """Who asked, in which role, by which channel."""
-
-    name: Name
-    role: Name
-    channel: Channel = "human"
 
 
 # mission: start -----------------------------------------------------------------------------------------------------
@@ -355,151 +341,3 @@ MissionEvent = (
     | CompletionReported
     | FailureReported
 )
-
-# lease --------------------------------------------------------------------------------------------------------------
-
-
-class LeaseAcquired(Event, tag=True):
-    """`token` is the fencing token: it rises with every acquisition of the resource."""
-
-    resource: ResourceId
-    mission_id: MissionId
-    invocation_id: InvocationId
-    token: Count
-    expires_s: float
-
-
-class LeaseReleased(Event, tag=True):
-    invocation_id: InvocationId
-    reason: Name
-
-
-class LeaseQuarantined(Event, tag=True):
-    """The holder may be moving: nobody gets the resource until it is freed (D14)."""
-
-    invocation_id: InvocationId
-    reason: Name
-
-
-class LeaseFreed(Event, tag=True):
-    """A quarantined lease was freed by an acknowledged stop or a named operator, both with static-body evidence."""
-
-    actor: Actor
-    static: dict[str, float]
-    reason: Name
-
-
-LeaseEvent = LeaseAcquired | LeaseReleased | LeaseQuarantined | LeaseFreed
-
-# handoff ------------------------------------------------------------------------------------------------------------
-
-
-class ProposedAction(Value):
-    """Exactly what an approval would let run, once. Its canonical bytes are what the person sees and digests."""
-
-    mission_id: MissionId
-    node_id: NodeId
-    attempt: Count
-    action: RecoveryAction
-    provider_id: ProviderId
-    provider_version: str
-    parameters: Parameters
-    configuration: Digest
-    graph_revision: Count
-    limits: dict[str, float]
-    spends: Count
-
-
-class Snapshot(Value):
-    """What the robot looked like when the person looked: bound into the approval (D28)."""
-
-    at_s: float
-    taken_at_s: float
-    x_m: float
-    y_m: float
-    yaw_rad: float
-    static: bool
-    results: Digest
-    image: Digest | None
-
-
-class HandoffOpened(Event, tag=True):
-    handoff_id: HandoffId
-    mission_id: MissionId
-    robot_id: RobotId
-    node_id: NodeId
-    k: Count
-    cycle: Count
-    failure: FailureClass
-    reason: str
-    risk: Risk
-    proposal: ProposedAction | None
-    subject: Digest
-    snapshot: Snapshot
-    evidence: Digest
-    no_answer: Literal["hold", "lie_down", "retreat"]
-    opened_at_s: float
-    deadline_at_s: float
-
-
-class HandoffRefreshed(Event, tag=True):
-    """Observed again (cycle+1): a new snapshot, and the proposal as it would run now."""
-
-    cycle: Count
-    k: Count
-    proposal: ProposedAction | None
-    subject: Digest
-    snapshot: Snapshot
-    evidence: Digest
-
-
-class HandoffApproved(Event, tag=True):
-    actor: Actor
-    reason: Name
-    key: Name
-    cycle: Count
-    subject: Digest
-    evidence: Digest
-    at_s: float
-
-
-class HandoffRejected(Event, tag=True):
-    actor: Actor
-    reason: Name
-    key: Name
-    cycle: Count
-    subject: Digest
-    at_s: float
-
-
-class HandoffExpired(Event, tag=True):
-    at_s: float
-
-
-class HandoffSuperseded(Event, tag=True):
-    reason: Name
-
-
-class HandoffDispatched(Event, tag=True):
-    invocation_id: InvocationId
-
-
-class HandoffEffectObserved(Event, tag=True):
-    """What became of the one dispatch: confirmed by the gate, failed, or unknown. Never assumed."""
-
-    outcome: Literal["confirmed", "failed", "unknown"]
-    reason: Name
-
-
-HandoffEvent = (
-    HandoffOpened
-    | HandoffRefreshed
-    | HandoffApproved
-    | HandoffRejected
-    | HandoffExpired
-    | HandoffSuperseded
-    | HandoffDispatched
-    | HandoffEffectObserved
-)
-
-AnyEvent = MissionEvent | LeaseEvent | HandoffEvent

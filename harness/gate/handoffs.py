@@ -16,7 +16,7 @@ from harness.contracts.commands import (
 )
 from harness.contracts.decider import Codec, Decider
 from harness.contracts.decisions import Accepted, Decision, Refused
-from harness.contracts.events import (
+from harness.contracts.handoff_events import (
     HandoffApproved,
     HandoffDispatched,
     HandoffEffectObserved,

@@ -4,8 +4,8 @@ from typing import Literal, assert_never
 
 from msgspec.structs import replace
 
-from harness.contracts.events import (
-    Actor,
+from harness.contracts.actors import Actor
+from harness.contracts.handoff_events import (
     HandoffApproved,
     HandoffDispatched,
     HandoffEffectObserved,

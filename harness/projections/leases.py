@@ -4,8 +4,8 @@ from typing import Literal, assert_never
 
 from msgspec.structs import replace
 
-from harness.contracts.events import LeaseAcquired, LeaseEvent, LeaseFreed, LeaseQuarantined, LeaseReleased
 from harness.contracts.ids import InvocationId, MissionId, ResourceId
+from harness.contracts.lease_events import LeaseAcquired, LeaseEvent, LeaseFreed, LeaseQuarantined, LeaseReleased
 from harness.contracts.values import Count, Value
 
 

@@ -5,9 +5,9 @@ from typing import Literal, assert_never
 import msgspec
 from msgspec.structs import replace
 
+from harness.contracts.actors import Actor
 from harness.contracts.configuration import FailureClass, RecoveryAction, RecoveryPolicy
 from harness.contracts.events import (
-    Actor,
     Autonomy,
     CommitRejected,
     CompletionReported,

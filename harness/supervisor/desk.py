@@ -2,6 +2,8 @@
 
 from math import inf
 
+from harness.contracts.actors import Actor
+from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import (
     AnswerMission,
     ApproveHandoff,
@@ -15,8 +17,8 @@ from harness.contracts.commands import (
     RejectHandoff,
     SupersedeHandoff,
 )
-from harness.contracts.decisions import Accepted, Decision, Refused
-from harness.contracts.events import Actor, AnyEvent, ProposedAction, Snapshot
+from harness.contracts.decisions import Decision, Refused
+from harness.contracts.handoff_events import ProposedAction, Snapshot
 from harness.contracts.ids import Digest, HandoffId, NodeId, handoff_stream, mission_stream, sha256
 from harness.contracts.observations import Image, Odometry, Pose
 from harness.contracts.places import Zone

@@ -8,12 +8,13 @@ from msgspec.structs import replace
 from harness.contexts.planner import planner_context
 from harness.contexts.skill import skill_context
 from harness.contexts.view import StateView
+from harness.contracts.any_events import AnyEvent
 from harness.contracts.capabilities import Capability, CapabilityCard
 from harness.contracts.commands import ApproveHandoff, AuthoriseDispatch, RefusePrecondition, ReportFailure
 from harness.contracts.configuration import FailureClass
 from harness.contracts.contexts import Context
 from harness.contracts.decisions import Accepted, Refused
-from harness.contracts.events import AnyEvent, DispatchIntended, NodePlanned
+from harness.contracts.events import DispatchIntended, NodePlanned
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import (
     HandoffId,
@@ -25,8 +26,8 @@ from harness.contracts.ids import (
     request_id,
 )
 from harness.contracts.ports import Record
-from harness.contracts.protocol import Parameters
 from harness.contracts.proposals import CandidateSet, RecoveryProposal, Signature, SkillProposal
+from harness.contracts.protocol import Parameters
 from harness.contracts.tasks import Node
 from harness.contracts.values import digest
 from harness.gate.commit import Request

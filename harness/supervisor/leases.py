@@ -1,7 +1,8 @@
 """Lease requests that go with an invocation: taken with the intent, given back only with the body at rest (D14)."""
 
+from harness.contracts.actors import Actor
 from harness.contracts.commands import AcquireLease, FreeLease, QuarantineLease, ReleaseLease
-from harness.contracts.events import Actor, DispatchIntended
+from harness.contracts.events import DispatchIntended
 from harness.contracts.ids import InvocationId, MissionId, ResourceId, lease_stream
 from harness.gate.commit import Request
 from harness.runtime import Runtime

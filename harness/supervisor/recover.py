@@ -13,7 +13,7 @@ from harness.supervisor.desk import Desk
 from harness.supervisor.dispatch import Attempt, Dispatcher
 from harness.supervisor.leases import free
 from harness.supervisor.rest import at_rest
-from harness.supervisor.roles import Roles, context_record
+from harness.supervisor.roles import Roles
 
 IMPOSSIBLE = ("approval_required", "provider_unavailable", "repeated_without_news", "excluded_provider")
 

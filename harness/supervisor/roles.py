@@ -2,10 +2,10 @@
 
 from typing import Any
 
+from harness.contexts.view import StateView
 from harness.contracts.contexts import Context
 from harness.contracts.ports import Record
 from harness.contracts.values import digest, encode
-from harness.contexts.view import StateView
 from harness.projections.mission import Mission, required_policy
 from harness.runtime import Runtime
 from harness.supervisor.crew import Crew

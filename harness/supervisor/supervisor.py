@@ -4,10 +4,10 @@ import logging
 from collections.abc import Callable, Mapping
 from threading import Event, RLock, Thread
 
+from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import EndMission, PersonCommand, StopMission
 from harness.contracts.decisions import Decision, Refused
 from harness.contracts.errors import HarnessError
-from harness.contracts.events import AnyEvent
 from harness.contracts.ids import MissionId, RobotId
 from harness.projections.mission import Mission
 from harness.runtime import Runtime

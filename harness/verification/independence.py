@@ -18,7 +18,7 @@ def independence(sources: tuple[str, ...], *, provider: tuple[str, ...] | None) 
 
 
 def labelled(finding: Finding, *, level: int, required: int) -> str:
-    """The finding's reason with what must be said of its sources: whether one source is all, and whether it is enough."""
+    """The finding's reason with what must be said of its sources: is one source all, and is it enough?"""
     if finding.verdict == "satisfied" and level < required:
         names = ", ".join(finding.sources) or "none"
         return f"single source ({names}): independence {level}, required {required}; {finding.reason}"

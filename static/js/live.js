@@ -1,5 +1,6 @@
 // One EventSource per page. It carries names; the regions fetch themselves. A page that is not live says so.
 const LOST_AFTER_MS = 1600;
+const OPENS_WITHIN_MS = 8000;
 const body = document.body;
 const topics = (body.dataset.topics || "").split(" ").filter(Boolean);
 const exact = { mission: "live:mission", live: "live:observations", handoff: "live:handoff" };
@@ -28,6 +29,7 @@ function buttons(off) {
 
 function lost() {
   if (body.dataset.link === "lost") return;
+  if (body.dataset.link === "opening" && performance.now() < OPENS_WITHIN_MS) return;
   const since = new Date(Date.now() - (performance.now() - heard)).toISOString().slice(11, 19);
   body.dataset.link = "lost";
   for (const region of document.querySelectorAll("[data-region]")) region.dataset.stale = `not live since ${since} UTC`;
@@ -54,6 +56,7 @@ function live() {
   body.dataset.link = "live";
   buttons(false);
   say(back ? "Live again." : "");
+  if (back) setTimeout(() => body.dataset.link === "live" && say(""), 4000);
 }
 
 function hello(event) {

@@ -1,5 +1,6 @@
 """Small missions for tests of the gate: two nodes, and the commands that take one from start to end."""
 
+from harness.contracts.actors import Actor
 from harness.contracts.commands import (
     ActivateMission,
     AuthoriseDispatch,
@@ -9,7 +10,7 @@ from harness.contracts.commands import (
 from harness.contracts.configuration import RecoveryPolicy
 from harness.contracts.decisions import Accepted
 from harness.contracts.effects import Condition, Metric, Symbolic
-from harness.contracts.events import Actor, DispatchIntended
+from harness.contracts.events import DispatchIntended
 from harness.contracts.evidence import EvidencePacket, PacketIdentity
 from harness.contracts.ids import (
     ConditionId,

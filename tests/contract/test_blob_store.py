@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from harness.adapters.stores.blobs import FileBlobStore
@@ -37,6 +37,7 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> list[BlobStore]:
     return [MemoryBlobStore(), FileBlobStore(tmp_path_factory.mktemp("kept"))]
 
 
+@settings(deadline=None)
 @given(bodies=st.lists(st.binary(max_size=2000), max_size=5))
 def test_every_blob_is_found_again_under_its_sha256(kept: list[BlobStore], bodies: list[bytes]) -> None:
     for blobs in kept:

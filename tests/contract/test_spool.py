@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from harness.adapters.stores.memory import MemorySpool
@@ -87,6 +87,7 @@ def torn_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("torn")
 
 
+@settings(deadline=None)
 @given(lost=st.integers(min_value=1, max_value=60))
 def test_a_torn_last_line_costs_only_itself_wherever_it_was_torn(torn_folder: Path, lost: int) -> None:
     before = FileSpool(torn_folder)

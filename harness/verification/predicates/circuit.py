@@ -1,5 +1,6 @@
 """metric circuit (D19): departure, then progress along the route, then return, in the order of sensor times."""
 
+import math
 from itertools import pairwise
 
 from harness.contracts.effects import AnyEffect, Metric
@@ -8,7 +9,7 @@ from harness.contracts.verdicts import PredicateVerdict
 from harness.verification.finding import Finding, Undecidable, ambiguous, worst
 from harness.verification.geometry import Fix, departed_s, excursion, path_length, route_progress
 from harness.verification.predicates.arrival import SAMPLES, agreement_of, arrival, poses_of
-from harness.verification.reading import Evidence, fixes
+from harness.verification.reading import Evidence, Track, fixes
 
 GAP_S = 1.0
 
@@ -28,7 +29,7 @@ def circuit(effect: AnyEffect, evidence: Evidence) -> Finding:
     began_s = min(one.dispatched_s for one in evidence.tracks)
     left_s = departed_s(track, origin=effect.target_m, after_s=began_s, radius_m=departure_m, samples=SAMPLES)
     progress = route_progress(effect.route_m, [fix.point for fix in track])
-    gap_s = max((b.at_s - a.at_s for a, b in pairwise(track)), default=0.0)
+    gap_s = max(_gap_s(effect, one) for one in evidence.tracks)
     back = arrival(effect, evidence)
     declared = _declared(evidence)
     verdict, reason = worst(
@@ -67,6 +68,15 @@ def circuit(effect: AnyEffect, evidence: Evidence) -> Finding:
 def _history(effect: Metric, evidence: Evidence) -> tuple[Pose, ...]:
     poses = {pose.at_s: pose for track in evidence.tracks for pose in poses_of(effect, track)}
     return tuple(poses[at_s] for at_s in sorted(poses))
+
+
+def _gap_s(effect: Metric, track: Track) -> float:
+    """The longest time within one execution that no pose shows, while other sensors went on."""
+    times = [pose.at_s for pose in poses_of(effect, track)]
+    if not times:
+        return math.inf
+    ends = [*times, track.until_s] if track.until_s is not None else times
+    return max((b - a for a, b in pairwise(ends)), default=0.0)
 
 
 def _declared(evidence: Evidence) -> float | None:

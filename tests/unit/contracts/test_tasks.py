@@ -112,7 +112,6 @@ def test_an_optional_node_does_not_keep_the_goal_check_waiting() -> None:
     assert not failed(with_states(delivery="failed"))
 
 
-@pytest.mark.ledger("R4", symbol="harness.contracts.values:Value")
 def test_the_completion_conditions_of_a_contract_cannot_be_changed() -> None:
     task = contract()
     tries: list[Callable[[], None]] = [

@@ -32,7 +32,13 @@ def test_a_card_without_one_of_its_twelve_fields_is_no_card(field: str) -> None:
         msgspec.convert(whole, CapabilityCard)
 
 
-@pytest.mark.ledger("R16", symbol="harness.contracts.values:Value")
+def test_a_card_promises_nothing_about_supervision_that_it_does_not_state() -> None:
+    whole = card()
+    assert not whole.resumable
+    assert (whole.reattach, whole.sources, whole.software) == ("by_request", (), "")
+
+
+@pytest.mark.ledger("R16", symbol="harness.contracts.values:decode")
 def test_an_unknown_key_is_refused_with_its_path() -> None:
     body = msgspec.json.decode(encode(contract()))
     body["nodes"][1]["success_conditions"][0]["effect"]["colour"] = "blue"

@@ -2,9 +2,9 @@
 
 import pytest
 
+from harness.contracts.actors import Actor
 from harness.contracts.commands import AcquireLease, FreeLease, LeaseCommand, QuarantineLease, ReleaseLease
 from harness.contracts.decisions import Accepted, Refused
-from harness.contracts.events import Actor
 from harness.contracts.ids import InvocationId, MissionId, ResourceId
 from harness.contracts.values import Moment
 from harness.gate.leases import DECIDER

@@ -165,5 +165,38 @@ def test_a_given_target_makes_one_segment_over_everything(recorded):
     assert whole.last_pose_distance_m == pytest.approx(5.0, abs=0.2)
 
 
+def test_a_route_dispatched_after_the_last_position_makes_no_segment(tmp_path):
+    words = RosWords()
+    messages = [(BODY_POSE, POSE, 10.0 + at, words.pose(pose_at(10.0 + at, float(at)))) for at in range(3)]
+    messages.append(("/initial_path", PATH, 99.0, words.path(99.0, "map", list(OUT))))
+    with open_recording(mcap_of(tmp_path / "late.mcap", messages)) as recording:
+        (whole,) = recording.segments()
+    assert whole.target_source == "last position of the recording"
+    assert whole.target_m == (2.0, 0.0)
+
+
+def test_a_route_sent_again_to_the_same_target_before_an_arrival_is_one_segment(tmp_path):
+    words = RosWords()
+    messages = [(BODY_POSE, POSE, 10.0 + at, words.pose(pose_at(10.0 + at, float(at)))) for at in range(9)]
+    messages += [("/initial_path", PATH, at, words.path(at, "map", list(OUT))) for at in (10.0, 13.0)]
+    messages.append(("/initial_path", PATH, 16.0, words.path(16.0, "map", list(BACK))))
+    with open_recording(mcap_of(tmp_path / "retry.mcap", messages)) as recording:
+        assert [(leg.name, leg.dispatched_s) for leg in recording.segments()] == [
+            ("segment 1", 10.0),
+            ("segment 2", 16.0),
+        ]
+
+
+def test_a_route_in_a_frame_that_nothing_joins_to_the_positions_is_refused(tmp_path):
+    words = RosWords()
+    messages = [(BODY_POSE, POSE, 10.0, words.pose(pose_at(10.0, 0.0)))]
+    messages.append(("/initial_path", PATH, 10.0, words.path(10.0, "elsewhere", list(OUT))))
+    with (
+        open_recording(mcap_of(tmp_path / "frames.mcap", messages)) as recording,
+        pytest.raises(RecordingInvalid, match="stated in elsewhere, positions in map"),
+    ):
+        recording.paths()
+
+
 def _pictures(mission):
     return [mission.blobs[sample.blob] for sample in mission.samples if isinstance(sample, Image)]

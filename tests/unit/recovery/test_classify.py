@@ -40,6 +40,11 @@ def test_a_failure_word_that_names_a_class_is_that_class(word: FailureClass) -> 
         ("fencing-refused", "resource_conflict"),
         ("provider_unreachable", "provider_unavailable"),
         ("collision", "unsafe_action"),
+        ("passage_not_seen", "target_not_found"),
+        ("poses_disagree", "ambiguous"),
+        ("playback_differs", "interrupted"),
+        ("store_unavailable", "provider_unavailable"),
+        ("localisation_lost", "precondition_unmet"),
     ],
 )
 def test_how_the_execution_ended_goes_before_the_verdict(word: str, failure: FailureClass) -> None:

@@ -136,8 +136,20 @@ def test_a_look_after_a_silent_leg_is_compared_with_the_pose_before_it(bench: Be
     second = looked(bench, first, standing(motion))
     state = retained(mission(), first)
     assert bench.judged(second, state).verdict == "satisfied"
-    elsewhere = Drive(from_s=motion.until_s + 1, route=((4.0, 3.0), (9.0, 3.0)), until_m=0.0)
-    assert bench.judged(looked(bench, replace(first, before=()), elsewhere), state).verdict == "satisfied"
+
+
+def test_a_localiser_that_comes_back_with_a_place_odometry_never_went_to_is_not_believed(bench: Bench) -> None:
+    motion = Drive(until_m=4.0, silent_after_m=0.0)
+    before = Drive(from_s=BEGAN_S - 5, from_m=0.0, until_m=0.0)
+    first = replace(
+        bench.driven(motion), before=(bench.trajectory(before.trajectory(), kind="before", until_s=BEGAN_S),)
+    )
+    look = standing(motion).trajectory()
+    at_target = replace(look, poses=tuple(replace(pose, y_m=pose.y_m + 3.0) for pose in look.poses))
+    second = replace(looked(bench, first, standing(motion)), estimates=(bench.trajectory(at_target),))
+    result = only(bench.judged(second, retained(mission(), first)))
+    assert result.measured["distance_m"] < 0.1
+    assert result.verdict == "ambiguous"
 
 
 def test_a_look_without_any_motion_to_compare_with_is_ambiguous(bench: Bench) -> None:

@@ -147,9 +147,9 @@ def _has_own_side(label: int, sides: tuple[Side, ...], *, window: Window, nearer
     height = max(side.bottom for side in sides) - min(side.top for side in sides)
     for hand in (-1, 1):
         runs = [side for side in sides if side.hand == hand]
-        lowest = max((side.bottom for side in runs), default=0)
         own = 0
         for side in runs:
+            lowest = max(other.bottom for other in runs if abs(other.x - side.x) < _CORNER_PX)
             inside = np.flatnonzero(_column(window.labels, side, outwards=-1) == label)
             ends = len(inside) > 0 and inside[-1] < lowest + _CORNER_PX
             if not side.cut and ends and not _hides(side, window.labels, nearer):

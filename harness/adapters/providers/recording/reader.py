@@ -156,12 +156,13 @@ class Recording:
         return tuple(self._frames.transforms.values())
 
     def segments(self, target: Point | None = None) -> tuple[Segment, ...]:
-        """One segment per dispatched route; without routes, or with a `target`, one over everything."""
+        """One segment per dispatched route that positions follow; else, or to a `target`, one over everything."""
         lines = self.declarations()
-        if self._survey.dispatched and target is None:
-            names = [name for name in self._recorded.get("legs", "").split("\n") if name]
-            routes = merged(self.paths(), names=names, arrivals=[line for line in lines if line.kind == "arrival"])
-            return measured(routes, track=self.track(), lines=lines)
+        names = [name for name in self._recorded.get("legs", "").split("\n") if name]
+        routes = merged(self.paths(), names=names, arrivals=[line for line in lines if line.kind == "arrival"])
+        legs = measured(routes, track=self.track(), lines=lines) if routes and target is None else ()
+        if legs:
+            return legs
         whole = DispatchedRoute(at_s=self._first_s(), frame=self.frame, route_m=(target or self.last_position(),))
         source = "given target" if target else "last position of the recording"
         return measured([("recording", whole)], track=self.track(), lines=lines, target_source=source)

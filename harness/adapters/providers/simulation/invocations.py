@@ -44,6 +44,11 @@ class Invocation:
         """Whether something outside the skill holds it."""
         return self._hold != ""
 
+    @property
+    def held_still(self) -> bool:
+        """Whether the dead man has brought it to a standstill."""
+        return self._hold == "keepalive" and self._status == "blocked"
+
     def keepalive(self, at_s: float) -> None:
         self._kept_s = at_s
 

@@ -53,8 +53,9 @@ class SimulatedRobot:
 
     @property
     def moving(self) -> bool:
-        """Whether an invocation that may move is under way, or the body is not still."""
-        return self._mover() is not None or not self.world.body.state.still
+        """Whether the body is not still, or an invocation that the dead man does not hold may move it."""
+        mover = self._mover()
+        return not self.world.body.state.still or (mover is not None and not mover.held_still)
 
     def providers(self) -> Sequence["SimulatedProvider"]:
         return self._providers

@@ -61,7 +61,7 @@ class Pace:
             self._asked_s = time.monotonic()
 
     def standing(self) -> bool:
-        """Whether nothing moves and no mover holds the base, except one that the dead man has stopped."""
+        """Whether nothing moves and nothing is about to."""
         with self._lock:
             return not self.robot.moving
 

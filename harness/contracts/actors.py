@@ -1,0 +1,19 @@
+"""The common shape of events and who asks for things."""
+
+from typing import Literal
+
+from harness.contracts.values import Name, Value
+
+Channel = Literal["human", "timeout", "policy"]
+
+
+class Event(Value, tag_field="kind"):
+    """Base of all events; the tag is the class name."""
+
+
+class Actor(Value):
+    """Who asked, in which role, by which channel."""
+
+    name: Name
+    role: Name
+    channel: Channel = "human"

@@ -1,0 +1,38 @@
+"""What happens to a lease, in the past tense."""
+
+from harness.contracts.actors import Actor, Event
+from harness.contracts.ids import InvocationId, MissionId, ResourceId
+from harness.contracts.values import Count, Name
+
+
+class LeaseAcquired(Event, tag=True):
+    """`token` is the fencing token: it rises with every acquisition of the resource."""
+
+    resource: ResourceId
+    mission_id: MissionId
+    invocation_id: InvocationId
+    token: Count
+    expires_s: float
+
+
+class LeaseReleased(Event, tag=True):
+    invocation_id: InvocationId
+    reason: Name
+
+
+class LeaseQuarantined(Event, tag=True):
+    """The holder may be moving: nobody gets the resource until it is freed (D14)."""
+
+    invocation_id: InvocationId
+    reason: Name
+
+
+class LeaseFreed(Event, tag=True):
+    """A quarantined lease was freed by an acknowledged stop or a named operator, both with static-body evidence."""
+
+    actor: Actor
+    static: dict[str, float]
+    reason: Name
+
+
+LeaseEvent = LeaseAcquired | LeaseReleased | LeaseQuarantined | LeaseFreed
