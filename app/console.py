@@ -1,6 +1,5 @@
 """What every room of the console shares: the runtime, the doors, the scenes, and how a page is put together."""
 
-import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -64,9 +63,9 @@ class Console:
     scenes: Scenes
     doors: Doors
     histories: Histories
+    clock: Callable[[], float]
     starts: Starts = no_journal
     keys: OneUse = field(default_factory=OneUse)
-    clock: Callable[[], float] = time.time
 
     def head(self) -> Head:
         return self.runtime.head()

@@ -53,7 +53,7 @@ REFUSALS = {
     "signed_out": (
         "You are not signed in",
         "This console answers only to people who were let in.",
-        "Open the one-time link that `regen up` printed. If it was used, start again with `regen up`, which prints another.",
+        "Open the one-time link that `regen up` printed. If it was used already, start `regen up` again for another.",
     ),
     "cross_site": (
         "This request came from another page",

@@ -1,6 +1,7 @@
 """The console as one ASGI application, and how it is served: on loopback, by one process."""
 
 import socket
+import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from types import FrameType
@@ -54,6 +55,7 @@ def create_app(
         scenes=scenes,
         doors=doors,
         histories=Histories(runtime),
+        clock=time.time,
         starts=starts,
     )
     app.mount("/static", StaticFiles(directory=settings.static), name="static")

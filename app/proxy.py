@@ -1,6 +1,8 @@
 """The only way to a viewer: its page and its socket, relayed under the console's origin, session and policy."""
 
 import asyncio
+from collections.abc import Callable
+from contextlib import suppress
 
 import msgspec
 import viser
@@ -8,7 +10,7 @@ from httpx import AsyncClient, HTTPError
 from starlette.responses import Response
 from starlette.websockets import WebSocket, WebSocketDisconnect
 from websockets.asyncio.client import ClientConnection, connect
-from websockets.exceptions import ConnectionClosed
+from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.typing import Subprotocol
 
 from app.errors import problem
@@ -17,6 +19,8 @@ from app.security import SCENE_POLICY
 ADMITTED = frozenset({"ViewerCameraMessage", "ScenePointerMessage"})
 BANNED_QUERIES = frozenset({"websocket", "playbackPath"})
 LARGEST = 64 * 1024
+TOUCH_S = 30.0
+FRAME_STYLE = b'<link rel="stylesheet" href="/static/css/frame.css">'
 PROTOCOL = f"viser-v{viser.__version__}"
 
 
@@ -41,30 +45,36 @@ async def page(port: int, *, queries: frozenset[str]) -> Response:
     except HTTPError as error:
         return problem(502, code="scene_gone", title="The 3D view does not answer", detail=str(error))
     headers = {"Content-Security-Policy": SCENE_POLICY, "X-Frame-Options": "SAMEORIGIN"}
-    return Response(answer.content, status_code=answer.status_code, media_type="text/html", headers=headers)
+    body = answer.content.replace(b"</head>", FRAME_STYLE + b"</head>", 1)
+    return Response(body, status_code=answer.status_code, media_type="text/html", headers=headers)
 
 
-async def relay(socket: WebSocket, port: int) -> None:
-    """Both directions until either end leaves. Needs the viewer's own version as subprotocol."""
+async def relay(socket: WebSocket, port: int, *, touch: Callable[[], None]) -> None:
+    """Both directions until either end leaves; `touch` is called while somebody watches.
+
+    Needs the viewer's own version as subprotocol.
+    """
     if PROTOCOL not in socket.scope.get("subprotocols", ()):
         await socket.close(code=1002, reason=f"the viewer must speak {PROTOCOL}")
         return
     try:
-        upstream = connect(
+        viewer = await connect(
             f"ws://127.0.0.1:{port}", subprotocols=[Subprotocol(PROTOCOL)], max_size=None, compression=None, proxy=None
         )
-        async with upstream as viewer:
-            await socket.accept(subprotocol=PROTOCOL)
-            ways = [asyncio.create_task(_out(socket, viewer)), asyncio.create_task(_back(socket, viewer))]
-            try:
-                await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
-            finally:
-                for way in ways:
-                    way.cancel()
-                await asyncio.gather(*ways, return_exceptions=True)
-    except (OSError, ConnectionClosed):
-        await _close(socket, code=1011)
+    except (OSError, InvalidHandshake):
+        await socket.close(code=1011, reason="the 3D view does not answer")
         return
+    try:
+        await socket.accept(subprotocol=PROTOCOL)
+        ways = [asyncio.create_task(way) for way in (_out(socket, viewer), _back(socket, viewer), _watched(touch))]
+        try:
+            await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for way in ways:
+                way.cancel()
+            await asyncio.gather(*ways, return_exceptions=True)
+    finally:
+        viewer.transport.abort()
     await _close(socket, code=1000)
 
 
@@ -76,18 +86,24 @@ async def _out(socket: WebSocket, viewer: ClientConnection) -> None:
             return
         body = message.get("bytes")
         if body is not None and admitted(body):
-            await viewer.send(body)
+            with suppress(ConnectionClosed):
+                await viewer.send(body)
 
 
 async def _back(socket: WebSocket, viewer: ClientConnection) -> None:
     """Viewer to browser, unchanged."""
-    async for message in viewer:
-        if isinstance(message, bytes):
-            await socket.send_bytes(message)
+    with suppress(ConnectionClosed):
+        async for message in viewer:
+            if isinstance(message, bytes):
+                await socket.send_bytes(message)
+
+
+async def _watched(touch: Callable[[], None]) -> None:
+    while True:
+        touch()
+        await asyncio.sleep(TOUCH_S)
 
 
 async def _close(socket: WebSocket, *, code: int) -> None:
-    try:
+    with suppress(RuntimeError, WebSocketDisconnect):
         await socket.close(code=code)
-    except (RuntimeError, WebSocketDisconnect):
-        return

@@ -15,7 +15,7 @@ from harness.contracts.errors import HarnessError
 from harness.contracts.ids import MissionId
 from harness.runtime import Runtime
 
-TICK_S = 0.2
+TICK_S = 0.3
 _printing = Lock()
 
 
@@ -32,7 +32,7 @@ class Scenes:
     ) -> None:
         self._runtime, self._idle_s, self._limit, self._clock = runtime, idle_s, limit, clock
         self._open: OrderedDict[MissionId, _Scene] = OrderedDict()
-        self._lock = Lock()
+        self._lock, self._stepping = Lock(), Lock()
         self._closing = Event()
         self._thread: Thread | None = None
 
@@ -78,8 +78,9 @@ class Scenes:
             self._thread = Thread(target=self._run, name="scenes", daemon=True)
             self._thread.start()
 
-    def _run(self) -> None:
-        while not self._closing.wait(TICK_S):
+    def step(self) -> None:
+        """Close what nobody watches, feed the rest."""
+        with self._stepping:
             with self._lock:
                 late = self._clock() - self._idle_s
                 idle = [name for name, scene in self._open.items() if scene.seen_s < late]
@@ -90,6 +91,10 @@ class Scenes:
             for scene in scenes:
                 with suppress(HarnessError):
                     scene.feed.step()
+
+    def _run(self) -> None:
+        while not self._closing.wait(TICK_S):
+            self.step()
 
 
 class _Scene:

@@ -29,6 +29,7 @@ from harness.adapters.stores.spool import FileSpool
 from harness.adapters.stores.sql import SqlEventStore
 from harness.baseline.load import baseline, site
 from harness.contracts.decider import Decider
+from harness.contracts.errors import ProviderUnreachable
 from harness.contracts.ids import MissionId, ProviderId, RobotId
 from harness.contracts.observations import Camera
 from harness.contracts.ports import BlobStore, Clock, EventStore, Ids, Provider, Robot, Signals, Spool
@@ -90,7 +91,7 @@ def open_harness(
     Raises StoreOwned if another supervisor owns the folder, StoreUnavailable or StoreNewer if it cannot be used.
     """
     with ExitStack() as stack:
-        folder = prepare(settings.data)
+        folder = prepare(settings.data_folder)
         lock = stack.enter_context(OwnerLock(folder.root))
         ids = SystemIds()
         token = ids.token()
@@ -98,15 +99,33 @@ def open_harness(
         store = stack.enter_context(_store(folder, settings))
         process = stack.enter_context(_robot_process(folder, settings))
         robot = process.robot
+        begun: list[Mission] = []
+
+        def configure(mission: Mission) -> None:
+            begun[:] = [mission]
+            robot.configure(mission.mission_id, mission.seed, _faults(mission))
+
+        def revive() -> bool:
+            """Start a dead robot process again, as a service manager would; its world goes on where it was saved."""
+            if not process.revive():
+                return False
+            for mission in begun:
+                configure(mission)
+            return True
+
+        def advance(until_s: float) -> float:
+            try:
+                return robot.advance(until_s)
+            except ProviderUnreachable:
+                if not revive():
+                    raise
+                return robot.advance(until_s)
+
         clock: Clock = (
             RobotClock(lambda: robot.clock().at_s, settings.speed)
             if settings.speed
-            else LockstepClock(robot.advance, at_s=robot.clock().at_s)
+            else LockstepClock(advance, at_s=robot.clock().at_s)
         )
-
-        def configure(mission: Mission) -> None:
-            robot.configure(mission.mission_id, mission.seed, _faults(mission))
-
         parts = Parts(
             store=store,
             blobs=FileBlobStore(folder.blobs),
@@ -116,14 +135,14 @@ def open_harness(
             signals=signals or Unheard(),
         )
         local = local_providers(parts, camera=CAMERA, folder=folder.root)
-        harness = assemble(stack, settings, parts, robot=robot, local=local, configure=configure)
+        harness = assemble(stack, settings, parts, robot=robot, local=local, configure=configure, revive=revive)
         yield replace(harness, token=token)
 
 
 @contextmanager
 def read_harness(settings: HarnessSettings) -> Iterator[Runtime]:
     """Only reading: no robot, no ownership. Raises StoreUnavailable where there is nothing to read."""
-    folder = prepare(settings.data)
+    folder = prepare(settings.data_folder)
     store = SqlEventStore(folder.log_url)
     try:
         parts = Parts(
@@ -169,6 +188,7 @@ def assemble(
     robot: Robot,
     local: Sequence[Provider],
     configure: Callable[[Mission], None],
+    revive: Callable[[], bool] = lambda: False,
 ) -> Harness:
     """One robot with its crew under one supervisor. The stack closes the supervisor."""
     runtime = _runtime(parts)
@@ -182,9 +202,11 @@ def assemble(
         ids=parts.ids,
         spool=parts.spool,
         prepare=configure,
+        revive=revive,
         waits_for_people=settings.speed > 0,
     )
     supervisor = Supervisor(runtime=runtime, crews={crew.robot_id: crew})
+    supervisor.close_interrupted_replays()
     stack.callback(supervisor.close)
     return Harness(runtime=runtime, supervisor=supervisor, robots={crew.robot_id: robot}, clock=parts.clock)
 

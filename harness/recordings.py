@@ -108,7 +108,7 @@ def replayed(
         stack.callback(recording.close)
         robot = RecordedRobot(recording, target=target)
         stack.callback(robot.close)
-        folder = prepare(settings.data)
+        folder = prepare(settings.data_folder)
         lock = stack.enter_context(OwnerLock(folder.root))
         ids = SystemIds()
         lock.take(token=ids.token())

@@ -12,7 +12,7 @@ class HarnessSettings(BaseSettings):
 
     model_config = SettingsConfigDict(env_prefix="REGEN_", frozen=True, extra="ignore")
 
-    data: Path = Path("var")
+    data_folder: Path = Path("var")
     speed: Annotated[float, Field(ge=0, le=100)] = 4.0
     seed: Annotated[int, Field(ge=0)] = 1
     fidelity: Literal["mujoco", "kinematic"] = "mujoco"

@@ -28,4 +28,4 @@ async def viewer(socket: WebSocket, mission_id: MissionId) -> None:
     except HarnessError:
         await socket.close(code=1008)
         return
-    await proxy.relay(socket, port)
+    await proxy.relay(socket, port, touch=lambda: console.scenes.touch(mission_id))

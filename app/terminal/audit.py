@@ -15,7 +15,7 @@ app = typer.Typer(no_args_is_help=True, help="Reconstruct and check what happene
 @app.command()
 def verify(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
     """Recompute every hash of the log and of its records."""
-    with read_harness(settings(data=data)) as runtime:
+    with read_harness(settings(data_folder=data)) as runtime:
         head = runtime.verify()
     found: dict[str, Any] = {"ok": True, "position": head.position, "digest": head.digest}
     show(found, as_json=as_json, lines=[f"The log is intact: {head.position} events, head {head.digest}."])
@@ -24,7 +24,7 @@ def verify(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
 @app.command()
 def anchor(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
     """The head of the log, to be kept elsewhere: the log is tamper-evident up to the last anchor."""
-    with read_harness(settings(data=data)) as runtime:
+    with read_harness(settings(data_folder=data)) as runtime:
         head = runtime.head()
     show({"position": head.position, "digest": head.digest}, as_json=as_json, lines=[f"{head.position} {head.digest}"])
 
@@ -32,7 +32,7 @@ def anchor(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
 @app.command()
 def replay(mission_id: str, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
     """Fold the mission again and derive its verdicts and gate decisions again; report every difference."""
-    with read_harness(settings(data=data)) as runtime:
+    with read_harness(settings(data_folder=data)) as runtime:
         report = replay_mission(runtime, MissionId(mission_id))
     lines = [
         f"{report.events} events, {report.verdicts} verdicts and {report.decisions} gate decisions derived again, "

@@ -31,7 +31,7 @@ def list_handoffs(
     if api is not None:
         rows = _asked(api, everything)
     else:
-        with open_harness(settings(data=data, speed=0.0)) as harness:
+        with open_harness(settings(data_folder=data, speed=0.0)) as harness:
             rows = [_row(handoff) for handoff in _observed(harness) if everything or handoff.status == "open"]
     lines = table([[r["handoff_id"], r["status"], r["mission_id"], r["node_id"], r["digest"]] for r in rows])
     lines += [f"{row['handoff_id']}: {row['reason']}" for row in rows]
@@ -114,7 +114,7 @@ def _decide(handoff_id: str, decision: str, *, digest: str, reason: str, data: A
         api.post(f"/handoffs/{handoff_id}/decision", body)
         outcome = api.follow(row["mission_id"], lambda _: None)
     else:
-        with open_harness(settings(data=data, speed=0.0)) as harness:
+        with open_harness(settings(data_folder=data, speed=0.0)) as harness:
             outcome = _decide_here(harness, HandoffId(handoff_id), decision, digest=digest, reason=reason)
     lines = [f"{outcome['mission_id']}  {outcome['status']}  {outcome.get('reason', '')}".rstrip()]
     show(outcome, as_json=as_json, lines=lines)

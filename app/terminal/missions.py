@@ -17,6 +17,7 @@ from harness.contracts.commands import StopMission
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import MissionId, RobotId
+from harness.projections.mission import Mission
 from harness.recordings import replayed, write_recording
 from harness.runtime import Start
 
@@ -48,7 +49,7 @@ def run(
         body = {"template": template, "arguments": _arguments(argument), "seed": seed, "faults": fault or []}
         outcome = api.follow(api.post("/missions", body)["mission_id"], lambda _: None)
     else:
-        chosen = settings(data=data, speed=speed, seed=seed, fidelity=fidelity)
+        chosen = settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity)
         with open_harness(chosen) as harness:
             outcome = _run(harness, template, _arguments(argument), seed=seed, faults=faults)
             if record_to is not None:
@@ -60,10 +61,14 @@ def run(
 def _run(
     harness: Harness, template: str, arguments: dict[str, str | float], *, seed: int, faults: str
 ) -> dict[str, Any]:
+    robot_id = RobotId(next(iter(harness.robots)))
+    for unfinished in harness.supervisor.unfinished(robot_id):
+        typer.echo(f"Going on with {unfinished.mission_id} first: {unfinished.goal}", err=True)
+        harness.supervisor.run(unfinished.mission_id, watch=Progress())
     known = {known.name for known in harness.runtime.configuration.templates}
     start = Start(
         actor=me(),
-        robot_id=RobotId(next(iter(harness.robots))),
+        robot_id=robot_id,
         template=template if template in known or " " not in template else "",
         goal="" if template in known or " " not in template else template,
         arguments=arguments,
@@ -75,7 +80,32 @@ def _run(
         raise ContractInvalid(decision.message)
     mission_id: MissionId = decision.events[0].mission_id  # type: ignore[union-attr]
     mission = harness.supervisor.run(mission_id, watch=Progress())
-    return mission_outcome(mission, Histories(harness.runtime).of(mission_id), harness.starts(mission_id))
+    return _outcome(harness, mission)
+
+
+@app.command()
+def resume(
+    mission_id: str,
+    data: Data = DEFAULT_DATA,
+    as_json: Json = False,
+    speed: Annotated[float | None, typer.Option(help="Mission seconds per second; 0 is as fast as possible.")] = None,
+    fidelity: Annotated[str | None, typer.Option(help="mujoco or kinematic.")] = None,
+) -> None:
+    """Go on with a mission that a crash or an exit left open."""
+    api = owner_api(data)
+    if api is not None:
+        outcome = api.follow(mission_id, lambda _: None)
+    else:
+        with open_harness(settings(data_folder=data, speed=speed, fidelity=fidelity)) as harness:
+            mission = harness.supervisor.run(MissionId(mission_id), watch=Progress())
+            outcome = _outcome(harness, mission)
+    show(outcome, as_json=as_json, lines=_summary(outcome))
+    raise typer.Exit(exit_code(outcome["status"]))
+
+
+def _outcome(harness: Harness, mission: Mission) -> dict[str, Any]:
+    history = Histories(harness.runtime).of(mission.mission_id)
+    return mission_outcome(mission, history, harness.starts(mission.mission_id))
 
 
 def _arguments(given: list[str] | None) -> dict[str, str | float]:
@@ -122,7 +152,7 @@ def replay(
     topic: Annotated[list[str] | None, typer.Option(help="ROLE=TOPIC, such as odometry=/odom.")] = None,
 ) -> None:
     """Run a navigation mission on a recording; the harness measures arrival and progress itself."""
-    with replayed(settings(data=data, speed=0.0), recording, target=_point(target), topics=topic or []) as replayer:
+    with replayed(settings(data_folder=data, speed=0.0), recording, target=_point(target), topics=topic or []) as replayer:
         mission, facts = replayer.run(me(), watch=Progress())
         outcome = mission_outcome(mission, Histories(replayer.harness.runtime).of(mission.mission_id), ()) | facts
     show(outcome, as_json=as_json, lines=[*_summary(outcome), *(f"{name}: {value}" for name, value in facts.items())])
@@ -142,8 +172,8 @@ def _point(text: str | None) -> tuple[float, float] | None:
 @app.command("list")
 def list_missions(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
     """All missions, newest first."""
-    with read_harness(settings(data=data)) as runtime:
-        rows = [
+    with read_harness(settings(data_folder=data)) as runtime:
+        rows: list[dict[str, Any]] = [
             {
                 "mission_id": mission.mission_id,
                 "status": mission.status,
@@ -155,7 +185,7 @@ def list_missions(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
             }
             for mission in runtime.missions()
         ]
-    lines = table([[row["mission_id"], row["status"], row["template"], row["goal"][:60]] for row in rows])
+    lines = table([[m["mission_id"], m["status"], m["template"], m["goal"][:60]] for m in rows])
     show(
         {"missions": rows},
         as_json=as_json,
@@ -166,7 +196,7 @@ def list_missions(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
 @app.command("show")
 def show_mission(mission_id: str, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
     """One mission as the log has it."""
-    with read_harness(settings(data=data)) as runtime:
+    with read_harness(settings(data_folder=data)) as runtime:
         mission = runtime.mission(MissionId(mission_id))
         outcome = mission_outcome(mission, Histories(runtime).of(mission.mission_id), ())
     nodes = [[n.node_id, n.status, str(n.provider_id or "-"), f"attempt {n.attempt}"] for n in mission.nodes.values()]
@@ -176,7 +206,7 @@ def show_mission(mission_id: str, data: Data = DEFAULT_DATA, as_json: Json = Fal
 @app.command()
 def events(mission_id: str, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
     """The mission's events in order, each with its position in the log."""
-    with read_harness(settings(data=data)) as runtime:
+    with read_harness(settings(data_folder=data)) as runtime:
         runtime.mission(MissionId(mission_id))
         stored = runtime.events(MissionId(mission_id))
     rows = [
@@ -208,7 +238,7 @@ def stop(
         api.post(f"/missions/{mission_id}/stop", {"reason": reason})
         outcome = api.follow(mission_id, lambda _: None)
     else:
-        with open_harness(settings(data=data, speed=0.0)) as harness:
+        with open_harness(settings(data_folder=data, speed=0.0)) as harness:
             mission = harness.runtime.mission(MissionId(mission_id))
             decision = harness.runtime.submit(mission.mission_id, StopMission(actor=me(), reason=reason))
             if isinstance(decision, Refused):

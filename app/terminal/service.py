@@ -31,14 +31,14 @@ def up(
 ) -> None:
     """Start the console and everything behind it; prints one sign-in link."""
     console = ConsoleSettings() if port is None else ConsoleSettings(port=port)
-    chosen = settings(data=data, speed=speed, seed=seed, fidelity=fidelity)
+    chosen = settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity)
     if chosen.speed == 0:
         raise typer.BadParameter("a console shows missions at a speed above 0", param_hint="--speed")
     with ExitStack() as stack:
         listener = stack.enter_context(bind(console.port))
         console = console.model_copy(update={"port": listener.getsockname()[1]})
         broker = SignalBroker()
-        sys.stderr.write(f"Opening {chosen.data} and starting {chosen.robot_id} ...\n")
+        sys.stderr.write(f"Opening {chosen.data_folder} and starting {chosen.robot_id} ...\n")
         harness = stack.enter_context(open_harness(chosen, signals=broker, url=console.address))
         console = console.model_copy(
             update={
@@ -86,7 +86,7 @@ def doctor(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
 def _examine(data: Path, found: dict[str, Any]) -> None:
     if not data.exists():
         raise StoreUnavailable("There is no data folder", where=str(data), do="run a mission first, or name another")
-    with read_harness(settings(data=data)) as runtime:
+    with read_harness(settings(data_folder=data)) as runtime:
         head = runtime.verify()
         found["events"], found["head"] = head.position, head.digest
         missions = runtime.missions()

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from app.views.timeline import Entry
-from harness.contracts.contexts import Context, ContextRecord
+from harness.contracts.contexts import Context, ContextRecord, Role
 from harness.contracts.events import DispatchIntended, GoalVerified, NodePlanned, RecoveryAuthorised, VerdictRecorded
 from harness.contracts.ids import Digest
 from harness.contracts.proposals import CandidateSet
@@ -99,9 +99,9 @@ def contexts(entries: Sequence[Entry], *, node_id: str, read: ReadContext, candi
         if isinstance(entry.event, DispatchIntended):
             owner[entry.event.invocation_id] = entry.event.node_id
         cited = _cited(entry, owner)
-        if cited is None or cited[0] != node_id:
+        if cited is None or cited.node_id != node_id:
             continue
-        shown.append(_context(entry.position, cited[1], cited[2], read=read))
+        shown.append(_context(entry.position, cited, read=read))
         if isinstance(entry.event, NodePlanned) and (found := candidates(entry.event.candidates)):
             choices.append(_choice(entry.position, found))
     return ContextsView(node_id=node_id, contexts=tuple(reversed(shown)), choices=tuple(reversed(choices)))
@@ -111,33 +111,43 @@ def goal_context(entries: Sequence[Entry], *, read: ReadContext) -> ContextView 
     """What the goal verifier was shown, if it has answered."""
     for entry in reversed(entries):
         if isinstance(entry.event, GoalVerified):
-            return _context(entry.position, "verified the goal", entry.event.verdict.context, read=read)
+            cited = _Cited("", "verifier", "verified the goal", entry.event.verdict.context)
+            return _context(entry.position, cited, read=read)
     return None
 
 
-def _cited(entry: Entry, owner: dict[str, str]) -> tuple[str, str, Digest] | None:
-    """(node, what was decided, context digest) of an event that names a context."""
+@dataclass(frozen=True)
+class _Cited:
+    """A context that an event names: for which node, which role saw it, what it decided."""
+
+    node_id: str
+    role: Role
+    decision: str
+    digest: Digest
+
+
+def _cited(entry: Entry, owner: dict[str, str]) -> _Cited | None:
     match entry.event:
         case NodePlanned() as event:
-            return event.node_id, "chose the stage and its provider", event.context
+            return _Cited(event.node_id, "planner", "chose the stage and its provider", event.context)
         case DispatchIntended() as event:
-            return event.node_id, f"set the parameters of attempt {event.attempt}", event.context
+            return _Cited(event.node_id, "skill", f"set the parameters of attempt {event.attempt}", event.context)
         case VerdictRecorded() as event:
             node = owner.get(event.invocation_id, "")
-            return node, f"judged the packet {event.verdict.verdict}", event.verdict.context
+            return _Cited(node, "verifier", f"judged the packet {event.verdict.verdict}", event.verdict.context)
         case RecoveryAuthorised() as event:
-            return event.node_id, f"proposed {event.action.replace('_', ' ')}", event.context
+            return _Cited(event.node_id, "recovery", f"proposed {event.action.replace('_', ' ')}", event.context)
         case _:
             return None
 
 
-def _context(position: int, decision: str, digest: Digest, *, read: ReadContext) -> ContextView:
-    context = read(digest)
+def _context(position: int, cited: _Cited, *, read: ReadContext) -> ContextView:
+    context = read(cited.digest)
     return ContextView(
-        role=ROLES[context.role] if context else "unknown role",
-        decision=decision,
+        role=ROLES[context.role if context else cited.role],
+        decision=cited.decision,
         position=position,
-        digest=digest,
+        digest=cited.digest,
         k=context.k if context else 0,
         items=tuple(_item(record, context.at_s) for record in context.records) if context else (),
         withheld=tuple(Kept(w.kind, w.source, w.reason, w.detail) for w in context.withheld) if context else (),

@@ -1,4 +1,4 @@
-"""Pure: one stage's evidence: its packets, the conditions with measured beside bound, and checksums verified on view."""
+"""Pure: one stage's evidence: its packets, conditions with measured beside bound, checksums verified on view."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

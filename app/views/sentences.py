@@ -54,7 +54,7 @@ FAMILY: dict[str, Family] = {
 }  # fmt: skip
 
 
-def sentence(event: MissionEvent) -> str:  # noqa: PLR0911, PLR0912, C901 - one arm per event kind
+def sentence(event: MissionEvent) -> str:
     """What happened, as a person would say it."""
     match event:
         case MissionCreated():
@@ -115,7 +115,8 @@ def sentence(event: MissionEvent) -> str:  # noqa: PLR0911, PLR0912, C901 - one 
         case StopRequested():
             return f"{event.actor.name} asked to stop: {event.reason}"
         case StopAcknowledged():
-            return f"Stop acknowledged, {'body static' if event.static else 'body not shown static'}. {event.reason}".strip()
+            at_rest = "body static" if event.static else "body not shown static"
+            return f"Stop acknowledged, {at_rest}. {event.reason}".strip()
         case GoalVerified():
             return f"Goal verdict {event.verdict.verdict}: {event.verdict.reason or 'original conditions tested again'}"
         case MissionEnded():
@@ -154,7 +155,8 @@ def _judged(event: VerdictRecorded | GoalVerified) -> Tone:
 def _packet(event: PacketRetained) -> str:
     packet = event.packet
     pieces = len(packet.before) + len(packet.after) + len(packet.estimates)
-    return f"{packet.identity.node_id}: packet kept, {packet.terminal}, {pieces} references, {len(packet.receipts)} receipts"
+    kept = f"{pieces} references, {len(packet.receipts)} receipts"
+    return f"{packet.identity.node_id}: packet kept, {packet.terminal}, {kept}"
 
 
 def _words(slug: str) -> str:

@@ -196,7 +196,7 @@ def judge(mission: Mission, command: JudgeGoal) -> Decision[MissionEvent]:
 
 
 def end(mission: Mission, command: EndMission) -> Decision[MissionEvent]:
-    """Every end but success."""
-    if mission.invocation is not None and mission.invocation.status != "outcome_unknown":
+    """Every end but success. A replay may end at any time: nothing moves in it."""
+    if mission.invocation is not None and mission.invocation.status != "outcome_unknown" and not mission.replay:
         return Refused("invocation_open", "An invocation is still open: stop it first.")
     return Accepted((FailureReported(text=command.reason), MissionEnded(status=command.status, reason=command.reason)))

@@ -66,13 +66,13 @@ def _repeated(
     state, standing = mission.of(node_id), standing_of(mission, node_id)
     if signature.provider_id in state.excluded:
         return Refused("excluded_provider", f"{signature.provider_id} was given up for this node.")
-    if not standing.news and any(spend.signature == signature for spend in state.spends):
-        return Refused(
-            "repeated_without_news",
-            f"{proposal.action} by {signature.provider_id} with these parameters answered {proposal.failure} before, "
-            "and no sensor has said anything since the failure.",
-        )
-    return None
+    if standing.news or all(spend.signature != signature for spend in state.spends):
+        return None
+    return Refused(
+        "repeated_without_news",
+        f"{proposal.action} by {signature.provider_id} with these parameters answered {proposal.failure} before, "
+        "and no sensor has said anything since the failure.",
+    )
 
 
 def _wrong_order(proposal: RecoveryProposal, standing: Standing, policy: RecoveryPolicy) -> Refused | None:

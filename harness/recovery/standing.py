@@ -87,12 +87,11 @@ def repeated(action: RecoveryAction, standing: Standing, *, provider_id: Provide
     """Why this action would repeat a failed one without news (D25); empty otherwise. Free actions may repeat."""
     if cost_of(action) == 0 or standing.news:
         return ""
-    for spend in standing.spends:
-        same = (spend.action, spend.failure) == (action, standing.failure)
-        by = spend.signature.provider_id if spend.signature else None
-        if same and (provider_id is None or by is None or provider_id == by):
-            return f"repeated_without_news: {action} answered {standing.failure} before, and no sensor has spoken since"
-    return ""
+    same = [spend for spend in standing.spends if (spend.action, spend.failure) == (action, standing.failure)]
+    doers = {spend.signature.provider_id for spend in same if spend.signature}
+    another = provider_id is not None and bool(doers) and provider_id not in doers
+    why = f"repeated_without_news: {action} answered {standing.failure} before, and no sensor has spoken since"
+    return why if same and not another else ""
 
 
 def ladder_of(failure: FailureClass, policy: RecoveryPolicy) -> tuple[RecoveryAction, ...]:

@@ -53,7 +53,8 @@ class AgentLoop:
             self._crew.prepare(mission)
             self._prepared = True
         open_invocation = mission.invocation
-        self._senses.collect(open_invocation.intent.invocation_id if open_invocation else None)
+        if not self._senses.collect(open_invocation.intent.invocation_id if open_invocation else None):
+            self._crew.revive()
         self._watch_leases()
         now_s = self._crew.clock.now().mission_s
         match mission.status:

@@ -28,6 +28,8 @@ from harness.verification.verdict import verify
 POLL_S = 0.5
 SETTLE_S = 1.6
 """How long the body is watched after a terminal report before its packet is sealed."""
+REST_WITHIN_S = 8.0
+"""How much longer a body that should stand is watched for proof of it; without proof its lease is quarantined."""
 UNREACHABLE_S = 20.0
 ACKNOWLEDGE_S = 5.0
 
@@ -143,6 +145,9 @@ class Attendant:
         watched = intent.moves or intent.verify_only
         if watched and now_s < report.at_s + SETTLE_S:
             return min(now_s + POLL_S, report.at_s + SETTLE_S)
+        rest = at_rest(self._roles.senses.recent, now_s)
+        if intent.moves and not rest.static and now_s < report.at_s + SETTLE_S + REST_WITHIN_S:
+            return now_s + POLL_S
         samples = self._crew.spool.samples(intent.invocation_id)
         packet = build_packet(
             mission, invocation, report=report, samples=samples, senses=self._roles.senses, collected_s=now_s
@@ -150,7 +155,6 @@ class Attendant:
         card = self._crew.provider(intent.provider_id).card
         c3 = verifier_context(self._roles.view(mission), packet, card)
         verdict = verify(c3, self._runtime.blob)
-        rest = at_rest(self._roles.senses.recent, now_s)
         requests = [
             Request(mission_stream(mission.mission_id), CompleteNode(packet=packet, verdict=verdict)),
             *give_back(self._runtime, intent, at_rest=rest.static, reason=f"{report.status}; {rest.reason or 'at rest'}"),

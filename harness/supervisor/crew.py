@@ -12,7 +12,10 @@ from harness.projections.mission import Mission
 
 @dataclass(frozen=True)
 class Crew:
-    """`prepare` tells a simulated world which mission begins; a real robot ignores it."""
+    """`prepare` tells a simulated world which mission begins; a real robot ignores it.
+
+    `revive` tries to bring back a robot that does not answer, and says whether it did.
+    """
 
     robot_id: RobotId
     robot: Robot
@@ -21,6 +24,7 @@ class Crew:
     ids: Ids
     spool: Spool
     prepare: Callable[[Mission], None]
+    revive: Callable[[], bool]
     embodiment: str = "quadruped"
     waits_for_people: bool = True
 

@@ -3,8 +3,9 @@
 from harness.contracts.actors import Actor
 from harness.contracts.commands import AcquireLease, FreeLease, QuarantineLease, ReleaseLease
 from harness.contracts.events import DispatchIntended
-from harness.contracts.ids import InvocationId, MissionId, ResourceId, lease_stream
+from harness.contracts.ids import MissionId, ResourceId, lease_stream
 from harness.gate.commit import Request
+from harness.projections.mission import Mission
 from harness.runtime import Runtime
 
 GRACE_S = 10.0
@@ -61,18 +62,18 @@ def expired(runtime: Runtime, resources: tuple[ResourceId, ...], *, now_s: float
     ]
 
 
-def free(runtime: Runtime, resources: tuple[ResourceId, ...], *, static: dict[str, float]) -> list[Request]:
-    """Free quarantined resources on an acknowledged stop with static-body evidence. Freeing never re-arms."""
+def free(runtime: Runtime, mission: Mission, *, static: dict[str, float]) -> list[Request]:
+    """Free what this mission's acknowledged executions left in quarantine, on static-body evidence. Never re-arms.
+
+    An execution is acknowledged once its provider reported an end, which is when its packet is retained.
+    """
+    acknowledged = {p.identity.invocation_id for node in mission.nodes.values() for p in node.packets}
     return [
         Request(
-            lease_stream(resource),
+            stream,
             FreeLease(actor=SUPERVISOR, static=static, reason="the stop was acknowledged and the body is static"),
         )
-        for resource in resources
-        if runtime.lease(resource).status == "quarantined"
+        for stream in runtime.streams("lease/")
+        if (lease := runtime.lease(ResourceId(stream.partition("/")[2]))).status == "quarantined"
+        and lease.invocation_id in acknowledged
     ]
-
-
-def holder(runtime: Runtime, resource: ResourceId) -> InvocationId | None:
-    lease = runtime.lease(resource)
-    return None if lease.status == "free" else lease.invocation_id

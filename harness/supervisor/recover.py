@@ -4,7 +4,7 @@ from harness.contexts.recovery import recovery_context
 from harness.contracts.commands import AuthoriseWait, EndMission, FailNode, StopInvocation
 from harness.contracts.contexts import Context
 from harness.contracts.decisions import Refused
-from harness.contracts.ids import NodeId, ResourceId
+from harness.contracts.ids import NodeId
 from harness.contracts.proposals import RecoveryProposal
 from harness.projections.mission import Failure, Mission, required_contract, required_policy
 from harness.recovery.ladder import exhausted, recover
@@ -52,6 +52,7 @@ class Recovery:
             decision = self._dispatcher.dispatch(mission, attempt)
             if not isinstance(decision, Refused):
                 return now_s
+            self._free(mission)
             if decision.rule in IMPOSSIBLE:
                 return self._ask(mission, failure, f"{proposal.action}: {decision.message}", spent=False)
             why = decision.message
@@ -80,12 +81,16 @@ class Recovery:
             )
             self._runtime.submit(mission.mission_id, stop)
             return now_s
-        rest = at_rest(self._roles.senses.recent, now_s)
-        if rest.static:
-            resources = tuple(ResourceId(r) for card in self._crew.cards if card.moves for r in card.resources)
-            self._runtime.commit(free(self._runtime, tuple(dict.fromkeys(resources)), static=rest.measured))
+        self._free(mission)
         self._wait(mission, node_id, proposal, c4)
         return now_s
+
+    def _free(self, mission: Mission) -> None:
+        """Give back what is quarantined, if its holder acknowledged its end and the body is shown to stand."""
+        rest = at_rest(self._roles.senses.recent, self._crew.clock.now().mission_s)
+        requests = free(self._runtime, mission, static=rest.measured) if rest.static else []
+        if requests:
+            self._runtime.commit(requests)
 
     def _ask(self, mission: Mission, failure: Failure, reason: str, *, spent: bool) -> float:
         """A person, or the end: a replay has nobody to ask (D38), and a spent node that moves nothing fails (D26)."""

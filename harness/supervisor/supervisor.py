@@ -17,6 +17,7 @@ from harness.supervisor.leases import SUPERVISOR
 
 LOG = logging.getLogger("regen.supervisor")
 IDLE_WAIT_S = 0.2
+WAITING: frozenset[str] = frozenset({"awaiting_human", "paused", "awaiting_approval"})
 
 
 class Supervisor:
@@ -30,6 +31,17 @@ class Supervisor:
         self._halt = Event()
         self._threads: list[Thread] = []
         runtime.open_desk(self.answer)
+
+    def unfinished(self, robot_id: RobotId) -> list[Mission]:
+        """Missions of this robot that are neither over nor waiting for a person, oldest first."""
+        mine = [m for m in self._runtime.missions() if m.robot_id == robot_id and not m.ended and not m.replay]
+        return [mission for mission in reversed(mine) if mission.status not in WAITING]
+
+    def close_interrupted_replays(self) -> None:
+        """End replays that an earlier process left open: nothing moves in them, and nobody will go on."""
+        for mission in self._runtime.missions():
+            if mission.replay and not mission.ended:
+                self._runtime.submit(mission.mission_id, EndMission(status="failed", reason="the replay was interrupted"))
 
     def run(self, mission_id: MissionId, *, watch: Callable[[Mission], None] | None = None) -> Mission:
         """In the foreground until the mission is over or, at speed 0, waits for a person."""

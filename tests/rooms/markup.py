@@ -71,7 +71,8 @@ def requests(text: str) -> Iterator[Address]:
 
 
 def static_files(text: str) -> Iterator[str]:
-    """Paths under /static/ that a template loads."""
+    """Paths under /static/ that a template loads, by address or through `asset("css/base.css")`."""
+    yield from (f"/static/{path}" for path in re.findall(r"""asset\(["']([^"']+)["']\)""", text))
     for _, attributes in _tags(text):
         for name in ("href", "src"):
             path = re.split(r"[?#]", attributes.get(name, ""))[0]

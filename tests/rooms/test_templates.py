@@ -120,6 +120,11 @@ def test_addresses_are_read_from_htmx_and_forms() -> None:
     ]
 
 
+def test_static_files_are_read_from_addresses_and_assets() -> None:
+    text = """<link href="{{ asset('css/base.css') }}"><script src="/static/js/live.js?v=1"></script><a href="/x">"""
+    assert list(static_files(text)) == ["/static/css/base.css", "/static/js/live.js"]
+
+
 def test_an_address_without_a_route_or_with_another_method_is_found() -> None:
     router = APIRouter()
     router.add_api_route("/{mission_id}/stop", lambda mission_id: mission_id, methods=["POST"])

@@ -122,7 +122,6 @@ def test_free_rungs_stay_possible_when_everything_is_spent() -> None:
     assert recover(c4(failing("unsafe_action"), task=poor)).action == "safe_stop"
 
 
-@pytest.mark.ledger("R6", symbol="harness.recovery.standing:left_of")
 def test_limits_come_from_the_contract() -> None:
     task = contract()
     nodes = tuple(
@@ -172,6 +171,16 @@ def test_a_context_without_a_ladder_leaves_a_person_only() -> None:
     assert recover(context).action == "human"
 
 
+def test_a_ladder_without_a_rung_left_leaves_a_person_with_what_was_refused() -> None:
+    ladders = CONFIGURATION.recovery.ladders | {"violated": ("re_perceive", "retry")}
+    policy = replace(CONFIGURATION.recovery, ladders=ladders)
+    whole = mission(None, go=failing("violated", "re_perceive", "retry"))
+    assert recover(recovery_context(view(whole, recovery=policy), NodeId("go"), OTHERS)).action == "human"
+    poor = mission(replace(contract(), recovery_total=0), go=failing("violated"))
+    proposal = recover(recovery_context(view(poor, recovery=policy), NodeId("go"), OTHERS))
+    assert (proposal.action, len(proposal.refused)) == ("human", 2)
+
+
 def test_a_context_without_a_failure_is_refused() -> None:
     context = c4(failing("violated"))
     gutted = replace(context, records=tuple(record for record in context.records if record.kind != "failure"))
@@ -190,7 +199,7 @@ def test_the_shipped_policy_is_one() -> None:
     assert {name: list(ladder) for name, ladder in CONFIGURATION.recovery.ladders.items()} == LADDERS
 
 
-@pytest.mark.ledger("R174", symbol="harness.recovery.policy:check_policy")
+@pytest.mark.ledger("R123", symbol="harness.recovery.policy:check_policy")
 @pytest.mark.parametrize(
     ("ladder", "says"),
     [

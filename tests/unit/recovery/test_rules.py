@@ -63,6 +63,7 @@ def test_a_diagnosis_is_no_authorisation() -> None:
     assert broken(healthy, proposed("re_perceive")) == "no_failure"
 
 
+@pytest.mark.ledger("R123", symbol="harness.recovery.rules:_wrong_order")
 def test_only_the_next_rung_of_the_ladder_is_taken() -> None:
     assert broken(failing("violated"), proposed("retry")) == "wrong_order"
     assert broken(failing("violated"), proposed("switch_skill")) == "wrong_order"
@@ -81,7 +82,19 @@ def test_nothing_is_authorised_over_any_of_the_three_budgets() -> None:
     assert broken(failing("violated"), proposed("re_perceive"), contract=poor) == "over_mission_budget"
 
 
-@pytest.mark.ledger("R174", symbol="harness.recovery.rules:_wrong_order")
+@pytest.mark.ledger("R6", symbol="harness.recovery.standing:left_of")
+def test_limits_come_from_the_contract() -> None:
+    task = contract()
+    strict = tuple(
+        replace(node, recovery=replace(node.recovery, re_perceive=0)) if node.node_id == GO else node
+        for node in task.nodes
+    )
+    assert broken(failing("violated"), proposed("re_perceive")) == ""
+    assert broken(failing("violated"), proposed("re_perceive"), contract=replace(task, nodes=strict)) == (
+        "over_action_budget"
+    )
+
+
 @pytest.mark.parametrize("action", ["human", "stop", "safe_stop"])
 @pytest.mark.parametrize("failure", FAILURES)
 def test_stopping_and_asking_a_person_are_always_possible(action: RecoveryAction, failure: FailureClass) -> None:

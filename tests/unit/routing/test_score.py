@@ -69,6 +69,13 @@ def test_the_score_is_success_less_risk_uncertainty_latency_cost_and_history() -
     assert total(weighted) == pytest.approx(sum(weighted.values()))
 
 
+@pytest.mark.ledger("R59", symbol="harness.routing.score:terms")
+def test_candidates_that_cost_nothing_lose_nothing_for_it() -> None:
+    free = Estimates(success=0.9, risk=0.1, uncertainty=0.1, cost=0.0)
+    ranked = candidates(need(), cards=(card("a", estimates=free), card("b", estimates=free)), preferences=WEIGHTS)
+    assert [one.terms["cost"] for one in ranked.candidates] == [0.0, 0.0]
+
+
 @pytest.mark.ledger("R61", symbol="harness.routing.score:latency")
 def test_latency_is_a_share_of_the_timeout_and_never_more_than_one() -> None:
     asked = need()

@@ -31,10 +31,18 @@ class HttpRobot:
     """
 
     def __init__(self, base_url: str, token: str, timeout_s: float = DEFAULT_TIMEOUT_S) -> None:
-        self._client = httpx.Client(
-            base_url=base_url, timeout=timeout_s, headers={"Authorization": f"Bearer {token}"}, trust_env=False
-        )
+        self._timeout_s = timeout_s
+        self._client = self._connected(base_url, token)
         self._providers: tuple[HttpProvider, ...] = ()
+
+    def reconnect(self, base_url: str, token: str) -> None:
+        """Go on with another process of the same robot: its address and token changed, its providers did not."""
+        self._client.close()
+        self._client = self._connected(base_url, token)
+
+    def _connected(self, base_url: str, token: str) -> httpx.Client:
+        headers = {"Authorization": f"Bearer {token}"}
+        return httpx.Client(base_url=base_url, timeout=self._timeout_s, headers=headers, trust_env=False)
 
     def providers(self) -> Sequence["HttpProvider"]:
         """The robot's providers; their cards are read once."""

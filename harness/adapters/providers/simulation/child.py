@@ -54,6 +54,7 @@ class RobotProcess:
     """
 
     def __init__(self, settings: RobotSettings) -> None:
+        self._settings = settings
         self._child: subprocess.Popen[bytes] | None = None
         found = _running(settings)
         self.adopted = found is not None
@@ -63,6 +64,14 @@ class RobotProcess:
     @property
     def pid(self) -> int:
         return self.attachment.pid
+
+    def revive(self) -> bool:
+        """Start the robot again if its process died; the same client goes on with the new one. False if it lives."""
+        if _alive(self.pid) and (self._child is None or self._child.poll() is None):
+            return False
+        self.attachment = self._spawn(self._settings)
+        self.robot.reconnect(self.attachment.base_url, self.attachment.token)
+        return True
 
     def terminate(self) -> None:
         """End it in order: the world is saved."""
@@ -100,6 +109,14 @@ class RobotProcess:
                 self._child.wait()
         if self._child.stdout is not None:
             self._child.stdout.close()
+
+
+def _alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
 
 
 def _command(settings: RobotSettings) -> list[str]:

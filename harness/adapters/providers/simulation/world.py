@@ -91,7 +91,12 @@ class World:
         return (self._estimate.x_m, self._estimate.y_m)
 
     def configure(self, mission_id: MissionId, seed: int, faults: Sequence[Fault]) -> None:
-        """Begin a mission: chance, faults and truth file of its own, and the site as it is without faults."""
+        """Begin a mission: chance, faults and truth file of its own, and the site as it is without faults.
+
+        The mission that is under way goes on as it was: its supervisor came back.
+        """
+        if mission_id == self.faults.mission_id:
+            return
         self.faults = FaultPlan(mission_id, faults, began_s=self.at_s)
         self.sensors.reseed(Streams(seed))
         self._furnish(self._home)

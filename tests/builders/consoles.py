@@ -1,0 +1,82 @@
+"""A real console over a real runtime in virtual time, and browsers that are or are not signed in."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from fastapi import FastAPI
+from fastapi.testclient import TestClient
+from pydantic import SecretStr
+
+from app.live import SignalBroker
+from app.main import create_app
+from app.scene import Scenes
+from app.settings import ConsoleSettings
+from harness.bootstrap import Harness, simulated
+from harness.contracts.actors import Actor
+from harness.contracts.decisions import Accepted
+from harness.contracts.events import MissionCreated
+from harness.contracts.ids import HandoffId, MissionId, RobotId
+from harness.projections.mission import Mission
+from harness.runtime import Start
+from harness.settings import HarnessSettings
+
+BASE = "http://127.0.0.1:8000"
+OWN = {"Origin": BASE, "Sec-Fetch-Site": "same-origin"}
+FOREIGN = {"Origin": "https://elsewhere.example", "Sec-Fetch-Site": "cross-site"}
+OWNER = "owner-token"
+
+
+@dataclass(frozen=True)
+class Stand:
+    """One console over one harness."""
+
+    harness: Harness
+    app: FastAPI
+
+    def stranger(self) -> TestClient:
+        """A browser without a session."""
+        return TestClient(self.app, base_url=BASE, follow_redirects=False)
+
+    def operator(self) -> TestClient:
+        """A browser that used a sign-in link; sends what a browser sends from the console's own pages."""
+        client = TestClient(self.app, base_url=BASE, follow_redirects=False, headers=OWN)
+        assert client.get(self.app.state.doors.invite()).status_code == 200
+        return client
+
+    def owner(self) -> TestClient:
+        """The command line: no cookie, the owner's token."""
+        headers = {"Authorization": f"Bearer {OWNER}"}
+        return TestClient(self.app, base_url=BASE, follow_redirects=False, headers=headers)
+
+    def created(self, template: str = "warehouse-inspection", faults: str = "") -> MissionId:
+        """A mission that nothing has run yet."""
+        actor = Actor(name="ada", role="operator")
+        labels = {"faults": faults} if faults else {}
+        begun = self.harness.runtime.start(
+            Start(actor=actor, robot_id=RobotId("vbot-1"), template=template, labels=labels)
+        )
+        assert isinstance(begun, Accepted)
+        return next(event.mission_id for event in begun.events if isinstance(event, MissionCreated))
+
+    def run(self, template: str = "warehouse-inspection", faults: str = "") -> Mission:
+        """A mission run until it is over or waits for a person."""
+        return self.harness.supervisor.run(self.created(template, faults))
+
+    def handed_off(self) -> tuple[Mission, HandoffId]:
+        """A mission that waits for a person, because its first leg is interrupted again and again."""
+        mission = self.run(faults="interrupted:persistent")
+        assert mission.handoff_id is not None
+        return mission, mission.handoff_id
+
+
+@contextmanager
+def console_stand(*, seed: int = 1) -> Iterator[Stand]:
+    """Kinematic robot, stores in memory, virtual time."""
+    settings = ConsoleSettings(port=8000, robots=("vbot-1",), owner_token=SecretStr(OWNER))
+    with simulated(HarnessSettings(fidelity="kinematic", speed=0), seed=seed) as harness:
+        scenes = Scenes(harness.runtime)
+        try:
+            yield Stand(harness, create_app(harness.runtime, settings, SignalBroker(), scenes, starts=harness.starts))
+        finally:
+            scenes.close()

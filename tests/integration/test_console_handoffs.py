@@ -1,0 +1,186 @@
+"""A person's answer through the console: bound to what the page showed, once, by the rules of the gate."""
+
+import re
+from collections.abc import Iterator
+
+import pytest
+from fastapi.testclient import TestClient
+
+from harness.contracts.ids import HandoffId
+from harness.projections.mission import Mission
+from tests.builders.consoles import Stand, console_stand
+
+FIELDS = ("cycle", "subject", "evidence", "key")
+
+
+@pytest.fixture
+def stand() -> Iterator[Stand]:
+    with console_stand() as made:
+        yield made
+
+
+@pytest.fixture
+def waiting(stand: Stand) -> tuple[Mission, HandoffId]:
+    return stand.handed_off()
+
+
+def shown(client: TestClient, handoff_id: str) -> dict[str, str]:
+    """The binding that the person's page carries."""
+    text = client.get(f"/handoffs/{handoff_id}").text
+    return {name: re.findall(rf'name="{name}" value="([^"]*)"', text)[0] for name in FIELDS}
+
+
+def starts(stand: Stand, mission: Mission) -> int:
+    return len(stand.harness.starts(mission.mission_id))
+
+
+def test_the_page_says_first_what_happens_without_an_answer_and_shows_the_question(
+    stand: Stand, waiting: tuple[Mission, HandoffId]
+) -> None:
+    text = stand.operator().get(f"/handoffs/{waiting[1]}").text
+    order = [
+        "If nobody answers",
+        "Why it stopped",
+        "Tried, and what it cost",
+        "What you would approve",
+        "Hold to approve",
+    ]
+    assert [text.index(part) for part in order] == sorted(text.index(part) for part in order)
+    assert "data-countdown" in text
+    assert "Interrupted" in text or "interrupted" in text
+    assert text.count('class="meter"') >= 7
+
+
+def test_an_approval_starts_the_robot_once_and_the_page_follows_it(
+    stand: Stand, waiting: tuple[Mission, HandoffId]
+) -> None:
+    mission, handoff_id = waiting
+    operator = stand.operator()
+    assert operator.post(f"/handoffs/{handoff_id}/look").status_code == 303
+    before = starts(stand, mission)
+    form = {**shown(operator, handoff_id), "decision": "approve", "reason": "seen on camera"}
+    answer = operator.post(f"/handoffs/{handoff_id}/decision", data=form)
+    assert (answer.status_code, answer.headers.get("location")) == (303, f"/handoffs/{handoff_id}")
+    stand.harness.supervisor.step(mission.mission_id)
+    assert starts(stand, mission) == before + 1
+    page = operator.get(f"/handoffs/{handoff_id}").text
+    assert "seen on camera" in page
+    assert "dispatched" in page
+    assert "Hold to approve" not in page
+
+
+def test_the_same_answer_again_is_the_same_receipt_and_starts_nothing(
+    stand: Stand, waiting: tuple[Mission, HandoffId]
+) -> None:
+    mission, handoff_id = waiting
+    operator = stand.operator()
+    operator.post(f"/handoffs/{handoff_id}/look")
+    form = {**shown(operator, handoff_id), "decision": "approve", "reason": "seen on camera"}
+    assert operator.post(f"/handoffs/{handoff_id}/decision", data=form).status_code == 303
+    begun = starts(stand, mission)
+    once = stand.harness.runtime.handoff(handoff_id).version
+    assert operator.post(f"/handoffs/{handoff_id}/decision", data=form).status_code == 303
+    assert stand.harness.runtime.handoff(handoff_id).version == once
+    assert starts(stand, mission) == begun
+
+
+def test_another_answer_after_the_first_is_told_who_decided(stand: Stand, waiting: tuple[Mission, HandoffId]) -> None:
+    _, handoff_id = waiting
+    first, second = stand.operator(), stand.operator()
+    seen_by_first, seen_by_second = shown(first, handoff_id), shown(second, handoff_id)
+    rejected = {**seen_by_first, "decision": "reject", "reason": "not safe"}
+    assert first.post(f"/handoffs/{handoff_id}/decision", data=rejected).status_code == 303
+    late = second.post(
+        f"/handoffs/{handoff_id}/decision",
+        data={**seen_by_second, "decision": "approve", "reason": "path is clear now"},
+    )
+    assert late.status_code == 409
+    assert "operator" in late.text
+    assert "not safe" in late.text
+
+
+def test_a_rejection_ends_the_mission_safely(stand: Stand, waiting: tuple[Mission, HandoffId]) -> None:
+    mission, handoff_id = waiting
+    operator = stand.operator()
+    form = {**shown(operator, handoff_id), "decision": "reject", "reason": "not safe"}
+    assert operator.post(f"/handoffs/{handoff_id}/decision", data=form).status_code == 303
+    assert stand.harness.supervisor.run(mission.mission_id).status == "safe_stopped"
+    assert "not safe" in operator.get(f"/handoffs/{handoff_id}").text
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "told"),
+    [("subject", "0" * 64, "not what you saw"), ("evidence", "0" * 64, "not what you saw"), ("cycle", "9", "changed")],
+)
+def test_an_answer_to_something_else_is_refused_with_the_reason_and_a_fresh_page(
+    stand: Stand, waiting: tuple[Mission, HandoffId], field: str, value: str, told: str
+) -> None:
+    mission, handoff_id = waiting
+    operator = stand.operator()
+    operator.post(f"/handoffs/{handoff_id}/look")
+    before = starts(stand, mission)
+    form = {**shown(operator, handoff_id), "decision": "approve", "reason": "seen on camera", field: value}
+    answer = operator.post(f"/handoffs/{handoff_id}/decision", data=form)
+    assert answer.status_code == 409
+    assert told in answer.text
+    assert "seen on camera</textarea>" in answer.text
+    assert shown(operator, handoff_id)["key"] not in answer.text
+    assert stand.harness.runtime.handoff(handoff_id).status == "open"
+    assert starts(stand, mission) == before
+
+
+def test_looking_again_makes_a_new_cycle_that_an_older_page_cannot_answer(
+    stand: Stand, waiting: tuple[Mission, HandoffId]
+) -> None:
+    _, handoff_id = waiting
+    operator = stand.operator()
+    old = {**shown(operator, handoff_id), "decision": "approve", "reason": "seen on camera"}
+    assert operator.post(f"/handoffs/{handoff_id}/look").status_code == 303
+    assert int(shown(operator, handoff_id)["cycle"]) == int(old["cycle"]) + 1
+    assert operator.post(f"/handoffs/{handoff_id}/decision", data=old).status_code == 409
+
+
+@pytest.mark.parametrize("reason", ["", "   ", "x" * 201])
+def test_an_answer_without_a_reason_is_not_taken(stand: Stand, waiting: tuple[Mission, HandoffId], reason: str) -> None:
+    _, handoff_id = waiting
+    operator = stand.operator()
+    form = {**shown(operator, handoff_id), "decision": "reject", "reason": reason}
+    answer = operator.post(f"/handoffs/{handoff_id}/decision", data=form)
+    assert answer.status_code == 422
+    assert 'id="errors"' in answer.text
+    assert stand.harness.runtime.handoff(handoff_id).status == "open"
+
+
+@pytest.mark.parametrize("missing", FIELDS)
+def test_an_answer_that_is_bound_to_nothing_is_not_taken(
+    stand: Stand, waiting: tuple[Mission, HandoffId], missing: str
+) -> None:
+    _, handoff_id = waiting
+    operator = stand.operator()
+    form = {**shown(operator, handoff_id), "decision": "approve", "reason": "seen on camera"}
+    del form[missing]
+    assert operator.post(f"/handoffs/{handoff_id}/decision", data=form).status_code == 422
+    assert stand.harness.runtime.handoff(handoff_id).status == "open"
+
+
+def test_the_api_answers_by_the_same_rules(stand: Stand, waiting: tuple[Mission, HandoffId]) -> None:
+    mission, handoff_id = waiting
+    owner = stand.owner()
+    (found,) = owner.get("/api/v1/handoffs?status=open").json()
+    assert found["handoff_id"] == handoff_id
+    fresh = owner.post(f"/api/v1/handoffs/{handoff_id}/look").json()
+    body = {
+        "decision": "approve",
+        "reason": "seen on camera",
+        "key": "k-1",
+        "cycle": fresh["cycle"],
+        "subject": "0" * 64,
+        "evidence": fresh["opened"]["evidence"],
+    }
+    refused = owner.post(f"/api/v1/handoffs/{handoff_id}/decision", json=body)
+    assert (refused.status_code, refused.json()["code"]) == (409, "wrong_digest")
+    body["subject"] = fresh["opened"]["subject"]
+    taken = owner.post(f"/api/v1/handoffs/{handoff_id}/decision", json=body)
+    assert taken.status_code == 200
+    assert taken.json()["answer"]["reason"] == "seen on camera"
+    assert stand.harness.runtime.mission(mission.mission_id).status == "active"
