@@ -1,7 +1,7 @@
 """The provider protocol: what the supervisor says to a provider and hears back, on any transport.
 
 Start is idempotent by `request_id`. Motion needs a keepalive at least every second; without one for 2 s the
-provider stands still by itself and reports `blocked` (D12). A request with a fencing token older than the newest
+provider stands still by itself and reports `blocked` with the failure `keepalive_lost` (D12). A request with a fencing token older than the newest
 that the provider has seen for the resource is refused.
 """
 
@@ -20,6 +20,7 @@ Parameters = dict[str, ParameterValue]
 InvocationStatus = Literal[
     "accepted", "queued", "running", "blocked", "succeeded", "failed", "cancelled", "stopping", "outcome_unknown"
 ]
+KEEPALIVE_LOST = "keepalive_lost"
 TERMINAL: frozenset[str] = frozenset({"succeeded", "failed", "cancelled"})
 
 

@@ -15,7 +15,7 @@ from harness.contracts.decisions import Accepted
 from harness.contracts.errors import ProviderFailed, ProviderUnreachable
 from harness.contracts.events import DispatchIntended, NodeCommitted
 from harness.contracts.ids import InvocationId, handoff_stream, mission_stream
-from harness.contracts.protocol import TERMINAL, Identity, InvocationReport, StartRequest
+from harness.contracts.protocol import KEEPALIVE_LOST, TERMINAL, Identity, InvocationReport, StartRequest
 from harness.gate.commit import Request
 from harness.projections.mission import Invocation, Mission
 from harness.runtime import Live
@@ -104,8 +104,10 @@ class Attendant:
                 return now_s
         elif now_s > intent.deadline_s:
             self._late(mission, invocation, now_s)
-        elif report.status == "blocked" and not report.failure:
+        elif report.failure == KEEPALIVE_LOST:
             self._reawaken(mission, invocation, report)
+        else:
+            self._resumed = False
         if intent.moves:
             provider.keepalive(report.handle)
         return now_s + POLL_S

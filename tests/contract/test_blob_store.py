@@ -67,6 +67,14 @@ def test_what_is_no_digest_names_no_blob_and_no_path(blobs: BlobStore, name: str
         blobs.get(Digest(name))
 
 
+@pytest.mark.parametrize("more", ["\n", "/", "/../../../../owner.lock", "0"])
+def test_what_follows_a_digest_makes_it_none(folder: Path, more: str) -> None:
+    blobs = FileBlobStore(folder)
+    digest = blobs.put(b"image")
+    with pytest.raises(BlobDamaged, match="is no digest"):
+        blobs.get(Digest(digest + more))
+
+
 def test_the_same_bytes_are_kept_once(blobs: BlobStore) -> None:
     assert blobs.put(b"image") == blobs.put(b"image")
     assert len(list(blobs.digests())) == 1

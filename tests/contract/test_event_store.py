@@ -1,5 +1,6 @@
 """What every event log keeps: one order, one chain, all or nothing. The same tests for memory and SQL."""
 
+import sys
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -238,6 +239,16 @@ def test_both_logs_give_the_same_appends_the_same_digests(tmp_path: Path) -> Non
     sql.close()
 
 
+@pytest.fixture
+def nervous() -> Iterator[None]:
+    """Threads are interrupted a thousand times more often than usual."""
+    usual = sys.getswitchinterval()
+    sys.setswitchinterval(usual / 1000)
+    yield
+    sys.setswitchinterval(usual)
+
+
+@pytest.mark.usefixtures("nervous")
 def test_of_many_threads_exactly_one_wins_each_version(store: EventStore) -> None:
     rounds, threads = 40, 8
     go = Event()
@@ -263,6 +274,7 @@ def test_of_many_threads_exactly_one_wins_each_version(store: EventStore) -> Non
     assert store.verify().position == 2 * rounds
 
 
+@pytest.mark.usefixtures("nervous")
 def test_a_reader_sees_whole_appends_while_they_happen(store: EventStore) -> None:
     appends = 150
     done = Event()

@@ -162,7 +162,7 @@ def test_without_keepalives_the_body_stands_within_two_seconds_and_a_resume_goes
     assert max(speeds(made, lost_s)) > 0.4
     assert max(speeds(made, lost_s + 2.0)) < BRAKED_MPS
     held = provider.report(report.handle)
-    assert (held.status, held.failure) == ("blocked", "")
+    assert (held.status, held.failure) == ("blocked", "keepalive_lost")
     assert provider.resume(report.handle).status == "running"
     ended = made.watch(provider.report(report.handle))
     assert ended.status == "succeeded"

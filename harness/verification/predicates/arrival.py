@@ -54,7 +54,7 @@ def arrival(effect: AnyEffect, evidence: Evidence) -> Finding:
     }
     return Finding(
         verdict=verdict,
-        reason=reason or f"{max(place.distances_m):.2f} m from the target in {SAMPLES} samples, at rest",
+        reason=reason or _in_words(place, agreement),
         measured=measured,
         bounds={
             "distance_m": effect.tolerance_m,
@@ -78,8 +78,9 @@ def poses_of(effect: Metric, track: Track) -> tuple[Pose, ...]:
 def agreement_of(evidence: Evidence, effect: Metric) -> Agreement | None:
     """How well localiser and odometry agree; None where they cannot be compared.
 
-    In an execution that moved: over the 2 s before standstill. In one that only looks, or did not move: from the
-    latest instant in the cited motion at which both still agreed, to now.
+    In an execution that moved: over the 2 s before standstill, and since they last agreed in motion, for a body that
+    creeps to its end hides a frozen localiser. In one that only looks, or did not move: from the latest instant in
+    the cited motion at which both still agreed, to now.
     """
     tracks = evidence.tracks
     current = current_track(evidence)
@@ -90,7 +91,10 @@ def agreement_of(evidence: Evidence, effect: Metric) -> Agreement | None:
     whole = _joined(effect, evidence)
     if (looked or not alone.moved) and whole.moved_m > alone.moved_m:
         return whole.since_agreement(departed_s=tracks[0].dispatched_s)
-    return None if looked else alone.before_standstill()
+    if looked:
+        return None
+    direct, long = alone.before_standstill(), alone.since_agreement(departed_s=current.dispatched_s)
+    return long if direct and direct.holds and long and not long.holds else direct
 
 
 def _joined(effect: Metric, evidence: Evidence) -> Sources:
@@ -139,6 +143,11 @@ def _trusted(agreement: Agreement | None, newest: Pose, evidence: Evidence) -> t
         return "satisfied", ""
     differ = f"{agreement.disagreement_m:.2f} m, bound {agreement.bound_m:.2f} m"
     return "ambiguous", f"sources disagree: the displacements of localiser and odometry differ by {differ}"
+
+
+def _in_words(place: _Place, agreement: Agreement | None) -> str:
+    said = f"{max(place.distances_m):.2f} m from the target in {SAMPLES} samples, at rest"
+    return said if agreement else f"{said} (single source: {place.poses[-1].source}, nothing else confirms it)"
 
 
 def _path_m(effect: Metric, evidence: Evidence) -> float:

@@ -250,8 +250,7 @@ def test_an_append_that_waits_too_long_for_another_writer_is_left_out(file: Path
 def test_opening_waits_for_a_process_that_is_just_creating_the_log(tmp_path: Path) -> None:
     path = tmp_path / "events.db"
     other = sqlite3.connect(path, isolation_level=None)
-    other.execute("BEGIN")
-    other.execute("SELECT * FROM sqlite_master").fetchall()
+    other.execute("BEGIN IMMEDIATE")
     with pytest.raises(StoreUnavailable, match="locked"):
         SqlEventStore(f"sqlite:///{path}", busy_s=0.05)
     with ThreadPoolExecutor(1) as pool:

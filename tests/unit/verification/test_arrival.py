@@ -90,6 +90,33 @@ def test_a_localiser_that_froze_inside_the_radius_is_not_believed_either(bench: 
     assert bench.judged(frozen, there).verdict == "ambiguous"
 
 
+def test_a_body_that_creeps_to_its_end_does_not_hide_a_frozen_localiser(bench: Bench) -> None:
+    drive = Drive(route=((0.0, 0.0), (8.0, 0.0)), before_s=0.0, after_s=8.0, until_m=6.0)
+    samples = drive.trajectory()
+
+    def creeping(at_s: float) -> float:
+        return 0.01 * min(max(at_s - drive.stopped_s, 0.0), 6.0)
+
+    crept = replace(
+        samples,
+        odometry=tuple(replace(one, y_m=one.y_m + creeping(one.at_s)) for one in samples.odometry),
+        poses=tuple(replace(pose, x_m=min(pose.x_m, 4.8)) for pose in samples.poses),
+    )
+    packet = replace(bench.driven(drive), estimates=(bench.trajectory(crept),))
+    result = only(bench.judged(packet, mission(contract(node(arrival((5.0, 0.0)))))))
+    assert result.measured["distance_m"] < 0.4
+    assert (result.verdict, "sources disagree" in result.reason) == ("ambiguous", True)
+
+
+def test_a_position_that_is_odometry_itself_is_labelled_as_a_single_source(bench: Bench) -> None:
+    samples = Drive().trajectory()
+    alone = replace(samples, poses=tuple(replace(pose, source="odometry") for pose in samples.poses))
+    packet = replace(bench.driven(Drive()), estimates=(bench.trajectory(alone),))
+    result = only(bench.judged(packet, mission(contract(node(risk="low"))), provider=card("odometry")))
+    assert (result.verdict, result.sources, result.independence) == ("satisfied", ("odometry",), 1)
+    assert "single source: odometry" in result.reason
+
+
 def looked(bench: Bench, motion: EvidencePacket, look: Drive) -> EvidencePacket:
     """A verify-only packet that cites the motion."""
     packet = bench.driven(look, name="go-2", verify_only=True)

@@ -8,7 +8,15 @@ from harness.adapters.providers.simulation.bodies import Velocity
 from harness.adapters.providers.simulation.senses import Draft, Outcome, Senses, Skill, Step
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.ids import Digest
-from harness.contracts.protocol import TERMINAL, InvocationReport, InvocationStatus, Progress, Receipt, StartRequest
+from harness.contracts.protocol import (
+    KEEPALIVE_LOST,
+    TERMINAL,
+    InvocationReport,
+    InvocationStatus,
+    Progress,
+    Receipt,
+    StartRequest,
+)
 
 DEAD_MAN_S = 1.4
 STILL_S = 0.2
@@ -90,7 +98,7 @@ class Invocation:
             status=self._status,
             at_s=self._at_s,
             progress=Progress(share=share, text=self._text, remaining_m=self.skill.remaining_m),
-            failure=outcome.failure if outcome else "",
+            failure=outcome.failure if outcome else KEEPALIVE_LOST if self.held_still else "",
             message=self._text,
             declared=outcome.declared if outcome else {},
             receipts=tuple(self._receipts),

@@ -1,0 +1,235 @@
+"""A person watches a real mission in a browser: from the sign-in link to the report, live, in words and in 3D.
+
+REGEN_CONSOLE_URL names a sign-in link of a console that runs already; without it, `regen up` is started here.
+"""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
+
+ROOT = Path(__file__).resolve().parents[2]
+VIEWER = "'unsafe-eval' is not an allowed source of script: script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob:"
+"""The viewer's sorter of splats, which no scene here has, wants to evaluate text; its frame's policy forbids it."""
+REPORT_MS = 90_000
+
+
+class Console:
+    """One running `regen up`."""
+
+    def __init__(self, folder: Path, *options: str) -> None:
+        command = [sys.executable, "-m", "app.cli", "up", "--data", str(folder), "--port", "0"]
+        self._log = (folder.parent / "up.log").open("w+", encoding="utf-8")
+        self.process = subprocess.Popen(
+            [*command, "--fidelity", "kinematic", *options],
+            cwd=ROOT,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=self._log,
+            text=True,
+        )
+        assert self.process.stdout is not None
+        line = self.process.stdout.readline()
+        found = re.search(r"http://\S+/account/sign-in\?token=\S+", line)
+        assert found, line
+        self.link = found.group()
+        self.address = self.link.split("/account")[0]
+
+    def suspend(self) -> None:
+        self.process.send_signal(signal.SIGSTOP)
+
+    def go_on(self) -> None:
+        self.process.send_signal(signal.SIGCONT)
+
+    def stop(self) -> None:
+        self.go_on()
+        self.process.terminate()
+        try:
+            self.process.wait(timeout=20)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait(timeout=10)
+        assert self.process.stdout is not None
+        self.process.stdout.close()
+        self._log.close()
+
+
+@pytest.fixture
+def console(tmp_path: Path) -> Iterator[Console]:
+    """A console of its own, with an inspection under way at eight times its speed."""
+    running = Console(tmp_path / "var", "--speed", "8", "--start", "warehouse-inspection")
+    yield running
+    running.stop()
+
+
+@pytest.fixture
+def console_url(request: pytest.FixtureRequest) -> str:
+    """A sign-in link."""
+    named = os.environ.get("REGEN_CONSOLE_URL")
+    if named:
+        return named
+    running: Console = request.getfixturevalue("console")
+    return running.link
+
+
+def enter(page: Page, link: str) -> None:
+    """Sign in and come to the overview."""
+    page.goto(link)
+    page.wait_for_url(re.compile(r"/$"))
+
+
+def open_mission(page: Page) -> None:
+    """From the overview to the mission that is under way."""
+    page.locator("#now a.strong[href^='/missions/']").first.click()
+    expect(page.locator("#stages")).to_be_visible()
+
+
+def colours(picture: bytes) -> int:
+    """How many different colours a screenshot has."""
+    pixels = cv2.imdecode(np.frombuffer(picture, dtype=np.uint8), cv2.IMREAD_COLOR)
+    assert pixels is not None
+    return len(np.unique(pixels.reshape(-1, 3), axis=0))
+
+
+def test_a_mission_is_watched_to_its_report_without_a_reload(
+    console_url: str, open_page: OpenPage, console_watch: ConsoleWatch, take_picture: TakePicture
+) -> None:
+    console_watch.expect(re.escape(VIEWER))
+    page = open_page(width=1440, height=900)
+    enter(page, console_url)
+    open_mission(page)
+    page.locator("body").evaluate("body => { body.dataset.unreloaded = 'yes' }")
+    expect(page.locator("body")).to_have_attribute("data-link", "live", timeout=20_000)
+    expect(page.locator("#stage-go[data-state=committed]")).to_be_visible(timeout=REPORT_MS)
+    expect(page.locator("#stage-go")).to_contain_text("distance")
+    expect(page.locator("#graph .node[data-state=committed]").first).to_be_visible()
+    expect(page.locator("#head")).to_contain_text("succeeded", timeout=REPORT_MS)
+    expect(page.locator("#head")).to_contain_text("Goal met")
+    expect(page.locator("#contract .verdict[data-verdict=satisfied]").first).to_be_visible()
+    expect(page.locator("#stages .stage[data-state=committed]")).to_have_count(7)
+    assert page.locator("body").get_attribute("data-unreloaded") == "yes"
+    frame = page.frame_locator(".scene iframe")
+    expect(frame.locator("canvas").first).to_be_visible(timeout=30_000)
+    take_picture(page, "mission-succeeded")
+    page.goto(page.url.split("?")[0].split("#")[0] + "?node=panorama")
+    expect(page.locator("#evidence img")).to_have_count(8)
+    expect(page.locator("#evidence figcaption .verdict[data-verdict=satisfied]")).to_have_count(8)
+
+
+def test_the_3d_view_draws_what_the_lidar_saw(
+    console: Console, open_page: OpenPage, console_watch: ConsoleWatch, take_picture: TakePicture
+) -> None:
+    console_watch.expect(re.escape(VIEWER))
+    page = open_page(width=1280, height=900)
+    enter(page, console.link)
+    open_mission(page)
+    expect(page.locator("#view")).to_contain_text(re.compile(r"[1-9]\d{2} points|\d \d{3} points"), timeout=60_000)
+    scene = page.locator(".scene")
+    scene.scroll_into_view_if_needed()
+    deadline = time.monotonic() + 60
+    while colours(scene.screenshot()) < 60:
+        assert time.monotonic() < deadline, "the 3D view stayed uniform"
+        page.wait_for_timeout(500)
+    take_picture(page, "scene", whole=False)
+
+
+def test_a_page_that_is_not_live_says_so_within_two_seconds_and_recovers_by_itself(
+    console: Console, open_page: OpenPage, take_picture: TakePicture
+) -> None:
+    page = open_page()
+    enter(page, console.link)
+    body = page.locator("body")
+    expect(body).to_have_attribute("data-link", "live", timeout=20_000)
+    page.goto(f"{console.address}/missions/new")
+    start = page.get_by_role("button", name="Start", exact=True)
+    expect(body).to_have_attribute("data-link", "live", timeout=20_000)
+    expect(start).to_be_enabled()
+    console.suspend()
+    began = time.monotonic()
+    expect(body).to_have_attribute("data-link", "lost", timeout=5_000)
+    assert time.monotonic() - began < 2.5
+    expect(start).to_be_disabled()
+    expect(page.locator("#status")).to_contain_text(re.compile(r"Not live since \d\d:\d\d:\d\d UTC"))
+    expect(page.locator("[data-region][data-stale^='not live since']")).to_have_count(2)
+    take_picture(page, "not-live")
+    console.go_on()
+    expect(body).to_have_attribute("data-link", "live", timeout=15_000)
+    expect(start).to_be_enabled()
+    expect(page.locator("[data-stale]")).to_have_count(0)
+
+
+def test_a_handoff_is_approved_by_holding_a_key_and_letting_go_early_changes_nothing(
+    console: Console, open_page: OpenPage, take_picture: TakePicture
+) -> None:
+    page = open_page()
+    enter(page, console.link)
+    started = page.request.post(
+        f"{console.address}/api/v1/missions",
+        headers={"Origin": console.address},
+        data={"robot_id": "vbot-1", "template": "circuit", "labels": {"faults": "interrupted:persistent"}},
+    )
+    assert started.status == 201
+    first = page.request.get(f"{console.address}/api/v1/missions").json()[-1]["mission_id"]
+    page.request.post(
+        f"{console.address}/api/v1/missions/{first}/stop",
+        headers={"Origin": console.address},
+        data={"reason": "the circuit comes first"},
+    )
+    question = page.locator("#now .question a")
+    expect(question).to_be_visible(timeout=REPORT_MS)
+    question.click()
+    page.get_by_role("button", name="Look again").click()
+    expect(page.locator(".mono", has_text="cycle 2").first).to_be_visible()
+    expect(page.locator("body")).to_have_attribute("data-link", "live", timeout=20_000)
+    page.get_by_role("button", name="checked on site").click()
+    approve = page.locator("#approve")
+    approve.focus()
+    page.keyboard.down("Enter")
+    page.wait_for_timeout(200)
+    page.keyboard.up("Enter")
+    expect(page.locator("#status")).to_contain_text("nothing was sent")
+    expect(page.locator("#decision")).to_be_visible()
+    take_picture(page, "handoff")
+    approve.focus()
+    page.keyboard.down("Enter")
+    expect(page.locator(".steps")).to_contain_text("checked on site", timeout=15_000)
+    page.keyboard.up("Enter")
+    expect(page.locator(".steps li", has_text="dispatched")).to_have_attribute("data-state", "done", timeout=20_000)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [390, 1440])
+def test_no_page_is_wider_than_the_screen(
+    console: Console, open_page: OpenPage, take_picture: TakePicture, width: int, scheme: str
+) -> None:
+    page = open_page(width=width, height=844, scheme=scheme)
+    enter(page, console.link)
+    mission = page.locator("#now a.strong[href^='/missions/']").first.get_attribute("href")
+    for name, path in {
+        "overview": "/", "missions": "/missions", "new": "/missions/new", "handoffs": "/handoffs", "stop": f"{mission}/stop"
+    }.items():  # fmt: skip
+        page.goto(console.address + path)
+        wide, screen = page.locator("html").evaluate("page => [page.scrollWidth, page.clientWidth]")
+        assert wide <= screen, path
+        assert page.locator("h1").count() == 1
+        take_picture(page, f"{name}-{scheme}-{width}")
+
+
+def test_the_pages_work_without_scripts(console: Console, open_page: OpenPage) -> None:
+    page = open_page(scripts=False)
+    enter(page, console.link)
+    page.get_by_role("button", name="Stop vbot-1").click()
+    expect(page.locator("h1")).to_have_text("Stop vbot-1")
+    page.get_by_role("button", name="Stop: person in the way").click()
+    expect(page.locator("#head")).to_contain_text(re.compile("Stopping|cancelled|person in the way"))
