@@ -259,4 +259,3 @@ def _until_blocked(process: RobotProcess) -> str:
             return report.handle
         time.sleep(0.02)
     raise AssertionError("the dead man did not work")
-

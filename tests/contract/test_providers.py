@@ -197,6 +197,4 @@ def test_samples_and_bytes_reach_the_reader(made: Bench) -> None:
     scan = made.samples("lidar")[-1]
     body = made.robot.blob(scan.blob)  # type: ignore[union-attr]
     assert len(body) == 12 * scan.points  # type: ignore[union-attr]
-    assert {"localiser", "odometry", "imu", "lidar"} <= {
-        sample.source for sample in made.robot.observations(0).samples
-    }
+    assert {"localiser", "odometry", "imu", "lidar"} <= {sample.source for sample in made.robot.observations(0).samples}

@@ -33,10 +33,9 @@ def test_a_leg_ends_inside_the_arrival_radius_with_arrival_and_disarm_receipts(p
 @pytest.mark.ledger("R217", symbol="harness.adapters.providers.simulation.navigation:RouteFollower._settle")
 def test_after_arrival_the_body_stands_and_the_velocity_interface_is_disarmed() -> None:
     made = bench()
-    made.start("route-follower", along("A-B"))
-    made.wait(1.0)
+    running = made.watch(made.start("route-follower", along("A-B")), until_s=2.0)
     assert made.robot.status().armed
-    made.run("route-follower", along("A-B"))
+    assert made.watch(running).status == "succeeded"
     made.wait(3.0)
     assert not made.robot.status().armed
     terminal = next(truth for truth in made.truth() if truth.kind == "terminal")

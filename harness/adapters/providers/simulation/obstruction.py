@@ -20,9 +20,9 @@ def boxes_across(site: SiteModel, route: RouteLine, at_m: float, *, gap: bool) -
     """Boxes from side to side at arc length `at_m`; `gap` leaves GAP_M free on the wider side, never on the route."""
     x, y = route.point(at_m)
     heading = route.heading(at_m)
-    left, right = FloorPlan(site).rays(
-        x, y, np.array([heading + math.pi / 2, heading - math.pi / 2]), reach_m=WIDEST_M
-    ).tolist()
+    left, right = (
+        FloorPlan(site).rays(x, y, np.array([heading + math.pi / 2, heading - math.pi / 2]), reach_m=WIDEST_M).tolist()
+    )
     low, high = -right, left
     if gap and left >= right:
         high -= GAP_M
