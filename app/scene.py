@@ -15,7 +15,7 @@ from harness.contracts.errors import HarnessError
 from harness.contracts.ids import MissionId
 from harness.runtime import Runtime
 
-TICK_S = 0.3
+TICK_S = 0.5
 _printing = Lock()
 
 

@@ -130,13 +130,13 @@ class Doorkeeper:
         await app(scope, receive, _with_headers(send))
 
     def _actor(self, connection: HTTPConnection) -> Actor | None:
-        if connection.url.path.startswith("/api/") and "authorization" in connection.headers:
+        if str(connection.scope["path"]).startswith("/api/") and "authorization" in connection.headers:
             return self._doors.owner(connection.headers["authorization"])
         session = connection.cookies.get(self._cookie, "")
         return self._doors.who(session) if session else None
 
     def _refusal(self, connection: HTTPConnection, scope: Scope, actor: Actor | None) -> tuple[int, str] | None:
-        headers, path = connection.headers, connection.url.path
+        headers, path = connection.headers, str(scope["path"])
         if headers.get("host", "").lower() not in self._hosts:
             return 421, "unknown_host"
         if path in OPEN_PATHS or path.startswith("/static/"):

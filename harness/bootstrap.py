@@ -227,7 +227,7 @@ def local_providers(parts: Parts, *, camera: Camera, folder: Path | None) -> Seq
     """Providers that run beside the harness: intake, analysis, delivery, voice."""
 
     def journal(name: str) -> Path | None:
-        return folder / "providers" / name if folder else None
+        return folder / "providers" / f"{name}.jsonl" if folder else None
 
     clock, blobs = parts.clock, parts.blobs
     outbox = FolderOutbox(folder / "outbox", blobs=blobs) if folder else MemoryOutbox()

@@ -66,13 +66,15 @@ def shell(title: str, section: str, around: Surroundings, *, topics: Sequence[st
 
 
 def stop_controls(missions: Sequence[Mission], robots: Sequence[str]) -> tuple[StopControl, ...]:
-    """One per robot that is configured or runs something; the newest open mission of each is the one it stops."""
+    """One per robot that is configured or runs something. `missions` are newest first."""
     names = dict.fromkeys((*robots, *(mission.robot_id for mission in missions if not mission.ended)))
     return tuple(_stop_control(robot, missions) for robot in names)
 
 
 def _stop_control(robot_id: str, missions: Sequence[Mission]) -> StopControl:
-    mission = next((one for one in missions if one.robot_id == robot_id and not one.ended), None)
+    """Of several open missions the one that moves the robot, else the oldest: it is the next to run."""
+    waiting = [one for one in missions if one.robot_id == robot_id and not one.ended and not one.replay]
+    mission = next((one for one in waiting if one.invocation is not None), waiting[-1] if waiting else None)
     if mission is None:
         return StopControl(robot_id=robot_id, mission_id="", state="idle")
     state = "stopping" if mission.status == "stopping" else "running"

@@ -1,6 +1,7 @@
 """H_0 and the site as they ship: reads this package's own data, and any YAML text, into contract values."""
 
 from collections.abc import Hashable
+from functools import lru_cache
 from importlib.resources import files
 from typing import Any, TypeVar
 
@@ -28,8 +29,12 @@ class _Sections(Value):
     recovery: RecoveryPolicy
 
 
+@lru_cache(maxsize=1)
 def baseline() -> Configuration:
-    """H_0, with its templates in order of their names. Raises ContractInvalid if the shipped files break a rule."""
+    """H_0, with its templates in order of their names, read once.
+
+    Raises ContractInvalid if the shipped files break a rule.
+    """
     sections = read_yaml(_shipped("configuration.yaml"), _Sections, where="baseline/configuration.yaml")
     folder = files(_PACKAGE).joinpath("templates")
     names = sorted(entry.name for entry in folder.iterdir() if entry.name.endswith(".yaml"))
@@ -47,8 +52,9 @@ def baseline() -> Configuration:
     return configuration
 
 
+@lru_cache(maxsize=1)
 def site() -> Site:
-    """The simulated site's places, routes, passages and zones."""
+    """The simulated site's places, routes, passages and zones, read once."""
     return read_yaml(_shipped("site.yaml"), Site, where="baseline/site.yaml")
 
 

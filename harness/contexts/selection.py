@@ -105,11 +105,10 @@ def _aged(item: Item) -> Withheld | None:
     if item.speaks_at_s is None or item.limit_s is None:
         return None
     age_s = item.speaks_at_s - item.record.at_s
-    if age_s > item.limit_s:
-        return withhold(item.record, "stale", f"{age_s:.2f} s old, limit {item.limit_s:.2f} s")
     if age_s < -EARLY_S:
         return withhold(item.record, "scope", f"observed {-age_s:.2f} s after the instant it should speak for")
-    return None
+    old = withhold(item.record, "stale", f"{age_s:.2f} s old, limit {item.limit_s:.2f} s")
+    return old if age_s > item.limit_s else None
 
 
 def _settled(items: list[Item]) -> tuple[list[Item], list[Withheld]]:

@@ -7,8 +7,8 @@ Of a packet: "conditions" (list of Condition); "policy" (VerificationPolicy); "e
 (EvidenceReference of one frame); "before", "after" (EvidenceReference); "attestation" (a person's, where allowed).
 
 Of the goal: "goal", "conditions" (as first stored), "policy", "constraints", "facts", "receipts" as above; "node"
-(CommittedNode, one per committed node); "observations" (RecentSamples: what is true now); "trajectory" (role "cited":
-the history on which a circuit is tested).
+(CommittedNode, one per committed node); "observations" (RecentSamples: what is true now); "trajectory" (role "cited")
+and "before": the history on which a circuit is tested.
 """
 
 from typing import Any
@@ -27,11 +27,11 @@ from harness.contexts.observed import other_map, recent_window
 from harness.contexts.planner import goal_record
 from harness.contexts.selection import Item, Selection, compile_context
 from harness.contexts.skill import ancestors, relevant_facts
-from harness.contexts.view import StateView, accepted, configured, plain
+from harness.contexts.view import StateView, accepted, configured, plain, referenced
 from harness.contracts.capabilities import CapabilityCard, Risk
 from harness.contracts.contexts import Context, ContextRecord
 from harness.contracts.effects import Condition, Metric, Relational, Symbolic
-from harness.contracts.evidence import EvidencePacket, PacketIdentity
+from harness.contracts.evidence import EvidencePacket, EvidenceReference, PacketIdentity
 from harness.contracts.ids import ConditionId, NodeId, RequestId
 from harness.contracts.tasks import EvidencePolicy, Node, order
 from harness.contracts.values import Value
@@ -241,11 +241,19 @@ def _histories(view: StateView, packets: dict[NodeId, EvidencePacket]) -> list[I
         if not _targets(view.node(node_id)) & wanted:
             continue
         for source in sources_of(view, packet):
-            for reference in source.packet.estimates:
-                if reference.kind == "trajectory" and source.lasting:
-                    record = trajectory_record(source.packet, reference, current=False, mandatory=True)
-                    items.append(Item(record, barred=other_map(view, record, reference.map_version)))
+            if source.lasting:
+                items += [_past(view, source.packet, reference) for reference in source.packet.before]
+                items += [_past(view, source.packet, one) for one in source.packet.estimates if one.kind == "trajectory"]
     return items
+
+
+def _past(view: StateView, packet: EvidencePacket, reference: EvidenceReference) -> Item:
+    """Samples of a finished execution, or of the seconds before it: its interval is what they speak of."""
+    if reference.kind == "trajectory":
+        record = trajectory_record(packet, reference, current=False, mandatory=True)
+    else:
+        record = referenced(reference.kind, reference)
+    return Item(record, barred=other_map(view, record, reference.map_version))
 
 
 def _targets(node: Node) -> set[tuple[float, float]]:

@@ -47,9 +47,9 @@ def plan_refusal(proposal: PlanProposal, *, mission: Mission) -> Refused | None:
     if proposal.node_id not in mission.nodes:
         return Refused("unknown_node", f"The graph has no node {proposal.node_id[:80]!r}.")
     ready = eligible(mission)
-    if proposal.node_id not in ready:
-        return Refused("not_eligible", f"{proposal.node_id} may not start now; eligible: {', '.join(ready) or 'none'}.")
-    return None
+    if proposal.node_id in ready:
+        return None
+    return Refused("not_eligible", f"{proposal.node_id} may not start now; eligible: {', '.join(ready) or 'none'}.")
 
 
 def admissible(proposal: PlanProposal, *, mission: Mission) -> bool:

@@ -17,7 +17,8 @@ figure does not hang on the choice; a robot that stands for 19 s with 5 mm of no
 """
 AHEAD_M = 2.0
 CORRIDOR_M = 1.5
-WAYPOINT_RADIUS_M = 0.8
+WAYPOINT_RADIUS_M = CORRIDOR_M
+"""A waypoint on which something stands is passed by going round it inside the corridor."""
 
 
 class Fix(NamedTuple):

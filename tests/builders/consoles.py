@@ -63,6 +63,18 @@ class Stand:
         """A mission run until it is over or waits for a person."""
         return self.harness.supervisor.run(self.created(template, faults))
 
+    def driving(self) -> MissionId:
+        """A mission whose robot is on its first leg."""
+        mission_id = self.created()
+        for _ in range(60):
+            invocation = self.harness.runtime.mission(mission_id).invocation
+            if invocation is not None and invocation.intent.moves:
+                return mission_id
+            wake_s = self.harness.supervisor.step(mission_id)
+            assert wake_s is not None
+            self.harness.clock.wait_until(wake_s)
+        raise AssertionError("the robot never set out")
+
     def handed_off(self) -> tuple[Mission, HandoffId]:
         """A mission that waits for a person, because its first leg is interrupted again and again."""
         mission = self.run(faults="interrupted:persistent")

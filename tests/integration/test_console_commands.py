@@ -78,10 +78,15 @@ def test_every_page_carries_a_stop_that_names_the_robot(stand: Stand, operator: 
         assert "The hardware stop" in text, path
 
 
+def test_of_two_missions_of_one_robot_the_stop_names_the_one_that_moves_it(stand: Stand, operator: TestClient) -> None:
+    moving, queued = stand.driving(), stand.created()
+    text = operator.get("/").text
+    assert f'action="/missions/{moving}/stop"' in text
+    assert f'action="/missions/{queued}/stop"' not in text
+
+
 def test_a_stop_needs_a_reason_and_is_shown_as_stopping_until_it_is_static(stand: Stand, operator: TestClient) -> None:
-    mission_id = stand.created()
-    for _ in range(12):
-        stand.harness.supervisor.step(mission_id)
+    mission_id = stand.driving()
     assert operator.post(f"/missions/{mission_id}/stop", data={"reason": " "}).status_code == 422
     assert stand.harness.runtime.mission(mission_id).status == "active"
     answer = operator.post(f"/missions/{mission_id}/stop", data={"quick": "person in the way"})

@@ -1,17 +1,15 @@
 """metric circuit (D19): departure, then progress along the route, then return, in the order of sensor times."""
 
 import math
-from itertools import pairwise
 
 from harness.contracts.effects import AnyEffect, Metric
-from harness.contracts.observations import Pose
+from harness.contracts.observations import Odometry
 from harness.contracts.verdicts import PredicateVerdict
+from harness.verification.bridging import GAP_S, History, bridged
 from harness.verification.finding import Finding, Undecidable, ambiguous, worst
 from harness.verification.geometry import Fix, departed_s, excursion, path_length, route_progress
 from harness.verification.predicates.arrival import SAMPLES, agreement_of, arrival, poses_of
-from harness.verification.reading import Evidence, Track, fixes
-
-GAP_S = 1.0
+from harness.verification.reading import Evidence, Track
 
 
 def circuit(effect: AnyEffect, evidence: Evidence) -> Finding:
@@ -22,14 +20,14 @@ def circuit(effect: AnyEffect, evidence: Evidence) -> Finding:
     if not isinstance(effect, Metric) or len(effect.route_m) < 2:
         raise Undecidable("circuit is a metric effect with a route")
     departure_m, share = effect.bounds["departure_m"], effect.bounds["progress"]
-    poses = _history(effect, evidence)
-    if not poses:
+    if not any(poses_of(effect, track) for track in evidence.tracks):
         return ambiguous("no pose of the route's frame and map was received")
-    track = fixes(poses)
+    history = _history(effect, evidence)
+    track = list(history.track)
     began_s = min(one.dispatched_s for one in evidence.tracks)
     left_s = departed_s(track, origin=effect.target_m, after_s=began_s, radius_m=departure_m, samples=SAMPLES)
     progress = route_progress(effect.route_m, [fix.point for fix in track])
-    gap_s = max(_gap_s(effect, one) for one in evidence.tracks)
+    gap_s = max(_unseen_s(history, track) for track in evidence.tracks)
     back = arrival(effect, evidence)
     declared = _declared(evidence)
     verdict, reason = worst(
@@ -53,30 +51,37 @@ def circuit(effect: AnyEffect, evidence: Evidence) -> Finding:
         "excursion_m": excursion((fix.point for fix in track), origin=effect.target_m),
         **({"departed_at_s": left_s} if left_s is not None else {}),
         **({"declared_progress": declared} if declared is not None else {}),
+        **({"bridged_m": math.fsum(b.path_m for b in history.bridges)} if history.bridges else {}),
+        **({"closure_m": max(b.closure_m for b in history.bridges)} if history.bridges else {}),
     }
     return Finding(
         verdict=verdict,
         reason=reason or f"departed, {progress.share:.1%} of the route in order, and back",
         measured={**back.measured, **measured, "path_length_m": path_length(fix.point for fix in track)},
         bounds={**back.bounds, **effect.bounds, "waypoints": float(progress.of_waypoints)},
-        sources=back.sources,
+        sources=back.sources if not history.bridges else tuple(dict.fromkeys((*back.sources, "odometry"))),
         evidence=tuple(one.blob for one in evidence.tracks if one.blob),
         age_s=back.age_s,
     )
 
 
-def _history(effect: Metric, evidence: Evidence) -> tuple[Pose, ...]:
-    poses = {pose.at_s: pose for track in evidence.tracks for pose in poses_of(effect, track)}
-    return tuple(poses[at_s] for at_s in sorted(poses))
+def _history(effect: Metric, evidence: Evidence) -> History:
+    """The body's positions over all executions and the seconds before them; gaps closed by odometry where it fits."""
+    wanted = (effect.frame, effect.map_version)
+    poses = {one.at_s: one for one in evidence.before.poses if (one.frame, one.map_version) == wanted}
+    odometry: dict[float, Odometry] = {one.at_s: one for one in evidence.before.odometry}
+    for track in evidence.tracks:
+        poses |= {pose.at_s: pose for pose in poses_of(effect, track)}
+        odometry |= {one.at_s: one for one in track.odometry}
+    return bridged([poses[at_s] for at_s in sorted(poses)], [odometry[at_s] for at_s in sorted(odometry)])
 
 
-def _gap_s(effect: Metric, track: Track) -> float:
-    """The longest time within one execution that no pose shows, while other sensors went on."""
-    times = [pose.at_s for pose in poses_of(effect, track)]
-    if not times:
-        return math.inf
-    ends = [*times, track.until_s] if track.until_s is not None else times
-    return max((b - a for a, b in pairwise(ends)), default=0.0)
+def _unseen_s(history: History, track: Track) -> float:
+    """The longest time within one execution that neither a pose nor a bridge shows, while other sensors went on."""
+    until_s = track.until_s if track.until_s is not None else history.track[-1].at_s
+    within = [b - a for a, b in history.open_gaps if a >= track.dispatched_s - GAP_S and b <= until_s + GAP_S]
+    seen_s = max((fix.at_s for fix in history.track if fix.at_s <= until_s), default=-math.inf)
+    return max(until_s - seen_s, *within, 0.0)
 
 
 def _declared(evidence: Evidence) -> float | None:

@@ -3,6 +3,7 @@
 import math
 from bisect import bisect_left
 from collections.abc import Sequence
+from itertools import pairwise
 from statistics import fmean, median
 
 from harness.contracts.effects import AnyEffect, Visual
@@ -120,7 +121,7 @@ def _yaw(odometry: Sequence[Odometry], at_s: float) -> float:
 def _gaps(yaws: Sequence[float]) -> list[float]:
     """Angles between neighbouring headings around the circle, radians; they add up to a full turn."""
     ordered = sorted(yaw % math.tau for yaw in yaws)
-    return [b - a for a, b in zip(ordered, [*ordered[1:], ordered[0] + math.tau], strict=True)]
+    return [b - a for a, b in pairwise([*ordered, ordered[0] + math.tau])]
 
 
 def _in_map(evidence: Evidence, odometry: Sequence[Odometry], yaws: Sequence[float]) -> dict[str, float]:

@@ -55,6 +55,11 @@ def held(context: Context, kind: str) -> Any:
     return record.value
 
 
+def mandatory(context: Context) -> set[str]:
+    """What the budget may never push out of this context."""
+    return {one.kind for one in context.records if one.mandatory}
+
+
 def kinds(context: Context) -> set[str]:
     return {one.kind for one in context.records}
 
@@ -76,8 +81,11 @@ def test_the_planner_sees_goal_frontier_facts_places_and_coarse_failures() -> No
         for kind in ("timeout", "timeout", "violated")
     )
     nodes = state.nodes | {NodeId("look"): replace(state.nodes[NodeId("look")], failures=failures)}
-    c1 = planner_context(view(replace(state, nodes=nodes), status=status()))
+    history = {"navigate": {"timeout": 3.0}}
+    c1 = planner_context(view(replace(state, nodes=nodes), status=status(), history=history))
     assert {"goal", "frontier", "facts", "place", "map", "robot", "failures"} <= kinds(c1)
+    assert held(c1, "history") == history
+    assert mandatory(c1) == {"goal", "frontier"}
     assert [one["node_id"] for one in held(c1, "frontier")] == ["look", "wait"]
     assert held(c1, "failures") == {"node_id": "look", "failures": {"timeout": 2, "violated": 1}}
 
@@ -118,6 +126,7 @@ def test_the_skill_sees_one_subgoal_its_card_the_facts_it_builds_on_and_three_ex
     c2 = skill_context(view(after_go(three()), examples=examples, status=status()), NodeId("look"), card())
     assert {"node", "card", "attempt", "facts", "constraints", "robot", "example"} <= kinds(c2)
     assert "goal" not in kinds(c2)
+    assert mandatory(c2) == {"node", "card", "attempt", "facts"}
     assert held(c2, "node")["node_id"] == "look"
     facts = c2.one("facts")
     assert facts is not None
@@ -205,6 +214,7 @@ def test_recovery_sees_the_failure_what_was_tried_what_is_left_and_who_else_ther
     judged = replace(retained(state, packet).nodes[NodeId("go")], verdicts=(verdict,))
     context = c4(replace(state, nodes=state.nodes | {NodeId("go"): judged}))
     assert {"failure", "node", "attempts", "budget", "ladder", "alternative", "verdict"} <= kinds(context)
+    assert mandatory(context) == {"failure", "node", "attempts", "budget", "ladder"}
     budget = held(context, "budget")
     assert (budget["left"]["re_perceive"], budget["left_node"], budget["left_mission"]) == (1, 3, 7)
     assert held(context, "node")["moves"] is True

@@ -51,6 +51,7 @@ def test_the_verifier_sees_conditions_both_sides_of_the_execution_and_the_facts_
         "conditions", "policy", "execution", "card", "constraints", "goal", "facts", "declared", "trajectory", "before",
         "after",
     }  # fmt: skip
+    assert {one.kind for one in c3.records if one.mandatory} == {"conditions", "policy", "execution", "trajectory"}
     record = c3.one("facts")
     assert record is not None
     (known,) = record.read(tuple[CommittedFact, ...])

@@ -142,7 +142,6 @@ def test_the_inspection_asks_for_evidence_of_looking_and_telling_as_well_as_of_m
     assert "receipts" in task.node(NodeId("report")).evidence.mandatory
 
 
-@pytest.mark.ledger("R202", symbol="harness.planning.compile:compile_contract")
 def test_the_return_waits_for_an_acknowledged_delivery_of_four_images() -> None:
     task = contract()
     back, delivery = task.node(NodeId("return")), task.node(NodeId("delivery"))

@@ -52,9 +52,13 @@ def test_a_node_that_waits_lets_another_go_first() -> None:
     free = tuple(replace(node, depends_on=()) for node in task.nodes[:2])
     waiting = NodeState(node_id=NodeId("request"), waiting_for="a microphone")
     both = mission(replace(task, nodes=free), request=waiting)
-    assert plan(planner_context(view(both))).node_id == "go"
+    chosen = plan(planner_context(view(both)))
+    assert chosen.node_id == "go"
+    assert chosen.reason.endswith("others: request.")
     alone = mission(replace(task, nodes=free[:1]), request=waiting)
-    assert plan(planner_context(view(alone))).node_id == "request"
+    late = plan(planner_context(view(alone)))
+    assert late.node_id == "request"
+    assert "although it waits for a microphone; others: none." in late.reason
 
 
 @pytest.mark.ledger("R41", symbol="harness.planning.planner:plan_refusal")

@@ -201,7 +201,6 @@ def test_whatever_is_proposed_budgets_and_order_hold(failure: FailureClass, acti
     assert sum(one.cost for one in wandering.spends) <= contract().node(GO).recovery.total
 
 
-@pytest.mark.ledger("R171", symbol="harness.recovery.approval:approval_required")
 @pytest.mark.parametrize(
     ("autonomy", "node_id", "moves", "asked"),
     [

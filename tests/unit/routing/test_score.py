@@ -117,7 +117,6 @@ def test_an_old_failure_fades_as_newer_outcomes_come() -> None:
     assert faded == pytest.approx((1 + 0.5) / (2 + 1.5))
 
 
-@pytest.mark.ledger("R62", symbol="harness.routing.candidates:candidates")
 def test_the_best_score_is_chosen_and_its_terms_add_up() -> None:
     ranked = candidates(need(), cards=(CAREFUL, FOLLOWER), preferences=WEIGHTS)
     assert [one.provider_id for one in ranked.candidates] == ["route-follower", "careful-local-planner"]
@@ -127,6 +126,7 @@ def test_the_best_score_is_chosen_and_its_terms_add_up() -> None:
         assert set(one.terms) == {"success", "risk", "uncertainty", "latency", "cost", "history"}
 
 
+@pytest.mark.ledger("R62", symbol="harness.routing.candidates:candidates")
 def test_other_weights_and_a_bad_history_change_the_choice() -> None:
     failed = History(outcomes=tuple(outcome("violated") for _ in range(6)))
     wary = replace(WEIGHTS, history=2.0)

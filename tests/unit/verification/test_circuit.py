@@ -3,6 +3,7 @@
 import pytest
 from msgspec.structs import replace
 
+from harness.contracts.verdicts import ConditionResult
 from tests.unit.verification.building import (
     CIRCUIT,
     Bench,
@@ -90,13 +91,28 @@ def test_a_circuit_spread_over_two_attempts_counts_as_one_history(bench: Bench) 
     assert bench.judged(second, state).verdict == "violated"
 
 
-def test_progress_that_nobody_saw_is_ambiguous_and_not_violated(bench: Bench) -> None:
+def unseen(bench: Bench, *, odometry: str) -> ConditionResult:
+    """A closed circuit without poses from 1010 s to 1030 s, where `odometry` goes on, is gone, or walks elsewhere."""
     samples = Drive(route=CIRCUIT).trajectory()
-    seen = tuple(pose for pose in samples.poses if not 1010.0 < pose.at_s < 1030.0)
-    packet = replace(bench.driven(Drive(route=CIRCUIT)), estimates=(bench.trajectory(replace(samples, poses=seen)),))
-    result = only(bench.judged(packet, ROUND))
+    poses = tuple(pose for pose in samples.poses if not 1010.0 < pose.at_s < 1030.0)
+    gone = tuple(one for one in samples.odometry if not 1010.0 < one.at_s < 1030.0)
+    other = tuple(replace(one, x_m=one.x_m + 0.1 * max(0.0, one.at_s - 1010.0)) for one in samples.odometry)
+    changed = replace(samples, poses=poses, odometry={"on": samples.odometry, "gone": gone, "other": other}[odometry])
+    packet = replace(bench.driven(Drive(route=CIRCUIT)), estimates=(bench.trajectory(changed),))
+    return only(bench.judged(packet, ROUND))
+
+
+def test_progress_that_nobody_saw_is_ambiguous_and_not_violated(bench: Bench) -> None:
+    result = unseen(bench, odometry="gone")
     assert result.verdict == "ambiguous"
     assert "of the route was measured" in result.reason
+
+
+def test_a_gap_between_poses_is_bridged_by_odometry_that_ends_where_the_next_pose_is(bench: Bench) -> None:
+    result = unseen(bench, odometry="on")
+    assert result.verdict == "satisfied", result.reason
+    assert result.measured["bridged_m"] == pytest.approx(10.0, abs=0.2)
+    assert unseen(bench, odometry="other").verdict == "ambiguous"
 
 
 def test_a_localiser_that_froze_on_the_last_stretch_leaves_the_circuit_undecided(bench: Bench) -> None:

@@ -60,8 +60,8 @@ class Body(Protocol):
     def step(self, command: Velocity) -> None:
         """One tick of TICK_S under a command; limits of acceleration apply."""
 
-    def ranges(self, headings: Floats) -> Floats:
-        """Flat lidar ranges at PLAN_HEIGHT_M along headings in the body frame, metres, at most LIDAR_REACH_M."""
+    def ranges(self, headings: Floats, reach_m: float) -> Floats:
+        """Flat lidar ranges at PLAN_HEIGHT_M along headings in the body frame, metres, at most `reach_m`."""
 
     def cloud(self) -> Floats:
         """One full sweep: hits in the body frame, shape (n, 3), metres, z = 0 on the floor."""
@@ -117,12 +117,12 @@ class KinematicBody:
         state.yaw_rad = math.remainder(state.yaw_rad + w * TICK_S, math.tau)
         state.v_mps, state.w_radps, state.sway_mps = v, w, sway
 
-    def ranges(self, headings: Floats) -> Floats:
+    def ranges(self, headings: Floats, reach_m: float) -> Floats:
         state = self.state
-        return self._plan.rays(state.x_m, state.y_m, headings + state.yaw_rad, reach_m=LIDAR_REACH_M)
+        return self._plan.rays(state.x_m, state.y_m, headings + state.yaw_rad, reach_m=reach_m)
 
     def cloud(self) -> Floats:
-        ranges = self.ranges(_FLAT)
+        ranges = self.ranges(_FLAT, LIDAR_REACH_M)
         hits = ranges < LIDAR_REACH_M
         flat, reach = _FLAT[hits], ranges[hits]
         return np.stack([reach * np.cos(flat), reach * np.sin(flat), np.full(reach.shape, LIDAR_HEIGHT_M)], axis=1)
@@ -165,10 +165,10 @@ class MujocoBody:
         state.x_m, state.y_m, state.yaw_rad = x, y, math.remainder(yaw, math.tau)
         state.v_mps, state.sway_mps, state.w_radps = vx * cos + vy * sin, vy * cos - vx * sin, w
 
-    def ranges(self, headings: Floats) -> Floats:
+    def ranges(self, headings: Floats, reach_m: float) -> Floats:
         flat = np.stack([np.cos(headings), np.sin(headings), np.zeros_like(headings)], axis=1)
         distances = self._cast(flat, height_m=PLAN_HEIGHT_M)
-        return np.where(distances < 0, LIDAR_REACH_M, np.minimum(distances, LIDAR_REACH_M))
+        return np.where(distances < 0, reach_m, np.minimum(distances, reach_m))
 
     def cloud(self) -> Floats:
         distances = self._cast(_SWEEP, height_m=LIDAR_HEIGHT_M)

@@ -22,6 +22,8 @@ DEPARTURE_M = 0.8
 SEARCH_M = 1.5
 SWATH_M = 0.3
 LOOK_S = 0.4
+REJOIN_M = tuple(np.arange(0.6, 3.5, 0.2).tolist())
+"""Where a detour may rejoin the route: as soon as possible where the route is clear, else as far on as the map shows."""
 AHEAD = np.radians(np.linspace(-75.0, 75.0, 51))
 AROUND = np.radians(np.linspace(-180.0, 180.0, 120, endpoint=False))
 
@@ -93,8 +95,9 @@ class RouteFollower:
 
     def _look(self, senses: Senses) -> str:
         """Why the way ahead cannot be taken; empty if it can."""
-        hits = _hits(senses, AHEAD)
         stretch = [self.route.point(self._at_m + ahead) for ahead in (0.2, 0.4, 0.6, 0.8, 1.0)]
+        far_m = max(math.hypot(x - senses.x_m, y - senses.y_m) for x, y in stretch) + SWATH_M
+        hits = _hits(senses, AHEAD, reach_m=min(far_m + 0.02, LIDAR_REACH_M))
         return "The route ahead is closed for the lidar." if _touched(hits, stretch) else ""
 
     def _aim(self) -> Point:
@@ -174,15 +177,16 @@ class CarefulPlanner(RouteFollower):
 
     def _look(self, senses: Senses) -> str:
         pose = (senses.x_m, senses.y_m, senses.yaw_rad)
-        self._map.add(pose, AROUND, senses.ranges(AROUND))
+        self._map.add(pose, AROUND, senses.ranges(AROUND, LIDAR_REACH_M))
         here = (senses.x_m, senses.y_m)
         ahead = [self._at_m + 0.1 * step for step in range(1, 21)]
         on_route = math.dist(here, self.route.point(self._at_m)) < 0.25
-        if on_route and all(self._map.free(self.route.point(at_m)) for at_m in ahead):
+        clear = all(self._map.free(self.route.point(at_m)) for at_m in ahead)
+        if on_route and clear:
             self._detour = None
             return ""
-        for at_m in np.arange(self._at_m + 3.4, self._at_m + 0.3, -0.2).tolist():
-            path = self._map.path(here, self.route.point(at_m))
+        for ahead_m in REJOIN_M if clear else reversed(REJOIN_M):
+            path = self._map.path(here, self.route.point(self._at_m + ahead_m))
             if path:
                 self._detour = RouteLine((here, *path[1:]))
                 return ""
@@ -196,13 +200,16 @@ class CarefulPlanner(RouteFollower):
         return super()._stretch_m(senses) if self._detour is None else 0.5
 
 
-def _hits(senses: Senses, headings: Floats) -> Floats:
-    ranges = senses.ranges(headings)
-    seen = ranges < LIDAR_REACH_M - 0.01
+def _hits(senses: Senses, headings: Floats, *, reach_m: float) -> Floats:
+    """Where the lidar's rays end within reach, in the map frame by the robot's own estimate; shape (n, 2)."""
+    ranges = senses.ranges(headings, reach_m)
+    seen = ranges < reach_m - 0.01
     turned = headings[seen] + senses.yaw_rad
     return np.stack([senses.x_m + ranges[seen] * np.cos(turned), senses.y_m + ranges[seen] * np.sin(turned)], axis=1)
 
 
 def _touched(hits: Floats, stretch: Sequence[Point]) -> bool:
+    if not len(hits):
+        return False
     gaps = hits[:, None, :] - np.asarray(stretch)[None, :, :]
     return bool(((gaps**2).sum(axis=2) < SWATH_M**2).any())

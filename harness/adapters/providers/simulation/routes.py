@@ -1,7 +1,7 @@
 """A route measured along itself: arc length, the nearest point ahead, points in front."""
 
 import math
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 
 from harness.contracts.values import Point
@@ -17,10 +17,7 @@ class RouteLine:
             at += math.dist(start, end)
             starts.append(at)
         self._starts = starts
-
-    @property
-    def length_m(self) -> float:
-        return self._starts[-1]
+        self.length_m = at
 
     def point(self, at_m: float) -> Point:
         """The point at an arc length, which is first brought into the route."""
@@ -39,10 +36,13 @@ class RouteLine:
     def nearest(self, x_m: float, y_m: float, *, low_m: float = 0.0, high_m: float = math.inf) -> float:
         """Arc length in [low_m, high_m] of the point nearest to (x_m, y_m); the first of equals."""
         best, found = math.inf, max(0.0, min(low_m, self.length_m))
-        for leg, (start, end) in enumerate(zip(self._points, self._points[1:], strict=False)):
+        for leg in range(max(bisect_left(self._starts, low_m) - 1, 0), len(self._points) - 1):
             from_m, until_m = self._starts[leg], self._starts[leg + 1]
-            if until_m < low_m or from_m > high_m or until_m == from_m:
+            if from_m > high_m:
+                break
+            if until_m == from_m:
                 continue
+            start, end = self._points[leg], self._points[leg + 1]
             dx, dy = end[0] - start[0], end[1] - start[1]
             length = until_m - from_m
             along = ((x_m - start[0]) * dx + (y_m - start[1]) * dy) / length

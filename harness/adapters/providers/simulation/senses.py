@@ -45,7 +45,7 @@ class Senses(msgspec.Struct):
     y_m: float
     yaw_rad: float
     still: bool
-    ranges: Callable[[Floats], Floats]
+    ranges: Callable[[Floats, float], Floats]
     capture: Callable[[float, RequestId], Shot]
 
 
