@@ -83,9 +83,7 @@ class Parts:
 
 
 @contextmanager
-def open_harness(
-    settings: HarnessSettings, *, signals: Signals | None = None, url: str = ""
-) -> Iterator[Harness]:
+def open_harness(settings: HarnessSettings, *, signals: Signals | None = None, url: str = "") -> Iterator[Harness]:
     """The runtime on this data folder with the simulated robot as a child process, until the block ends.
 
     Raises StoreOwned if another supervisor owns the folder, StoreUnavailable or StoreNewer if it cannot be used.

@@ -31,7 +31,7 @@ from harness.contracts.observations import AnySample, Image, Trajectory
 from harness.contracts.tasks import Node, TaskTemplate
 from harness.contracts.values import Point, decode
 from harness.planning.templates import by_name
-from harness.projections.mission import Mission, required_contract
+from harness.projections.mission import Mission, NodeState, required_contract
 from harness.runtime import Runtime, Start
 from harness.settings import HarnessSettings
 from harness.verification.geometry import path_length
@@ -74,10 +74,14 @@ class Replayer:
             raise ContractInvalid(decision.message)
         mission_id: MissionId = decision.events[0].mission_id  # type: ignore[union-attr]
         mission = self.harness.supervisor.run(mission_id, watch=watch)
-        return mission, self.facts()
+        return mission, self.facts(mission)
 
-    def facts(self) -> dict[str, Any]:
-        """Path length over the whole recording, the target's source, and every leg's figures."""
+    def facts(self, mission: Mission) -> dict[str, Any]:
+        """Path length over the whole recording, the target's source, and every leg's figures.
+
+        What the recorded supervisor declared comes from the recording; what was measured, from the gate's verdicts.
+        """
+        judged = [_measured(node) for node in mission.nodes.values()]
         return {
             "path_length_m": path_length(point for _, point in self.recording.track()),
             "target_source": self.target_source,
@@ -87,10 +91,10 @@ class Replayer:
                     "name": segment.name,
                     "reference_length_m": segment.reference_length_m,
                     "declared_distance_m": segment.declared_distance_m,
-                    "measured_distance_m": segment.measured_distance_m,
-                    "last_pose_distance_m": segment.last_pose_distance_m,
+                    "measured_distance_m": figures.get("distance_m"),
+                    "last_pose_distance_m": figures.get("last_pose_distance_m", segment.last_pose_distance_m),
                 }
-                for segment in self.robot.segments
+                for segment, figures in zip(self.robot.segments, judged, strict=True)
             ],
         }
 
@@ -128,6 +132,11 @@ def replayed(
         yield Replayer(harness=harness, recording=recording, robot=robot, target_source=source)
 
 
+def _measured(node: NodeState) -> dict[str, float]:
+    results = node.verdicts[-1].results if node.verdicts else ()
+    return next((result.measured for result in results if "distance_m" in result.measured), {})
+
+
 def drive_template(template: TaskTemplate, segments: Sequence[Segment]) -> TaskTemplate:
     """One node per recorded leg, in order; the template's single node is the pattern."""
     (pattern,) = template.nodes
@@ -136,7 +145,15 @@ def drive_template(template: TaskTemplate, segments: Sequence[Segment]) -> TaskT
         _leg_node(pattern, name, segment, after=names[index - 1 : index])
         for index, (name, segment) in enumerate(zip(names, segments, strict=True))
     )
-    return msgspec.structs.replace(template, nodes=nodes)
+    in_order = {
+        "condition_id": "goal.in_order",
+        "text": "The recorded legs were accepted in their order",
+        "effect": {"type": "temporal", "predicate": "in_order", "interval_s": 1.0, "bound": 1.0, "nodes": names},
+    }
+    over_all = (in_order,) if len(segments) > 1 else ()
+    return msgspec.structs.replace(
+        template, nodes=nodes, completion_conditions=(*template.completion_conditions, *over_all)
+    )
 
 
 def _leg_node(pattern: dict[str, Any], name: str, segment: Segment, *, after: list[str]) -> dict[str, Any]:
@@ -186,6 +203,7 @@ def _leg(node: Node, packet: EvidencePacket) -> Leg:
         departed_s=packet.declared.get("departed_at_s"),
         arrived_s=arrival.at_s if arrival else None,
         declared_distance_m=packet.declared.get("distance_m"),
+        closed_s=packet.collected_s,
     )
 
 

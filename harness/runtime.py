@@ -94,7 +94,8 @@ class Runtime:
     def start(self, start: Start, *, template: TaskTemplate | None = None) -> Accepted[AnyEvent] | Refused:
         """Compile the goal to a contract and create the mission; the first event names it.
 
-        `template` replaces the configuration's own, for a replay whose legs are known only from its recording. Raises UnknownName (template, place) or ContractInvalid; nothing is written then.
+        `template` replaces the configuration's own, for a replay whose legs are known only from its recording.
+        Raises UnknownName (template, place) or ContractInvalid; nothing is written then.
         """
         templates = self.configuration.templates
         template = template or (by_name(start.template, templates) if start.template else select(start.goal, templates))
@@ -212,5 +213,3 @@ class Runtime:
     def observations(self, mission_id: MissionId) -> Live | None:
         with self._live_lock:
             return self._live.get(mission_id)
-
-

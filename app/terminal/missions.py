@@ -152,7 +152,9 @@ def replay(
     topic: Annotated[list[str] | None, typer.Option(help="ROLE=TOPIC, such as odometry=/odom.")] = None,
 ) -> None:
     """Run a navigation mission on a recording; the harness measures arrival and progress itself."""
-    with replayed(settings(data_folder=data, speed=0.0), recording, target=_point(target), topics=topic or []) as replayer:
+    with replayed(
+        settings(data_folder=data, speed=0.0), recording, target=_point(target), topics=topic or []
+    ) as replayer:
         mission, facts = replayer.run(me(), watch=Progress())
         outcome = mission_outcome(mission, Histories(replayer.harness.runtime).of(mission.mission_id), ()) | facts
     show(outcome, as_json=as_json, lines=[*_summary(outcome), *(f"{name}: {value}" for name, value in facts.items())])

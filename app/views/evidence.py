@@ -11,6 +11,7 @@ from harness.contracts.ids import Digest, PacketId
 from harness.contracts.protocol import Receipt
 from harness.contracts.verdicts import NodeVerdict
 
+ACCEPTED = "{} facts accepted by the configured checks: every rule of the gate held. That is not proof of the truth."
 Check = Callable[[Digest], str]
 """Empty if the blob's bytes match the digest now, else why not."""
 
@@ -148,7 +149,7 @@ def _decision(mission_id: str, entries: Sequence[Entry], packet_id: PacketId) ->
         href = f"/missions/{mission_id}/events/{entry.position}"
         match entry.event:
             case NodeCommitted() as done if done.packet_id == packet_id:
-                return "accepted", f"{len(done.facts)} facts committed; every rule of the gate held.", "", href
+                return "accepted", ACCEPTED.format(len(done.facts)), "", href
             case CommitRejected() as no if no.packet_id == packet_id:
                 return "refused", no.message, no.rule, href
             case _:

@@ -243,7 +243,8 @@ def _histories(view: StateView, packets: dict[NodeId, EvidencePacket]) -> list[I
         for source in sources_of(view, packet):
             if source.lasting:
                 items += [_past(view, source.packet, reference) for reference in source.packet.before]
-                items += [_past(view, source.packet, one) for one in source.packet.estimates if one.kind == "trajectory"]
+                sealed = [one for one in source.packet.estimates if one.kind == "trajectory"]
+                items += [_past(view, source.packet, reference) for reference in sealed]
     return items
 
 

@@ -5,7 +5,9 @@ from typing import Literal
 from harness.contracts.ids import ProviderId, ResourceId
 from harness.contracts.values import Name, NonNegative, Positive, Share, Value
 
-Capability = Literal["take_request", "navigate", "capture_panorama", "observe", "analyse_passage", "deliver_message", "speak"]
+Capability = Literal[
+    "take_request", "navigate", "capture_panorama", "observe", "analyse_passage", "deliver_message", "speak"
+]
 Risk = Literal["low", "medium", "high"]
 
 

@@ -328,7 +328,6 @@ HandoffCommand = (
 )
 
 
-
 class DecideHandoff(Command, tag=True):
     """A person's answer at a handoff, on exactly what they saw. The supervisor observes again before it counts."""
 

@@ -1,8 +1,8 @@
 """The provider protocol: what the supervisor says to a provider and hears back, on any transport.
 
-Start is idempotent by `request_id`. Motion needs a keepalive at least every second; without one for 2 s the
-provider stands still by itself and reports `blocked` with the failure `keepalive_lost` (D12). A request with a fencing token older than the newest
-that the provider has seen for the resource is refused.
+Start is idempotent by `request_id`. Motion needs a keepalive at least every second; without one for 2 s the provider
+stands still by itself and reports `blocked` with the failure `keepalive_lost` (D12). A request with a fencing token
+older than the newest that the provider has seen for the resource is refused.
 """
 
 from typing import Literal

@@ -63,7 +63,7 @@ def decide(mission: Mission, command: MissionCommand, now: Moment) -> Decision[M
     return _decided(mission, command)
 
 
-def _decided(mission: Mission, command: MissionCommand) -> Decision[MissionEvent]:  # noqa: PLR0911, PLR0912, C901
+def _decided(mission: Mission, command: MissionCommand) -> Decision[MissionEvent]:
     match command:
         case CreateMission():
             return Refused("exists", f"Mission {mission.mission_id} exists.")

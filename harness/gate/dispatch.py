@@ -44,9 +44,7 @@ def wait(mission: Mission, command: AuthoriseWait) -> Decision[MissionEvent]:
         return broken
     latest = node.failure.at_s + required_contract(mission).node(command.node_id).timeout_s
     until_s = min(command.until_s, latest)
-    return Accepted(
-        (spend(node, command.proposal, attempt=node.attempt, context=command.context, until_s=until_s),)
-    )
+    return Accepted((spend(node, command.proposal, attempt=node.attempt, context=command.context, until_s=until_s),))
 
 
 def _unready(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
@@ -74,7 +72,9 @@ def _misbound(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
     if intent.invocation_id != invocation_id(intent.request_id):
         return Refused("wrong_invocation_id", "The invocation id is not derived from the request id.")
     if intent.attempt != mission.of(intent.node_id).attempt + 1:
-        return Refused("wrong_attempt", f"Attempt {intent.attempt} does not follow {mission.of(intent.node_id).attempt}.")
+        return Refused(
+            "wrong_attempt", f"Attempt {intent.attempt} does not follow {mission.of(intent.node_id).attempt}."
+        )
     if intent.deadline_s > intent.dispatched_s + node.timeout_s:
         return Refused("deadline_too_late", f"The deadline exceeds the node's timeout of {node.timeout_s:g} s.")
     if not intent.verify_only and intent.capability not in node.capabilities:

@@ -38,9 +38,7 @@ from harness.projections.mission import Mission, all_required_committed, require
 from harness.recovery.classify import classify
 
 
-def unfinished(
-    mission: Mission, command: RefusePrecondition | ReportFailure | EndInvocation
-) -> Decision[MissionEvent]:
+def unfinished(mission: Mission, command: RefusePrecondition | ReportFailure | EndInvocation) -> Decision[MissionEvent]:
     """A failure that no packet speaks for, with its class."""
     match command:
         case RefusePrecondition():
@@ -192,7 +190,9 @@ def judge(mission: Mission, command: JudgeGoal) -> Decision[MissionEvent]:
     if worst == "ambiguous" and not mission.relooks and left > 0:
         return Accepted((GoalVerified(verdict=verdict, relook=True),))
     why = f"All stages done, goal not met ({worst}): {verdict.reason}"
-    return Accepted((GoalVerified(verdict=verdict), FailureReported(text=why), MissionEnded(status="failed", reason=why)))
+    return Accepted(
+        (GoalVerified(verdict=verdict), FailureReported(text=why), MissionEnded(status="failed", reason=why))
+    )
 
 
 def end(mission: Mission, command: EndMission) -> Decision[MissionEvent]:

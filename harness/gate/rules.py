@@ -44,7 +44,9 @@ def wrong_configuration(mission: Mission, packet: EvidencePacket, verdict: NodeV
     """The packet was made under the configuration the mission is pinned to (D35)."""
     if packet.configuration == mission.configuration:
         return ""
-    return f"The packet was made under {packet.configuration[:12]}; the mission is pinned to {mission.configuration[:12]}."
+    return (
+        f"The packet was made under {packet.configuration[:12]}; the mission is pinned to {mission.configuration[:12]}."
+    )
 
 
 def obsolete_version(mission: Mission, packet: EvidencePacket, verdict: NodeVerdict) -> str:

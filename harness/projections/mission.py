@@ -208,7 +208,7 @@ def apply(mission: Mission, event: MissionEvent) -> Mission:
     return _folded(replace(mission, version=mission.version + 1), event)
 
 
-def _folded(m: Mission, event: MissionEvent) -> Mission:  # noqa: PLR0911, PLR0912, C901 - one arm per event kind
+def _folded(m: Mission, event: MissionEvent) -> Mission:
     match event:
         case MissionCreated():
             return _created(m, event)
@@ -244,9 +244,7 @@ def _folded(m: Mission, event: MissionEvent) -> Mission:  # noqa: PLR0911, PLR09
         case VetoRaised():
             return replace(m, k=m.k + 1, vetoes=m.vetoes | {event.layer: event.reason})
         case VetoCleared():
-            return replace(
-                m, k=m.k + 1, vetoes={layer: why for layer, why in m.vetoes.items() if layer != event.layer}
-            )
+            return replace(m, k=m.k + 1, vetoes={layer: why for layer, why in m.vetoes.items() if layer != event.layer})
         case FailureClassified():
             node = m.of(event.node_id)
             failure = Failure(node_id=event.node_id, failure=event.failure, reason=event.reason, at_s=event.at_s)
@@ -274,9 +272,7 @@ def _folded(m: Mission, event: MissionEvent) -> Mission:  # noqa: PLR0911, PLR09
             return replace(m, stopped=event)
         case GoalVerified():
             again = 1 if event.relook else 0
-            return replace(
-                m, goal_verdict=event.verdict, status="goal_check", relooks=m.relooks + again, k=m.k + again
-            )
+            return replace(m, goal_verdict=event.verdict, status="goal_check", relooks=m.relooks + again, k=m.k + again)
         case MissionEnded():
             return replace(m, status=event.status, reason=event.reason, invocation=None)
         case CompletionReported() | FailureReported():

@@ -105,7 +105,9 @@ class AgentLoop:
             return now_s
         return self._first_attempt(mission, node_id, now_s=now_s, c1=(c1, reason))
 
-    def _first_attempt(self, mission: Mission, node_id: NodeId, *, now_s: float, c1: tuple[Context, str] | None) -> float:
+    def _first_attempt(
+        self, mission: Mission, node_id: NodeId, *, now_s: float, c1: tuple[Context, str] | None
+    ) -> float:
         try:
             context, reason = c1 if c1 else (None, "")
             decision = self._dispatcher.dispatch(mission, Attempt(node_id=node_id), c1=context, reason=reason)

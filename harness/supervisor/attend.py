@@ -100,7 +100,9 @@ class Attendant:
                 self._stopping_since = now_s
                 provider.stop(report.handle)
             elif now_s > self._stopping_since + provider.card.cancel.within_s + ACKNOWLEDGE_S:
-                self._abandon(mission, invocation, failure="cancel_unacknowledged", reason="the stop was not acknowledged")
+                self._abandon(
+                    mission, invocation, failure="cancel_unacknowledged", reason="the stop was not acknowledged"
+                )
                 return now_s
         elif now_s > intent.deadline_s:
             self._late(mission, invocation, now_s)
@@ -150,16 +152,19 @@ class Attendant:
         rest = at_rest(self._roles.senses.recent, now_s)
         if intent.moves and not rest.static and now_s < report.at_s + SETTLE_S + REST_WITHIN_S:
             return now_s + POLL_S
-        samples = self._crew.spool.samples(intent.invocation_id)
+        until_s = report.at_s if mission.replay else now_s
+        samples = [one for one in self._crew.spool.samples(intent.invocation_id) if one.at_s <= until_s]
         packet = build_packet(
-            mission, invocation, report=report, samples=samples, senses=self._roles.senses, collected_s=now_s
+            mission, invocation, report=report, samples=samples, senses=self._roles.senses, collected_s=until_s
         )
         card = self._crew.provider(intent.provider_id).card
         c3 = verifier_context(self._roles.view(mission), packet, card)
         verdict = verify(c3, self._runtime.blob)
         requests = [
             Request(mission_stream(mission.mission_id), CompleteNode(packet=packet, verdict=verdict)),
-            *give_back(self._runtime, intent, at_rest=rest.static, reason=f"{report.status}; {rest.reason or 'at rest'}"),
+            *give_back(
+                self._runtime, intent, at_rest=rest.static, reason=f"{report.status}; {rest.reason or 'at rest'}"
+            ),
         ]
         decision = self._runtime.commit(requests, records=[context_record(c3)])
         if isinstance(decision, Accepted):
@@ -235,4 +240,3 @@ def _request(mission: Mission, intent: DispatchIntended) -> StartRequest:
         fencing=intent.resources,
         blobs=intent.blobs,
     )
-

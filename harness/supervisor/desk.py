@@ -1,5 +1,6 @@
 """Where the harness asks a person, and takes the answer: observed again first, then one transaction (D27, D28)."""
 
+from dataclasses import replace
 from math import inf
 
 from harness.contracts.actors import Actor
@@ -123,9 +124,7 @@ class Desk:
         """The question fell away: the mission was stopped another way."""
         if mission.handoff_id is None:
             return
-        answered = AnswerMission(
-            handoff_id=mission.handoff_id, decision="superseded", actor=TIMEOUT, reason=reason
-        )
+        answered = AnswerMission(handoff_id=mission.handoff_id, decision="superseded", actor=TIMEOUT, reason=reason)
         self._runtime.commit(
             [
                 Request(handoff_stream(mission.handoff_id), SupersedeHandoff(reason=reason)),
@@ -149,19 +148,11 @@ class Desk:
         )
         if handoff.status != "open" or opened is None or opened.proposal is None or mission.handoff_id is None:
             return self._runtime.commit([Request(handoff_stream(handoff.handoff_id), approve)])
-        retry = RecoveryProposal(
-            action=opened.proposal.action,
-            failure=opened.failure,
-            provider_id=opened.proposal.provider_id,
-            cost=0,
-            reason=command.reason,
-        )
-        attempt = Attempt(
-            node_id=opened.node_id,
-            recovery=retry,
-            approval=Approval(handoff_id=handoff.handoff_id, command=approve),
-        )
-        return self._dispatcher.dispatch(mission, attempt)
+        if self._proposal(mission, opened.node_id) != opened.proposal:
+            return Refused("wrong_digest", "What would run now is not what you saw. Look again, then decide.")
+        wish = self._wish(mission, opened.node_id)
+        approval = Approval(handoff_id=handoff.handoff_id, command=approve)
+        return self._dispatcher.dispatch(mission, replace(wish, approval=approval))
 
     def _reject(self, mission: Mission, handoff: Handoff, command: DecideHandoff) -> Decision[AnyEvent]:
         reject = RejectHandoff(
@@ -179,24 +170,35 @@ class Desk:
             requests.append(Request(mission_stream(mission.mission_id), ended))
         return self._runtime.commit(requests)
 
+    def _wish(self, mission: Mission, node_id: NodeId) -> Attempt:
+        """One further attempt at the same effect, outside the budget (D1)."""
+        state = mission.of(node_id)
+        last = state.failures[-1]
+        retry = RecoveryProposal(
+            action="retry", failure=last.failure, provider_id=state.provider_id, cost=0, reason="an operator's retry"
+        )
+        return Attempt(node_id=node_id, recovery=retry)
+
     def _proposal(self, mission: Mission, node_id: NodeId) -> ProposedAction | None:
-        """One further attempt at the same effect, outside the budget: what an approval would let run, once."""
-        node, state = required_contract(mission).node(node_id), mission.of(node_id)
-        able = [card for card in self._crew.cards if card.capability in node.capabilities]
-        card = next((card for card in able if card.provider_id == state.provider_id), able[0] if able else None)
-        if card is None:
+        """Exactly what an approval would let run, once; None where nobody can do it now."""
+        prepared = self._dispatcher.prepare(mission, self._wish(mission, node_id))
+        if isinstance(prepared, Refused):
             return None
+        intent = prepared.intent
         return ProposedAction(
             mission_id=mission.mission_id,
             node_id=node_id,
-            attempt=state.attempt + 1,
+            attempt=intent.attempt,
             action="retry",
-            provider_id=card.provider_id,
-            provider_version=card.version,
-            parameters=node.parameters,
+            provider_id=intent.provider_id,
+            provider_version=intent.provider_version,
+            parameters=intent.parameters,
             configuration=mission.configuration,
             graph_revision=mission.graph_revision,
-            limits={"speed_cap_mps": required_contract(mission).constraints.speed_cap_mps, "timeout_s": node.timeout_s},
+            limits={
+                "speed_cap_mps": required_contract(mission).constraints.speed_cap_mps,
+                "timeout_s": intent.deadline_s - intent.dispatched_s,
+            },
             spends=0,
         )
 

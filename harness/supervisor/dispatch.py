@@ -17,6 +17,7 @@ from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.events import DispatchIntended, NodePlanned
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import (
+    Digest,
     HandoffId,
     NodeId,
     ProviderId,
@@ -32,7 +33,7 @@ from harness.contracts.tasks import Node
 from harness.contracts.values import digest
 from harness.gate.commit import Request
 from harness.gate.dispatch import spend
-from harness.planning.planner import plan
+from harness.planning.planner import plan, plan_refusal
 from harness.planning.skill import LOOK_S, propose_skill
 from harness.projections.mission import Mission, apply, required_contract
 from harness.recovery.standing import OBSERVING
@@ -70,6 +71,15 @@ class Attempt:
 
 
 @dataclass(frozen=True)
+class Prepared:
+    """An invocation as it would run: the intent, and the records of how it came about."""
+
+    intent: DispatchIntended
+    candidates: Digest
+    records: tuple[Record, ...]
+
+
+@dataclass(frozen=True)
 class Blocked:
     """A precondition that does not hold now."""
 
@@ -86,9 +96,12 @@ class Dispatcher:
         self._crew = roles.crew
 
     def next_node(self, mission: Mission) -> tuple[NodeId | None, Context, str]:
-        """C1's choice among the eligible nodes, with the context it was made from."""
+        """C1's choice with the context it was made from; none if the harness does not admit it, whoever planned."""
         c1 = planner_context(self._roles.view(mission))
         proposal = plan(c1)
+        refused = plan_refusal(proposal, mission=mission)
+        if refused is not None:
+            return None, c1, refused.message
         return proposal.node_id, c1, proposal.reason
 
     def blocked(self, mission: Mission, node_id: NodeId) -> Blocked | None:
@@ -115,33 +128,40 @@ class Dispatcher:
     def dispatch(
         self, mission: Mission, attempt: Attempt, *, c1: Context | None = None, reason: str = ""
     ) -> Accepted[AnyEvent] | Refused:
-        """Route, compile C2 and commit the intent with its leases. Refused leaves nothing behind but a failure."""
+        """Prepare and commit one invocation. Refused leaves nothing behind but a failure."""
+        prepared = self.prepare(mission, attempt)
+        if isinstance(prepared, Refused):
+            return self._fail(mission, attempt, "provider_unavailable", prepared.message)
+        planned = None
+        if c1 is not None:
+            planned = NodePlanned(
+                node_id=attempt.node_id,
+                provider_id=prepared.intent.provider_id,
+                context=c1.digest,
+                candidates=prepared.candidates,
+                reason=reason,
+            )
+        contexts = [context_record(context) for context in (c1, attempt.c4) if context is not None]
+        decision = self._commit(mission, attempt, prepared, planned=planned, contexts=contexts)
+        if isinstance(decision, Refused) and decision.rule in ("lease_held", "lease_quarantined", "stale_token"):
+            return self._fail(mission, attempt, "resource_conflict", decision.message)
+        return decision
+
+    def prepare(self, mission: Mission, attempt: Attempt) -> Prepared | Refused:
+        """Route and compile C2 to exactly what would run; nothing is written."""
         view = self._roles.view(self._ahead(mission, attempt))
         chosen = self._route(view, attempt)
         if chosen.chosen is None:
             why = "; ".join(f"{c.provider_id}: {c.refused_by}, {c.reason}" for c in chosen.candidates)
-            return self._fail(mission, attempt, "provider_unavailable", f"Nobody can serve {attempt.node_id}. {why}")
+            return Refused("provider_unavailable", f"Nobody can serve {attempt.node_id}. {why}")
         card = self._crew.provider(chosen.chosen).card
         c2 = skill_context(view, attempt.node_id, card)
         skill = propose_skill(c2)
-        intent = self._intent(mission, attempt, card=card, skill=skill, c2=c2)
-        records = [context_record(c2), record("candidates", chosen), record("skill", skill)]
-        planned = None
-        if c1 is not None:
-            records.append(context_record(c1))
-            planned = NodePlanned(
-                node_id=attempt.node_id,
-                provider_id=chosen.chosen,
-                context=c1.digest,
-                candidates=digest(chosen),
-                reason=reason,
-            )
-        if attempt.c4 is not None:
-            records.append(context_record(attempt.c4))
-        decision = self._commit(mission, attempt, intent=intent, planned=planned, records=records)
-        if isinstance(decision, Refused) and decision.rule in ("lease_held", "lease_quarantined", "stale_token"):
-            return self._fail(mission, attempt, "resource_conflict", decision.message)
-        return decision
+        return Prepared(
+            intent=self._intent(mission, attempt, card=card, skill=skill, c2=c2),
+            candidates=digest(chosen),
+            records=(context_record(c2), record("candidates", chosen), record("skill", skill)),
+        )
 
     def _ahead(self, mission: Mission, attempt: Attempt) -> Mission:
         """The state version the invocation will be bound to: after the spend that pays for it (D9)."""
@@ -216,12 +236,12 @@ class Dispatcher:
         self,
         mission: Mission,
         attempt: Attempt,
+        prepared: Prepared,
         *,
-        intent: DispatchIntended,
         planned: NodePlanned | None,
-        records: list[Record],
+        contexts: Sequence[Record],
     ) -> Accepted[AnyEvent] | Refused:
-        approval = attempt.approval
+        approval, intent = attempt.approval, prepared.intent
         command = AuthoriseDispatch(
             intent=intent,
             planned=planned,
@@ -235,7 +255,7 @@ class Dispatcher:
         requests = [Request(mission_stream(mission.mission_id), command), *acquire(mission.mission_id, intent)]
         if approval is not None:
             requests.insert(0, Request(handoff_stream(approval.handoff_id), approval.command))
-        return self._runtime.commit(requests, records=records)
+        return self._runtime.commit(requests, records=(*prepared.records, *contexts))
 
     def _fail(self, mission: Mission, attempt: Attempt, failure: FailureClass, reason: str) -> Refused:
         if attempt.approval is None and mission.of(attempt.node_id).failure is None:

@@ -55,7 +55,9 @@ def expired(runtime: Runtime, resources: tuple[ResourceId, ...], *, now_s: float
     return [
         Request(
             lease_stream(resource),
-            QuarantineLease(invocation_id=lease.invocation_id, reason="the lease expired with its holder unaccounted for"),
+            QuarantineLease(
+                invocation_id=lease.invocation_id, reason="the lease expired with its holder unaccounted for"
+            ),
         )
         for resource in resources
         if (lease := runtime.lease(resource)).status == "held" and lease.expires_s < now_s

@@ -98,7 +98,9 @@ class Recovery:
         node = required_contract(mission).node(failure.node_id)
         moves = any(card.moves for card in self._crew.cards if card.capability in node.capabilities)
         if mission.replay or (spent and not moves):
-            self._runtime.submit(mission.mission_id, FailNode(node_id=failure.node_id, reason=f"{failure.failure}: {reason}"))
+            self._runtime.submit(
+                mission.mission_id, FailNode(node_id=failure.node_id, reason=f"{failure.failure}: {reason}")
+            )
             return now_s
         if not at_rest(self._roles.senses.recent, now_s).static and now_s < failure.at_s + ASK_AT_REST_S:
             return now_s + POLL_S

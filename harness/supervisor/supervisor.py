@@ -41,7 +41,9 @@ class Supervisor:
         """End replays that an earlier process left open: nothing moves in them, and nobody will go on."""
         for mission in self._runtime.missions():
             if mission.replay and not mission.ended:
-                self._runtime.submit(mission.mission_id, EndMission(status="failed", reason="the replay was interrupted"))
+                self._runtime.submit(
+                    mission.mission_id, EndMission(status="failed", reason="the replay was interrupted")
+                )
 
     def run(self, mission_id: MissionId, *, watch: Callable[[Mission], None] | None = None) -> Mission:
         """In the foreground until the mission is over or, at speed 0, waits for a person."""

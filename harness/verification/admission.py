@@ -54,6 +54,8 @@ def _present(name: str, evidence: Evidence) -> bool:
 
 def _too_fast(odometry: Sequence[Odometry], cap_mps: float) -> list[str]:
     speeds = [abs(one.v_mps) for one in odometry]
+    if max(speeds, default=0.0) <= SPEED_SHARE * cap_mps:
+        return []
     windows = range(max(0, len(speeds) - SPEED_WINDOW + 1))
     fastest = max((median(speeds[start : start + SPEED_WINDOW]) for start in windows), default=0.0)
     if fastest <= SPEED_SHARE * cap_mps:

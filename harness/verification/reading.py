@@ -1,9 +1,9 @@
 """What the verifier reads in C3: typed records, checked blobs, tracks. Raises Undecidable for what cannot be read."""
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TypeVar
+from functools import cached_property, lru_cache
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -187,9 +187,10 @@ class Evidence:
     def decoded(self, digest: Digest, kind: type[T]) -> T:
         """The blob as JSON of `kind`. Raises Undecidable."""
         try:
-            return msgspec.json.decode(self.bytes_of(digest), type=kind)
+            value: T = _decoded(self.bytes_of(digest), kind)
         except msgspec.MsgspecError as error:
             raise Undecidable(f"blob {digest[:12]} is no {kind.__name__}: {error}") from error
+        return value
 
     def fact(self, name: str, *, node_id: str = "") -> CommittedFact:
         """The newest committed fact of that name (of that node). Raises Undecidable if there is none."""
@@ -235,6 +236,12 @@ class Evidence:
         if record is None:
             raise Undecidable(f"the context holds no {kind}")
         return read(record, of)
+
+
+@lru_cache(maxsize=4)
+def _decoded(body: bytes, kind: Hashable) -> Any:
+    """The same bytes are the same value: a node's track is read again for the goal, and by each of its conditions."""
+    return msgspec.json.decode(body, type=kind)
 
 
 def read(record: ContextRecord, kind: type[T]) -> T:

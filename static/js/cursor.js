@@ -1,4 +1,5 @@
-// The time cursor: letting go of the slider goes to that instant; choosing a template shows its form. Frames that died are loaded again when live.
+// The time cursor: letting go of the slider goes to that instant; choosing a template shows its form.
+// Frames that died are loaded again when the page is live.
 document.addEventListener("change", (event) => {
   if (event.target.id === "cursor" || "go" in event.target.dataset) event.target.form.requestSubmit();
 });

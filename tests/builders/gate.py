@@ -180,9 +180,7 @@ def recovery(mission: Mission, action: str, node_id: NodeId = GO, **changes: obj
         parameters=digest(wanted.parameters),
         failure=failure.failure,
     )
-    return AuthoriseDispatch(
-        intent=wanted, recovery=proposal, signature=signature, recovery_context=Digest("e" * 64)
-    )
+    return AuthoriseDispatch(intent=wanted, recovery=proposal, signature=signature, recovery_context=Digest("e" * 64))
 
 
 def packet(mission: Mission, *, identity: dict[str, object] | None = None, **changes: object) -> EvidencePacket:

@@ -84,8 +84,6 @@ def ran(template: str, *faults: str, seed: int = 3) -> Iterator[Ran]:
 def begin(harness: Harness, template: str, *faults: str, seed: int = 3) -> MissionId:
     """Create the mission without running it."""
     labels = {"faults": ",".join(faults)} if faults else {}
-    decision = harness.runtime.start(
-        Start(actor=OPERATOR, robot_id=ROBOT, template=template, seed=seed, labels=labels)
-    )
+    decision = harness.runtime.start(Start(actor=OPERATOR, robot_id=ROBOT, template=template, seed=seed, labels=labels))
     assert isinstance(decision, Accepted), decision
     return harness.runtime.missions()[0].mission_id

@@ -1,6 +1,8 @@
 """The console over a finished mission: pages, regions, headers, and who is let in."""
 
 import hashlib
+import html
+import re
 from collections.abc import Iterator
 
 import pytest
@@ -62,8 +64,26 @@ def test_the_mission_page_shows_report_verdicts_and_rules(operator: TestClient, 
     text = operator.get(f"/missions/{mission.mission_id}").text
     assert mission.report in text
     assert text.count('data-state="committed"') >= 14
-    assert "every rule of the gate held" in text
     assert text.count("<h2") >= 8
+
+
+@pytest.mark.ledger("R36", symbol="app.views.evidence:_decision")
+def test_what_the_gate_accepted_is_never_called_the_truth(operator: TestClient, mission: Mission, stand: Stand) -> None:
+    commits = [one for one in stand.app.state.console.histories.of(mission.mission_id) if one.kind == "NodeCommitted"]
+    accepted = next(one.position for one in commits if one.event.node_id == "go")
+    text = operator.get(f"/missions/{mission.mission_id}/evidence?node=go").text
+    assert "facts accepted by the configured checks" in text
+    assert "That is not proof of the truth." in text
+    assert re.findall(r"/events/(\d+)", text) == [str(accepted)]
+
+
+@pytest.mark.ledger("R207", symbol="app.views.evidence:_receipt")
+def test_receipts_and_declared_distances_are_labelled_as_somebodys_word(operator: TestClient, mission: Mission) -> None:
+    delivery = operator.get(f"/missions/{mission.mission_id}/evidence?node=delivery").text
+    assert "receipts: the service's word, not a measurement" in html.unescape(delivery)
+    assert delivery.count("<td>delivery<") == 5
+    go = operator.get(f"/missions/{mission.mission_id}/evidence?node=go").text
+    assert go.index("Declared by the provider") < go.index("remaining")
 
 
 @pytest.mark.parametrize("part", REGIONS)
@@ -81,6 +101,7 @@ def test_the_panorama_shows_eight_pictures_whose_checksums_verify_now(operator: 
     assert "does not verify" not in text
 
 
+@pytest.mark.ledger("R77", symbol="app.views.contexts:_context")
 def test_contexts_of_all_roles_are_shown_as_they_were(operator: TestClient, mission: Mission) -> None:
     text = operator.get(f"/missions/{mission.mission_id}/contexts?node=go").text
     for role in ("C1 planner", "C2 skill", "C3 verifier"):
@@ -212,6 +233,21 @@ def test_the_api_tells_what_became_of_a_mission(stand: Stand, mission: Mission) 
     assert {(one["width"], one["height"]) for one in found["images"]} == {(1280, 720)}
     assert found["findings"]
     assert found["recovery"] == {"spent": 0, "remaining": 8}
+
+
+@pytest.mark.ledger("R208", symbol="app.views.outcome:mission_outcome")
+def test_the_final_record_keeps_finding_delivery_and_frames_that_check_against_their_sums(
+    stand: Stand, operator: TestClient, mission: Mission
+) -> None:
+    found = stand.owner().get(f"/api/v1/missions/{mission.mission_id}").json()
+    assert [one["text"] for one in found["findings"] if one["report_sha256"]]
+    delivered = [one for one in found["receipts"] if one["kind"] == "delivery"]
+    assert len({one["sha256"] for one in delivered} & {one["sha256"] for one in found["images"]}) == 4
+    assert len({one["receipt_id"] for one in delivered}) == 5
+    assert all(one["text"].startswith("ack-") for one in delivered)
+    for image in found["images"]:
+        frame = operator.get(f"/evidence/{image['sha256']}")
+        assert hashlib.sha256(frame.content).hexdigest() == image["sha256"]
 
 
 def test_api_failures_are_problem_documents(stand: Stand, mission: Mission) -> None:

@@ -81,7 +81,8 @@ def _unseen_s(history: History, track: Track) -> float:
     until_s = track.until_s if track.until_s is not None else history.track[-1].at_s
     within = [b - a for a, b in history.open_gaps if a >= track.dispatched_s - GAP_S and b <= until_s + GAP_S]
     seen_s = max((fix.at_s for fix in history.track if fix.at_s <= until_s), default=-math.inf)
-    return max(until_s - seen_s, *within, 0.0)
+    first_s = min((fix.at_s for fix in history.track if fix.at_s >= track.dispatched_s - GAP_S), default=until_s)
+    return max(until_s - seen_s, first_s - track.dispatched_s, *within, 0.0)
 
 
 def _declared(evidence: Evidence) -> float | None:

@@ -1,20 +1,25 @@
 """Views: every event has a sentence and a lane, every number stands beside its bound, forms say what is wrong."""
 
 import typing
+from functools import reduce
 
 import msgspec
 import pytest
 from msgspec.structs import replace
 
 from app.views import forms
+from app.views.contexts import contexts
 from app.views.handoffs import action_view
 from app.views.measures import measures, number, quantity
+from app.views.outcome import mission_outcome
 from app.views.sentences import FAMILY
-from app.views.timeline import LANES
-from harness.contracts.events import MissionEvent
+from app.views.timeline import LANES, Entry
+from harness.contracts.actors import Actor
+from harness.contracts.events import MissionCreated, MissionEvent, NodePlanned
 from harness.contracts.handoff_events import ProposedAction
-from harness.contracts.ids import Digest, MissionId, NodeId, ProviderId
+from harness.contracts.ids import Digest, MissionId, NodeId, ProviderId, RobotId
 from harness.contracts.values import digest
+from harness.projections.mission import Mission, apply
 
 
 def test_every_mission_event_stands_on_a_lane() -> None:
@@ -85,3 +90,54 @@ def test_bytes_with_another_digest_are_not_sound() -> None:
 @pytest.mark.parametrize(("reason", "fine"), [("seen on camera", True), ("", False), ("  ", False), ("x" * 201, False)])
 def test_a_reason_is_typed_and_short(reason: str, fine: bool) -> None:
     assert (forms.wrong_reason(reason) == []) is fine
+
+
+def entry(position: int, event: MissionEvent) -> Entry:
+    return Entry(
+        position=position,
+        version=position,
+        kind=type(event).__name__,
+        mission_s=float(position),
+        recorded_s=float(position),
+        previous="",
+        digest="",
+        event=event,
+    )
+
+
+def created() -> MissionCreated:
+    return MissionCreated(
+        mission_id=MissionId("m1"),
+        robot_id=RobotId("vbot-1"),
+        goal="look",
+        template="warehouse-inspection",
+        requested_by=Actor(name="ada", role="operator"),
+        configuration=Digest("ab" * 32),
+        seed=3,
+    )
+
+
+def test_a_mission_that_has_not_been_compiled_has_an_outcome_without_results() -> None:
+    entries = [entry(1, created())]
+    found = mission_outcome(reduce(apply, [one.event for one in entries], Mission()), entries, None)
+    assert (found["mission_id"], found["status"], found["seed"]) == ("m1", "draft", 3)
+    assert (found["goal_verdict"], found["physical_starts"], found["duplicate_starts"]) == (None, None, None)
+    assert found["segments"] == found["images"] == found["findings"] == found["receipts"] == found["stages"] == []
+    assert found["recovery"] == {"spent": 0, "remaining": 0}
+
+
+def test_a_context_that_the_log_names_but_does_not_hold_is_said_to_be_missing() -> None:
+    planned = NodePlanned(
+        node_id=NodeId("go"),
+        provider_id=ProviderId("route-follower"),
+        context=Digest("c1" * 32),
+        candidates=Digest("c2" * 32),
+        reason="first",
+    )
+    found = contexts([entry(1, planned)], node_id="go", read=lambda _: None, candidates=lambda _: None)
+    (shown,) = found.contexts
+    assert (shown.missing, shown.role, shown.items, shown.withheld) == (True, "C1 planner", (), ())
+    assert found.choices == ()
+    assert (
+        contexts([entry(1, planned)], node_id="return", read=lambda _: None, candidates=lambda _: None).contexts == ()
+    )

@@ -179,4 +179,3 @@ GateMachine.TestCase.settings = settings(max_examples=60, stateful_step_count=30
 @pytest.mark.ledger("R45", "R116", "R132", "R113", symbol="harness.gate.rules:first_broken")
 class TestGateMachine(GateMachine.TestCase):
     """Hypothesis drives it."""
-

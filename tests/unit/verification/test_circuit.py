@@ -5,6 +5,7 @@ from msgspec.structs import replace
 
 from harness.contracts.verdicts import ConditionResult
 from tests.unit.verification.building import (
+    BEGAN_S,
     CIRCUIT,
     Bench,
     Drive,
@@ -113,6 +114,18 @@ def test_a_gap_between_poses_is_bridged_by_odometry_that_ends_where_the_next_pos
     assert result.verdict == "satisfied", result.reason
     assert result.measured["bridged_m"] == pytest.approx(10.0, abs=0.2)
     assert unseen(bench, odometry="other").verdict == "ambiguous"
+
+
+@pytest.mark.ledger("R96", symbol="harness.verification.predicates.circuit:_history")
+def test_a_leg_that_begins_without_poses_is_bridged_from_the_pose_before_it(bench: Bench) -> None:
+    samples = Drive(route=CIRCUIT).trajectory()
+    late = replace(samples, poses=tuple(pose for pose in samples.poses if pose.at_s > 1020.0))
+    before = Drive(route=CIRCUIT, from_s=BEGAN_S - 3, until_m=0.0, before_s=0.0, after_s=2.9).trajectory()
+    alone = replace(bench.driven(Drive(route=CIRCUIT)), estimates=(bench.trajectory(late),))
+    both = replace(alone, before=(bench.trajectory(before, kind="before"),))
+    elsewhere = replace(before, poses=tuple(replace(pose, map_version="site-0") for pose in before.poses))
+    other = replace(alone, before=(bench.trajectory(elsewhere, kind="before"),))
+    assert [bench.judged(one, ROUND).verdict for one in (alone, both, other)] == ["ambiguous", "satisfied", "ambiguous"]
 
 
 def test_a_localiser_that_froze_on_the_last_stretch_leaves_the_circuit_undecided(bench: Bench) -> None:

@@ -6,11 +6,14 @@ import pytest
 from msgspec.structs import replace
 
 from harness.contracts.contexts import Context
-from harness.contracts.effects import Symbolic
+from harness.contracts.effects import Symbolic, Visual
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import Digest, PlaceId
 from harness.contracts.tasks import Constraints, EvidencePolicy
+from harness.verification.finding import Undecidable
+from harness.verification.predicates.registry import PREDICATES, Predicate
+from harness.verification.reading import Evidence
 from harness.verification.verdict import verify
 from tests.unit.verification.building import (
     STATIC,
@@ -147,6 +150,15 @@ def test_only_a_person_named_by_the_evidence_policy_can_supply_the_missing_sourc
     }
     assert judged.pop(("person", "named")) == "satisfied"
     assert set(judged.values()) == {"ambiguous"}
+
+
+@pytest.mark.parametrize("predicate", PREDICATES.values())
+def test_a_predicate_refuses_an_effect_of_another_kind(bench: Bench, predicate: Predicate) -> None:
+    evidence = Evidence(bench.c3(bench.driven(Drive())), bench.blob)
+    other = Visual(predicate="other", frames=1, width_px=1, height_px=1)
+    effect = other if predicate is not PREDICATES[("visual", "panorama")] else arrival()
+    with pytest.raises(Undecidable, match="is a"):
+        predicate(effect, evidence)
 
 
 def test_a_context_without_an_execution_is_refused() -> None:

@@ -32,6 +32,7 @@ class Segment(Value):
 
     `declared_distance_m` is the supervisor's word at `arrived_s`; `measured_distance_m` is the recorded position's
     distance to the target at that instant; `last_pose_distance_m` is that of the segment's last position (R212).
+    A recorded closing (`closed_s`) ends the segment before the next dispatch.
     They are endpoint distances, not path-tracking errors (R218). Without a dispatched route the target is the last
     position, `reference_length_m` is None and `target_source` says so.
     """
@@ -44,6 +45,7 @@ class Segment(Value):
     last_pose_s: float
     departed_s: float | None
     arrived_s: float | None
+    closed_s: float | None
     reference_length_m: float | None
     declared_distance_m: float | None
     measured_distance_m: float | None
@@ -106,11 +108,15 @@ class _Meter:
         self._name = name
         self._arrival = next((line for line in within if line.kind == "arrival"), None)
         self._departure = next((line for line in within if line.kind == "departure"), None)
+        closings = [line.at_s for line in within if line.kind == "closing"]
+        self.closed_s = closings[-1] if closings else None
         self._first: Point | None = None
         self._at_arrival: Point | None = None
         self._excursion = 0.0
 
     def add(self, at_s: float, position: Point) -> None:
+        if self.closed_s is not None and at_s > self.closed_s:
+            return
         self._first = self._first or position
         self.last = (at_s, position)
         self._excursion = max(self._excursion, math.dist(position, self.route.route_m[-1]))
@@ -131,6 +137,7 @@ class _Meter:
             last_pose_s=self.last[0],
             departed_s=departure.at_s if departure else None,
             arrived_s=arrival.at_s if arrival else None,
+            closed_s=self.closed_s,
             reference_length_m=math.fsum(math.dist(a, b) for a, b in pairwise(route)) if len(route) > 1 else None,
             declared_distance_m=arrival.distance_m if arrival else None,
             measured_distance_m=math.dist(self._at_arrival, target) if self._at_arrival else None,

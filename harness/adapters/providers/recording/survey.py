@@ -75,7 +75,11 @@ class Survey:
         self.slam_path: Raw | None = None
         self.first_log_ns, self.last_log_ns = 2**63, -(2**63)
         self._settings, self._decoder = settings, decoder
-        self._patterns = {"arrival": re.compile(settings.arrival), "departure": re.compile(settings.departure)}
+        self._patterns = {
+            "arrival": re.compile(settings.arrival),
+            "departure": re.compile(settings.departure),
+            "closing": re.compile(settings.closing),
+        }
 
     def add(self, raw: Raw) -> None:
         """Raises RecordingInvalid if a message that matters cannot be decoded."""

@@ -26,8 +26,8 @@ class TopicSettings(_Settings):
 
     `odometry`, `camera` and `cloud` are topic names, "" for none, or None for the only topic of a readable type.
     `clock` says which time becomes sensor time: the message's header stamp or the recorder's log time. `camera_clock`
-    is log time as in the paper. `arrival` and `departure` are regular expressions over the supervisor's log lines; a
-    group `distance_m` in `arrival` is the declared distance. `static_transforms` win over recorded ones.
+    is log time as in the paper. `arrival`, `departure` and `closing` are regular expressions over the supervisor's log
+    lines; a group `distance_m` in `arrival` is the declared distance, and a closing ends a leg's evidence. `static_transforms` win over recorded ones.
     """
 
     body_pose: str = "/vbot_planner/body_pose"
@@ -46,11 +46,12 @@ class TopicSettings(_Settings):
     camera_clock: Clock = "log"
     arrival: str = r"GOAL REACHED(?:.*?(?P<distance_m>\d+(?:\.\d+)?)\s*m\b)?"
     departure: str = r"DEPART(?:ED|URE)"
+    closing: str = r"LEG CLOSED"
     camera_period_s: Annotated[float, Field(ge=0)] = 1.0
     cloud_period_s: Annotated[float, Field(ge=0)] = 1.0
     cloud_points: Annotated[int, Field(ge=1)] = 4096
 
-    @field_validator("arrival", "departure")
+    @field_validator("arrival", "departure", "closing")
     @classmethod
     def _compiles(cls, pattern: str) -> str:
         try:

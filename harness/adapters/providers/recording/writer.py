@@ -41,13 +41,17 @@ _SLAM_PERIOD_S = 10.0
 
 
 class Leg(Value):
-    """One dispatched leg of a mission: metres in the map frame, mission seconds, the supervisor's declarations."""
+    """One dispatched leg of a mission: metres in the map frame, mission seconds, the supervisor's declarations.
+
+    `closed_s`: when the harness sealed the leg's evidence; a replay ends the leg there.
+    """
 
     name: Name
     route_m: tuple[Point, ...]
     dispatched_s: float
     departed_s: float | None = None
     arrived_s: float | None = None
+    closed_s: float | None = None
     declared_distance_m: float | None = None
 
 
@@ -191,6 +195,8 @@ class _Recorder:
             if leg.arrived_s is not None:
                 told = "" if leg.declared_distance_m is None else f": {leg.declared_distance_m:.6f} m to the goal"
                 yield _Entry(leg.arrived_s, "log", self._line(leg.arrived_s, f"GOAL REACHED{told}"))
+            if leg.closed_s is not None:
+                yield _Entry(leg.closed_s, "log", self._line(leg.closed_s, f"LEG CLOSED on {leg.name}"))
         at_s = start_s + _SLAM_PERIOD_S
         while at_s < end_s:
             yield _Entry(at_s, "slam", partial(self._slam, at_s))

@@ -17,6 +17,10 @@ FaultName = Literal[
     "blocked-passage", "lost-localisation", "biased-localiser",
 ]  # fmt: skip
 FAULT_NAMES: tuple[FaultName, ...] = get_args(FaultName)
+IN_MOTION: frozenset[FaultName] = frozenset(
+    {"biased-localiser", "stale-pose", "frozen-localiser", "early-success", "interrupted"}
+)
+"""Faults that wait for a navigation to come to a certain place."""
 CLEARED_AFTER_S = 10.0
 LOST_FOR_S = 8.0
 BIASED_BEFORE_M = 2.3
@@ -53,7 +57,10 @@ class FaultPlan:
     def __init__(self, mission_id: MissionId | None, faults: Sequence[Fault], *, began_s: float) -> None:
         self.mission_id = mission_id
         self.struck: dict[str, int] = {}
+        self.untold = False
+        """Whether something struck that no line of truth says yet; whoever writes the line clears it."""
         self._faults = {fault.name: fault for fault in faults}
+        self.strikes_motion = any(name in IN_MOTION for name in self._faults)
         self._began_s = began_s
         self._navigations = 0
         self._mode: LocaliserMode = "good"
@@ -65,6 +72,8 @@ class FaultPlan:
 
     def mode(self, at_s: float) -> LocaliserMode:
         """What the localiser does now."""
+        if not self._faults:
+            return "good"
         lost = self._faults.get("lost-localisation")
         if lost is not None and (lost.persistent or at_s < self._began_s + LOST_FOR_S):
             return "lost"
@@ -125,4 +134,5 @@ class FaultPlan:
         self._mode, self._mode_fault = "good", None
 
     def _count(self, name: str) -> None:
+        self.untold = True
         self.struck[name] = self.struck.get(name, 0) + 1

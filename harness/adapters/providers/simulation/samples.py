@@ -18,26 +18,22 @@ class SampleRing:
 
     def __init__(self, newest: int = 0) -> None:
         self._samples: list[AnySample] = []
-        self._newest = newest
-
-    @property
-    def newest(self) -> int:
+        self.newest = newest
         """The last sequence number given away."""
-        return self._newest
 
     def next(self) -> int:
         """The sequence number for the next sample; `add` uses it up."""
-        return self._newest + 1
+        return self.newest + 1
 
     def add(self, sample: AnySample) -> None:
-        self._newest = sample.seq
+        self.newest = sample.seq
         self._samples.append(sample)
         if len(self._samples) > 2 * KEPT_SAMPLES:
             del self._samples[:KEPT_SAMPLES]
 
     def after(self, seq: int, *, limit: int, at_s: float) -> Observations:
         """Samples with a sequence number above `seq`, oldest first. Forgotten ones are silently absent."""
-        first = self._samples[0].seq if self._samples else self._newest + 1
+        first = self._samples[0].seq if self._samples else self.newest + 1
         start = max(0, seq + 1 - first)
         found = tuple(self._samples[start : start + limit])
         return Observations(samples=found, next_seq=found[-1].seq if found else seq, at_s=at_s)

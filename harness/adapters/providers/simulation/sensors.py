@@ -24,8 +24,11 @@ TURN_NOISE = 0.004
 HEADING_NOISE_RAD = 0.0008
 DROPOUT_EVERY_S = 20.0
 DROPOUT_LONGEST_S = 0.45
+DROPOUT_PERIOD = round(DROPOUT_EVERY_S / (POSE_TICKS * TICK_S))
 Fix = tuple[float, float, float]
 Store = Callable[[bytes], Digest]
+EVERY_TICK = ("odometry-heading", "odometry-reading", "imu-x", "imu-y", "imu-turn")
+EVERY_FIX = ("localiser-x", "localiser-y", "localiser-yaw")
 
 
 class Sensors:
@@ -83,7 +86,8 @@ class Sensors:
         return self._twist
 
     def _odometry(self, state: BodyState, at_s: float) -> None:
-        ring, tick, normal = self._ring, self._tick, self._streams.normal
+        ring = self._ring
+        heading, reading, imu_x, imu_y, imu_turn = self._streams.normals(EVERY_TICK, self._tick)
         x0, y0, yaw0 = self._before or (state.x_m, state.y_m, state.yaw_rad)
         self._before = (state.x_m, state.y_m, state.yaw_rad)
         cos, sin = math.cos(yaw0), math.sin(yaw0)
@@ -92,7 +96,7 @@ class Sensors:
         moved = math.hypot(dx, dy)
         turned = math.remainder(state.yaw_rad - yaw0, math.tau) * self._turn
         if moved > 0.0:
-            turned += HEADING_NOISE_RAD * math.sqrt(moved) * normal("odometry-heading", tick)
+            turned += HEADING_NOISE_RAD * math.sqrt(moved) * heading
         x, y, yaw = self.odometer
         middle = yaw + 0.5 * turned
         cos, sin = math.cos(middle), math.sin(middle)
@@ -101,18 +105,18 @@ class Sensors:
         v, w = forward / TICK_S, turned / TICK_S
         ahead = (v - self._twist[0]) / TICK_S
         self._twist = (v, w)
-        jitter = 0.0003 * normal("odometry-reading", tick)
+        jitter, seq = 0.0003 * reading, ring.newest + 1
         ring.add(
             Odometry(
-                seq=ring.next(), at_s=at_s, source="odometry", frame="odom", x_m=x + jitter, y_m=y - jitter,
+                seq=seq, at_s=at_s, source="odometry", frame="odom", x_m=x + jitter, y_m=y - jitter,
                 yaw_rad=self.odometer[2], v_mps=v, w_radps=w,
             )
         )  # fmt: skip
         rough = 0.03 + 0.3 * abs(v)
         ring.add(
             Imu(
-                seq=ring.next(), at_s=at_s, source="imu", ax_mps2=ahead + rough * normal("imu-x", tick),
-                ay_mps2=v * w + rough * normal("imu-y", tick), w_radps=state.w_radps + 0.004 * normal("imu-turn", tick),
+                seq=seq + 1, at_s=at_s, source="imu", ax_mps2=ahead + rough * imu_x,
+                ay_mps2=v * w + rough * imu_y, w_radps=state.w_radps + 0.004 * imu_turn,
             )
         )  # fmt: skip
 
@@ -122,12 +126,12 @@ class Sensors:
             if self.mode != "stale":
                 return
         else:
-            normal = self._streams.normal
+            noise_x, noise_y, noise_yaw = self._streams.normals(EVERY_FIX, index)
             bias_m = BIAS_M if self.mode == "biased" else 0.0
             self.fix = (
-                state.x_m + POSE_NOISE_M * normal("localiser-x", index),
-                state.y_m + POSE_NOISE_M * normal("localiser-y", index) + bias_m,
-                math.remainder(state.yaw_rad + YAW_NOISE_RAD * normal("localiser-yaw", index), math.tau),
+                state.x_m + POSE_NOISE_M * noise_x,
+                state.y_m + POSE_NOISE_M * noise_y + bias_m,
+                math.remainder(state.yaw_rad + YAW_NOISE_RAD * noise_yaw, math.tau),
             )
         if self.mode != "missing":
             self._publish(at_s)
@@ -153,11 +157,12 @@ class Sensors:
 
     def _dropped(self, index: int) -> bool:
         """Short gaps: about one in DROPOUT_EVERY_S, each shorter than half a second."""
-        period = round(DROPOUT_EVERY_S / (POSE_TICKS * TICK_S))
-        number, at = divmod(index, period)
+        number, at = divmod(index, DROPOUT_PERIOD)
+        if at < DROPOUT_PERIOD // 2:
+            return False
         uniform = 0.5 * (1.0 + math.erf(self._streams.normal("dropout", number) / math.sqrt(2)))
         length = 1 + int(uniform * (DROPOUT_LONGEST_S / (POSE_TICKS * TICK_S) - 1))
-        begins = period // 2 + int(uniform * (period // 2 - length - 1))
+        begins = DROPOUT_PERIOD // 2 + int(uniform * (DROPOUT_PERIOD // 2 - length - 1))
         return begins <= at < begins + length
 
 

@@ -68,16 +68,12 @@ class World:
         self.reached_m: dict[str, float] = dict(saved.reached_m) if saved else {}
         self._epoch_s = saved.at_s if saved else settings.epoch_s
         self._ticks = 0
-        self._told = 0
+        self.at_s = self._epoch_s
+        """Mission time, seconds since the Unix epoch."""
         if saved:
             self.sensors.odometer, self.sensors.charge = saved.odometer, saved.charge
         self._estimate = Estimate(pose)
         self._estimate.begin(self.sensors.odometer)
-
-    @property
-    def at_s(self) -> float:
-        """Mission time, seconds since the Unix epoch."""
-        return self._epoch_s + self._ticks * TICK_S
 
     @property
     def still(self) -> bool:
@@ -102,7 +98,6 @@ class World:
         self._furnish(self._home)
         self.truth.begin(mission_id)
         self.note("mission", text=f"{mission_id} seed {seed}")
-        self._told = 0
 
     def invocation_starts(self, invocation: Invocation, node: str) -> None:
         """A skill was accepted and begins with the next tick."""
@@ -144,15 +139,19 @@ class World:
                 self._strike(invocation)
         self.body.step(command)
         self._ticks += 1
-        at_s = self.at_s
-        sensors.sample(self.body.state, at_s)
+        at_s = self.at_s = self._epoch_s + self._ticks * TICK_S
+        state = self.body.state
+        sensors.sample(state, at_s)
         if sensors.scan_due:
             sensors.scan(self.body.cloud(), at_s, self.blobs.keep)
         self._estimate.update(sensors.odometer, sensors.fix)
-        self._tell_struck()
-        if self._ticks % (STANDING_TICKS if self.body.state.still else MOVING_TICKS) == 0:
-            self.note("pose")
-            if not self.body.state.still:
+        if self.faults.untold:
+            self._tell_struck()
+        if self._ticks % MOVING_TICKS == 0:
+            still = state.still
+            if not still or self._ticks % STANDING_TICKS == 0:
+                self.note("pose")
+            if not still:
                 self.save(durable=False)
 
     def note(self, kind: Literal["pose", "start", "terminal", "struck", "mission"], **facts: str) -> None:
@@ -178,7 +177,8 @@ class World:
     def _strike(self, invocation: Invocation) -> None:
         """What the mission's faults do to a navigation that is under way."""
         skill = invocation.skill
-        if not isinstance(skill, RouteFollower) or invocation.terminal or invocation.braking:
+        idle = not self.faults.strikes_motion or invocation.terminal or invocation.braking
+        if idle or not isinstance(skill, RouteFollower):
             return
         whole_m = max(skill.route.length_m - skill.begin_m, 1e-6)
         share, remaining_m = (skill.at_m - skill.begin_m) / whole_m, skill.remaining_m
@@ -191,10 +191,8 @@ class World:
 
     def _tell_struck(self) -> None:
         """A line of truth whenever a fault struck since the last one."""
-        struck = sum(self.faults.struck.values())
-        if struck > self._told:
-            self._told = struck
-            self.note("struck", text=" ".join(f"{name}={count}" for name, count in sorted(self.faults.struck.items())))
+        self.faults.untold = False
+        self.note("struck", text=" ".join(f"{name}={count}" for name, count in sorted(self.faults.struck.items())))
 
     def _furnish(self, site: SiteModel) -> None:
         if site is not self.site:

@@ -1,0 +1,251 @@
+"""Memory records: what the harness keeps beyond one mission, each with where it came from and how far it may be used.
+
+A record is written once and never changed. What became of it, its standing, follows from later records that
+supersede it or conflict with it. Working memory is a view of the mission and is not stored.
+"""
+
+from typing import Annotated, Literal
+
+import msgspec
+
+from harness.contracts.capabilities import Capability, CapabilityCard
+from harness.contracts.configuration import FailureClass, RecoveryAction, RecoveryPolicy
+from harness.contracts.evidence import EvidenceReference
+from harness.contracts.ids import ConditionId, Digest, InvocationId, MissionId, NodeId, PacketId, ProviderId, RobotId, StreamId
+from harness.contracts.places import Place
+from harness.contracts.protocol import Parameters
+from harness.contracts.tasks import Constraints
+from harness.contracts.values import Count, Name, NonNegative, Point, Share, Value
+from harness.contracts.verdicts import Verdict
+
+MemoryRole = Literal["spatial", "episodic", "operational", "semantic"]
+Verification = Literal["configured", "observed", "verified", "disputed"]
+Standing = Literal["configured", "observed", "verified", "disputed", "superseded"]
+ADMISSIBLE: tuple[Standing, ...] = ("configured", "observed", "verified")
+"""What a query answers with unless it asks for more: neither superseded records nor sides of an open conflict (R69)."""
+
+
+class Provenance(Value):
+    """Where a record came from: the event that caused it, the packet behind it, who or what said it."""
+
+    position: Annotated[int, msgspec.Meta(ge=1)]
+    stream: StreamId
+    mission_id: MissionId
+    sources: Annotated[tuple[Name, ...], msgspec.Meta(min_length=1)]
+    node_id: NodeId | None = None
+    packet_id: PacketId | None = None
+    blobs: tuple[Digest, ...] = ()
+
+
+class Box(Value):
+    """An axis-aligned stretch of floor in `frame` of one map version, metres."""
+
+    frame: Name
+    map_version: Name
+    x_min_m: float
+    y_min_m: float
+    x_max_m: float
+    y_max_m: float
+
+
+class Knowledge(Value, tag_field="kind"):
+    """Base of what a record can say."""
+
+
+class MapEpoch(Knowledge, tag="map"):
+    """Spatial: the map version that one robot's frame is stated in."""
+
+    frame: Name
+    map_version: Name
+
+
+class KnownPlace(Knowledge, tag="place"):
+    """Spatial: a configured place."""
+
+    place: Place
+
+
+class KnownRegion(Knowledge, tag="region"):
+    """Spatial: an entity that is a stretch of floor; its polygon in metres."""
+
+    floor_m: tuple[Point, ...]
+
+
+class KnownRelation(Knowledge, tag="relation"):
+    """Spatial: `one` stands in `relation` to `other`."""
+
+    relation: Literal["at", "leads_to"]
+    one: Name
+    other: Name
+
+
+class KnownPose(Knowledge, tag="pose"):
+    """Spatial: the body within `within_m` of `point_m`; no point while it is in motion."""
+
+    robot_id: RobotId
+    point_m: Point | None = None
+    within_m: NonNegative = 0.0
+    yaw_rad: float | None = None
+    place: str = ""
+
+
+class Sighting(Knowledge, tag="sighting"):
+    """Spatial: what an inspection found of an entity, as numbers that another inspection can contradict."""
+
+    states: dict[str, float]
+    report: Digest | None = None
+
+
+class Dispute(Knowledge, tag="dispute"):
+    """Spatial: an observation that contradicts what was accepted. It says what no longer counts, not what is true."""
+
+    condition_id: ConditionId
+    observation: EvidenceReference
+
+
+class Episode(Knowledge, tag="episode"):
+    """Episodic: one attempt whose result the verifier decided and the gate acted on."""
+
+    node_id: NodeId
+    subgoal: Name
+    attempt: Count
+    invocation_id: InvocationId
+    provider_id: ProviderId
+    provider_version: Name
+    capability: Capability
+    place: str
+    configuration: Digest
+    verdict: Verdict
+    committed: bool
+    duration_s: NonNegative
+    action: RecoveryAction | None = None
+    failure: FailureClass | None = None
+
+
+class ProviderOutcome(Knowledge, tag="outcome"):
+    """Operational: what one execution truly achieved. `residual`: expected against observed effect, 0 to 1 (R60)."""
+
+    provider_id: ProviderId
+    provider_version: Name
+    capability: Capability
+    place: str
+    configuration: Digest
+    parameters: Parameters
+    verdict: Verdict
+    residual: Share
+    duration_s: NonNegative
+    measured: dict[str, float]
+
+
+class KnownCard(Knowledge, tag="card"):
+    """Semantic: a provider's capability card, as a skill role was shown it. Its word, not a finding."""
+
+    card: CapabilityCard
+
+
+class KnownRules(Knowledge, tag="rules"):
+    """Semantic: the recovery rules and constraints that a template ran under in one configuration."""
+
+    configuration: Digest
+    template: Name
+    recovery: RecoveryPolicy
+    constraints: Constraints
+
+
+AnyKnowledge = (
+    MapEpoch | KnownPlace | KnownRegion | KnownRelation | KnownPose | Sighting | Dispute | Episode | ProviderOutcome
+    | KnownCard | KnownRules
+)  # fmt: skip
+
+
+class MemoryRecord(Value):
+    """One record. It speaks for `valid_from_s` up to, not including, `valid_until_s` (mission time; none: open)."""
+
+    record_id: Name
+    role: MemoryRole
+    subject: Name
+    knowledge: AnyKnowledge
+    confidence: Share
+    valid_from_s: float
+    valid_until_s: float | None
+    verification: Verification
+    provenance: Provenance
+    supersedes: tuple[str, ...] = ()
+    conflicts: tuple[str, ...] = ()
+    where: Box | None = None
+
+    @property
+    def kind(self) -> str:
+        """The tag of what it says: map, place, pose, sighting, outcome, ..."""
+        return kind_of(self.knowledge)
+
+
+class Remembered(Value):
+    """A record and what became of it. `until_s`: its validity, cut short where a newer record took over."""
+
+    record: MemoryRecord
+    standing: Standing
+    until_s: float | None
+
+
+class Mark(Value):
+    """How far a read model has followed the log, and by which fold. Position 0: it holds nothing."""
+
+    fold: str
+    position: Count
+    digest: Digest
+
+
+class MemoryQuery(Value):
+    """What is asked of memory; empty fields ask for anything. Answers come newest first.
+
+    `valid_at_s`: only what speaks for that instant. `as_of`: as it was known at that position of the log, whatever
+    was learnt later. `region`: what touches it.
+    """
+
+    kinds: tuple[Name, ...]
+    subject: str = ""
+    mission_id: str = ""
+    provider_id: str = ""
+    capability: str = ""
+    place: str | None = None
+    configuration: str = ""
+    verdicts: tuple[Verdict, ...] = ()
+    region: Box | None = None
+    valid_at_s: float | None = None
+    as_of: Count | None = None
+    standings: Annotated[tuple[Standing, ...], msgspec.Meta(min_length=1)] = ADMISSIBLE
+    minimum_confidence: Share = 0.0
+    limit: Annotated[int, msgspec.Meta(ge=1, le=10_000)] = 100
+
+
+class Labels(Value):
+    """The names by which a record of provider history is looked up; empty where it has none."""
+
+    provider_id: str = ""
+    capability: str = ""
+    place: str = ""
+    configuration: str = ""
+    verdict: str = ""
+
+
+def kind_of(knowledge: Knowledge) -> str:
+    """The tag under which a piece of knowledge is stored."""
+    return str(type(knowledge).__struct_config__.tag)
+
+
+def labels_of(record: MemoryRecord) -> Labels:
+    """What episodes, outcomes and cards are looked up by."""
+    match record.knowledge:
+        case Episode() | ProviderOutcome() as said:
+            return Labels(
+                provider_id=said.provider_id,
+                capability=said.capability,
+                place=said.place,
+                configuration=said.configuration,
+                verdict=said.verdict,
+            )
+        case KnownCard(card=card):
+            return Labels(provider_id=card.provider_id, capability=card.capability)
+        case _:
+            return Labels()

@@ -1,0 +1,184 @@
+"""Pure: one mission as memory needs it, folded from its events: what was dispatched, left behind and judged last."""
+
+from typing import Any, TypeVar, assert_never
+
+import msgspec
+from msgspec.structs import replace
+
+from harness.contracts.events import (
+    CommitRejected,
+    CompletionReported,
+    ContractCompiled,
+    DispatchIntended,
+    EpochChanged,
+    FailureClassified,
+    FailureReported,
+    GoalVerified,
+    HandoffAnswered,
+    HandoffRequested,
+    InvocationAccepted,
+    InvocationEnded,
+    InvocationResumed,
+    InvocationStopRequested,
+    MissionActivated,
+    MissionCreated,
+    MissionEnded,
+    MissionEvent,
+    MissionPaused,
+    MissionResumed,
+    NodeCommitted,
+    NodeFailed,
+    NodePlanned,
+    ObservationRecorded,
+    OperatorRetryGranted,
+    PacketRetained,
+    PreconditionRefused,
+    RecoveryAuthorised,
+    StopAcknowledged,
+    StopRequested,
+    VerdictRecorded,
+    VetoCleared,
+    VetoRaised,
+)
+from harness.contracts.evidence import CommittedFact, EvidencePacket
+from harness.contracts.ids import ConditionId, Digest, InvocationId, MissionId, NodeId, RobotId
+from harness.contracts.places import Passage, Place, Route
+from harness.contracts.tasks import Node, TaskContract
+from harness.contracts.values import Count, Value
+from harness.contracts.verdicts import NodeVerdict
+
+T = TypeVar("T", Place, Route, Passage)
+DECIDED = ("violated", "unsafe")
+REFUTED = "not_satisfied"
+"""The gate's rule that speaks of the effect itself; every other one says that the packet may not be used."""
+
+
+class Judgement(Value):
+    """A verified attempt: the verifier decided, and the gate acted on it.
+
+    `acting` is the execution that caused the effect: the attempt itself, or, for one that only looked, the node's
+    last attempt that acted.
+    """
+
+    intent: DispatchIntended
+    acting: DispatchIntended
+    packet: EvidencePacket
+    verdict: NodeVerdict
+    committed: bool
+
+
+class MissionThread(Value):
+    """Where a mission stands, as far as its records are concerned. `judged`: acting executions with an outcome."""
+
+    version: Count = 0
+    mission_id: MissionId = MissionId("")
+    robot_id: RobotId = RobotId("")
+    configuration: Digest = Digest("")
+    contract: TaskContract | None = None
+    intents: dict[InvocationId, DispatchIntended] = msgspec.field(default_factory=dict)
+    acting: dict[NodeId, InvocationId] = msgspec.field(default_factory=dict)
+    facts: dict[ConditionId, CommittedFact] = msgspec.field(default_factory=dict)
+    judged: tuple[InvocationId, ...] = ()
+    packet: EvidencePacket | None = None
+    verdict: NodeVerdict | None = None
+    ended: bool = False
+
+    def node(self, node_id: NodeId) -> Node | None:
+        """The node's declaration; none before the contract, or for a name the graph does not have."""
+        nodes = self.contract.nodes if self.contract else ()
+        return next((node for node in nodes if node.node_id == node_id), None)
+
+    def place(self, node_id: NodeId) -> str:
+        """The id of the place a node works at; empty where none is known."""
+        return place_of(self.contract, node_id) if self.contract else ""
+
+
+def follow(thread: MissionThread, event: MissionEvent) -> MissionThread:
+    """The thread after one more event."""
+    nxt = replace(thread, version=thread.version + 1)
+    match event:
+        case MissionCreated():
+            return replace(
+                nxt, mission_id=event.mission_id, robot_id=event.robot_id, configuration=event.configuration
+            )
+        case ContractCompiled():
+            return replace(nxt, contract=event.contract)
+        case DispatchIntended():
+            acting = {} if event.verify_only else {event.node_id: event.invocation_id}
+            return replace(
+                nxt, intents=nxt.intents | {event.invocation_id: event}, acting=nxt.acting | acting, packet=None, verdict=None
+            )
+        case PacketRetained():
+            return replace(nxt, packet=event.packet, verdict=None)
+        case VerdictRecorded():
+            return replace(nxt, verdict=event.verdict)
+        case NodeCommitted():
+            kept = {name: fact for name, fact in nxt.facts.items() if name not in event.withdrawn}
+            return _settled(replace(nxt, facts=kept | {fact.condition_id: fact for fact in event.facts}), event)
+        case CommitRejected():
+            return _settled(nxt, event)
+        case MissionEnded():
+            return replace(nxt, ended=True)
+        case (
+            MissionActivated() | NodePlanned() | InvocationAccepted() | InvocationStopRequested() | InvocationResumed()
+            | InvocationEnded() | PreconditionRefused() | ObservationRecorded() | EpochChanged() | VetoRaised()
+            | VetoCleared() | FailureClassified() | RecoveryAuthorised() | NodeFailed() | HandoffRequested()
+            | HandoffAnswered() | OperatorRetryGranted() | MissionPaused() | MissionResumed() | StopRequested()
+            | StopAcknowledged() | GoalVerified() | CompletionReported() | FailureReported()
+        ):  # fmt: skip
+            return nxt
+        case _:
+            assert_never(event)
+
+
+def judgement(thread: MissionThread, event: NodeCommitted | CommitRejected) -> Judgement | None:
+    """The verified attempt that this event closes; none if nothing was decided about the effect.
+
+    Ambiguous and stale evidence, packets of another identity, version or configuration, vetoed ones and executions
+    without a packet decide nothing, whatever their provider says of itself (R60, R138).
+    """
+    packet, verdict = thread.packet, thread.verdict
+    intent = thread.intents.get(event.invocation_id)
+    if packet is None or verdict is None or intent is None:
+        return None
+    if not packet.identity.packet_id == verdict.packet_id == event.packet_id:
+        return None
+    committed = isinstance(event, NodeCommitted)
+    if isinstance(event, CommitRejected) and not (event.rule == REFUTED and verdict.verdict in DECIDED):
+        return None
+    acting = thread.intents[thread.acting[intent.node_id]] if intent.node_id in thread.acting else intent
+    return Judgement(intent=intent, acting=acting, packet=packet, verdict=verdict, committed=committed)
+
+
+def place_of(contract: TaskContract, node_id: NodeId) -> str:
+    """Where a node works: the bound place at its target, else that of the nearest node it builds on; else empty."""
+    nodes = {node.node_id: node for node in contract.nodes}
+    approaches = {place.approach_m: place.place_id for place in bound(contract, Place)}
+    ahead = [node_id]
+    for name in ahead:
+        target = nodes[name].parameters.get("target") if name in nodes else None
+        if isinstance(target, tuple | list) and len(target) == 2:
+            return approaches.get((float(target[0]), float(target[1])), "")  # type: ignore[arg-type]
+        ahead.extend(one for one in nodes[name].depends_on if one not in ahead)
+    return ""
+
+
+def bound(contract: TaskContract, kind: type[T]) -> list[T]:
+    """The places, routes or passages that the contract's names were bound to."""
+    found = (_converted(value, kind) for value in contract.bindings.values())
+    return [value for value in found if value is not None]
+
+
+def _converted(value: Any, kind: type[T]) -> T | None:
+    try:
+        return msgspec.convert(value, kind)
+    except msgspec.ValidationError:
+        return None
+
+
+def _settled(thread: MissionThread, event: NodeCommitted | CommitRejected) -> MissionThread:
+    """Remember that this acting execution has an outcome, so that a later look at it is a second word, not a first."""
+    closed = judgement(thread, event)
+    if closed is None or closed.acting.invocation_id in thread.judged:
+        return thread
+    return replace(thread, judged=(*thread.judged, closed.acting.invocation_id))
