@@ -23,11 +23,11 @@ Reason = Annotated[str, Field(min_length=1, max_length=200)]
 
 
 class StartBody(BaseModel):
-    """A mission to start: a template by name, or a goal that one matches."""
+    """A mission to start: a template by name, or a goal that one matches. No robot named: the console's first."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    robot_id: Slug
+    robot_id: Annotated[str, Field(max_length=200)] = ""
     template: str = ""
     goal: Annotated[str, Field(max_length=2000)] = ""
     arguments: dict[str, str | float] = {}
@@ -85,7 +85,7 @@ def mission(console: ConsoleDep, mission_id: MissionId) -> dict[str, Any]:
 def start(console: ConsoleDep, actor: ActorDep, body: StartBody) -> dict[str, Any]:
     order = Start(
         actor=actor,
-        robot_id=RobotId(body.robot_id),
+        robot_id=RobotId(body.robot_id or console.settings.robots[0]),
         template=body.template,
         goal=body.goal,
         arguments=dict(body.arguments),

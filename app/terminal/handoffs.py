@@ -29,22 +29,21 @@ def list_handoffs(
     """Open handoffs, each observed again, with the digest that an approval must name."""
     api = owner_api(data)
     if api is not None:
-        rows = _asked(api, everything)
+        found = _asked(api)
     else:
         with open_harness(settings(data_folder=data, speed=0.0)) as harness:
-            rows = [_row(handoff) for handoff in _observed(harness) if everything or handoff.status == "open"]
+            found = _observed(harness)
+    rows = [_row(handoff) for handoff in found if everything or handoff.status == "open"]
     lines = table([[r["handoff_id"], r["status"], r["mission_id"], r["node_id"], r["digest"]] for r in rows])
     lines += [f"{row['handoff_id']}: {row['reason']}" for row in rows]
     show({"handoffs": rows}, as_json=as_json, lines=lines or ["No mission waits for a person."])
 
 
-def _asked(api: OwnerApi, everything: bool) -> list[dict[str, Any]]:
-    rows = api.get("/handoffs")["handoffs"]
-    for row in rows:
-        if row["status"] == "open":
-            api.post(f"/handoffs/{row['handoff_id']}/look-again", {})
-    fresh: list[dict[str, Any]] = api.get("/handoffs")["handoffs"]
-    return [row for row in fresh if everything or row["status"] == "open"]
+def _asked(api: OwnerApi) -> list[Handoff]:
+    for handoff in api.handoffs():
+        if handoff.status == "open":
+            api.post(f"/handoffs/{handoff.handoff_id}/look", {})
+    return api.handoffs()
 
 
 def _observed(harness: Harness) -> list[Handoff]:
@@ -100,19 +99,7 @@ def reject(handoff_id: str, reason: Reason, data: Data = DEFAULT_DATA, as_json: 
 def _decide(handoff_id: str, decision: str, *, digest: str, reason: str, data: Any, as_json: bool) -> None:
     api = owner_api(data)
     if api is not None:
-        row = next((r for r in api.get("/handoffs")["handoffs"] if r["handoff_id"] == handoff_id), None)
-        if row is None:
-            raise UnknownName(f"There is no handoff {handoff_id}", do="list them with `regen handoff list`")
-        body = {
-            "decision": decision,
-            "reason": reason,
-            "key": _key(handoff_id, decision, reason),
-            "cycle": row["cycle"],
-            "subject": digest or row["digest"],
-            "evidence": row["evidence"],
-        }
-        api.post(f"/handoffs/{handoff_id}/decision", body)
-        outcome = api.follow(row["mission_id"], lambda _: None)
+        outcome = _decide_there(api, handoff_id, decision, digest=digest, reason=reason)
     else:
         with open_harness(settings(data_folder=data, speed=0.0)) as harness:
             outcome = _decide_here(harness, HandoffId(handoff_id), decision, digest=digest, reason=reason)
@@ -120,6 +107,22 @@ def _decide(handoff_id: str, decision: str, *, digest: str, reason: str, data: A
     show(outcome, as_json=as_json, lines=lines)
     ended_as_asked = decision == "reject" and outcome["status"] == "safe_stopped"
     raise typer.Exit(0 if ended_as_asked else exit_code(outcome["status"]))
+
+
+def _decide_there(api: OwnerApi, handoff_id: str, decision: str, *, digest: str, reason: str) -> dict[str, Any]:
+    handoff = next((one for one in api.handoffs() if one.handoff_id == handoff_id), None)
+    if handoff is None or handoff.opened is None:
+        raise UnknownName(f"There is no handoff {handoff_id}", do="list them with `regen handoff list`")
+    body = {
+        "decision": decision,
+        "reason": reason,
+        "key": _key(handoff_id, decision, reason),
+        "cycle": handoff.cycle,
+        "subject": digest or handoff.opened.subject,
+        "evidence": handoff.opened.evidence,
+    }
+    api.post(f"/handoffs/{handoff_id}/decision", body)
+    return api.follow(handoff.opened.mission_id, lambda _: None)
 
 
 def _decide_here(harness: Harness, handoff_id: HandoffId, decision: str, *, digest: str, reason: str) -> dict[str, Any]:

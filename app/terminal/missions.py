@@ -46,7 +46,13 @@ def run(
     check_faults(fault or [])
     api = owner_api(data)
     if api is not None:
-        body = {"template": template, "arguments": _arguments(argument), "seed": seed, "faults": fault or []}
+        body = {
+            "template": "" if " " in template else template,
+            "goal": template if " " in template else "",
+            "arguments": _arguments(argument),
+            "seed": seed,
+            "labels": {"faults": faults} if faults else {},
+        }
         outcome = api.follow(api.post("/missions", body)["mission_id"], lambda _: None)
     else:
         chosen = settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity)

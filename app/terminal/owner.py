@@ -6,9 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import msgspec
 
 from harness.bootstrap import owner_of
 from harness.contracts.errors import HarnessError, StoreOwned, UnknownName
+from harness.projections.handoffs import Handoff
 
 POLL_S = 0.5
 LASTING = ("awaiting_human", "paused", "succeeded", "failed", "cancelled", "safe_stopped", "handed_off")
@@ -28,6 +30,10 @@ class OwnerApi:
 
     def post(self, path: str, body: dict[str, Any]) -> Any:
         return self._answer("POST", path, json=body)
+
+    def handoffs(self) -> list[Handoff]:
+        """Every handoff as the owner's log has it, newest first."""
+        return msgspec.convert(self.get("/handoffs"), list[Handoff])
 
     def follow(self, mission_id: str, watch: Callable[[dict[str, Any]], None]) -> dict[str, Any]:
         """The mission's outcome once it is over or waits for a person."""

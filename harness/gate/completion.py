@@ -11,8 +11,10 @@ from harness.contracts.events import (
     PacketRetained,
     VerdictRecorded,
 )
+from harness.contracts.evidence import EvidencePacket
 from harness.contracts.ids import ConditionId
 from harness.contracts.tasks import Node
+from harness.contracts.verdicts import NodeVerdict
 from harness.gate.rules import GATE_RULES, first_broken
 from harness.projections.mission import Mission, required_contract
 from harness.recovery.classify import classify
@@ -53,10 +55,17 @@ def complete(mission: Mission, command: CompleteNode) -> Decision[MissionEvent]:
         node_id=mission.invocation.intent.node_id,
         invocation_id=identity.invocation_id,
         failure=failure or "commit_rejected",
-        reason=message,
+        reason=_why(packet, verdict) or message,
         at_s=packet.collected_s,
     )
     return Accepted((*trace, rejected, classified))
+
+
+def _why(packet: EvidencePacket, verdict: NodeVerdict) -> str:
+    """What went wrong, in the shortest words that say it: how the execution ended, else what was not satisfied."""
+    if packet.terminal != "succeeded":
+        return f"the execution ended {packet.terminal}{f': {packet.failure}' if packet.failure else ''}"
+    return "; ".join(result.reason for result in verdict.results if result.verdict != "satisfied")
 
 
 def _ended_by(node: Node, mission: Mission) -> tuple[ConditionId, ...]:

@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Iterable
+from statistics import median
 
 from harness.contracts.errors import ProviderUnreachable
 from harness.contracts.evidence import EvidenceReference
@@ -67,7 +68,7 @@ class Senses:
             source=source,
             from_s=min(times, default=0.0),
             until_s=max(times, default=0.0),
-            confidence=min((pose.confidence for pose in trajectory.poses), default=1.0),
+            confidence=median(pose.confidence for pose in trajectory.poses) if trajectory.poses else 1.0,
             blob=self._runtime.keep(encode(trajectory)),
             frame=frames.pop() if len(frames) == 1 else "",
             map_version=maps.pop() if len(maps) == 1 else "",

@@ -3,7 +3,7 @@
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import msgspec
 
@@ -187,7 +187,7 @@ class Evidence:
     def decoded(self, digest: Digest, kind: type[T]) -> T:
         """The blob as JSON of `kind`. Raises Undecidable."""
         try:
-            value: T = _decoded(self.bytes_of(digest), kind)
+            value: T = _decoded(self.bytes_of(digest), cast(Hashable, kind))
         except msgspec.MsgspecError as error:
             raise Undecidable(f"blob {digest[:12]} is no {kind.__name__}: {error}") from error
         return value

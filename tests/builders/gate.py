@@ -218,7 +218,8 @@ def packet(mission: Mission, *, identity: dict[str, object] | None = None, **cha
 
 def verdict(mission: Mission, judged: EvidencePacket, word: Verdict = "satisfied", **changes: object) -> NodeVerdict:
     """A verdict over every declared condition, all of them `word`."""
-    node = required_contract(mission).node(judged.identity.node_id)
+    nodes = required_contract(mission).nodes
+    node = next((one for one in nodes if one.node_id == judged.identity.node_id), nodes[0])
     results = tuple(
         ConditionResult(condition_id=c.condition_id, text=c.text, verdict=word, reason=f"it is {word}")
         for c in node.success_conditions

@@ -128,7 +128,7 @@ def standing(motion: Drive, **changes: object) -> Drive:
     return Drive(from_s=motion.until_s + 1, from_m=motion.length_m, until_m=motion.length_m, **changes)  # type: ignore[arg-type]
 
 
-@pytest.mark.ledger("R47", symbol="harness.verification.sources:Sources.since_agreement")
+@pytest.mark.ledger("R46", symbol="harness.verification.sources:Sources.since_agreement")
 def test_a_localiser_that_is_still_frozen_when_looked_at_again_stays_ambiguous(bench: Bench) -> None:
     motion = Drive(freeze_after_m=5.5)
     first = bench.driven(motion)
@@ -145,7 +145,7 @@ def test_a_localiser_that_is_still_frozen_when_looked_at_again_stays_ambiguous(b
     assert result.measured["disagreement_m"] == pytest.approx(1.5, abs=0.2)
 
 
-@pytest.mark.ledger("R133", symbol="harness.verification.predicates.arrival:agreement_of")
+@pytest.mark.ledger("R46", symbol="harness.verification.predicates.arrival:agreement_of")
 def test_a_localiser_that_recovered_satisfies_without_moving_again(bench: Bench) -> None:
     motion = Drive(freeze_after_m=5.5)
     first = bench.driven(motion)

@@ -46,7 +46,7 @@ def analysis(bench: Bench, body: bytes) -> Any:
     )
 
 
-@pytest.mark.ledger("R201", "R208", symbol="harness.verification.predicates.analysis:analysis_of")
+@pytest.mark.ledger("R208", symbol="harness.verification.predicates.analysis:analysis_of")
 def test_a_report_over_exactly_the_accepted_frames_is_bound_to_them(bench: Bench) -> None:
     result = analysis(bench, report(FRAMES))
     assert result.verdict == "satisfied"

@@ -3,6 +3,8 @@
 import pytest
 from msgspec.structs import replace
 
+from harness.verification.body import at_rest_until
+from harness.verification.finding import Undecidable
 from tests.unit.verification.building import STATIC, Bench, Drive, contract, mission, node, only, sealed
 
 STANDING = mission(contract(node(STATIC)))
@@ -52,3 +54,10 @@ def test_odometry_that_ended_long_before_collection_is_stale(bench: Bench) -> No
     packet = bench.driven(Drive())
     late = replace(packet, collected_s=packet.collected_s + 2.0)
     assert bench.judged(late, STANDING).verdict == "stale"
+
+
+def test_an_instant_without_a_second_of_odometry_before_it_is_undecidable() -> None:
+    odometry = Drive().trajectory().odometry
+    assert at_rest_until(odometry, until_s=odometry[-1].at_s) == (pytest.approx(0.0), 0.0)
+    with pytest.raises(Undecidable, match="does not cover"):
+        at_rest_until(odometry, until_s=odometry[0].at_s + 0.2)
