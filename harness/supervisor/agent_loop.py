@@ -21,6 +21,7 @@ from harness.supervisor.recover import Recovery
 from harness.supervisor.rest import at_rest
 from harness.supervisor.roles import Roles, context_record
 from harness.supervisor.senses import Senses
+from harness.supervisor.watchdog import Watchdog, invocation_moves
 from harness.verification.verdict import verify_goal
 
 STATIC_WITHIN_S = 10.0
@@ -39,6 +40,7 @@ class AgentLoop:
         self._dispatcher = Dispatcher(self._roles)
         self.desk = Desk(self._roles, self._dispatcher)
         self._attendant = Attendant(self._roles)
+        self._watchdog = Watchdog(self._roles)
         self._recovery = Recovery(self._roles, dispatcher=self._dispatcher, desk=self.desk)
         self._prepared = False
         self._stopping_since: float | None = None
@@ -56,6 +58,8 @@ class AgentLoop:
         if not self._senses.collect(open_invocation.intent.invocation_id if open_invocation else None):
             self._crew.revive()
         self._watch_leases()
+        if self._watchdog.look(mission):
+            mission = self._runtime.mission(self.mission_id)
         now_s = self._crew.clock.now().mission_s
         match mission.status:
             case "draft" | "compiled" | "awaiting_approval":
@@ -71,6 +75,10 @@ class AgentLoop:
                 return self._working(mission, now_s)
 
     def _working(self, mission: Mission, now_s: float) -> float | None:
+        vetoed = mission.vetoes and invocation_moves(mission)
+        if vetoed and mission.invocation is not None and not mission.invocation.stop_requested:
+            self._attendant.stop(mission, mission.invocation, reason=f"veto: {'; '.join(mission.vetoes.values())}")
+            return now_s
         failing = next((node.failure for node in mission.nodes.values() if node.failure), None)
         invocation = mission.invocation
         if failing is not None and (invocation is None or not invocation.stop_requested):

@@ -13,7 +13,7 @@ from harness.supervisor.desk import Desk
 from harness.supervisor.dispatch import Attempt, Dispatcher
 from harness.supervisor.leases import free
 from harness.supervisor.rest import at_rest
-from harness.supervisor.roles import Roles
+from harness.supervisor.roles import Roles, context_record
 
 IMPOSSIBLE = ("approval_required", "provider_unavailable", "repeated_without_news", "excluded_provider")
 
@@ -67,6 +67,7 @@ class Recovery:
         self._runtime.submit(
             mission.mission_id,
             AuthoriseWait(node_id=node_id, proposal=proposal, context=c4.digest, until_s=until_s),
+            records=(context_record(c4),),
         )
 
     def _stop(self, mission: Mission, node_id: NodeId, proposal: RecoveryProposal, c4: Context) -> float:
@@ -79,7 +80,7 @@ class Recovery:
                 recovery=proposal,
                 recovery_context=c4.digest,
             )
-            self._runtime.submit(mission.mission_id, stop)
+            self._runtime.submit(mission.mission_id, stop, records=(context_record(c4),))
             return now_s
         self._free(mission)
         self._wait(mission, node_id, proposal, c4)

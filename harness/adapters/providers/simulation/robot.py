@@ -67,7 +67,7 @@ class SimulatedRobot:
             at_s=world.at_s,
             posture="standing" if world.still else "moving",
             armed=mover is not None and mover.report().status in ("accepted", "running", "stopping"),
-            hardware_stop=False,
+            hardware_stop=world.hardware_stop,
             charge=world.sensors.charge,
             localised=world.sensors.mode != "lost",
             map_version=world.site.map_version,
@@ -96,6 +96,10 @@ class SimulatedRobot:
         while self.world.at_s < mission_s - 1e-6:
             self._tick()
         return self.world.at_s
+
+    def press_hardware_stop(self, *, engaged: bool) -> None:
+        """The red button on the robot: below every software, it holds the body still while it is engaged."""
+        self.world.hardware_stop = engaged
 
     def save(self) -> None:
         """Write the world durably."""

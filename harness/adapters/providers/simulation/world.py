@@ -65,6 +65,7 @@ class World:
         self.sensors = Sensors(
             Streams(settings.seed), self.ring, frame=self.site.frame, map_version=self.site.map_version
         )
+        self.hardware_stop = False
         self.reached_m: dict[str, float] = dict(saved.reached_m) if saved else {}
         self._epoch_s = saved.at_s if saved else settings.epoch_s
         self._ticks = 0
@@ -137,7 +138,7 @@ class World:
                 if invocation.card.moves:
                     command = wanted
                 self._strike(invocation)
-        self.body.step(command)
+        self.body.step(Velocity() if self.hardware_stop else command)
         self._ticks += 1
         at_s = self.at_s = self._epoch_s + self._ticks * TICK_S
         state = self.body.state

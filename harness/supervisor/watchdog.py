@@ -1,0 +1,86 @@
+"""What the robot's condition means for a mission: vetoes, epochs, and observations that contradict what was accepted.
+
+A veto is raised here under the layer `robot` and cleared here once its cause is gone; no other layer can (D16).
+"""
+
+from math import hypot
+
+from msgspec.structs import replace
+
+from harness.contracts.commands import ChangeEpoch, ClearVeto, MissionCommand, RaiseVeto, RecordObservation
+from harness.contracts.evidence import CommittedFact
+from harness.contracts.observations import Pose
+from harness.projections.mission import Mission, required_contract
+from harness.supervisor.roles import Roles
+
+LAYER = "robot"
+SAMPLES = 3
+BEYOND_M = 0.2
+"""A state fact is contradicted by poses this far beyond its tolerance, so that noise at the bound is no contradiction."""
+
+
+class Watchdog:
+    """Looks once per step; remembers what it said, so that a standing condition is one event."""
+
+    def __init__(self, roles: Roles) -> None:
+        self._roles = roles
+        self._map_version: str | None = None
+
+    def look(self, mission: Mission) -> bool:
+        """Submit what the robot's condition asks for; True if the mission's state version may have moved."""
+        commands = (*self._stop(mission), *self._epoch(mission), *self._contradictions(mission))
+        for command in commands:
+            self._roles.runtime.submit(mission.mission_id, command)
+        return bool(commands)
+
+    def _stop(self, mission: Mission) -> tuple[MissionCommand, ...]:
+        status = self._roles.senses.status
+        if status is None:
+            return ()
+        if status.hardware_stop and LAYER not in mission.vetoes:
+            return (RaiseVeto(layer=LAYER, reason="the hardware stop is engaged"),)
+        if not status.hardware_stop and LAYER in mission.vetoes:
+            return (ClearVeto(layer=LAYER, reason="the hardware stop is released"),)
+        return ()
+
+    def _epoch(self, mission: Mission) -> tuple[MissionCommand, ...]:
+        status = self._roles.senses.status
+        if status is None or not status.map_version:
+            return ()
+        before = self._map_version or required_contract(mission).map_version
+        self._map_version = status.map_version
+        if status.map_version == before:
+            return ()
+        reason = f"the robot's map changed from {before} to {status.map_version}"
+        return (ChangeEpoch(map_version=status.map_version, reason=reason),)
+
+    def _contradictions(self, mission: Mission) -> tuple[MissionCommand, ...]:
+        """State facts that fresh poses refute, unless an execution under way is what ends them (D2)."""
+        if invocation_moves(mission):
+            return ()
+        known = {name for reference in mission.observed for name in str(reference.values.get("refutes", "")).split()}
+        poses = [sample for sample in self._roles.senses.recent if isinstance(sample, Pose)][-SAMPLES:]
+        refuted = [f for f in mission.facts if f.condition_id not in known and _refuted(f, poses)]
+        if not refuted:
+            return ()
+        reference, _ = self._roles.senses.seal(poses, source="localiser")
+        names = " ".join(fact.condition_id for fact in refuted)
+        return (
+            RecordObservation(
+                node_id=refuted[0].node_id,
+                reference=replace(reference, kind="contradiction", values={"refutes": names}),
+                contradicts=tuple(fact.condition_id for fact in refuted),
+            ),
+        )
+
+
+def invocation_moves(mission: Mission) -> bool:
+    """Whether the open invocation may move the body."""
+    return mission.invocation is not None and mission.invocation.intent.moves
+
+
+def _refuted(fact: CommittedFact, poses: list[Pose]) -> bool:
+    target, tolerance_m = fact.arguments.get("target_m"), fact.arguments.get("tolerance_m")
+    if fact.kind != "state" or target is None or tolerance_m is None or len({p.at_s for p in poses}) < SAMPLES:
+        return False
+    return all(hypot(pose.x_m - target[0], pose.y_m - target[1]) > tolerance_m + BEYOND_M for pose in poses)
