@@ -11,8 +11,8 @@ from harness.settings import HarnessSettings
 from tests.builders.missions_run import ROBOT, begin
 
 
-@pytest.mark.ledger("R43", "R170", symbol="harness.supervisor.watchdog:Watchdog._stop")
-def test_the_hardware_stop_vetoes_until_it_is_released_and_the_mission_goes_on() -> None:
+@pytest.mark.ledger("R43", "R170", "R126", symbol="harness.supervisor.watchdog:Watchdog._stop")
+def test_the_hardware_stop_vetoes_until_it_is_released_and_then_a_person_decides() -> None:
     with simulated(HarnessSettings(speed=0, fidelity="kinematic"), seed=3) as harness:
         robot = harness.robots[ROBOT]
         assert isinstance(robot, SimulatedRobot)
@@ -30,5 +30,6 @@ def test_the_hardware_stop_vetoes_until_it_is_released_and_the_mission_goes_on()
         robot.press_hardware_stop(engaged=False)
         mission = supervisor.run(mission_id)
         assert mission.vetoes == {}
-        assert mission.status == "succeeded"
-        assert mission.of(NodeId("circuit")).attempt == 2
+        assert mission.status == "awaiting_human"
+        assert [spend.action for spend in mission.of(NodeId("circuit")).spends] == ["safe_stop"]
+        assert mission.facts and all(fact.node_id != "circuit" for fact in mission.facts)
