@@ -8,7 +8,7 @@ import sys
 
 import typer
 
-from app.terminal import audit, handoffs, missions, service
+from app.terminal import audit, databases, handoffs, missions, providers, service
 from app.terminal.answers import complain
 from harness.contracts.errors import HarnessError
 
@@ -16,6 +16,8 @@ app = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, rich
 app.add_typer(missions.app, name="mission")
 app.add_typer(handoffs.app, name="handoff")
 app.add_typer(audit.app, name="audit")
+app.add_typer(databases.app, name="data")
+app.add_typer(providers.app, name="provider")
 app.command("up")(service.up)
 app.command("doctor")(service.doctor)
 

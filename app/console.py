@@ -9,12 +9,13 @@ from typing import Annotated, TypeVar
 import msgspec
 from fastapi import Depends, Request
 
+from app.doors import Doors
 from app.history import Histories
+from app.lists import Lists
 from app.live import SignalBroker
 from app.scene import Scenes
-from app.security import Doors, actor_of
+from app.security import actor_of
 from app.settings import ConsoleSettings
-from app.views.missions import Span
 from app.views.shell import Shell, Surroundings, shell
 from harness.contracts.actors import Actor
 from harness.contracts.contexts import Context
@@ -63,6 +64,7 @@ class Console:
     scenes: Scenes
     doors: Doors
     histories: Histories
+    lists: Lists
     clock: Callable[[], float]
     starts: Starts = no_journal
     keys: OneUse = field(default_factory=OneUse)
@@ -72,8 +74,8 @@ class Console:
 
     def surroundings(self, actor: Actor) -> Surroundings:
         return Surroundings(
-            missions=self.runtime.missions(),
-            handoffs=self.runtime.handoffs(),
+            missions=self.open_missions(),
+            waiting=len(self.lists.open_handoffs()),
             robots=self.settings.robots,
             actor=actor,
             position=self.runtime.head().position,
@@ -83,9 +85,9 @@ class Console:
     def shell(self, title: str, section: str, actor: Actor, *, topics: Sequence[str] = ()) -> Shell:
         return shell(title, section, self.surroundings(actor), topics=topics)
 
-    def span(self, mission: Mission) -> Span:
-        entries = self.histories.of(mission.mission_id)
-        return Span(began_s=entries[0].recorded_s, until_s=entries[-1].recorded_s if mission.ended else self.clock())
+    def open_missions(self) -> list[Mission]:
+        """Missions that have not ended, newest first: found by the lists, read from the log."""
+        return [self.runtime.mission(MissionId(one.mission_id)) for one in self.lists.open_missions()]
 
     def mission_of(self, handoff: Handoff) -> Mission | None:
         """The mission a handoff belongs to, if the log still has it."""

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import dataclass
+from math import ceil
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
@@ -9,6 +10,7 @@ from starlette.exceptions import HTTPException
 from starlette.responses import HTMLResponse, Response
 from starlette.types import Scope
 
+from app.permissions import NotPermitted
 from app.rendering import render
 from harness.contracts.errors import (
     BlobDamaged,
@@ -22,6 +24,7 @@ from harness.contracts.errors import (
 )
 
 STATUS: tuple[tuple[type[HarnessError], int], ...] = (
+    (NotPermitted, 403),
     (UnknownName, 404),
     (ContractInvalid, 422),
     (ConcurrencyConflict, 409),
@@ -53,7 +56,7 @@ REFUSALS = {
     "signed_out": (
         "You are not signed in",
         "This console answers only to people who were let in.",
-        "Open the one-time link that `regen up` printed. If it was used already, start `regen up` again for another.",
+        "Sign in with your account. Before there are accounts: open the one-time link that `regen up` printed.",
     ),
     "cross_site": (
         "This request came from another page",
@@ -62,9 +65,25 @@ REFUSALS = {
     ),
     "unknown_host": (
         "This console does not answer to that name",
-        "It listens on this machine only.",
-        "Open it as http://127.0.0.1 with the port that `regen up` printed.",
+        "It answers only to the names it was started with.",
+        "Open it by the address that `regen up` printed.",
     ),
+    "not_permitted": (
+        "Your role does not allow that",
+        "You may look at everything here, and change nothing.",
+        "Ask an admin of this console for the role you need.",
+    ),
+    "unreadable": (
+        "This token does not open that",
+        "It was made without the scope read.",
+        "Use a token that has it.",
+    ),
+    "too_large": (
+        "That is too much at once",
+        "A request to this console has at most one mebibyte.",
+        "Send less, or refer to evidence by its digest.",
+    ),
+    "too_many": ("Too many requests", "This caller asks faster than anybody is served here.", "Wait, then go on."),
     "not_allowed": ("This address takes no commands", "Only reading is possible here.", "Go back to the overview."),
 }
 
@@ -75,12 +94,19 @@ def problem(status: int, *, code: str, title: str, detail: str, do: str = "") ->
     return Response(json.dumps(body), status_code=status, media_type="application/problem+json")
 
 
-def refused(scope: Scope, *, status: int, code: str) -> Response:
-    """The doorkeeper's answer, in the language of the caller."""
+def refused(scope: Scope, *, status: int, code: str, wait_s: float = 0.0) -> Response:
+    """The doorkeeper's answer, in the language of the caller; `wait_s` becomes Retry-After."""
     title, what, do = REFUSALS[code]
     if str(scope["path"]).startswith("/api/"):
-        return problem(status, code=code, title=title, detail=what, do=do)
-    return render("error.html", ErrorPage(status=status, title=title, what=what, where="", do=do), status=status)
+        answer = problem(status, code=code, title=title, detail=what, do=do)
+    else:
+        page = ErrorPage(status=status, title=title, what=what, where="", do=do)
+        answer = render("error.html", page, status=status)
+    if wait_s:
+        answer.headers["retry-after"] = str(ceil(wait_s))
+    if status == 401:
+        answer.headers["www-authenticate"] = 'Bearer realm="regen"'
+    return answer
 
 
 def install(app: FastAPI) -> None:

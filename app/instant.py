@@ -15,7 +15,8 @@ from app.views.missions import ContractView, Head, RobotStrip
 from app.views.stages import Graph, Observed, Stage
 from app.views.timeline import Entry, Line, Timeline
 from harness.contracts.ids import MissionId
-from harness.projections.mission import Mission, apply
+from harness.projections.mission import Mission
+from harness.projections.mission_fold import apply
 from harness.runtime import Live
 
 

@@ -1,9 +1,11 @@
 """The console as one ASGI application, and how it is served: on loopback, by one process."""
 
+import secrets
 import socket
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from pathlib import Path
 from types import FrameType
 
 import uvicorn
@@ -11,14 +13,23 @@ from fastapi import FastAPI
 from starlette.staticfiles import StaticFiles
 
 from app import errors
+from app.accounts import Accounts
 from app.console import Console, Starts, no_journal
+from app.doors import Doors
 from app.errors import PortBusy
+from app.exposure import check_exposure
+from app.guard import GuardedRuntime
 from app.history import Histories
+from app.idempotency import Idempotency
+from app.limits import Buckets
+from app.lists import Lists
 from app.live import SignalBroker
 from app.routes import account, api, evidence, handoffs, live, missions, overview, scene, watch
 from app.scene import Scenes
-from app.security import Doorkeeper, Doors
+from app.security import Doorkeeper, Threshold
 from app.settings import ConsoleSettings
+from harness.adapters.stores.accounts import SqlAccounts
+from harness.bootstrap import open_lists
 from harness.runtime import Runtime
 
 GRACE_S = 3
@@ -31,30 +42,34 @@ def create_app(
     scenes: Scenes,
     *,
     starts: Starts = no_journal,
+    folder: Path | None = None,
 ) -> FastAPI:
-    """The console over a runtime. `starts` reads the robot's journal; sign-in links come from `app.state.doors`."""
-    doors = Doors(
-        owner_token=settings.owner_token.get_secret_value(),
-        operator=settings.operator,
-        idle_s=settings.session_idle_s,
-        age_s=settings.session_age_s,
-    )
+    """The console over a runtime. `starts` reads the robot's journal; sign-in links come from `app.state.doors`.
+
+    Its lists are kept in `folder`, or in memory without one, and have caught up with the log on return.
+    """
+    lists = Lists(runtime, open_lists(folder))
+    lists.catch_up()
+    store = SqlAccounts(folder / "accounts.db" if folder else None)
+    doors = _doors(store, settings)
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         yield
         broker.close()
         scenes.close()
+        lists.close()
 
-    app = FastAPI(title="RegenHarness console", version="1", docs_url=None, redoc_url=None, lifespan=lifespan)
+    app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, lifespan=lifespan)
     app.state.doors = doors
     app.state.console = Console(
-        runtime=runtime,
+        runtime=GuardedRuntime(runtime, doors.accounts.told),
         settings=settings,
         broker=broker,
         scenes=scenes,
         doors=doors,
         histories=Histories(runtime),
+        lists=lists,
         clock=time.time,
         starts=starts,
     )
@@ -62,22 +77,48 @@ def create_app(
     for room in (overview, scene, missions, watch, handoffs, evidence, account, live, api):
         app.include_router(room.router, include_in_schema=room is api)
     errors.install(app)
-    app.add_middleware(Doorkeeper, doors=doors, hosts=settings.hosts, cookie=settings.cookie)
+    app.add_middleware(Idempotency, store=store, clock=time.time)
+    app.add_middleware(Doorkeeper, doors=doors, threshold=_threshold(settings))
     return app
 
 
-def bind(port: int) -> socket.socket:
-    """A listening socket on loopback; 0 takes a free port. Raises PortBusy that says what to do."""
-    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+def _doors(store: SqlAccounts, settings: ConsoleSettings) -> Doors:
+    return Doors(
+        Accounts(store, clock=time.time, fresh=_fresh),
+        owner_token=settings.owner_token.get_secret_value(),
+        operator=settings.operator,
+        limits=(settings.session_idle_s, settings.session_age_s),
+        clock=time.time,
+        fresh=_fresh,
+    )
+
+
+def _threshold(settings: ConsoleSettings) -> Threshold:
+    return Threshold(
+        hosts=settings.hosts,
+        cookie=settings.cookie,
+        secure=settings.secure,
+        known=Buckets(per_s=settings.rate_per_s, burst=settings.rate_burst, clock=time.monotonic),
+        strangers=Buckets(per_s=settings.stranger_rate_per_s, burst=settings.stranger_rate_burst, clock=time.monotonic),
+    )
+
+
+def _fresh() -> str:
+    return secrets.token_urlsafe(32)
+
+
+def bind(port: int, host: str = "127.0.0.1") -> socket.socket:
+    """A listening socket, on loopback unless told; 0 takes a free port. Raises PortBusy that says what to do."""
+    listener = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_STREAM)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        listener.bind(("127.0.0.1", port))
+        listener.bind((host, port))
         listener.listen(128)
     except OSError as error:
         listener.close()
         raise PortBusy(
             f"The console cannot listen on port {port}: {error.strerror}",
-            where=f"127.0.0.1:{port}",
+            where=f"{host}:{port}",
             do="stop what listens there, or choose another port with REGEN_PORT",
         ) from error
     return listener
@@ -97,8 +138,18 @@ class _Server(uvicorn.Server):
 
 def serve(app: FastAPI, listener: socket.socket) -> None:
     """Serve until SIGINT or SIGTERM; returns once the last answer is out or GRACE_S is over."""
-    config = uvicorn.Config(
-        app, log_level="warning", timeout_graceful_shutdown=GRACE_S, server_header=False, date_header=False
-    )
     console: Console = app.state.console
+    settings = console.settings
+    check_exposure(settings, has_accounts=console.doors.has_accounts)
+    config = uvicorn.Config(
+        app,
+        log_level="warning",
+        timeout_graceful_shutdown=GRACE_S,
+        server_header=False,
+        date_header=False,
+        ssl_certfile=settings.tls_certificate,
+        ssl_keyfile=settings.tls_key,
+        proxy_headers=bool(settings.proxies),
+        forwarded_allow_ips=list(settings.proxies),
+    )
     _Server(config, console.broker).run(sockets=[listener])

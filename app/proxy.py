@@ -1,9 +1,9 @@
 """The only way to a viewer: its page and its socket, relayed under the console's origin, session and policy."""
 
-import asyncio
 from collections.abc import Callable
 from contextlib import suppress
 
+import anyio
 import msgspec
 import viser
 from httpx import AsyncClient, HTTPError
@@ -66,23 +66,22 @@ async def relay(socket: WebSocket, port: int, *, touch: Callable[[], None]) -> N
         return
     try:
         await socket.accept(subprotocol=PROTOCOL)
-        ways = [asyncio.create_task(way) for way in (_out(socket, viewer), _back(socket, viewer), _watched(touch))]
-        try:
-            await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            for way in ways:
-                way.cancel()
-            await asyncio.gather(*ways, return_exceptions=True)
+        async with anyio.create_task_group() as group:
+            group.start_soon(_watched, touch)
+            group.start_soon(_out, socket, viewer, group.cancel_scope)
+            await _back(socket, viewer)
+            group.cancel_scope.cancel()
     finally:
         viewer.transport.abort()
     await _close(socket, code=1000)
 
 
-async def _out(socket: WebSocket, viewer: ClientConnection) -> None:
-    """Browser to viewer, admitted messages only."""
+async def _out(socket: WebSocket, viewer: ClientConnection, both: anyio.CancelScope) -> None:
+    """Browser to viewer, admitted messages only. Ends both directions when the browser leaves."""
     while True:
         message = await socket.receive()
         if message["type"] == "websocket.disconnect":
+            both.cancel()
             return
         body = message.get("bytes")
         if body is not None and admitted(body):
@@ -92,7 +91,7 @@ async def _out(socket: WebSocket, viewer: ClientConnection) -> None:
 
 async def _back(socket: WebSocket, viewer: ClientConnection) -> None:
     """Viewer to browser, unchanged."""
-    with suppress(ConnectionClosed):
+    with suppress(ConnectionClosed, WebSocketDisconnect, RuntimeError):
         async for message in viewer:
             if isinstance(message, bytes):
                 await socket.send_bytes(message)
@@ -101,7 +100,7 @@ async def _back(socket: WebSocket, viewer: ClientConnection) -> None:
 async def _watched(touch: Callable[[], None]) -> None:
     while True:
         touch()
-        await asyncio.sleep(TOUCH_S)
+        await anyio.sleep(TOUCH_S)
 
 
 async def _close(socket: WebSocket, *, code: int) -> None:

@@ -1,20 +1,19 @@
-"""Who may enter: one-time sign-in links, server-side sessions, the owner's token, origins, response headers."""
+"""The doorkeeper in front of every route: host, caller, origin, limits, and the headers of every answer."""
 
-import hmac
-import secrets
-import time
-from collections.abc import Callable
 from dataclasses import dataclass
-from threading import Lock
+from typing import Annotated
 
-from fastapi import Request
+from fastapi import Depends, Request
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from app.doors import Doors
 from app.errors import refused
+from app.guard import VISITOR
+from app.limits import LARGEST_BODY, Buckets, TooLarge, bounded
+from app.permissions import Visitor
 from harness.contracts.actors import Actor
-from harness.contracts.ids import sha256
 
 PAGE_POLICY = (
     "default-src 'self'; script-src 'self'; style-src 'self'; img-src 'self'; font-src 'self'; connect-src 'self'; "
@@ -26,128 +25,128 @@ SCENE_POLICY = (
     "frame-ancestors 'self'"
 )
 SAFE = frozenset({"GET", "HEAD", "OPTIONS"})
-OPEN_PATHS = ("/healthz", "/account/sign-in")
-INVITATION_S = 3600.0
+SIGN_IN = "/account/sign-in"
+OPEN_PATHS = ("/healthz", "/readyz", SIGN_IN)
+BEARER_PATHS = ("/api/", "/metrics")
+OWN_ACCOUNT = ("/account/", "/api/v1/account/")
+"""Where somebody who may only read still changes something: their own password and sessions."""
 
 
-@dataclass
-class _Session:
-    actor: Actor
-    began_s: float
-    seen_s: float
+@dataclass(frozen=True)
+class Threshold:
+    """What the doorkeeper goes by. `known` and `strangers` are the buckets of callers; `secure` is TLS in front."""
+
+    hosts: frozenset[str]
+    cookie: str
+    secure: bool
+    known: Buckets
+    strangers: Buckets
 
 
-class Doors:
-    """Sessions and invitations of one process. Tokens are kept as digests; times are monotonic seconds."""
+@dataclass(frozen=True)
+class Refusal:
+    """Why a request goes no further."""
 
-    def __init__(
-        self,
-        *,
-        owner_token: str,
-        operator: str,
-        idle_s: float,
-        age_s: float,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        self._owner = owner_token.encode()
-        self._actor = Actor(name=operator, role="operator")
-        self._idle_s, self._age_s, self._clock = idle_s, age_s, clock
-        self._invitations: dict[str, float] = {}
-        self._sessions: dict[str, _Session] = {}
-        self._lock = Lock()
-
-    def invite(self) -> str:
-        """A path that signs one person in, once, within an hour."""
-        token = secrets.token_urlsafe(24)
-        with self._lock:
-            self._invitations[sha256(token.encode())] = self._clock() + INVITATION_S
-        return f"/account/sign-in?token={token}"
-
-    def key(self) -> str:
-        """A one-use key for a form."""
-        return secrets.token_urlsafe(16)
-
-    def enter(self, token: str) -> str | None:
-        """The new session's cookie value for a fresh invitation; None for a used, late or unknown one."""
-        with self._lock:
-            until_s = self._invitations.pop(sha256(token.encode()), 0.0)
-            if self._clock() >= until_s:
-                return None
-            session = secrets.token_urlsafe(32)
-            now_s = self._clock()
-            self._sessions[sha256(session.encode())] = _Session(self._actor, began_s=now_s, seen_s=now_s)
-            return session
-
-    def who(self, session: str) -> Actor | None:
-        """Whose session this is; None once it is idle or old."""
-        with self._lock:
-            key = sha256(session.encode())
-            found = self._sessions.get(key)
-            if found is None:
-                return None
-            now_s = self._clock()
-            if now_s - found.seen_s > self._idle_s or now_s - found.began_s > self._age_s:
-                del self._sessions[key]
-                return None
-            found.seen_s = now_s
-            return found.actor
-
-    def owner(self, authorization: str) -> Actor | None:
-        """The actor behind `Bearer <owner token>`: whoever can read the data folder's lock."""
-        scheme, _, token = authorization.partition(" ")
-        known = bool(self._owner) and scheme.lower() == "bearer"
-        return (
-            Actor(name="owner", role="operator") if known and hmac.compare_digest(token.encode(), self._owner) else None
-        )
-
-    def leave(self, session: str) -> None:
-        with self._lock:
-            self._sessions.pop(sha256(session.encode()), None)
+    status: int
+    code: str
+    wait_s: float = 0.0
 
 
 class Doorkeeper:
-    """In front of every route: host, origin, session, and the headers of every answer."""
+    """ASGI middleware, outermost. Sets `request.state.visitor` and the visitor of the commands within."""
 
-    def __init__(self, app: ASGIApp, *, doors: Doors, hosts: frozenset[str], cookie: str) -> None:
-        self._app, self._doors, self._hosts, self._cookie = app, doors, hosts, cookie
+    def __init__(self, app: ASGIApp, *, doors: Doors, threshold: Threshold) -> None:
+        self._app, self._doors, self._threshold = app, doors, threshold
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
         connection = HTTPConnection(scope)
-        actor = self._actor(connection)
-        scope.setdefault("state", {})["actor"] = actor
-        refusal = self._refusal(connection, scope, actor)
+        visitor = self._visitor(connection)
+        scope.setdefault("state", {})["visitor"] = visitor
+        refusal = self._refusal(connection, scope, visitor)
+        if refusal and scope["type"] == "websocket":
+            await receive()
+            await send({"type": "websocket.close", "code": 1008, "reason": refusal.code})
+            return
+        if refusal:
+            answer = refused(scope, status=refusal.status, code=refusal.code, wait_s=refusal.wait_s)
+            await answer(scope, receive, _with_headers(send, secure=self._threshold.secure))
+            return
+        mark = VISITOR.set(visitor) if visitor else None
+        try:
+            await self._let_in(connection, scope, receive, send)
+        finally:
+            if mark:
+                VISITOR.reset(mark)
+
+    async def _let_in(self, connection: HTTPConnection, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] == "websocket":
-            if refusal:
-                await receive()
-                await send({"type": "websocket.close", "code": 1008, "reason": refusal[1]})
-                return
             await self._app(scope, receive, send)
             return
-        app: ASGIApp = refused(scope, status=refusal[0], code=refusal[1]) if refusal else self._app
-        await app(scope, receive, _with_headers(send))
+        guarded = _with_headers(send, secure=self._threshold.secure, cookie=self._fresh_cookie(connection))
+        try:
+            await self._app(scope, bounded(receive), guarded)
+        except TooLarge:
+            await refused(scope, status=413, code="too_large")(scope, receive, guarded)
 
-    def _actor(self, connection: HTTPConnection) -> Actor | None:
-        if str(connection.scope["path"]).startswith("/api/") and "authorization" in connection.headers:
-            return self._doors.owner(connection.headers["authorization"])
-        session = connection.cookies.get(self._cookie, "")
-        return self._doors.who(session) if session else None
+    def _fresh_cookie(self, connection: HTTPConnection) -> str:
+        """A `Set-Cookie` for the rotated session, if it is due and this is a page that a person opened."""
+        cookie = connection.cookies.get(self._threshold.cookie, "")
+        if not cookie or "authorization" in connection.headers or str(connection.scope["path"]).startswith("/account/"):
+            return ""
+        fresh = self._doors.rotated(cookie)
+        return cookie_line(self._threshold.cookie, fresh, secure=self._threshold.secure) if fresh else ""
 
-    def _refusal(self, connection: HTTPConnection, scope: Scope, actor: Actor | None) -> tuple[int, str] | None:
+    def _visitor(self, connection: HTTPConnection) -> Visitor | None:
+        source, path = source_of(connection), str(connection.scope["path"])
+        authorization = connection.headers.get("authorization")
+        if authorization is not None:
+            return self._doors.bearer(authorization, source=source) if path.startswith(BEARER_PATHS) else None
+        cookie = connection.cookies.get(self._threshold.cookie, "")
+        active = "hx-request" not in connection.headers and path != "/live"
+        return self._doors.who(cookie, source=source, active=active) if cookie else None
+
+    def _refusal(self, connection: HTTPConnection, scope: Scope, visitor: Visitor | None) -> Refusal | None:
         headers, path = connection.headers, str(scope["path"])
-        if headers.get("host", "").lower() not in self._hosts:
-            return 421, "unknown_host"
-        if path in OPEN_PATHS or path.startswith("/static/"):
-            return None if scope.get("method") in SAFE else (405, "not_allowed")
-        if actor is None:
-            return 401, "signed_out"
-        by_cookie = "authorization" not in headers
-        unsafe = scope["type"] == "websocket" or scope["method"] not in SAFE
-        if unsafe and by_cookie and not same_origin(headers, websocket=scope["type"] == "websocket"):
-            return 403, "cross_site"
-        return None
+        socket = scope["type"] == "websocket"
+        unsafe = socket or scope["method"] not in SAFE
+        if headers.get("host", "").lower() not in self._threshold.hosts:
+            return Refusal(421, "unknown_host")
+        if not _small(headers):
+            return Refusal(413, "too_large")
+        if path.startswith("/static/"):
+            return Refusal(405, "not_allowed") if unsafe else None
+        wait_s = self._wait_s(connection, visitor)
+        if wait_s:
+            return Refusal(429, "too_many", wait_s)
+        if unsafe and "authorization" not in headers and path in OPEN_PATHS and path != SIGN_IN:
+            return Refusal(405, "not_allowed")
+        if visitor is None and path not in OPEN_PATHS:
+            return Refusal(401, "signed_out")
+        if unsafe and "authorization" not in headers and not same_origin(headers, websocket=socket):
+            return Refusal(403, "cross_site")
+        return _not_permitted(path, visitor, unsafe=unsafe and not socket) if visitor else None
+
+    def _wait_s(self, connection: HTTPConnection, visitor: Visitor | None) -> float:
+        if visitor is None:
+            return self._threshold.strangers.wait_s(source_of(connection))
+        return self._threshold.known.wait_s(visitor.session or visitor.name)
+
+
+def _not_permitted(path: str, visitor: Visitor, *, unsafe: bool) -> Refusal | None:
+    """Coarse, and closed: who holds nothing but reading changes nothing. What exactly is allowed, the command asks."""
+    if not visitor.may("read") and not unsafe:
+        return Refusal(403, "unreadable")
+    if unsafe and visitor.only_reads and not path.startswith(OWN_ACCOUNT):
+        return Refusal(403, "not_permitted")
+    return None
+
+
+def _small(headers: Headers) -> bool:
+    length = headers.get("content-length", "0")
+    return length.isascii() and length.isdigit() and int(length) <= LARGEST_BODY
 
 
 def same_origin(headers: Headers, *, websocket: bool) -> bool:
@@ -161,7 +160,18 @@ def same_origin(headers: Headers, *, websocket: bool) -> bool:
     return site == "same-origin" and not websocket
 
 
-def _with_headers(send: Send) -> Send:
+def source_of(connection: HTTPConnection) -> str:
+    """The address a request comes from; behind a declared proxy, the one the proxy names."""
+    return connection.client.host if connection.client else ""
+
+
+def cookie_line(name: str, value: str, *, secure: bool) -> str:
+    """A session's `Set-Cookie`: out of reach of scripts and other sites. An empty value takes it back."""
+    lifetime = "" if value else "; Max-Age=0"
+    return f"{name}={value}; Path=/; HttpOnly; SameSite=Strict{'; Secure' if secure else ''}{lifetime}"
+
+
+def _with_headers(send: Send, *, secure: bool, cookie: str = "") -> Send:
     async def guarded(message: Message) -> None:
         if message["type"] == "http.response.start":
             headers = MutableHeaders(scope=message)
@@ -173,12 +183,24 @@ def _with_headers(send: Send) -> Send:
             headers["cross-origin-opener-policy"] = "same-origin"
             headers["cross-origin-resource-policy"] = "same-origin"
             headers["permissions-policy"] = "camera=(), microphone=(), geolocation=()"
+            if secure:
+                headers["strict-transport-security"] = "max-age=31536000"
+            if cookie:
+                headers.append("set-cookie", cookie)
         await send(message)
 
     return guarded
 
 
+def visitor_of(request: Request) -> Visitor:
+    """Whom the doorkeeper let in."""
+    visitor: Visitor = request.state.visitor
+    return visitor
+
+
 def actor_of(request: Request) -> Actor:
-    """The person behind a request that the doorkeeper let in."""
-    actor: Actor = request.state.actor
-    return actor
+    """The visitor as an actor with every role they have; a command is stored with the one that allowed it."""
+    return visitor_of(request).actor
+
+
+VisitorDep = Annotated[Visitor, Depends(visitor_of)]

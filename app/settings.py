@@ -10,11 +10,24 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 class ConsoleSettings(BaseSettings):
-    """Settings of one console, from REGEN_* or from the caller. `owner_token` opens the API to the command line."""
+    """Settings of one console, from REGEN_* or from the caller. `owner_token` opens the API to the command line.
+
+    `names` are the host names (with a port unless it is the usual one) that people use beside loopback's; `proxies`
+    the addresses of TLS proxies in front, whose word on where a request comes from is taken.
+    """
 
     model_config = SettingsConfigDict(env_prefix="REGEN_", frozen=True, extra="ignore")
 
+    host: str = "127.0.0.1"
     port: Annotated[int, Field(ge=0, le=65535)] = 8000
+    names: tuple[str, ...] = ()
+    tls_certificate: Path | None = None
+    tls_key: Path | None = None
+    proxies: tuple[str, ...] = ()
+    rate_per_s: Annotated[float, Field(gt=0)] = 200.0
+    rate_burst: Annotated[float, Field(ge=1)] = 1000.0
+    stranger_rate_per_s: Annotated[float, Field(gt=0)] = 20.0
+    stranger_rate_burst: Annotated[float, Field(ge=1)] = 300.0
     speed: Annotated[float, Field(ge=0)] = 4.0
     robots: tuple[str, ...] = ("vbot-1",)
     operator: str = "operator"
@@ -28,15 +41,30 @@ class ConsoleSettings(BaseSettings):
 
     @property
     def hosts(self) -> frozenset[str]:
-        """Names under which this console answers: loopback only, so that a rebound name reaches nothing."""
+        """Names under which this console answers: loopback's and the declared ones; a rebound name reaches nothing."""
         names = ("127.0.0.1", "localhost", "[::1]")
-        return frozenset(names) | {f"{name}:{self.port}" for name in names}
+        declared = frozenset(name.lower() for name in self.names)
+        return frozenset(names) | {f"{name}:{self.port}" for name in names} | declared
+
+    @property
+    def secure(self) -> bool:
+        """Whether browsers come over TLS, so that cookies may say so."""
+        return bool(self.tls_certificate or self.proxies)
 
     @property
     def address(self) -> str:
-        return f"http://127.0.0.1:{self.port}"
+        """Where people find it: the first declared name, else loopback."""
+        scheme = "https" if self.secure else "http"
+        return f"{scheme}://{self.names[0] if self.names else f'127.0.0.1:{self.port}'}"
+
+    @property
+    def local_address(self) -> str:
+        """Where the command line on this machine finds it."""
+        scheme = "https" if self.tls_certificate else "http"
+        host = "127.0.0.1" if self.host in ("0.0.0.0", "::", "localhost") else self.host
+        return f"{scheme}://{host}:{self.port}"
 
     @property
     def cookie(self) -> str:
         """One name per port: cookies do not tell ports apart, and two consoles may run on one machine."""
-        return f"regen_session_{self.port}"
+        return f"{'__Host-' if self.secure else ''}regen_session_{self.port}"

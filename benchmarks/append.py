@@ -1,10 +1,12 @@
-"""What one durable append costs: this event log beside raw sqlite3, in one interleaved loop.
+"""What one durable append costs: this event log beside raw sqlite3 and raw psycopg, in one interleaved loop.
 
-    python benchmarks/append.py [--rounds 1500] [--folder .bench] [--json FILE]
+    python -m benchmarks.append [--rounds 1500] [--folder .bench] [--json FILE]
 
-The floor is one fsynced 600-byte row in raw sqlite3 (WAL, synchronous=FULL); every other figure is also a ratio
-to it. Medians over interleaved rounds, after the write-ahead logs have passed their first checkpoint. On a busy
-machine the waiting drowns the work: the calling thread's own processor time is shown beside it, also as a ratio.
+The floor is one fsynced 600-byte row: in raw sqlite3 (WAL, synchronous=FULL) for what runs on SQLite, in raw psycopg
+(synchronous_commit and fsync on, a server of its own on a socket) for what runs on PostgreSQL; every other figure is
+also a ratio to its floor. Medians over interleaved rounds, after the write-ahead logs have passed their first
+checkpoint. On a busy machine the waiting drowns the work: the calling thread's own processor time is shown beside it,
+also as a ratio.
 """
 
 import argparse
@@ -20,17 +22,22 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import psycopg
 import sqlalchemy
 
+from harness.adapters.stores.opening import open_log
+from harness.adapters.stores.postgres import PostgresEventStore
 from harness.adapters.stores.sql import SqlEventStore
 from harness.contracts.ids import StreamId, sha256
 from harness.contracts.ports import Batch, NewEvent, Record
 from harness.contracts.values import Moment, encode
+from tools.postgres import PostgresServer, running_server
 
 BODY = encode({"kind": "Measured", "padding": "x" * 566})
 STREAM_LENGTH = 56
 WARM_UP = 700
 FLOOR = "raw sqlite3, 1 row"
+SERVER_FLOOR = "raw psycopg, 1 row"
 Append = Callable[[int], None]
 
 
@@ -41,6 +48,7 @@ class Arm:
     name: str
     append: Append
     durability: dict[str, Any]
+    floor: str = FLOOR
 
 
 @dataclass(frozen=True)
@@ -75,9 +83,29 @@ def raw(folder: Path, *, rows: int) -> Arm:
     return Arm(f"raw sqlite3, {rows} row{'s' * (rows > 1)}", append, in_force)
 
 
-def ours(folder: Path, *, events: int, records: int = 0) -> Arm:
+def raw_server(server: PostgresServer) -> Arm:
+    """Nothing but the driver: one insert that psycopg prepares, committed by itself."""
+    connection = psycopg.connect(server.database(), autocommit=True)
+    connection.execute(
+        "CREATE TABLE events (seq bigserial PRIMARY KEY, stream text NOT NULL, ver bigint NOT NULL, type text NOT NULL,"
+        " payload bytea NOT NULL, UNIQUE (stream, ver))"
+    )
+
+    def append(number: int) -> None:
+        connection.execute(
+            "INSERT INTO events (stream, ver, type, payload) VALUES (%s, %s, %s, %s)",
+            (f"mission/{number // STREAM_LENGTH}", number % STREAM_LENGTH, "Measured", BODY),
+        )
+
+    names = ("synchronous_commit", "fsync", "full_page_writes")
+    in_force = {name: str((connection.execute(f"SHOW {name}").fetchone() or ("",))[0]) for name in names}
+    return Arm(SERVER_FLOOR, append, in_force, SERVER_FLOOR)
+
+
+def ours(url: str, *, events: int, records: int = 0) -> Arm:
     """The event log with everything on: version check, hash chain, and `records` of 4 KiB in the same transaction."""
-    store = SqlEventStore(f"sqlite:///{folder / f'ours{events}-{records}.db'}")
+    store = open_log(url)
+    assert isinstance(store, SqlEventStore | PostgresEventStore)
     new = tuple(NewEvent(kind="Measured", body=BODY) for _ in range(events))
 
     def append(number: int) -> None:
@@ -88,7 +116,9 @@ def ours(folder: Path, *, events: int, records: int = 0) -> Arm:
         store.append([batch], artefacts, Moment(mission_s=float(number), wall_s=float(number)))
 
     and_records = f", {records} records" if records else ""
-    return Arm(f"event log, {events} event{'s' * (events > 1)}{and_records}", append, dict(store.durability()))
+    on_server = isinstance(store, PostgresEventStore)
+    name = f"{'PostgreSQL' if on_server else 'event'} log, {events} event{'s' * (events > 1)}{and_records}"
+    return Arm(name, append, dict(store.durability()), SERVER_FLOOR if on_server else FLOOR)
 
 
 def measure(arms: Sequence[Arm], *, rounds: int) -> dict[str, Times]:
@@ -109,9 +139,10 @@ def measure(arms: Sequence[Arm], *, rounds: int) -> dict[str, Times]:
 
 def report(arms: Sequence[Arm], times: dict[str, Times], *, rounds: int) -> dict[str, Any]:
     """The figures, with what they were measured on."""
-    floor_us, floor_cpu_us = statistics.median(times[FLOOR].wall_us), statistics.median(times[FLOOR].cpu_us)
     rows = []
     for arm in arms:
+        floor = times[arm.floor]
+        floor_us, floor_cpu_us = statistics.median(floor.wall_us), statistics.median(floor.cpu_us)
         wall_us, cpu_us = statistics.median(times[arm.name].wall_us), statistics.median(times[arm.name].cpu_us)
         rows.append(
             {
@@ -127,6 +158,7 @@ def report(arms: Sequence[Arm], times: dict[str, Times], *, rounds: int) -> dict
     versions = {
         "python": platform.python_version(),
         "sqlite": sqlite3.sqlite_version,
+        "psycopg": psycopg.__version__,
         "sqlalchemy": sqlalchemy.__version__,
         "msgspec": msgspec.__version__,
     }
@@ -140,14 +172,18 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="also write the figures there")
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=options.folder) as name:
+    with tempfile.TemporaryDirectory(dir=options.folder) as name, running_server(fsync=True) as server:
         folder = Path(name)
         arms = [
             raw(folder, rows=1),
             raw(folder, rows=8),
-            ours(folder, events=1),
-            ours(folder, events=8),
-            ours(folder, events=8, records=2),
+            ours(f"sqlite:///{folder / '1.db'}", events=1),
+            ours(f"sqlite:///{folder / '8.db'}", events=8),
+            ours(f"sqlite:///{folder / '8-2.db'}", events=8, records=2),
+            raw_server(server),
+            ours(server.database(), events=1),
+            ours(server.database(), events=8),
+            ours(server.database(), events=8, records=2),
         ]
         figures = report(arms, measure(arms, rounds=options.rounds), rounds=options.rounds)
     print(f"{'':32}{'p50 us':>10}{'p99 us':>10}{'floors':>9}{'cpu us':>10}{'floors':>9}")

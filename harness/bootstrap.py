@@ -1,8 +1,8 @@
 """Builds the house: picks the adapters, hands them to the gate and the supervisor, and takes them down again."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,25 +24,47 @@ from harness.adapters.providers.speech.voice import EspeakVoice
 from harness.adapters.stores.blobs import FileBlobStore
 from harness.adapters.stores.folder import DataFolder, prepare
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
+from harness.adapters.stores.memory_index import VolatileMemoryIndex
+from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
+from harness.adapters.stores.moving import move_log as moved
+from harness.adapters.stores.opening import is_server, open_log
 from harness.adapters.stores.owner import Owner, OwnerLock, read_owner
+from harness.adapters.stores.postgres_listener import Listener
+from harness.adapters.stores.read_models import SqlReadModels
+from harness.adapters.stores.snapshots import StoredSnapshots
 from harness.adapters.stores.spool import FileSpool
-from harness.adapters.stores.sql import SqlEventStore
 from harness.baseline.load import baseline, site
 from harness.contracts.decider import Decider
 from harness.contracts.errors import ProviderUnreachable
 from harness.contracts.ids import MissionId, ProviderId, RobotId
 from harness.contracts.observations import Camera
-from harness.contracts.ports import BlobStore, Clock, EventStore, Ids, Provider, Robot, Signals, Spool
+from harness.contracts.ports import (
+    BlobStore,
+    Clock,
+    EventStore,
+    Head,
+    Ids,
+    MemoryIndex,
+    Provider,
+    ReadModels,
+    Robot,
+    Signals,
+    Snapshots,
+    Spool,
+)
 from harness.contracts.protocol import PhysicalStart
 from harness.gate.commit import Gate
 from harness.gate.decide import DECIDER as MISSION
 from harness.gate.handoffs import DECIDER as HANDOFF
 from harness.gate.leases import DECIDER as LEASE
+from harness.memory.fabric import MemoryFabric
+from harness.planning.planner import GRAPH_ORDER, Planner
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from harness.settings import HarnessSettings
 from harness.supervisor.crew import Crew
 from harness.supervisor.supervisor import Supervisor
+from harness.verification.verdict import Verifier, verify
 
 DECIDERS: dict[str, Decider[Any, Any, Any]] = {"mission": MISSION, "lease": LEASE, "handoff": HANDOFF}
 
@@ -80,6 +102,10 @@ class Parts:
     ids: Ids
     clock: Clock
     signals: Signals
+    index: MemoryIndex = field(default_factory=VolatileMemoryIndex)
+    snapshots: Snapshots | None = None
+    verifier: Verifier = verify
+    planner: Planner = GRAPH_ORDER
 
 
 @contextmanager
@@ -94,7 +120,9 @@ def open_harness(settings: HarnessSettings, *, signals: Signals | None = None, u
         ids = SystemIds()
         token = ids.token()
         lock.take(token=token, url=url)
-        store = stack.enter_context(_store(folder, settings))
+        store, snapshots = stack.enter_context(_store(folder, settings))
+        if signals and is_server(settings.database):
+            stack.enter_context(closing(Listener(settings.database, signals.changed)))
         process = stack.enter_context(_robot_process(folder, settings))
         robot = process.robot
         begun: list[Mission] = []
@@ -131,6 +159,8 @@ def open_harness(settings: HarnessSettings, *, signals: Signals | None = None, u
             ids=ids,
             clock=clock,
             signals=signals or Unheard(),
+            index=stack.enter_context(closing(SqlMemoryIndex(f"sqlite:///{folder.root / 'memory.db'}"))),
+            snapshots=snapshots,
         )
         local = local_providers(parts, camera=CAMERA, folder=folder.root)
         harness = assemble(stack, settings, parts, robot=robot, local=local, configure=configure, revive=revive)
@@ -141,19 +171,17 @@ def open_harness(settings: HarnessSettings, *, signals: Signals | None = None, u
 def read_harness(settings: HarnessSettings) -> Iterator[Runtime]:
     """Only reading: no robot, no ownership. Raises StoreUnavailable where there is nothing to read."""
     folder = prepare(settings.data_folder)
-    store = SqlEventStore(folder.log_url)
-    try:
+    with closing(open_log(settings.database or folder.log_url)) as log:
         parts = Parts(
-            store=store,
+            store=log,
             blobs=FileBlobStore(folder.blobs),
             spool=MemorySpool(),
             ids=SystemIds(),
             clock=SystemClock(),
             signals=Unheard(),
+            snapshots=StoredSnapshots(log, keeping=False),
         )
         yield _runtime(parts)
-    finally:
-        store.close()
 
 
 @contextmanager
@@ -202,22 +230,26 @@ def assemble(
         prepare=configure,
         revive=revive,
         waits_for_people=settings.speed > 0,
+        verifier=parts.verifier,
+        planner=parts.planner,
     )
     supervisor = Supervisor(runtime=runtime, crews={crew.robot_id: crew})
     supervisor.close_interrupted_replays()
+    runtime.memory.catch_up()
     stack.callback(supervisor.close)
     return Harness(runtime=runtime, supervisor=supervisor, robots={crew.robot_id: robot}, clock=parts.clock)
 
 
 def _runtime(parts: Parts) -> Runtime:
     return Runtime(
-        gate=Gate(store=parts.store, clock=parts.clock, deciders=DECIDERS),
+        gate=Gate(store=parts.store, clock=parts.clock, deciders=DECIDERS, snapshots=parts.snapshots),
         store=parts.store,
         blobs=parts.blobs,
         ids=parts.ids,
         signals=parts.signals,
         configuration=baseline(),
         site=site(),
+        memory=MemoryFabric(store=parts.store, index=parts.index),
     )
 
 
@@ -251,13 +283,21 @@ def owner_of(data: Path) -> Owner | None:
     return read_owner(data.absolute()) if data.exists() else None
 
 
+def open_lists(folder: Path | None) -> ReadModels:
+    """The console's lists, kept beside the log; in memory where there is no folder."""
+    return SqlReadModels(f"sqlite:///{folder / 'lists.db'}") if folder else SqlReadModels()
+
+
+def move_log(source: str, target: str) -> Head:
+    """Copy the event log into an empty one elsewhere, verified at both ends; blobs stay. Raises as `moving` says."""
+    return moved(source, target)
+
+
 @contextmanager
-def _store(folder: DataFolder, settings: HarnessSettings) -> Iterator[EventStore]:
-    store = SqlEventStore(folder.log_url)
-    try:
-        yield with_failpoint(store, parse(settings.failpoint) if settings.failpoint else None)
-    finally:
-        store.close()
+def _store(folder: DataFolder, settings: HarnessSettings) -> Iterator[tuple[EventStore, Snapshots]]:
+    log = open_log(settings.database or folder.log_url)
+    with closing(log), closing(StoredSnapshots(log)) as snapshots:
+        yield with_failpoint(log, parse(settings.failpoint) if settings.failpoint else None), snapshots
 
 
 @contextmanager

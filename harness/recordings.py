@@ -18,9 +18,9 @@ from harness.adapters.providers.recording.writer import Leg, Written, record_mis
 from harness.adapters.providers.recording.writer import Mission as Recorded
 from harness.adapters.stores.blobs import FileBlobStore
 from harness.adapters.stores.folder import prepare
+from harness.adapters.stores.opening import open_log
 from harness.adapters.stores.owner import OwnerLock
 from harness.adapters.stores.spool import FileSpool
-from harness.adapters.stores.sql import SqlEventStore
 from harness.bootstrap import Harness, Parts, Unheard, assemble
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
@@ -116,7 +116,7 @@ def replayed(
         lock = stack.enter_context(OwnerLock(folder.root))
         ids = SystemIds()
         lock.take(token=ids.token())
-        store = SqlEventStore(folder.log_url)
+        store = open_log(settings.database or folder.log_url)
         stack.callback(store.close)
         parts = Parts(
             store=store,

@@ -32,6 +32,7 @@ from harness.contracts.protocol import InvocationReport, RobotStatus
 from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import Value
 from harness.gate.commit import Gate, Request
+from harness.memory.fabric import MemoryFabric
 from harness.planning.compile import compile_contract
 from harness.planning.templates import by_name, select
 from harness.projections.handoffs import Handoff
@@ -77,6 +78,7 @@ class Runtime:
         signals: Signals,
         configuration: Configuration,
         site: Site,
+        memory: MemoryFabric,
     ) -> None:
         self._gate = gate
         self._store = store
@@ -85,6 +87,7 @@ class Runtime:
         self._signals = signals
         self.configuration = configuration
         self.site = site
+        self.memory = memory
         self._live: dict[MissionId, Live] = {}
         self._live_lock = Lock()
         self._desk: Callable[[PersonCommand], Decision[AnyEvent]] | None = None

@@ -8,7 +8,10 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 
 
 class HarnessSettings(BaseSettings):
-    """From `REGEN_*` variables or by constructor. `speed` is mission seconds per second; 0 is as fast as possible."""
+    """From `REGEN_*` variables or by constructor. `speed` is mission seconds per second; 0 is as fast as possible.
+
+    `database` is where the event log lies: empty is SQLite in the data folder, else postgresql://USER:PASSWORD@HOST/NAME.
+    """
 
     model_config = SettingsConfigDict(env_prefix="REGEN_", frozen=True, extra="ignore")
 
@@ -18,3 +21,4 @@ class HarnessSettings(BaseSettings):
     fidelity: Literal["mujoco", "kinematic"] = "mujoco"
     robot_id: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]{0,30}$")] = "vbot-1"
     failpoint: str = ""
+    database: Annotated[str, Field(repr=False)] = ""

@@ -1,22 +1,71 @@
-"""/evidence: blobs by digest, verified each time, with a type that no upload can choose."""
+"""/evidence: all of it as a list, and blobs by digest, verified each time, with a type that no upload can choose."""
 
 from typing import Annotated
 
-from fastapi import APIRouter, Path
-from starlette.responses import Response
+from fastapi import APIRouter, Depends, Path
+from starlette.responses import HTMLResponse, Response
 
-from app.console import ConsoleDep
+from app.console import ActorDep, ConsoleDep
+from app.rendering import render
+from app.routes.listing import searching
+from app.views import evidence_list
+from app.views.evidence_list import BlobPage
+from app.views.listing import Sought
+from harness.contracts.errors import BlobDamaged, UnknownName
 from harness.contracts.ids import Digest, sha256
+from harness.contracts.read_models import ListQuery
+from harness.projections.evidence_list import BLOB_SIGNS
 
 router = APIRouter(prefix="/evidence")
+SoughtDep = Annotated[
+    Sought, Depends(searching("evidence", "kind", "source", "node", "verdict", "decision", "mission"))
+]
+DigestPath = Annotated[str, Path(pattern="^[0-9a-f]{64}$")]
+USES = 100
 MAGIC: tuple[tuple[bytes, str, str], ...] = (
     (b"\xff\xd8\xff", "image/jpeg", "jpg"),
     (b"\x89PNG\r\n\x1a\n", "image/png", "png"),
 )
 
 
+@router.get("")
+def index(console: ConsoleDep, actor: ActorDep, sought: SoughtDep) -> HTMLResponse:
+    found = console.lists.evidence(sought.query)
+    page = evidence_list.evidence_page(
+        console.shell("Evidence", "evidence", actor),
+        sought,
+        [evidence_list.row(one) for one in found.items],
+        found.following,
+        found=console.lists.count(sought.query),
+        tallies=console.lists.tallies("evidence"),
+    )
+    return render("evidence/index.html", page)
+
+
+@router.get("/{digest}/about")
+def about(console: ConsoleDep, actor: ActorDep, digest: DigestPath) -> HTMLResponse:
+    """The blob read and hashed now, and every packet that refers to it. 404 for one that nothing refers to."""
+    uses = ListQuery(listing="evidence", words=(digest[:BLOB_SIGNS],), limit=USES)
+    rows = [evidence_list.row(one) for one in console.lists.evidence(uses).items if one.blob == digest]
+    if not rows:
+        raise UnknownName(f"No evidence refers to blob {digest[:16]}…", do="choose one from the list of evidence")
+    try:
+        body, broken = console.runtime.blob(Digest(digest)), ""
+    except BlobDamaged as error:
+        body, broken = b"", error.what
+    page = BlobPage(
+        shell=console.shell(f"Blob {digest[:8]}", "evidence", actor),
+        blob=digest,
+        broken=broken,
+        size=len(body),
+        media_type="" if broken else kind_of(body)[0],
+        rows=tuple(rows),
+    )
+    return render("evidence/about.html", page)
+
+
 @router.get("/{digest}")
-def show(console: ConsoleDep, digest: Annotated[str, Path(pattern="^[0-9a-f]{64}$")]) -> Response:
+def show(console: ConsoleDep, digest: DigestPath) -> Response:
     """Pictures inline, WAV to listen to, everything else as a download. 404 if the bytes do not match."""
     body = console.runtime.blob(Digest(digest))
     media_type, suffix, inline = kind_of(body)

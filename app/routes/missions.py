@@ -1,12 +1,18 @@
 """/missions: list them, watch one, start one, stop one."""
 
-from fastapi import APIRouter, Request
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Request
+from msgspec.structs import replace
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.rendering import render
-from app.views import forms, missions
+from app.routes.listing import searching
+from app.views import events, forms, missions
 from app.views.forms import StopPage
+from app.views.listing import Sought
+from app.views.missions import Counted, MissionsPage
 from harness.contracts.actors import Actor
 from harness.contracts.commands import StopMission
 from harness.contracts.decisions import Refused
@@ -16,6 +22,7 @@ from harness.contracts.ids import MissionId, RobotId
 from harness.runtime import Start
 
 router = APIRouter(prefix="/missions")
+SoughtDep = Annotated[Sought, Depends(searching("mission", "status", "robot", "template"))]
 
 
 class StartRefused(ContractInvalid):
@@ -25,17 +32,27 @@ class StartRefused(ContractInvalid):
 
 
 @router.get("")
-def index(console: ConsoleDep, actor: ActorDep, q: str = "", status: str = "") -> HTMLResponse:
-    shell = console.shell("Missions", "missions", actor)
-    rows = [missions.row(one, console.span(one)) for one in console.runtime.missions()]
-    return render("missions/index.html", missions.missions_page(shell, rows, query=q, status=status))
+def index(console: ConsoleDep, actor: ActorDep, sought: SoughtDep) -> HTMLResponse:
+    return render("missions/index.html", listed(console, actor, sought))
 
 
 @router.get("/list")
-def listing(console: ConsoleDep, actor: ActorDep, q: str = "", status: str = "") -> HTMLResponse:
-    shell = console.shell("Missions", "missions", actor)
-    rows = [missions.row(one, console.span(one)) for one in console.runtime.missions()]
-    return render("missions/_list.html", missions.missions_page(shell, rows, query=q, status=status))
+def listing(console: ConsoleDep, actor: ActorDep, sought: SoughtDep) -> HTMLResponse:
+    return render("missions/_list.html", listed(console, actor, sought))
+
+
+def listed(console: Console, actor: Actor, sought: Sought) -> MissionsPage:
+    """One page of the list, with what its tabs would show."""
+    group = sought.given.get("status", "")
+    facets = {name: value for name, value in sought.query.facets.items() if name != "status"}
+    queries = {value: replace(sought.query, facets=facets | stands_for) for value, _, stands_for in missions.GROUPS}
+    if group not in queries:
+        raise UnknownName(f"There is no group of missions called {group}", do="choose one of the tabs of the list")
+    found = console.lists.missions(queries[group])
+    tallies = console.lists.tallies("mission")
+    counted = Counted(groups={value: console.lists.count(one) for value, one in queries.items()}, tallies=tallies)
+    rows = [missions.row(one, now_s=console.clock()) for one in found.items]
+    return missions.missions_page(console.shell("Missions", "missions", actor), sought, rows, found.following, counted)
 
 
 @router.get("/new")
@@ -93,7 +110,7 @@ def stop(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, typed: For
 def event(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, position: int) -> HTMLResponse:
     entries = console.histories.of(mission_id)
     shell = console.shell(f"Event {position}", "missions", actor)
-    return render("missions/event.html", missions.event_page(shell, mission_id, entries, position=position))
+    return render("missions/event.html", events.event_page(shell, mission_id, entries, position=position))
 
 
 def _form(console: Console, actor: Actor, typed: dict[str, str], *, errors: list[str] | None = None) -> HTMLResponse:

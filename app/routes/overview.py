@@ -6,20 +6,24 @@ from starlette.responses import HTMLResponse
 from app.console import ActorDep, Console, ConsoleDep
 from app.rendering import render
 from app.views import handoffs, missions
-from app.views.overview import OverviewPage, OverviewRegions, overview
+from app.views.overview import RECENT, OverviewPage, OverviewRegions, overview
 from app.views.shell import Frame
+from harness.contracts.ids import HandoffId, MissionId
+from harness.contracts.read_models import ListQuery
 
 router = APIRouter()
 
 
 def regions(console: Console) -> OverviewRegions:
-    every = console.runtime.missions()
-    waiting = [one for one in console.runtime.handoffs() if one.status == "open"]
-    running = [one for one in every if not one.ended]
-    heard = [(one, console.runtime.observations(one.mission_id)) for one in running]
-    strips = [missions.robot_strip(live.status, live.at_s) for _, live in heard if live is not None]
+    """What is open, and the last few that ended: the rest of the history is not read."""
+    now_s = console.clock()
+    running = console.lists.open_missions()
+    ended = console.lists.missions(ListQuery(listing="mission", facets={"open": "no"}, limit=RECENT)).items
+    waiting = [console.runtime.handoff(HandoffId(one.handoff_id)) for one in console.lists.open_handoffs()]
+    heard = [console.runtime.observations(MissionId(one.mission_id)) for one in running]
+    strips = [missions.robot_strip(live.status, live.at_s) for live in heard if live is not None]
     return overview(
-        [missions.row(one, console.span(one)) for one in every],
+        [missions.row(one, now_s=now_s) for one in (*running, *ended)],
         [handoffs.row(one, console.mission_of(one)) for one in waiting],
         [strip for strip in strips if strip is not None],
         robots=console.settings.robots,

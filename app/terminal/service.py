@@ -49,7 +49,14 @@ def up(
         )
         _begin(harness, start, seed=seed)
         harness.supervisor.serve()
-        app = create_app(harness.runtime, console, broker, Scenes(harness.runtime), starts=harness.starts)
+        app = create_app(
+            harness.runtime,
+            console,
+            broker,
+            Scenes(harness.runtime),
+            starts=harness.starts,
+            folder=chosen.data_folder,
+        )
         typer.echo(f"RegenHarness is at {console.address}  Sign in once: {console.address}{app.state.doors.invite()}")
         serve(app, listener)
 

@@ -1,38 +1,30 @@
 """Pure: missions as a list, one mission as a page of regions, and the forms that start and stop one."""
 
-import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import msgspec
-
 from app.views.contexts import ContextView
+from app.views.listing import Filter, Paging, Sought, address, facet_filter, order_filter, paging
 from app.views.measures import ConditionRow, condition_row
-from app.views.sentences import sentence as event_sentence
 from app.views.shell import Shell
 from app.views.timeline import Entry
-from harness.contracts.errors import UnknownName
 from harness.contracts.events import MissionEnded
 from harness.contracts.protocol import RobotStatus
+from harness.contracts.read_models import MANY, ListQuery, MissionItem, Tally
 from harness.contracts.tasks import order
 from harness.contracts.verdicts import GoalVerdict
-from harness.projections.mission import TERMINAL_MISSION, Mission
+from harness.projections.mission import Mission
+from harness.projections.missions_list import current_stage
 
-GROUPS: tuple[tuple[str, str], ...] = (
-    ("", "all"),
-    ("running", "running"),
-    ("waiting", "waiting for a person"),
-    ("succeeded", "succeeded"),
-    ("ended", "ended otherwise"),
+PATH = "/missions"
+GROUPS: tuple[tuple[str, str, dict[str, str]], ...] = (
+    ("", "all", {}),
+    ("running", "running", {"open": "yes"}),
+    ("waiting", "waiting for a person", {"waits": "yes"}),
+    ("succeeded", "succeeded", {"status": "succeeded"}),
+    ("ended", "ended otherwise", {"end": "otherwise"}),
 )
-
-
-@dataclass(frozen=True)
-class Span:
-    """Wall time from a mission's first event to its end, or to now: seconds since the Unix epoch."""
-
-    began_s: float
-    until_s: float
+"""Tabs of the list: the word in the address, its title, and the facets it stands for."""
 
 
 @dataclass(frozen=True)
@@ -55,24 +47,35 @@ class MissionRow:
 
 
 @dataclass(frozen=True)
-class Group:
-    """One filter of the list, with how many missions it would show."""
+class Counted:
+    """How many missions each tab holds under the other filters, up to MANY + 1, and the values that filters offer."""
 
-    value: str
+    groups: Mapping[str, int]
+    tallies: Sequence[Tally]
+
+
+@dataclass(frozen=True)
+class Group:
+    """One tab of the list: which filters it stands for, and how many missions it would show."""
+
     title: str
-    count: int
+    href: str
+    count: str
     chosen: bool
 
 
 @dataclass(frozen=True)
 class MissionsPage:
-    """The list; query and filter stand in the URL."""
+    """One page of the list; search, filters, order and place stand in the address. `live`: what it refetches."""
 
     shell: Shell
     rows: tuple[MissionRow, ...]
     groups: tuple[Group, ...]
-    query: str
-    status: str
+    filters: tuple[Filter, ...]
+    paging: Paging
+    words: str
+    group: str
+    live: str
     total: int
 
 
@@ -125,48 +128,56 @@ class ContractView:
     shown: ContextView | None
 
 
-@dataclass(frozen=True)
-class EventPage:
-    """One event as it is stored, with its links in the hash chain."""
-
-    shell: Shell
-    mission_id: str
-    entry: Entry
-    text: str
-    body: str
-    earlier: int | None
-    later: int | None
-
-
-def row(mission: Mission, span: Span) -> MissionRow:
-    contract = mission.contract
+def row(item: MissionItem, *, now_s: float) -> MissionRow:
+    """A mission under way has taken as long as it is old."""
     return MissionRow(
-        mission_id=mission.mission_id,
-        goal=mission.goal,
-        template=mission.template,
-        robot_id=mission.robot_id,
-        status=mission.status,
-        tone=tone(mission.status),
-        stage=current_stage(mission),
-        verdict=mission.goal_verdict.verdict if mission.goal_verdict else "",
-        began_s=span.began_s,
-        took_s=span.until_s - span.began_s,
-        spent=mission.spent_total,
-        budget=contract.recovery_total if contract else 0,
-        handoff_id=mission.handoff_id or "",
+        mission_id=item.mission_id,
+        goal=item.goal,
+        template=item.template,
+        robot_id=item.robot_id,
+        status=item.status,
+        tone=tone(item.status),
+        stage=item.stage,
+        verdict=item.verdict,
+        began_s=item.began_s,
+        took_s=max((now_s if item.ended_s is None else item.ended_s) - item.began_s, 0.0),
+        spent=item.spent,
+        budget=item.budget,
+        handoff_id=item.handoff_id,
     )
 
 
-def missions_page(shell: Shell, rows: Sequence[MissionRow], *, query: str, status: str) -> MissionsPage:
-    """Rows that hold every word of the query and belong to the chosen group."""
-    words = query.lower().split()
-    found = [one for one in rows if all(word in _text(one) for word in words)]
+def missions_page(
+    shell: Shell, sought: Sought, rows: Sequence[MissionRow], following: ListQuery | None, counted: Counted
+) -> MissionsPage:
+    """The rows of one page, in the order they come in."""
+    chosen = sought.given.get("status", "")
     groups = tuple(
-        Group(value=value, title=title, count=sum(_belongs(one, value) for one in found), chosen=value == status)
-        for value, title in GROUPS
+        Group(
+            title=title,
+            href=address(PATH, sought.params, status=value),
+            count=str(counted.groups[value]) if counted.groups[value] <= MANY else f"over {MANY}",
+            chosen=value == chosen,
+        )
+        for value, title, _ in GROUPS
     )
-    shown = tuple(one for one in found if _belongs(one, status))
-    return MissionsPage(shell=shell, rows=shown, groups=groups, query=query, status=status, total=len(rows))
+    filters = (
+        facet_filter("robot", "robot", counted.tallies, sought),
+        facet_filter("template", "template", counted.tallies, sought),
+        order_filter(sought, by_length=True),
+    )
+    total = next((one.count for one in counted.tallies if not one.facet), 0)
+    return MissionsPage(
+        shell=shell,
+        rows=tuple(rows),
+        groups=groups,
+        filters=filters,
+        paging=paging(PATH, sought, following, shown=len(rows), found=counted.groups[chosen]),
+        words=sought.words,
+        group=chosen,
+        live="" if sought.deep else address(f"{PATH}/list", sought.params),
+        total=total,
+    )
 
 
 def head(mission: Mission, entries: Sequence[Entry]) -> Head:
@@ -206,20 +217,6 @@ def sentence(mission: Mission) -> str:
             return "The original completion conditions are satisfied."
         case _:
             return current_stage(mission)
-
-
-def current_stage(mission: Mission) -> str:
-    """ "return, 6 of 7" for the stage that is under way; empty without a contract."""
-    if mission.contract is None:
-        return "not compiled yet"
-    names = order(mission.contract)
-    done = sum(mission.of(name).status == "committed" for name in names)
-    if done == len(names):
-        return f"all {len(names)} stages accepted"
-    current = next((name for name in names if mission.of(name).status not in ("committed", "pending")), None)
-    if current is None:
-        current = next(name for name in names if mission.of(name).status == "pending")
-    return f"{current.replace('_', ' ')}, {names.index(current) + 1} of {len(names)}"
 
 
 def tone(status: str) -> str:
@@ -275,23 +272,6 @@ def query(*, at: int | None, node: str) -> str:
     return "?" + "&".join(pairs) if pairs else ""
 
 
-def event_page(shell: Shell, mission_id: str, entries: Sequence[Entry], *, position: int) -> EventPage:
-    """Raises UnknownName if the mission has no event at that position."""
-    place = next((index for index, entry in enumerate(entries) if entry.position == position), None)
-    if place is None:
-        raise UnknownName(f"Mission {mission_id} has no event {position}", do="choose one from its timeline")
-    entry = entries[place]
-    return EventPage(
-        shell=shell,
-        mission_id=mission_id,
-        entry=entry,
-        text=event_sentence(entry.event),
-        body=json.dumps(msgspec.to_builtins(entry.event), indent=2, ensure_ascii=False),
-        earlier=entries[place - 1].position if place else None,
-        later=entries[place + 1].position if place + 1 < len(entries) else None,
-    )
-
-
 def chosen_node(mission: Mission, wanted: str) -> str:
     """The stage the reader asked for, else the one under way, else the last one with a verdict."""
     if wanted in mission.nodes or mission.contract is None:
@@ -305,21 +285,3 @@ def _why(verdict: GoalVerdict | None) -> str:
     if verdict is None:
         return "Tested once every required stage is accepted, exactly as they were first stored."
     return verdict.reason or "Every original condition was tested again."
-
-
-def _text(one: MissionRow) -> str:
-    return " ".join((one.mission_id, one.goal, one.template, one.robot_id, one.status.replace("_", " "))).lower()
-
-
-def _belongs(one: MissionRow, group: str) -> bool:
-    match group:
-        case "running":
-            return one.status not in TERMINAL_MISSION
-        case "waiting":
-            return one.status in ("awaiting_human", "awaiting_approval", "paused")
-        case "succeeded":
-            return one.status == "succeeded"
-        case "ended":
-            return one.status in TERMINAL_MISSION and one.status != "succeeded"
-        case _:
-            return True

@@ -37,6 +37,12 @@ from harness.contracts.events import (
     VetoCleared,
     VetoRaised,
 )
+from harness.contracts.revision_events import (
+    AttestationRecorded,
+    CompletionDisputed,
+    ConstraintsTightened,
+    GraphRevised,
+)
 
 Family = Literal["person", "plan", "dispatch", "evidence", "verify", "recovery", "gate"]
 Tone = Literal["plain", "good", "warn", "bad"]
@@ -50,6 +56,8 @@ FAMILY: dict[str, Family] = {
     "FailureClassified": "recovery", "RecoveryAuthorised": "recovery", "NodeFailed": "recovery",
     "HandoffRequested": "person", "HandoffAnswered": "person", "OperatorRetryGranted": "person",
     "MissionPaused": "person", "MissionResumed": "person", "StopRequested": "person", "StopAcknowledged": "evidence",
+    "GraphRevised": "plan", "ConstraintsTightened": "gate", "AttestationRecorded": "person",
+    "CompletionDisputed": "person",
     "GoalVerified": "verify", "MissionEnded": "gate", "CompletionReported": "person", "FailureReported": "person",
 }  # fmt: skip
 
@@ -102,12 +110,21 @@ def sentence(event: MissionEvent) -> str:
             return f"{event.node_id}: {_words(event.action)} authorised after {_words(event.failure)} ({price})"
         case NodeFailed():
             return f"{event.node_id} failed for good: {event.reason}"
+        case GraphRevised():
+            again = ", ".join(event.reopened) or "no stage"
+            return f"Graph revision {event.revision} for {event.responsible}: {again} opened again. {event.reason}"
+        case ConstraintsTightened():
+            return f"{event.layer} added a restriction: {event.reason}"
         case HandoffRequested():
             return f"{event.node_id}: a person is asked, after {_words(event.failure)}. {event.reason}".strip()
         case HandoffAnswered():
             return f"{event.actor.name} ({event.actor.channel}): {event.decision}. {event.reason}".strip()
         case OperatorRetryGranted():
             return f"{event.node_id}: one further attempt granted by a person"
+        case AttestationRecorded():
+            return f"{event.actor.name} attested {event.condition_id} with their own eyes"
+        case CompletionDisputed():
+            return f"{event.actor.name} disputes {event.condition_id}, which was accepted: {event.reason}"
         case MissionPaused():
             return f"{event.actor.name} paused the mission: {event.reason}"
         case MissionResumed():
@@ -132,7 +149,9 @@ def sentence(event: MissionEvent) -> str:
 def tone(event: MissionEvent) -> Tone:
     """Colour only where a person should look."""
     match event:
-        case CommitRejected() | NodeFailed() | VetoRaised() | FailureReported() | StopRequested():
+        case (
+            CommitRejected() | NodeFailed() | CompletionDisputed() | VetoRaised() | FailureReported() | StopRequested()
+        ):
             return "bad"
         case VerdictRecorded() | GoalVerified():
             return _judged(event)

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from harness.contracts.actors import Actor
-from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
 
 
@@ -41,10 +40,10 @@ class Frame:
 
 @dataclass(frozen=True)
 class Surroundings:
-    """The state of the house that every page shows."""
+    """The state of the house that every page shows: missions that have not ended, and how many questions wait."""
 
     missions: Sequence[Mission]
-    handoffs: Sequence[Handoff]
+    waiting: int
     robots: Sequence[str]
     actor: Actor
     position: int
@@ -57,7 +56,7 @@ def shell(title: str, section: str, around: Surroundings, *, topics: Sequence[st
         section=section,
         operator=around.actor.name,
         running=sum(not mission.ended for mission in around.missions),
-        waiting=sum(handoff.status == "open" for handoff in around.handoffs),
+        waiting=around.waiting,
         robots=stop_controls(around.missions, around.robots),
         topics=" ".join((*topics, "mission/", "handoff/")),
         position=around.position,

@@ -254,7 +254,7 @@ def _box(place: tuple[int, int], stage: Stage) -> Box:
         x=place[0],
         y=place[1],
         title=stage.node_id.replace("_", " "),
-        label=stage.status,
+        label=stage.status.split(",")[0],
         state=stage.state,
         href=stage.href,
         selected=stage.selected,

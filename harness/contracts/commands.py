@@ -22,7 +22,7 @@ from harness.contracts.ids import (
 )
 from harness.contracts.proposals import RecoveryProposal, Signature
 from harness.contracts.protocol import InvocationStatus
-from harness.contracts.tasks import TaskContract
+from harness.contracts.tasks import Constraints, TaskContract
 from harness.contracts.values import Count, Name, Value
 from harness.contracts.verdicts import GoalVerdict, NodeVerdict
 
@@ -127,6 +127,24 @@ class AuthoriseWait(Command, tag=True):
 class FailNode(Command, tag=True):
     node_id: NodeId
     reason: Name
+    context: Digest | None = None
+
+
+class ReviseContract(Command, tag=True):
+    """A planner's wish for another graph, for the sake of one stage that pays for it. The harness admits or refuses."""
+
+    node_id: NodeId
+    contract: TaskContract
+    planner: Name
+    reason: str
+
+
+class TightenConstraints(Command, tag=True):
+    """A plugin's, planner's or person's further restriction. There is no command that removes one (R172)."""
+
+    layer: Name
+    constraints: Constraints
+    reason: Name
 
 
 class AskPerson(Command, tag=True):
@@ -134,6 +152,27 @@ class AskPerson(Command, tag=True):
     node_id: NodeId
     failure: FailureClass
     reason: str
+    context: Digest | None = None
+
+
+class RecordAttestation(Command, tag=True):
+    """What a person saw with their own eyes of one condition, at `seen_s` (mission time)."""
+
+    handoff_id: HandoffId
+    node_id: NodeId
+    condition_id: ConditionId
+    actor: Actor
+    statement: Name
+    seen_s: float
+    blob: Digest
+
+
+class DisputeCompletion(Command, tag=True):
+    """A person disputes an accepted fact, while the mission runs or after it (D21)."""
+
+    condition_id: ConditionId
+    actor: Actor
+    reason: Name
 
 
 class AnswerMission(Command, tag=True):
@@ -211,7 +250,11 @@ MissionCommand = (
     | ReportFailure
     | AuthoriseWait
     | FailNode
+    | ReviseContract
+    | TightenConstraints
     | AskPerson
+    | RecordAttestation
+    | DisputeCompletion
     | AnswerMission
     | PauseMission
     | ResumeMission

@@ -8,8 +8,9 @@ from typing import Any, Generic, TypeVar
 import msgspec
 
 from harness.contracts.decisions import Decision
-from harness.contracts.errors import LogDamaged
+from harness.contracts.errors import LogDamaged, StoreNewer
 from harness.contracts.ports import NewEvent, StoredEvent
+from harness.contracts.upcasting import UPCASTERS, Upcaster, Upcasting, name_of
 from harness.contracts.values import Moment, encode
 
 State = TypeVar("State")
@@ -18,19 +19,31 @@ Event = TypeVar("Event")
 
 
 class Codec(Generic[Event]):
-    """Events of one union to and from canonical JSON."""
+    """Events of one union to and from canonical JSON; those of earlier releases are brought up on the way in."""
 
-    def __init__(self, union: Any) -> None:
+    def __init__(self, union: Any, upcasters: Iterable[Upcaster] = UPCASTERS) -> None:
+        self._union = union
         self._decoder: msgspec.json.Decoder[Event] = msgspec.json.Decoder(union)
+        self._upcasting = Upcasting(upcasters)
 
     def encode(self, event: Event) -> NewEvent:
-        return NewEvent(kind=type(event).__name__, body=encode(event))
+        return NewEvent(kind=self._upcasting.written(type(event).__name__), body=encode(event))
 
     def decode(self, stored: StoredEvent) -> Event:
-        """Raises LogDamaged if the stored body is not an event of this union."""
+        """Raises StoreNewer for a shape of a later release, LogDamaged if the body is not an event of this union."""
         try:
+            if self._upcasting.is_old(stored.kind):
+                body = self._upcasting.brought_up(stored.kind, msgspec.json.decode(stored.body))
+                event: Event = msgspec.convert(body, self._union)
+                return event
+            if "@" in stored.kind and stored.kind != self._upcasting.written(name_of(stored.kind)):
+                raise StoreNewer(
+                    f"Event {stored.kind} was written by a later release",
+                    where=f"position {stored.position}, stream {stored.stream}",
+                    do="install the newer version of the program",
+                )
             return self._decoder.decode(stored.body)
-        except msgspec.DecodeError as error:
+        except (msgspec.DecodeError, LookupError, TypeError, ValueError) as error:
             raise LogDamaged(
                 f"Event {stored.kind} cannot be read: {error}",
                 where=f"position {stored.position}, stream {stored.stream}",

@@ -24,6 +24,12 @@ from harness.contracts.ids import (
 )
 from harness.contracts.proposals import Signature
 from harness.contracts.protocol import InvocationStatus, Parameters
+from harness.contracts.revision_events import (
+    AttestationRecorded,
+    CompletionDisputed,
+    ConstraintsTightened,
+    GraphRevised,
+)
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Count, Name
 from harness.contracts.verdicts import GoalVerdict, NodeVerdict
@@ -37,7 +43,7 @@ Autonomy = Literal["manual", "approve_each_motion", "approve_risky", "autonomous
 class MissionCreated(Event, tag=True):
     mission_id: MissionId
     robot_id: RobotId
-    goal: Name
+    goal: str
     template: Name
     requested_by: Actor
     configuration: Digest
@@ -63,17 +69,27 @@ class MissionActivated(Event, tag=True):
 
 
 class NodePlanned(Event, tag=True):
-    """C1 chose a node and routing a provider; context and candidate set are records."""
+    """C1 chose a node and routing a provider; context, candidate set and the planner's proposal are records.
+
+    `refused`: why the planner's proposal was not taken up; then the harness's own plan was (R41).
+    """
 
     node_id: NodeId
     provider_id: ProviderId
     context: Digest
     candidates: Digest
     reason: str
+    planner: Name = "graph-order-1"
+    proposal: Digest | None = None
+    refused: str = ""
 
 
 class DispatchIntended(Event, tag=True):
-    """Recorded, with its leases, before the robot moves (D9). `k_ctx` is k after this transaction's spend."""
+    """Recorded, with its leases, before the robot moves (D9). `k_ctx` is k after this transaction's spend.
+
+    `question` and `candidates` are the records of what routing was asked and answered. `aborting`: it runs because a
+    required stage failed, and will not count as its own stage (D26).
+    """
 
     node_id: NodeId
     attempt: Count
@@ -95,6 +111,9 @@ class DispatchIntended(Event, tag=True):
     action: RecoveryAction | None = None
     handoff_id: HandoffId | None = None
     moves: bool = False
+    question: Digest | None = None
+    candidates: Digest | None = None
+    aborting: bool = False
 
 
 class InvocationAccepted(Event, tag=True):
@@ -106,7 +125,7 @@ class InvocationAccepted(Event, tag=True):
 
 class InvocationStopRequested(Event, tag=True):
     invocation_id: InvocationId
-    reason: Name
+    reason: str
 
 
 class InvocationResumed(Event, tag=True):
@@ -121,7 +140,7 @@ class InvocationEnded(Event, tag=True):
     invocation_id: InvocationId
     status: InvocationStatus
     failure: str
-    reason: Name
+    reason: str
 
 
 class PreconditionRefused(Event, tag=True):
@@ -143,13 +162,17 @@ class VerdictRecorded(Event, tag=True):
 
 
 class NodeCommitted(Event, tag=True):
-    """(k+1) The gate accepted: node advance and facts are one transition (R113)."""
+    """(k+1) The gate accepted: node advance and facts are one transition (R113).
+
+    `aborting`: accepted as an abort-return, which never counts as the stage (D26).
+    """
 
     node_id: NodeId
     invocation_id: InvocationId
     packet_id: PacketId
     facts: tuple[CommittedFact, ...]
     withdrawn: tuple[ConditionId, ...] = ()
+    aborting: bool = False
 
 
 class CommitRejected(Event, tag=True):
@@ -174,21 +197,21 @@ class EpochChanged(Event, tag=True):
     """(k+1) The map or localisation epoch changed."""
 
     map_version: Name
-    reason: Name
+    reason: str
 
 
 class VetoRaised(Event, tag=True):
     """(k+1) A restriction. Only the layer that raised it clears it (D16)."""
 
     layer: Name
-    reason: Name
+    reason: str
 
 
 class VetoCleared(Event, tag=True):
     """(k+1)"""
 
     layer: Name
-    reason: Name
+    reason: str
 
 
 # mission: recovery --------------------------------------------------------------------------------------------------
@@ -205,7 +228,7 @@ class FailureClassified(Event, tag=True):
 
 
 class RecoveryAuthorised(Event, tag=True):
-    """(k+1 if it costs) One rung. `remaining` is the node's and mission's budget after it."""
+    """(k+1 if it costs) One rung. `left_node` and `left_mission` are the total budgets after it."""
 
     node_id: NodeId
     failure: FailureClass
@@ -217,23 +240,29 @@ class RecoveryAuthorised(Event, tag=True):
     context: Digest
     reason: str
     until_s: float | None = None
+    left_node: Count | None = None
+    left_mission: Count | None = None
 
 
 class NodeFailed(Event, tag=True):
+    """Given up for good. `context` is the C4 that led to it."""
+
     node_id: NodeId
-    reason: Name
+    reason: str
+    context: Digest | None = None
 
 
 # mission: people and ends -------------------------------------------------------------------------------------------
 
 
 class HandoffRequested(Event, tag=True):
-    """The mission waits for a person; the handoff has its own stream."""
+    """The mission waits for a person; the handoff has its own stream. `context` is the C4 that led to it."""
 
     handoff_id: HandoffId
     node_id: NodeId
     failure: FailureClass
     reason: str
+    context: Digest | None = None
 
 
 class HandoffAnswered(Event, tag=True):
@@ -257,19 +286,19 @@ class OperatorRetryGranted(Event, tag=True):
 
 class MissionPaused(Event, tag=True):
     actor: Actor
-    reason: Name
+    reason: str
 
 
 class MissionResumed(Event, tag=True):
     actor: Actor
-    reason: Name
+    reason: str
 
 
 class StopRequested(Event, tag=True):
     """A person or policy wants the mission stopped: STOPPING until acknowledged, then static."""
 
     actor: Actor
-    reason: Name
+    reason: str
 
 
 class StopAcknowledged(Event, tag=True):
@@ -292,19 +321,19 @@ class GoalVerified(Event, tag=True):
 
 class MissionEnded(Event, tag=True):
     status: Literal["succeeded", "failed", "cancelled", "safe_stopped", "handed_off"]
-    reason: Name
+    reason: str
 
 
 class CompletionReported(Event, tag=True):
     """The success report to the user: only after a satisfied goal verdict (R119)."""
 
-    text: Name
+    text: str
 
 
 class FailureReported(Event, tag=True):
     """Not a completion report: other words, other type (R120)."""
 
-    text: Name
+    text: str
 
 
 MissionEvent = (
@@ -329,9 +358,13 @@ MissionEvent = (
     | FailureClassified
     | RecoveryAuthorised
     | NodeFailed
+    | GraphRevised
+    | ConstraintsTightened
     | HandoffRequested
     | HandoffAnswered
     | OperatorRetryGranted
+    | AttestationRecorded
+    | CompletionDisputed
     | MissionPaused
     | MissionResumed
     | StopRequested

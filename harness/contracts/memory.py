@@ -11,7 +11,17 @@ import msgspec
 from harness.contracts.capabilities import Capability, CapabilityCard
 from harness.contracts.configuration import FailureClass, RecoveryAction, RecoveryPolicy
 from harness.contracts.evidence import EvidenceReference
-from harness.contracts.ids import ConditionId, Digest, InvocationId, MissionId, NodeId, PacketId, ProviderId, RobotId, StreamId
+from harness.contracts.ids import (
+    ConditionId,
+    Digest,
+    InvocationId,
+    MissionId,
+    NodeId,
+    PacketId,
+    ProviderId,
+    RobotId,
+    StreamId,
+)
 from harness.contracts.places import Place
 from harness.contracts.protocol import Parameters
 from harness.contracts.tasks import Constraints
@@ -74,17 +84,17 @@ class KnownRegion(Knowledge, tag="region"):
 class KnownRelation(Knowledge, tag="relation"):
     """Spatial: `one` stands in `relation` to `other`."""
 
-    relation: Literal["at", "leads_to"]
+    relation: Literal["at", "moves_to", "leads_to"]
     one: Name
     other: Name
 
 
 class KnownPose(Knowledge, tag="pose"):
-    """Spatial: the body within `within_m` of `point_m`; no point while it is in motion."""
+    """Spatial: the body within `within_m` of `point_m` (none: not stated); no point while it is in motion."""
 
     robot_id: RobotId
     point_m: Point | None = None
-    within_m: NonNegative = 0.0
+    within_m: NonNegative | None = None
     yaw_rad: float | None = None
     place: str = ""
 
@@ -97,10 +107,11 @@ class Sighting(Knowledge, tag="sighting"):
 
 
 class Dispute(Knowledge, tag="dispute"):
-    """Spatial: an observation that contradicts what was accepted. It says what no longer counts, not what is true."""
+    """An observation or a person contradicts what was accepted: what no longer counts, not what is true (D21)."""
 
     condition_id: ConditionId
-    observation: EvidenceReference
+    reason: str
+    observation: EvidenceReference | None = None
 
 
 class Episode(Knowledge, tag="episode"):
@@ -216,7 +227,7 @@ class MemoryQuery(Value):
     as_of: Count | None = None
     standings: Annotated[tuple[Standing, ...], msgspec.Meta(min_length=1)] = ADMISSIBLE
     minimum_confidence: Share = 0.0
-    limit: Annotated[int, msgspec.Meta(ge=1, le=10_000)] = 100
+    limit: Annotated[int, msgspec.Meta(ge=0, le=10_000)] = 100
 
 
 class Labels(Value):

@@ -1,13 +1,17 @@
 """Ports: what the harness needs from the world. Adapters implement them; nothing else touches the world."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.ids import Digest, InvocationId, MissionId, RequestId, StreamId
+from harness.contracts.memory import Mark, MemoryQuery, MemoryRecord, Remembered
 from harness.contracts.observations import AnySample
 from harness.contracts.protocol import InvocationReport, Observations, PhysicalStart, RobotStatus, StartRequest
+from harness.contracts.read_models import Listing, ListPage, ListQuery, ListRow, Tally
 from harness.contracts.values import Moment, Value
+
+State = TypeVar("State")
 
 
 class NewEvent(Value):
@@ -81,6 +85,29 @@ class EventStore(Protocol):
         """Recompute the chain and every record's digest; raises LogDamaged that names the first bad position."""
 
     def close(self) -> None: ...
+
+
+class StateSnapshot(Value):
+    """A stream's folded state up to `version`, as canonical JSON. `digest` is the body's SHA-256.
+
+    `fingerprint` names the shape of the state and the code that folded it: another one makes the snapshot void.
+    """
+
+    stream: StreamId
+    version: int
+    fingerprint: Digest
+    digest: Digest
+    body: bytes
+
+
+class Snapshots(Protocol):
+    """Folded states kept aside, so that opening a stream costs its tail. Losing one costs time and nothing else."""
+
+    def restore(self, stream: StreamId, initial: State) -> tuple[State, int]:
+        """The newest usable state and its version; `initial` and 0 if there is none. Never raises for a bad one."""
+
+    def offer(self, stream: StreamId, version: int, state: object) -> None:
+        """Take note that the stream stands there; what is worth keeping is written later, off the caller's path."""
 
 
 class BlobStore(Protocol):
@@ -171,3 +198,56 @@ class Signals(Protocol):
     """Names of what changed, for whoever watches. Losing one costs nothing."""
 
     def changed(self, name: str) -> None: ...
+
+
+class MemoryIndex(Protocol):
+    """A read model of memory records that follows the log. It can be dropped at any time and built again."""
+
+    def mark(self) -> Mark: ...
+
+    def add(self, records: Sequence[MemoryRecord], *, after: Mark, upto: Mark) -> None:
+        """All or nothing, with the new mark. Raises ConcurrencyConflict if the index is not at `after`."""
+
+    def clear(self) -> None:
+        """Forget everything; the mark is at position 0."""
+
+    def get(self, record_id: str) -> Remembered:
+        """Raises UnknownName."""
+
+    def current(self, kind: str, subject: str) -> list[Remembered]:
+        """Records of one kind and subject that nothing has superseded, oldest first; disputed ones included."""
+
+    def find(self, query: MemoryQuery) -> list[Remembered]:
+        """Newest first."""
+
+    def close(self) -> None: ...
+
+
+class ReadModels(Protocol):
+    """Lists that follow the log. Losing them costs a rebuild and nothing else."""
+
+    def mark(self) -> Mark:
+        """How far they have followed the log; position 0 and no fold if they hold nothing."""
+
+    def add(self, rows: Sequence[ListRow], *, after: Mark, upto: Mark) -> None:
+        """Put rows in the place of those with their number. All or nothing.
+
+        Raises ConcurrencyConflict if the lists are not at `after`.
+        """
+
+    def clear(self) -> None:
+        """Forget everything."""
+
+    def page(self, query: ListQuery) -> ListPage:
+        """One page of a list."""
+
+    def count(self, query: ListQuery) -> int:
+        """How many rows answer the query, counted up to read_models.MANY + 1; `after` and `limit` play no part."""
+
+    def tallies(self, listing: Listing) -> list[Tally]:
+        """Every value of every facet with its count, and the whole list under an empty facet."""
+
+    def body(self, listing: Listing, key: str) -> bytes | None:
+        """One item by its key."""
+
+    def close(self) -> None: ...

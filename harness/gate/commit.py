@@ -9,7 +9,7 @@ from harness.contracts.decider import Decider
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ConcurrencyConflict
 from harness.contracts.ids import StreamId
-from harness.contracts.ports import Batch, Clock, EventStore, Record
+from harness.contracts.ports import Batch, Clock, EventStore, Record, Snapshots
 
 
 @dataclass(frozen=True)
@@ -23,8 +23,16 @@ class Request:
 class Gate:
     """Folds are kept per stream, so that a commit loads only the tail."""
 
-    def __init__(self, *, store: EventStore, clock: Clock, deciders: dict[str, Decider[Any, Any, Any]]) -> None:
+    def __init__(
+        self,
+        *,
+        store: EventStore,
+        clock: Clock,
+        deciders: dict[str, Decider[Any, Any, Any]],
+        snapshots: Snapshots | None = None,
+    ) -> None:
         self._store = store
+        self._snapshots = snapshots
         self._clock = clock
         self._deciders = deciders
         self._folds: dict[StreamId, tuple[Any, int]] = {}
@@ -34,11 +42,12 @@ class Gate:
         """The fold of a stream as the log has it now."""
         with self._lock:
             decider = self._decider(stream)
-            state, version = self._folds.get(stream, (decider.initial, 0))
+            state, version = self._folds.get(stream) or self._restored(stream, decider)
             tail = self._store.load(stream, version)
             if tail:
                 state = decider.fold(state, (decider.codec.decode(event) for event in tail))
-                self._folds[stream] = (state, version + len(tail))
+            if version + len(tail):
+                self._advance(stream, state, version + len(tail))
             return state
 
     def commit(self, requests: Sequence[Request], *, records: Sequence[Record] = ()) -> Accepted[Any] | Refused:
@@ -78,8 +87,15 @@ class Gate:
         self._store.append(batches, tuple(records), self._clock.now())
         for request, version, events in decided:
             state, _ = self._folds.get(request.stream, (self._decider(request.stream).initial, 0))
-            folded = self._decider(request.stream).fold(state, events)
-            self._folds[request.stream] = (folded, version + len(events))
+            self._advance(request.stream, self._decider(request.stream).fold(state, events), version + len(events))
+
+    def _restored(self, stream: StreamId, decider: Decider[Any, Any, Any]) -> tuple[Any, int]:
+        return self._snapshots.restore(stream, decider.initial) if self._snapshots else (decider.initial, 0)
+
+    def _advance(self, stream: StreamId, state: Any, version: int) -> None:
+        self._folds[stream] = (state, version)
+        if self._snapshots:
+            self._snapshots.offer(stream, version, state)
 
     def _decider(self, stream: StreamId) -> Decider[Any, Any, Any]:
         return self._deciders[stream.split("/", 1)[0]]

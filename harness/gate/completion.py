@@ -19,6 +19,7 @@ from harness.gate.rules import GATE_RULES, first_broken
 from harness.projections.mission import Mission, required_contract
 from harness.recovery.classify import classify
 from harness.verification.facts import facts_of
+from harness.verification.finding import UNAVAILABLE
 
 
 def complete(mission: Mission, command: CompleteNode) -> Decision[MissionEvent]:
@@ -38,6 +39,7 @@ def complete(mission: Mission, command: CompleteNode) -> Decision[MissionEvent]:
             packet_id=identity.packet_id,
             facts=facts_of(verdict, packet=packet, node=node, k=mission.k + 1),
             withdrawn=_ended_by(node, mission),
+            aborting=mission.invocation is not None and mission.invocation.intent.aborting,
         )
         return Accepted((*trace, committed))
     rule, message = broken
@@ -50,7 +52,13 @@ def complete(mission: Mission, command: CompleteNode) -> Decision[MissionEvent]:
     )
     if mission.invocation is None or mission.invocation.intent.invocation_id != identity.invocation_id:
         return Accepted((*trace, rejected))
-    failure = classify(verdict=verdict.verdict, terminal=packet.terminal, failure_word=packet.failure, rule=rule)
+    failure = classify(
+        verdict=verdict.verdict,
+        terminal=packet.terminal,
+        failure_word=packet.failure,
+        rule=rule,
+        unverified=verdict.verifier == UNAVAILABLE,
+    )
     classified = FailureClassified(
         node_id=mission.invocation.intent.node_id,
         invocation_id=identity.invocation_id,

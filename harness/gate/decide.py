@@ -14,6 +14,7 @@ from harness.contracts.commands import (
     ClearVeto,
     CompleteNode,
     CreateMission,
+    DisputeCompletion,
     EndInvocation,
     EndMission,
     FailNode,
@@ -21,13 +22,16 @@ from harness.contracts.commands import (
     MissionCommand,
     PauseMission,
     RaiseVeto,
+    RecordAttestation,
     RecordObservation,
     RefusePrecondition,
     ReportFailure,
     ResumeInvocation,
     ResumeMission,
+    ReviseContract,
     StopInvocation,
     StopMission,
+    TightenConstraints,
 )
 from harness.contracts.decider import Codec, Decider
 from harness.contracts.decisions import Accepted, Decision, Refused
@@ -48,8 +52,11 @@ from harness.contracts.tasks import check
 from harness.contracts.values import Moment, digest
 from harness.gate.completion import complete
 from harness.gate.dispatch import authorise, wait
-from harness.gate.ends import acknowledge, answer, ask, end, judge, pause, resume, stop, stop_invocation, unfinished
-from harness.projections.mission import Mission, apply
+from harness.gate.ends import acknowledge, answer, ask, end, pause, resume, stop, stop_invocation, unfinished
+from harness.gate.goal import judge
+from harness.gate.revisions import attest, dispute, revise, tighten
+from harness.projections.mission import Mission
+from harness.projections.mission_fold import apply
 
 
 def decide(mission: Mission, command: MissionCommand, now: Moment) -> Decision[MissionEvent]:
@@ -58,7 +65,7 @@ def decide(mission: Mission, command: MissionCommand, now: Moment) -> Decision[M
         return _create(mission, command)
     if not mission.version:
         return Refused("no_mission", "This mission does not exist.")
-    if mission.ended and not isinstance(command, CompleteNode):
+    if mission.ended and not isinstance(command, CompleteNode | DisputeCompletion):
         return Refused("mission_ended", f"The mission is over: {mission.status}.")
     return _decided(mission, command)
 
@@ -88,7 +95,15 @@ def _decided(mission: Mission, command: MissionCommand) -> Decision[MissionEvent
         case ResumeInvocation():
             return Accepted((InvocationResumed(invocation_id=command.invocation_id),))
         case FailNode():
-            return Accepted((NodeFailed(node_id=command.node_id, reason=command.reason),))
+            return Accepted((NodeFailed(node_id=command.node_id, reason=command.reason, context=command.context),))
+        case ReviseContract():
+            return revise(mission, command)
+        case TightenConstraints():
+            return tighten(mission, command)
+        case DisputeCompletion():
+            return dispute(mission, command)
+        case RecordAttestation():
+            return attest(mission, command)
         case AskPerson():
             return ask(mission, command)
         case AnswerMission():

@@ -14,9 +14,10 @@ from harness.contracts.events import (
 from harness.contracts.ids import Digest, invocation_id, request_id
 from harness.contracts.proposals import RecoveryProposal
 from harness.contracts.tasks import Node
-from harness.projections.mission import Mission, NodeState, eligible, required_contract, required_policy
+from harness.projections.mission import Mission, NodeState, eligible, failed, required_contract, required_policy
 from harness.recovery.approval import approval_required
 from harness.recovery.rules import first_broken_recovery
+from harness.recovery.standing import VERIFY_ONLY, left_now
 
 
 def authorise(mission: Mission, command: AuthoriseDispatch) -> Decision[MissionEvent]:
@@ -27,16 +28,24 @@ def authorise(mission: Mission, command: AuthoriseDispatch) -> Decision[MissionE
     paid = _payment(mission, command)
     k = mission.k + sum(_bumps(event) for event in paid)
     planned: tuple[MissionEvent, ...] = (command.planned,) if command.planned else ()
-    return Accepted((*planned, *paid, replace(command.intent, k_ctx=k)))
+    return Accepted((*planned, *paid, replace(command.intent, k_ctx=k, aborting=_aborting(mission, command.intent))))
+
+
+def _aborting(mission: Mission, intent: DispatchIntended) -> bool:
+    """Whether this runs because a required stage failed: it then brings the body back and counts as no stage (D26)."""
+    contract = required_contract(mission)
+    node = contract.node(intent.node_id)
+    waits_for = {dependency for dependency in node.depends_on if mission.of(dependency).status != "committed"}
+    return node.runs_after_failure and failed(mission) and bool(waits_for)
 
 
 def wait(mission: Mission, command: AuthoriseWait) -> Decision[MissionEvent]:
-    """A free rung. Waiting is bounded by the node's timeout (D24)."""
+    """A free rung without an invocation of its own. Waiting is bounded by the node's timeout (D24)."""
     node = mission.of(command.node_id)
     if node.failure is None:
         return Refused("no_failure", f"Node {command.node_id} has no failure to answer.")
-    if command.proposal.cost:
-        return Refused("not_free", f"{command.proposal.action} costs budget and needs a dispatch.")
+    if command.proposal.cost or command.proposal.action in VERIFY_ONLY:
+        return Refused("not_waiting", f"{command.proposal.action} is an invocation and needs a dispatch.")
     broken = first_broken_recovery(
         mission, node_id=command.node_id, proposal=command.proposal, signature=None, policy=required_policy(mission)
     )
@@ -44,7 +53,8 @@ def wait(mission: Mission, command: AuthoriseWait) -> Decision[MissionEvent]:
         return broken
     latest = node.failure.at_s + required_contract(mission).node(command.node_id).timeout_s
     until_s = min(command.until_s, latest)
-    return Accepted((spend(node, command.proposal, attempt=node.attempt, context=command.context, until_s=until_s),))
+    rung = spend(node, command.proposal, attempt=node.attempt, context=command.context, until_s=until_s)
+    return Accepted((accounted(mission, rung),))
 
 
 def _unready(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
@@ -52,8 +62,10 @@ def _unready(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
     waiting = mission.status == "awaiting_human" and command.approval == mission.handoff_id
     if mission.status != "active" and not waiting:
         return Refused("not_active", f"The mission is {mission.status}.")
-    if mission.invocation is not None:
-        return Refused("invocation_open", f"{mission.invocation.intent.invocation_id} is still open (one at a time).")
+    invocation = mission.invocation
+    given_up = invocation is not None and invocation.status == "outcome_unknown" and command.approval is not None
+    if invocation is not None and not given_up:
+        return Refused("invocation_open", f"{invocation.intent.invocation_id} is still open (one at a time).")
     if mission.vetoes:
         return Refused("vetoed", "; ".join(f"{layer}: {why}" for layer, why in sorted(mission.vetoes.items())))
     node = mission.nodes.get(intent.node_id)
@@ -81,6 +93,11 @@ def _misbound(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
         return Refused("wrong_capability", f"{intent.capability} may not serve {intent.node_id}.")
     if intent.verify_only and intent.moves:
         return Refused("verify_only_moves", "A verify-only invocation observes; it never actuates.")
+    if intent.verify_only != (command.recovery is not None and command.recovery.action in VERIFY_ONLY):
+        return Refused("wrong_kind", "Looking again observes only, and nothing else may be verify-only (D24).")
+    allowed = required_contract(mission).constraints.resources
+    if beyond := sorted(set(intent.resources) - set(allowed)) if allowed else []:
+        return Refused("resource_not_allowed", f"The contract does not allow the use of {', '.join(beyond)}.")
     return _effect_changed(mission, intent, node)
 
 
@@ -88,7 +105,9 @@ def _effect_changed(mission: Mission, intent: DispatchIntended, node: Node) -> R
     changed = [
         name
         for name, value in node.parameters.items()
-        if name in intent.parameters and intent.parameters[name] != value and not bound_late(value)
+        if name in intent.parameters
+        and not (intent.parameters[name] == value or bound_late(value))
+        and not _slower(name, intent.parameters[name], value)
     ]
     if changed and not intent.verify_only:
         return Refused("effect_changed", f"An attempt keeps the node's effect; changed: {', '.join(changed)}.")
@@ -96,6 +115,12 @@ def _effect_changed(mission: Mission, intent: DispatchIntended, node: Node) -> R
     if isinstance(speed, float | int) and speed > cap:
         return Refused("over_speed", f"{speed:g} m/s exceeds the contract's {cap:g} m/s.")
     return None
+
+
+def _slower(name: str, asked: object, stated: object) -> bool:
+    """Whether a speed cap is below the stated one: a restriction changes no effect."""
+    numbers = isinstance(asked, int | float) and isinstance(stated, int | float)
+    return name == "speed_cap_mps" and numbers and asked < stated  # type: ignore[operator]
 
 
 def bound_late(value: object) -> bool:
@@ -115,7 +140,7 @@ def _unpaid(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
         )
         if broken:
             return broken
-    elif node.attempt > 0 and command.approval is None and command.recovery is None:
+    elif not (node.fresh or waited(node)) and command.approval is None and command.recovery is None:
         return Refused("not_authorised", "A further attempt needs an authorised recovery action or an operator.")
     if command.approval is not None:
         return None
@@ -127,6 +152,12 @@ def _unpaid(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
         share=required_policy(mission).approval_share,
     )
     return Refused("approval_required", needed) if needed else None
+
+
+def waited(node: NodeState) -> bool:
+    """Whether an authorised wait opened the next attempt: what kept the stage from working is over (D24)."""
+    last = node.spends[-1] if node.spends else None
+    return last is not None and last.action == "wait" and last.attempt == node.attempt and node.failure is None
 
 
 def _payment(mission: Mission, command: AuthoriseDispatch) -> tuple[MissionEvent, ...]:
@@ -155,7 +186,7 @@ def _payment(mission: Mission, command: AuthoriseDispatch) -> tuple[MissionEvent
         context=command.recovery_context or command.intent.context,
         until_s=None,
     )
-    return (*events, replace(paid, signature=command.signature))
+    return (*events, accounted(mission, replace(paid, signature=command.signature)))
 
 
 def spend(
@@ -177,6 +208,12 @@ def spend(
         reason=proposal.reason,
         until_s=until_s,
     )
+
+
+def accounted(mission: Mission, rung: RecoveryAuthorised) -> RecoveryAuthorised:
+    """The rung with what both total budgets hold after it (R128)."""
+    left_node, left_mission = left_now(mission, rung.node_id)
+    return replace(rung, left_node=left_node - rung.cost, left_mission=left_mission - rung.cost)
 
 
 def _bumps(event: MissionEvent) -> int:

@@ -1,4 +1,6 @@
-"""Pure: failures without a packet, persons' words, the goal, and how missions end."""
+"""Pure: failures without a packet, persons' words, and how missions end."""
+
+from msgspec.structs import replace
 
 from harness.contracts.commands import (
     AcknowledgeStop,
@@ -6,7 +8,6 @@ from harness.contracts.commands import (
     AskPerson,
     EndInvocation,
     EndMission,
-    JudgeGoal,
     PauseMission,
     RefusePrecondition,
     ReportFailure,
@@ -16,10 +17,8 @@ from harness.contracts.commands import (
 )
 from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.events import (
-    CompletionReported,
     FailureClassified,
     FailureReported,
-    GoalVerified,
     HandoffAnswered,
     HandoffRequested,
     InvocationEnded,
@@ -29,12 +28,11 @@ from harness.contracts.events import (
     MissionPaused,
     MissionResumed,
     PreconditionRefused,
-    RecoveryAuthorised,
     StopAcknowledged,
     StopRequested,
 )
-from harness.contracts.verdicts import strictest
-from harness.projections.mission import Mission, all_required_committed, required_contract
+from harness.gate.dispatch import accounted, spend
+from harness.projections.mission import Mission, required_contract
 from harness.recovery.classify import classify
 
 
@@ -97,18 +95,14 @@ def stop_invocation(mission: Mission, command: StopInvocation) -> Decision[Missi
     if command.recovery is None:
         return Accepted((requested,))
     node = mission.of(invocation.intent.node_id)
-    rung = RecoveryAuthorised(
-        node_id=node.node_id,
-        failure=command.recovery.failure,
-        action=command.recovery.action,
-        cost=0,
+    rung = spend(
+        node,
+        command.recovery,
         attempt=node.attempt,
-        signature=None,
-        excluded=node.excluded,
         context=command.recovery_context or invocation.intent.context,
-        reason=command.recovery.reason,
+        until_s=None,
     )
-    return Accepted((rung, requested))
+    return Accepted((accounted(mission, replace(rung, cost=0)), requested))
 
 
 def ask(mission: Mission, command: AskPerson) -> Decision[MissionEvent]:
@@ -118,7 +112,11 @@ def ask(mission: Mission, command: AskPerson) -> Decision[MissionEvent]:
     if mission.invocation is not None and mission.invocation.status != "outcome_unknown":
         return Refused("invocation_open", "Stop the invocation first: a person is asked with the robot at rest.")
     requested = HandoffRequested(
-        handoff_id=command.handoff_id, node_id=command.node_id, failure=command.failure, reason=command.reason
+        handoff_id=command.handoff_id,
+        node_id=command.node_id,
+        failure=command.failure,
+        reason=command.reason,
+        context=command.context,
     )
     return Accepted((requested,))
 
@@ -167,32 +165,6 @@ def acknowledge(mission: Mission, command: AcknowledgeStop) -> Decision[MissionE
         return Accepted((acknowledged, FailureReported(text=why), MissionEnded(status="cancelled", reason=why)))
     unsure = f"{why}. No evidence shows the robot at rest: {command.reason}"
     return Accepted((acknowledged, FailureReported(text=unsure), MissionEnded(status="failed", reason=unsure)))
-
-
-def judge(mission: Mission, command: JudgeGoal) -> Decision[MissionEvent]:
-    """The only way to SUCCEEDED: a satisfied verdict over every original completion condition (R118, R119)."""
-    verdict, contract = command.verdict, required_contract(mission)
-    if mission.status not in ("active", "goal_check") or mission.invocation is not None:
-        return Refused("not_ready", f"The mission is {mission.status}; the goal is tested once all work is done.")
-    if verdict.mission_id != mission.mission_id:
-        return Refused("wrong_identity", f"The verdict is about {verdict.mission_id}.")
-    if not all_required_committed(mission):
-        return Refused("nodes_open", "A required node is not committed.")
-    declared = [condition.condition_id for condition in contract.completion_conditions]
-    if sorted(declared) != sorted(result.condition_id for result in verdict.results):
-        return Refused("uncovered_condition", "The verdict does not cover the original completion conditions.")
-    worst = strictest((verdict.verdict, *(result.verdict for result in verdict.results)))
-    if worst == "satisfied" and not mission.vetoes:
-        text = f"Goal met: {contract.goal.text}. {verdict.reason}".strip()
-        done = MissionEnded(status="succeeded", reason="the goal verdict is satisfied")
-        return Accepted((GoalVerified(verdict=verdict), CompletionReported(text=text), done))
-    left = contract.recovery_total - mission.spent_total
-    if worst == "ambiguous" and not mission.relooks and left > 0:
-        return Accepted((GoalVerified(verdict=verdict, relook=True),))
-    why = f"All stages done, goal not met ({worst}): {verdict.reason}"
-    return Accepted(
-        (GoalVerified(verdict=verdict), FailureReported(text=why), MissionEnded(status="failed", reason=why))
-    )
 
 
 def end(mission: Mission, command: EndMission) -> Decision[MissionEvent]:

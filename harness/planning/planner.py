@@ -1,5 +1,8 @@
 """Pure: the planning role. It proposes the next node from C1; it starts, commits and promises nothing."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import msgspec
 
 from harness.contracts.contexts import Context
@@ -7,6 +10,8 @@ from harness.contracts.decisions import Refused
 from harness.contracts.ids import NodeId
 from harness.contracts.proposals import PlanProposal
 from harness.projections.mission import Mission, eligible
+
+LONGEST_REASON = 1000
 
 
 class _Open(msgspec.Struct, frozen=True):
@@ -36,6 +41,21 @@ def plan(context: Context) -> PlanProposal:
     )
 
 
+@dataclass(frozen=True)
+class Planner:
+    """Whoever proposes the next node from C1, under a name that stands in the log. A proposal has no authority (R41).
+
+    A model behind `plan` may answer anything or raise; the harness admits its proposal or takes its own.
+    """
+
+    name: str
+    plan: Callable[[Context], PlanProposal]
+
+
+GRAPH_ORDER = Planner(name="graph-order-1", plan=plan)
+"""The deterministic planner: no model, no prose."""
+
+
 def plan_refusal(proposal: PlanProposal, *, mission: Mission) -> Refused | None:
     """Why this plan may not be taken up, whoever made it, a model included; None if it may (R41)."""
     if mission.status != "active":
@@ -50,6 +70,50 @@ def plan_refusal(proposal: PlanProposal, *, mission: Mission) -> Refused | None:
     if proposal.node_id in ready:
         return None
     return Refused("not_eligible", f"{proposal.node_id} may not start now; eligible: {', '.join(ready) or 'none'}.")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is done next: the planner's proposal where the harness admits it, else the harness's own.
+
+    `proposal` is what the planner said, cut to what can be stored; None if it said nothing usable.
+    """
+
+    node_id: NodeId | None
+    reason: str
+    planner: str
+    proposal: PlanProposal | None
+    refused: str = ""
+
+
+def planned(planner: Planner, context: Context, *, mission: Mission) -> Plan:
+    """Ask the planner, admit or refuse. A planner that is refused, raises or sees nothing to do stops nothing."""
+    own = plan(context)
+    try:
+        proposal = _storable(planner.plan(context))
+    except Exception as error:  # noqa: BLE001 - a planner that breaks has proposed nothing, whatever broke it
+        refused = f"{planner.name} proposed nothing usable: {type(error).__name__}: {_short(str(error))}"
+        return Plan(node_id=own.node_id, reason=own.reason, planner=planner.name, proposal=None, refused=refused)
+    broken = plan_refusal(proposal, mission=mission)
+    if broken is None and proposal.node_id is None and own.node_id is not None:
+        broken = Refused("work_left", f"{own.node_id} may start, whatever the plan says of the mission.")
+    if broken is not None:
+        return Plan(
+            node_id=own.node_id, reason=own.reason, planner=planner.name, proposal=proposal, refused=broken.message
+        )
+    return Plan(node_id=proposal.node_id, reason=proposal.reason, planner=planner.name, proposal=proposal)
+
+
+def _storable(said: PlanProposal) -> PlanProposal:
+    """The proposal as text that the log can hold. Raises TypeError if it is none."""
+    if not isinstance(said, PlanProposal):
+        raise TypeError(f"{type(said).__name__} is no plan")
+    node_id = NodeId(_short(said.node_id)) if said.node_id is not None else None
+    return PlanProposal(node_id=node_id, reason=_short(said.reason))
+
+
+def _short(text: str) -> str:
+    return text.encode("utf-8", "replace").decode()[:LONGEST_REASON]
 
 
 def admissible(proposal: PlanProposal, *, mission: Mission) -> bool:

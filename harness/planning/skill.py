@@ -12,7 +12,7 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.evidence import CommittedFact
 from harness.contracts.proposals import SkillProposal
 from harness.contracts.protocol import Parameters, ParameterValue
-from harness.contracts.tasks import Node
+from harness.contracts.tasks import Constraints, Node
 from harness.planning.binding import names_in, substitute
 
 LOOK_S, LONG_LOOK_S = 3.0, 6.0
@@ -29,13 +29,14 @@ class _Attempt(msgspec.Struct, frozen=True):
 def propose_skill(context: Context) -> SkillProposal:
     """The parameters of one invocation by the provider whose card C2 holds. C2 is the only state it sees.
 
-    Reads `node`, `card`, `attempt` and `facts`. A text `@{node.argument}` becomes that argument of a committed fact;
+    Reads `node`, `card`, `attempt`, `constraints` and `facts`. A text `@{node.argument}` becomes that argument of a committed fact;
     what the card does not name is dropped.
     Raises ContractInvalid with what the card requires and the node or the facts cannot give.
     """
     node, card = _required(context, "node").read(Node), _required(context, "card").read(CapabilityCard)
     attempt = _required(context, "attempt").read(_Attempt)
-    asked = requested(node, capability=card.capability, attempt=attempt.attempt, action=attempt.action)
+    wanted = requested(node, capability=card.capability, attempt=attempt.attempt, action=attempt.action)
+    asked = within(wanted, _constraints(context))
     taken = {parameter.name: asked[parameter.name] for parameter in card.parameters if parameter.name in asked}
     grounded = substitute(taken, bindings=_arguments(context), sigil="@", path=f"nodes.{node.node_id}.parameters")
     parameters = {
@@ -67,6 +68,19 @@ def requested(
         for name, value in node.parameters.items()
     }
     return {**stated, **({"replan": True} if attempt > 1 else {})}
+
+
+def within(parameters: Parameters, constraints: Constraints | None) -> Parameters:
+    """The parameters under the limits that hold now: a later restriction binds what the node once stated."""
+    speed = parameters.get("speed_cap_mps")
+    if constraints is None or not isinstance(speed, int | float) or speed <= constraints.speed_cap_mps:
+        return parameters
+    return {**parameters, "speed_cap_mps": constraints.speed_cap_mps}
+
+
+def _constraints(context: Context) -> Constraints | None:
+    record = context.one("constraints")
+    return record.read(Constraints) if record else None
 
 
 def _arguments(context: Context) -> dict[str, dict[str, Any]]:

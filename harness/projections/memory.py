@@ -41,8 +41,14 @@ from harness.contracts.events import (
     VetoRaised,
 )
 from harness.contracts.evidence import CommittedFact, EvidencePacket
-from harness.contracts.ids import ConditionId, Digest, InvocationId, MissionId, NodeId, RobotId
+from harness.contracts.ids import ConditionId, Digest, InvocationId, MissionId, NodeId, PacketId, RobotId
 from harness.contracts.places import Passage, Place, Route
+from harness.contracts.revision_events import (
+    AttestationRecorded,
+    CompletionDisputed,
+    ConstraintsTightened,
+    GraphRevised,
+)
 from harness.contracts.tasks import Node, TaskContract
 from harness.contracts.values import Count, Value
 from harness.contracts.verdicts import NodeVerdict
@@ -67,8 +73,15 @@ class Judgement(Value):
     committed: bool
 
 
+class Credit(Value):
+    """Which attempt a verified result belongs to, and which execution caused the effect that was judged."""
+
+    attempt: InvocationId
+    acting: InvocationId
+
+
 class MissionThread(Value):
-    """Where a mission stands, as far as its records are concerned. `judged`: acting executions with an outcome."""
+    """Where a mission stands, as far as its records are concerned. `facts`: the last acceptance of each condition."""
 
     version: Count = 0
     mission_id: MissionId = MissionId("")
@@ -78,7 +91,8 @@ class MissionThread(Value):
     intents: dict[InvocationId, DispatchIntended] = msgspec.field(default_factory=dict)
     acting: dict[NodeId, InvocationId] = msgspec.field(default_factory=dict)
     facts: dict[ConditionId, CommittedFact] = msgspec.field(default_factory=dict)
-    judged: tuple[InvocationId, ...] = ()
+    terminals: dict[InvocationId, float] = msgspec.field(default_factory=dict)
+    credits: dict[PacketId, Credit] = msgspec.field(default_factory=dict)
     packet: EvidencePacket | None = None
     verdict: NodeVerdict | None = None
     ended: bool = False
@@ -87,6 +101,10 @@ class MissionThread(Value):
         """The node's declaration; none before the contract, or for a name the graph does not have."""
         nodes = self.contract.nodes if self.contract else ()
         return next((node for node in nodes if node.node_id == node_id), None)
+
+    def judged(self, acting: InvocationId) -> bool:
+        """Whether this execution has an outcome already."""
+        return any(credit.acting == acting for credit in self.credits.values())
 
     def place(self, node_id: NodeId) -> str:
         """The id of the place a node works at; empty where none is known."""
@@ -98,23 +116,28 @@ def follow(thread: MissionThread, event: MissionEvent) -> MissionThread:
     nxt = replace(thread, version=thread.version + 1)
     match event:
         case MissionCreated():
-            return replace(
-                nxt, mission_id=event.mission_id, robot_id=event.robot_id, configuration=event.configuration
-            )
+            return replace(nxt, mission_id=event.mission_id, robot_id=event.robot_id, configuration=event.configuration)
         case ContractCompiled():
             return replace(nxt, contract=event.contract)
+        case GraphRevised():
+            return replace(nxt, contract=event.contract or nxt.contract)
         case DispatchIntended():
             acting = {} if event.verify_only else {event.node_id: event.invocation_id}
             return replace(
-                nxt, intents=nxt.intents | {event.invocation_id: event}, acting=nxt.acting | acting, packet=None, verdict=None
+                nxt,
+                intents=nxt.intents | {event.invocation_id: event},
+                acting=nxt.acting | acting,
+                packet=None,
+                verdict=None,
             )
         case PacketRetained():
-            return replace(nxt, packet=event.packet, verdict=None)
+            ended = {event.packet.identity.invocation_id: event.packet.terminal_s}
+            return replace(nxt, packet=event.packet, verdict=None, terminals=nxt.terminals | ended)
         case VerdictRecorded():
             return replace(nxt, verdict=event.verdict)
         case NodeCommitted():
-            kept = {name: fact for name, fact in nxt.facts.items() if name not in event.withdrawn}
-            return _settled(replace(nxt, facts=kept | {fact.condition_id: fact for fact in event.facts}), event)
+            facts = nxt.facts | {fact.condition_id: fact for fact in event.facts}
+            return _settled(replace(nxt, facts=facts), event)
         case CommitRejected():
             return _settled(nxt, event)
         case MissionEnded():
@@ -125,6 +148,7 @@ def follow(thread: MissionThread, event: MissionEvent) -> MissionThread:
             | VetoCleared() | FailureClassified() | RecoveryAuthorised() | NodeFailed() | HandoffRequested()
             | HandoffAnswered() | OperatorRetryGranted() | MissionPaused() | MissionResumed() | StopRequested()
             | StopAcknowledged() | GoalVerified() | CompletionReported() | FailureReported()
+            | ConstraintsTightened() | AttestationRecorded() | CompletionDisputed()
         ):  # fmt: skip
             return nxt
         case _:
@@ -177,8 +201,9 @@ def _converted(value: Any, kind: type[T]) -> T | None:
 
 
 def _settled(thread: MissionThread, event: NodeCommitted | CommitRejected) -> MissionThread:
-    """Remember that this acting execution has an outcome, so that a later look at it is a second word, not a first."""
+    """Remember whom a result is credited to, so that a later look at it is a second word, and a dispute finds it."""
     closed = judgement(thread, event)
-    if closed is None or closed.acting.invocation_id in thread.judged:
+    if closed is None:
         return thread
-    return replace(thread, judged=(*thread.judged, closed.acting.invocation_id))
+    credit = Credit(attempt=closed.intent.invocation_id, acting=closed.acting.invocation_id)
+    return replace(thread, credits=thread.credits | {event.packet_id: credit})

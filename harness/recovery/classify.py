@@ -36,12 +36,17 @@ _WORDS: dict[str, FailureClass] = {
 
 
 def classify(
-    *, verdict: Verdict | None, terminal: InvocationStatus | None, failure_word: str = "", rule: str = ""
+    *,
+    verdict: Verdict | None,
+    terminal: InvocationStatus | None,
+    failure_word: str = "",
+    rule: str = "",
+    unverified: bool = False,
 ) -> FailureClass | None:
     """Unsafe first, else how the execution ended, else the verdict (D24). None when nothing failed.
 
     `terminal` is the supervisor's last word (None: never dispatched), `failure_word` the card's word or the
-    supervisor's reason, `rule` the gate's rule if it refused.
+    supervisor's reason, `rule` the gate's rule if it refused. `unverified`: no verifier could answer (R45).
     """
     word = _of_word(failure_word)
     if verdict == "unsafe" or word == "unsafe_action":
@@ -51,6 +56,8 @@ def classify(
         return ended
     if rule == "obsolete_version":
         return "stale_evidence"
+    if unverified and verdict == "ambiguous":
+        return "verifier_unavailable"
     judged = _of_verdict(verdict)
     if judged is not None:
         return judged

@@ -8,7 +8,9 @@ from harness.contracts.values import Count, Value
 from harness.projections.mission import Mission, Spend, required_contract
 
 OBSERVING: tuple[RecoveryAction, ...] = ("re_perceive", "adjust_view")
-"""Actions that run an observing skill, never the node's motion (D24)."""
+"""Spending actions that run an observing skill, never the node's motion (D24)."""
+VERIFY_ONLY: tuple[RecoveryAction, ...] = (*OBSERVING, "verify_again")
+"""Actions whose invocation observes without actuation and is judged with the earlier packets (D3)."""
 
 
 class Standing(Value):
@@ -54,6 +56,28 @@ def standing_of(mission: Mission, node_id: NodeId) -> Standing:
         left_mission=contract.recovery_total - mission.spent_total,
         news_s=_newest_sensor_s(mission, node_id),
     )
+
+
+def over_budget(mission: Mission, node_id: NodeId, action: RecoveryAction) -> str:
+    """Why no budget pays for this action at this node now, failure or not: a slug and a sentence; empty if one does."""
+    left_node, left_mission = left_now(mission, node_id)
+    state, limits = mission.of(node_id), required_contract(mission).node(node_id).recovery
+    standing = Standing(
+        failure="violated",
+        failed_s=0.0,
+        spends=state.spends,
+        left=left_of(limits, state.spends),
+        left_node=left_node,
+        left_mission=left_mission,
+    )
+    return unaffordable(action, standing)
+
+
+def left_now(mission: Mission, node_id: NodeId) -> tuple[int, int]:
+    """What is left of the node's total budget and of the mission's, never below zero."""
+    contract, state = required_contract(mission), mission.of(node_id)
+    left_node = contract.node(node_id).recovery.total - state.spent_total
+    return max(0, left_node), max(0, contract.recovery_total - mission.spent_total)
 
 
 def left_of(limits: RecoveryLimits, spends: tuple[Spend, ...]) -> dict[RecoveryAction, int]:

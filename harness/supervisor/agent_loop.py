@@ -10,6 +10,7 @@ from harness.contracts.contexts import Context
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContextOverflow, ContractInvalid
 from harness.contracts.ids import MissionId, NodeId
+from harness.planning.planner import Plan
 from harness.projections.mission import Mission, NodeState, all_required_committed, eligible, failed
 from harness.runtime import Live, Runtime
 from harness.supervisor.attend import POLL_S, Attendant
@@ -84,6 +85,10 @@ class AgentLoop:
         if failing is not None and (invocation is None or not invocation.stop_requested):
             return self._recovery.answer(mission, failing)
         if invocation is not None:
+            lost = mission.of(invocation.intent.node_id)
+            if invocation.status == "outcome_unknown" and lost.wait_until_s is not None and now_s >= lost.wait_until_s:
+                self._again(mission, lost, "the execution could not be found again", now_s)
+                return now_s
             return self._attendant.attend(mission, invocation)
         self._publish(mission)
         return self._advance(mission, now_s)
@@ -104,21 +109,20 @@ class AgentLoop:
 
     def _dispatch(self, mission: Mission, now_s: float) -> float:
         """C1 plans; preconditions are tested again; the dispatcher routes, compiles C2 and records the intent."""
-        node_id, c1, reason = self._dispatcher.next_node(mission)
-        if node_id is None:
+        plan, c1 = self._dispatcher.next_node(mission)
+        if plan.node_id is None:
             return now_s + POLL_S
-        blocked = self._dispatcher.blocked(mission, node_id)
+        blocked = self._dispatcher.blocked(mission, plan.node_id)
         if blocked is not None:
-            self._dispatcher.refuse(mission, node_id, blocked)
+            self._dispatcher.refuse(mission, plan.node_id, blocked)
             return now_s
-        return self._first_attempt(mission, node_id, now_s=now_s, c1=(c1, reason))
+        return self._first_attempt(mission, plan.node_id, now_s=now_s, plan=(plan, c1))
 
     def _first_attempt(
-        self, mission: Mission, node_id: NodeId, *, now_s: float, c1: tuple[Context, str] | None
+        self, mission: Mission, node_id: NodeId, *, now_s: float, plan: tuple[Plan, Context] | None = None
     ) -> float:
         try:
-            context, reason = c1 if c1 else (None, "")
-            decision = self._dispatcher.dispatch(mission, Attempt(node_id=node_id), c1=context, reason=reason)
+            decision = self._dispatcher.dispatch(mission, Attempt(node_id=node_id), plan=plan)
         except (ContextOverflow, ContractInvalid) as error:
             self._report(mission, node_id, str(error), now_s)
             return now_s
@@ -135,22 +139,35 @@ class AgentLoop:
         self._runtime.submit(mission.mission_id, failure)
 
     def _waited(self, mission: Mission, node: NodeState, now_s: float) -> float:
-        """A free rung: what is waited for is tried until the wait is over; then the next rung."""
+        """A free rung: what is waited for is looked at until the wait is over; then the node goes on, or up a rung."""
+        rung, last = node.spends[-1], node.failures[-1]
+        if rung.action != "wait":
+            self._again(mission, node, f"after {rung.action}: {last.reason}", now_s)
+            return now_s
+        obstacle = self._obstacle(mission, node)
+        if not obstacle:
+            return self._first_attempt(mission, node.node_id, now_s=now_s)
+        if node.wait_until_s is not None and now_s < node.wait_until_s:
+            return min(now_s + POLL_S, node.wait_until_s)
+        self._again(mission, node, f"waiting did not help: {obstacle}", now_s)
+        return now_s
+
+    def _obstacle(self, mission: Mission, node: NodeState) -> str:
+        """What still keeps the node from starting; what this mission itself left in quarantine is freed at rest."""
         blocked = self._dispatcher.blocked(mission, node.node_id)
-        if blocked is None and node.attempt == 0:
-            return self._first_attempt(mission, node.node_id, now_s=now_s, c1=None)
-        if node.wait_until_s is not None and now_s < node.wait_until_s and blocked is not None:
-            return now_s + POLL_S
-        last = node.failures[-1]
+        if blocked is not None:
+            return blocked.reason
+        taken = self._dispatcher.taken(mission, node.node_id)
+        if taken:
+            self._recovery.free(mission)
+        return taken
+
+    def _again(self, mission: Mission, node: NodeState, reason: str, now_s: float) -> None:
+        """The same failure once more: it climbs to the next rung."""
         again = ReportFailure(
-            node_id=node.node_id,
-            invocation_id=None,
-            failure=last.failure,
-            reason=f"waiting did not help: {blocked.reason if blocked else last.reason}",
-            at_s=now_s,
+            node_id=node.node_id, invocation_id=None, failure=node.failures[-1].failure, reason=reason, at_s=now_s
         )
         self._runtime.submit(mission.mission_id, again)
-        return now_s
 
     def _judge(self, mission: Mission, now_s: float) -> float | None:
         """The original completion conditions, on what was committed and what is seen now (R118)."""

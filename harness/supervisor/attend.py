@@ -23,7 +23,7 @@ from harness.supervisor.leases import give_back
 from harness.supervisor.packets import build_packet
 from harness.supervisor.rest import at_rest
 from harness.supervisor.roles import Roles, context_record
-from harness.verification.verdict import verify
+from harness.verification.verdict import judged
 
 POLL_S = 0.5
 SETTLE_S = 1.6
@@ -51,16 +51,16 @@ class Attendant:
         now_s = self._crew.clock.now().mission_s
         try:
             report = self._report(mission, invocation)
+            self._silent_since = None
+            self._publish(mission, report)
+            if report.status in TERMINAL:
+                return self._finish(mission, invocation, report, now_s)
+            return self._supervise(mission, invocation, report, now_s)
         except ProviderUnreachable as error:
             return self._silence(mission, invocation, now_s, str(error))
         except ProviderFailed as error:
             self._abandon(mission, invocation, failure="provider_unavailable", reason=str(error))
             return now_s
-        self._silent_since = None
-        self._publish(mission, report)
-        if report.status in TERMINAL:
-            return self._finish(mission, invocation, report, now_s)
-        return self._supervise(mission, invocation, report, now_s)
 
     def _report(self, mission: Mission, invocation: Invocation) -> InvocationReport:
         """The provider's word; reattach by handle, else by request id, else send the same request (D13)."""
@@ -96,14 +96,14 @@ class Attendant:
         intent = invocation.intent
         provider = self._crew.provider(intent.provider_id)
         if invocation.stop_requested:
-            if self._stopping_since is None:
-                self._stopping_since = now_s
-                provider.stop(report.handle)
-            elif now_s > self._stopping_since + provider.card.cancel.within_s + ACKNOWLEDGE_S:
+            self._stopping_since = now_s if self._stopping_since is None else self._stopping_since
+            if now_s > self._stopping_since + provider.card.cancel.within_s + ACKNOWLEDGE_S:
                 self._abandon(
                     mission, invocation, failure="cancel_unacknowledged", reason="the stop was not acknowledged"
                 )
                 return now_s
+            if report.status != "stopping":
+                provider.stop(report.handle)
         elif now_s > intent.deadline_s:
             self._late(mission, invocation, now_s)
         elif report.failure == KEEPALIVE_LOST:
@@ -159,7 +159,7 @@ class Attendant:
         )
         card = self._crew.provider(intent.provider_id).card
         c3 = verifier_context(self._roles.view(mission), packet, card)
-        verdict = verify(c3, self._runtime.blob)
+        verdict = judged(c3, self._runtime.blob, verifier=self._crew.verifier)
         requests = [
             Request(mission_stream(mission.mission_id), CompleteNode(packet=packet, verdict=verdict)),
             *give_back(

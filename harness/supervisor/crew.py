@@ -7,14 +7,17 @@ from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import ProviderId, RobotId
 from harness.contracts.ports import Clock, Ids, Provider, Robot, Spool
+from harness.planning.planner import GRAPH_ORDER, Planner
 from harness.projections.mission import Mission
+from harness.verification.verdict import Verifier, verify
 
 
 @dataclass(frozen=True)
 class Crew:
     """`prepare` tells a simulated world which mission begins; a real robot ignores it.
 
-    `revive` tries to bring back a robot that does not answer, and says whether it did.
+    `revive` tries to bring back a robot that does not answer, and says whether it did. `verifier` judges packets and
+    `planner` proposes what comes next; neither decides anything.
     """
 
     robot_id: RobotId
@@ -27,6 +30,8 @@ class Crew:
     revive: Callable[[], bool]
     embodiment: str = "quadruped"
     waits_for_people: bool = True
+    verifier: Verifier = verify
+    planner: Planner = GRAPH_ORDER
 
     def provider(self, provider_id: ProviderId) -> Provider:
         """Raises UnknownName for a provider that is no longer there."""

@@ -18,6 +18,7 @@ from harness.contracts.commands import (
     RejectHandoff,
     SupersedeHandoff,
 )
+from harness.contracts.contexts import Context
 from harness.contracts.decisions import Decision, Refused
 from harness.contracts.handoff_events import ProposedAction, Snapshot
 from harness.contracts.ids import Digest, HandoffId, NodeId, handoff_stream, mission_stream, sha256
@@ -30,7 +31,7 @@ from harness.projections.handoffs import Handoff
 from harness.projections.mission import Failure, Mission, required_contract
 from harness.supervisor.dispatch import Approval, Attempt, Dispatcher
 from harness.supervisor.rest import at_rest
-from harness.supervisor.roles import Roles
+from harness.supervisor.roles import Roles, context_record
 from harness.verification.preconditions import verify_preconditions
 
 LONGEST_WAIT_S = 900.0
@@ -46,7 +47,7 @@ class Desk:
         self._crew = roles.crew
         self._dispatcher = dispatcher
 
-    def open(self, mission: Mission, failure: Failure, reason: str) -> None:
+    def open(self, mission: Mission, failure: Failure, reason: str, c4: Context) -> None:
         """The mission waits, and the question with its snapshot stands in a stream of its own: one commit."""
         handoff_id = HandoffId(f"hof_{sha256(f'{mission.mission_id}{mission.version}'.encode())[:12]}")
         snapshot = self._snapshot(mission, failure.node_id)
@@ -68,9 +69,16 @@ class Desk:
             no_answer=zone.no_answer if zone else "hold",
             deadline_at_s=now.wall_s + min(LONGEST_WAIT_S, zone.hold_limit_s if zone else inf),
         )
-        asking = AskPerson(handoff_id=handoff_id, node_id=failure.node_id, failure=failure.failure, reason=reason)
+        asking = AskPerson(
+            handoff_id=handoff_id,
+            node_id=failure.node_id,
+            failure=failure.failure,
+            reason=reason,
+            context=c4.digest,
+        )
         self._runtime.commit(
-            [Request(mission_stream(mission.mission_id), asking), Request(handoff_stream(handoff_id), opening)]
+            [Request(mission_stream(mission.mission_id), asking), Request(handoff_stream(handoff_id), opening)],
+            records=(context_record(c4),),
         )
 
     def answer(self, command: PersonCommand) -> Decision[AnyEvent]:

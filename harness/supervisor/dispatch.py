@@ -27,18 +27,19 @@ from harness.contracts.ids import (
     request_id,
 )
 from harness.contracts.ports import Record
-from harness.contracts.proposals import CandidateSet, RecoveryProposal, Signature, SkillProposal
+from harness.contracts.proposals import RecoveryProposal, Signature, SkillProposal
 from harness.contracts.protocol import Parameters
 from harness.contracts.tasks import Node
 from harness.contracts.values import digest
 from harness.gate.commit import Request
 from harness.gate.dispatch import spend
-from harness.planning.planner import plan, plan_refusal
+from harness.planning.planner import Plan, planned
 from harness.planning.skill import LOOK_S, propose_skill
-from harness.projections.mission import Mission, apply, required_contract
-from harness.recovery.standing import OBSERVING
-from harness.routing.candidates import candidates
+from harness.projections.mission import Mission, required_contract
+from harness.projections.mission_fold import apply
+from harness.recovery.standing import VERIFY_ONLY
 from harness.routing.need import Need
+from harness.routing.question import RoutingQuestion
 from harness.supervisor.leases import acquire, tokens
 from harness.supervisor.roles import Roles, context_record, record
 from harness.verification.preconditions import verify_preconditions
@@ -67,7 +68,7 @@ class Attempt:
 
     @property
     def verify_only(self) -> bool:
-        return self.recovery is not None and self.recovery.action in OBSERVING
+        return self.recovery is not None and self.recovery.action in VERIFY_ONLY
 
 
 @dataclass(frozen=True)
@@ -95,14 +96,10 @@ class Dispatcher:
         self._runtime = roles.runtime
         self._crew = roles.crew
 
-    def next_node(self, mission: Mission) -> tuple[NodeId | None, Context, str]:
-        """C1's choice with the context it was made from; none if the harness does not admit it, whoever planned."""
+    def next_node(self, mission: Mission) -> tuple[Plan, Context]:
+        """What comes next, and the C1 it was planned from; whoever plans, the harness admits or takes its own."""
         c1 = planner_context(self._roles.view(mission))
-        proposal = plan(c1)
-        refused = plan_refusal(proposal, mission=mission)
-        if refused is not None:
-            return None, c1, refused.message
-        return proposal.node_id, c1, proposal.reason
+        return planned(self._crew.planner, c1, mission=mission), c1
 
     def blocked(self, mission: Mission, node_id: NodeId) -> Blocked | None:
         """The first precondition that does not hold now, tested again at every dispatch (R18)."""
@@ -126,42 +123,48 @@ class Dispatcher:
         )
 
     def dispatch(
-        self, mission: Mission, attempt: Attempt, *, c1: Context | None = None, reason: str = ""
+        self, mission: Mission, attempt: Attempt, *, plan: tuple[Plan, Context] | None = None
     ) -> Accepted[AnyEvent] | Refused:
         """Prepare and commit one invocation. Refused leaves nothing behind but a failure."""
         prepared = self.prepare(mission, attempt)
         if isinstance(prepared, Refused):
             return self._fail(mission, attempt, "provider_unavailable", prepared.message)
-        planned = None
-        if c1 is not None:
-            planned = NodePlanned(
-                node_id=attempt.node_id,
-                provider_id=prepared.intent.provider_id,
-                context=c1.digest,
-                candidates=prepared.candidates,
-                reason=reason,
-            )
-        contexts = [context_record(context) for context in (c1, attempt.c4) if context is not None]
-        decision = self._commit(mission, attempt, prepared, planned=planned, contexts=contexts)
+        command = self._command(attempt, prepared, plan)
+        said = [record("plan", plan[0].proposal)] if plan and plan[0].proposal else []
+        contexts = [context_record(one) for one in (plan[1] if plan else None, attempt.c4) if one is not None]
+        decision = self._commit(mission, attempt, command, records=(*prepared.records, *contexts, *said))
         if isinstance(decision, Refused) and decision.rule in ("lease_held", "lease_quarantined", "stale_token"):
             return self._fail(mission, attempt, "resource_conflict", decision.message)
         return decision
 
+    def taken(self, mission: Mission, node_id: NodeId) -> str:
+        """Which resource of this node somebody still holds, and why; empty if all of them are free."""
+        node = required_contract(mission).node(node_id)
+        cards = [card for card in self._crew.cards if card.capability in node.capabilities]
+        wanted = dict.fromkeys((*node.resources, *(one for card in cards for one in card.resources)))
+        held = [lease for one in wanted if (lease := self._runtime.lease(one)).status != "free"]
+        return "; ".join(f"{one.resource} is {one.status} for {one.invocation_id}" for one in held)
+
     def prepare(self, mission: Mission, attempt: Attempt) -> Prepared | Refused:
         """Route and compile C2 to exactly what would run; nothing is written."""
         view = self._roles.view(self._ahead(mission, attempt))
-        chosen = self._route(view, attempt)
+        question = self._question(view, attempt)
+        chosen = question.answer()
         if chosen.chosen is None:
             why = "; ".join(f"{c.provider_id}: {c.refused_by}, {c.reason}" for c in chosen.candidates)
             return Refused("provider_unavailable", f"Nobody can serve {attempt.node_id}. {why}")
         card = self._crew.provider(chosen.chosen).card
-        c2 = skill_context(view, attempt.node_id, card)
+        examples = self._roles.examples(mission, attempt.node_id, card)
+        c2 = skill_context(replace(view, examples=examples), attempt.node_id, card)
         skill = propose_skill(c2)
-        return Prepared(
-            intent=self._intent(mission, attempt, card=card, skill=skill, c2=c2),
-            candidates=digest(chosen),
-            records=(context_record(c2), record("candidates", chosen), record("skill", skill)),
+        asked, answered = record("question", question), record("candidates", chosen)
+        intent = replace(
+            self._intent(mission, attempt, card=card, skill=skill, c2=c2),
+            question=asked.digest,
+            candidates=answered.digest,
         )
+        records = (context_record(c2), asked, answered, record("skill", skill))
+        return Prepared(intent=intent, candidates=answered.digest, records=records)
 
     def _ahead(self, mission: Mission, attempt: Attempt) -> Mission:
         """The state version the invocation will be bound to: after the spend that pays for it (D9)."""
@@ -171,15 +174,17 @@ class Dispatcher:
         paid = spend(node, attempt.recovery, attempt=node.attempt + 1, context=attempt.c4.digest, until_s=None)
         return apply(mission, paid)
 
-    def _route(self, view: StateView, attempt: Attempt) -> CandidateSet:
+    def _question(self, view: StateView, attempt: Attempt) -> RoutingQuestion:
         mission, node = view.mission, view.node(attempt.node_id)
         state = mission.of(attempt.node_id)
         cards: Sequence[CapabilityCard] = self._crew.cards
         if attempt.recovery is not None and attempt.recovery.provider_id is not None:
             cards = [card for card in cards if card.provider_id == attempt.recovery.provider_id]
+        capabilities = OBSERVE if attempt.verify_only else node.capabilities
+        able = [card for card in cards if card.capability in capabilities]
         need = Need(
             node=node,
-            capabilities=OBSERVE if attempt.verify_only else node.capabilities,
+            capabilities=capabilities,
             parameters=LOOK if attempt.verify_only else node.parameters,
             embodiment=self._crew.embodiment,
             k=mission.k,
@@ -190,8 +195,10 @@ class Dispatcher:
             minimum_charge=view.contract.constraints.minimum_charge,
             excluded=() if attempt.verify_only else state.excluded,
             vetoes=mission.vetoes,
+            place=self._roles.place(mission, attempt.node_id),
+            history=self._roles.history(mission, attempt.node_id, able),
         )
-        return candidates(need, cards=cards, preferences=self._runtime.configuration.routing)
+        return RoutingQuestion(need=need, cards=tuple(cards), preferences=self._runtime.configuration.routing)
 
     def _intent(
         self, mission: Mission, attempt: Attempt, *, card: CapabilityCard, skill: SkillProposal, c2: Context
@@ -232,19 +239,11 @@ class Dispatcher:
         reference, _ = self._roles.senses.seal(self._roles.senses.recent, source="robot")
         return (replace(reference, kind="before"),)
 
-    def _commit(
-        self,
-        mission: Mission,
-        attempt: Attempt,
-        prepared: Prepared,
-        *,
-        planned: NodePlanned | None,
-        contexts: Sequence[Record],
-    ) -> Accepted[AnyEvent] | Refused:
+    def _command(self, attempt: Attempt, prepared: Prepared, plan: tuple[Plan, Context] | None) -> AuthoriseDispatch:
         approval, intent = attempt.approval, prepared.intent
-        command = AuthoriseDispatch(
+        return AuthoriseDispatch(
             intent=intent,
-            planned=planned,
+            planned=_planned(prepared, *plan) if plan else None,
             recovery=attempt.recovery,
             signature=_signature(attempt.recovery, intent),
             recovery_context=attempt.c4.digest if attempt.c4 else None,
@@ -252,10 +251,18 @@ class Dispatcher:
             approver=approval.command.actor if approval else None,
             reason=approval.command.reason if approval else "",
         )
-        requests = [Request(mission_stream(mission.mission_id), command), *acquire(mission.mission_id, intent)]
-        if approval is not None:
-            requests.insert(0, Request(handoff_stream(approval.handoff_id), approval.command))
-        return self._runtime.commit(requests, records=(*prepared.records, *contexts))
+
+    def _commit(
+        self, mission: Mission, attempt: Attempt, command: AuthoriseDispatch, *, records: Sequence[Record]
+    ) -> Accepted[AnyEvent] | Refused:
+        """The intent, its leases and the approval that pays for it: all or none."""
+        requests = [
+            Request(mission_stream(mission.mission_id), command),
+            *acquire(mission.mission_id, command.intent),
+        ]
+        if attempt.approval is not None:
+            requests.insert(0, Request(handoff_stream(attempt.approval.handoff_id), attempt.approval.command))
+        return self._runtime.commit(requests, records=records)
 
     def _fail(self, mission: Mission, attempt: Attempt, failure: FailureClass, reason: str) -> Refused:
         if attempt.approval is None and mission.of(attempt.node_id).failure is None:
@@ -268,6 +275,19 @@ class Dispatcher:
             )
             self._runtime.submit(mission.mission_id, command)
         return Refused(failure, reason)
+
+
+def _planned(prepared: Prepared, plan: Plan, c1: Context) -> NodePlanned:
+    return NodePlanned(
+        node_id=prepared.intent.node_id,
+        provider_id=prepared.intent.provider_id,
+        context=c1.digest,
+        candidates=prepared.candidates,
+        reason=plan.reason,
+        planner=plan.planner,
+        proposal=digest(plan.proposal) if plan.proposal else None,
+        refused=plan.refused,
+    )
 
 
 def _signature(recovery: RecoveryProposal | None, intent: DispatchIntended) -> Signature | None:

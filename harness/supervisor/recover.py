@@ -34,15 +34,15 @@ class Recovery:
         c4 = recovery_context(self._roles.view(mission), failure.node_id, self._crew.cards)
         proposal = recover(c4)
         match proposal.action:
-            case "re_perceive" | "adjust_view" | "retry" | "local_replan" | "switch_skill":
+            case "re_perceive" | "adjust_view" | "retry" | "local_replan" | "switch_skill" | "verify_again":
                 return self._attempt(mission, failure, proposal, c4)
-            case "wait" | "reattach" | "verify_again":
+            case "wait" | "reattach":
                 self._wait(mission, failure.node_id, proposal, c4)
                 return now_s
             case "stop" | "safe_stop":
                 return self._stop(mission, failure.node_id, proposal, c4)
             case "human":
-                return self._ask(mission, failure, proposal.reason, spent=exhausted(proposal))
+                return self._ask(mission, failure, proposal.reason, c4, spent=exhausted(proposal))
 
     def _attempt(self, mission: Mission, failure: Failure, proposal: RecoveryProposal, c4: Context) -> float:
         now_s = self._crew.clock.now().mission_s
@@ -52,14 +52,14 @@ class Recovery:
             decision = self._dispatcher.dispatch(mission, attempt)
             if not isinstance(decision, Refused):
                 return now_s
-            self._free(mission)
+            self.free(mission)
             if decision.rule in IMPOSSIBLE:
-                return self._ask(mission, failure, f"{proposal.action}: {decision.message}", spent=False)
+                return self._ask(mission, failure, f"{proposal.action}: {decision.message}", c4)
             why = decision.message
         else:
             why = blocked.reason
         if now_s > failure.at_s + required_policy(mission).wait_s:
-            return self._ask(mission, failure, f"{proposal.action} was not possible: {why}", spent=False)
+            return self._ask(mission, failure, f"{proposal.action} was not possible: {why}", c4)
         return now_s + POLL_S
 
     def _wait(self, mission: Mission, node_id: NodeId, proposal: RecoveryProposal, c4: Context) -> None:
@@ -82,30 +82,34 @@ class Recovery:
             )
             self._runtime.submit(mission.mission_id, stop, records=(context_record(c4),))
             return now_s
-        self._free(mission)
+        self.free(mission)
         self._wait(mission, node_id, proposal, c4)
         return now_s
 
-    def _free(self, mission: Mission) -> None:
+    def free(self, mission: Mission) -> None:
         """Give back what is quarantined, if its holder acknowledged its end and the body is shown to stand."""
         rest = at_rest(self._roles.senses.recent, self._crew.clock.now().mission_s)
         requests = free(self._runtime, mission, static=rest.measured) if rest.static else []
         if requests:
             self._runtime.commit(requests)
 
-    def _ask(self, mission: Mission, failure: Failure, reason: str, *, spent: bool) -> float:
-        """A person, or the end: a replay has nobody to ask (D38), and a spent node that moves nothing fails (D26)."""
+    def _ask(self, mission: Mission, failure: Failure, reason: str, c4: Context, *, spent: bool = False) -> float:
+        """A person, or the end of the stage: nobody is asked about an optional one, nor in a replay (D38), nor where
+        the budget of a stage that moves nothing is spent (D26)."""
         now_s = self._crew.clock.now().mission_s
         node = required_contract(mission).node(failure.node_id)
         moves = any(card.moves for card in self._crew.cards if card.capability in node.capabilities)
-        if mission.replay or (spent and not moves):
-            self._runtime.submit(
-                mission.mission_id, FailNode(node_id=failure.node_id, reason=f"{failure.failure}: {reason}")
-            )
-            return now_s
-        if not at_rest(self._roles.senses.recent, now_s).static and now_s < failure.at_s + ASK_AT_REST_S:
+        settling = not at_rest(self._roles.senses.recent, now_s).static and now_s < failure.at_s + ASK_AT_REST_S
+        if settling and moves and not mission.replay:
             return now_s + POLL_S
-        self._desk.open(mission, failure, reason)
+        if mission.replay or not node.required or (spent and not moves):
+            given_up = FailNode(node_id=node.node_id, reason=f"{failure.failure}: {reason}", context=c4.digest)
+            self.free(mission)
+            self._runtime.submit(mission.mission_id, given_up, records=(context_record(c4),))
+            return now_s
+        if settling:
+            return now_s + POLL_S
+        self._desk.open(mission, failure, reason, c4)
         return now_s
 
     def give_up(self, mission: Mission) -> None:

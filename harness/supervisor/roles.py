@@ -1,12 +1,19 @@
 """The state each role is shown, compiled from one state version, and the records of what it was shown."""
 
+import math
+from collections.abc import Sequence
 from typing import Any
 
 from harness.contexts.view import StateView
-from harness.contracts.contexts import Context
+from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.contexts import Context, ContextRecord
+from harness.contracts.ids import NodeId
+from harness.contracts.memory import ProviderOutcome
 from harness.contracts.ports import Record
 from harness.contracts.values import digest, encode
-from harness.projections.mission import Mission, required_policy
+from harness.projections.memory import place_of
+from harness.projections.mission import Mission, required_contract, required_policy
+from harness.routing.history import History, Outcome
 from harness.runtime import Runtime
 from harness.supervisor.crew import Crew
 from harness.supervisor.senses import Senses
@@ -19,6 +26,10 @@ def record(kind: str, value: Any) -> Record:
 
 def context_record(context: Context) -> Record:
     return record(f"context/{context.role}", context)
+
+
+HALF_LIVES = 10
+"""Outcomes older than this many half-lives weigh under a thousandth and are not asked for."""
 
 
 class Roles:
@@ -39,3 +50,43 @@ class Roles:
             recent=self.senses.recent,
             recovery=required_policy(mission),
         )
+
+    def place(self, mission: Mission, node_id: NodeId) -> str:
+        """The id of the place a node works at; empty where none is known."""
+        return place_of(required_contract(mission), node_id)
+
+    def history(self, mission: Mission, node_id: NodeId, cards: Sequence[CapabilityCard]) -> History:
+        """What memory holds of these providers in the node's setting: verified outcomes only (R60, D23)."""
+        half_life = self.runtime.configuration.routing.history_half_life
+        records = (
+            record.knowledge
+            for card in cards
+            for record in self.runtime.memory.outcomes(
+                card.provider_id,
+                capability=card.capability,
+                place=self.place(mission, node_id),
+                configuration=mission.configuration,
+                limit=math.ceil(HALF_LIVES * half_life),
+            )
+        )
+        return History(outcomes=tuple(_outcome(said) for said in records if isinstance(said, ProviderOutcome)))
+
+    def examples(self, mission: Mission, node_id: NodeId, card: CapabilityCard) -> tuple[ContextRecord, ...]:
+        """Verified operational examples for C2, newest first (R139)."""
+        return self.runtime.memory.examples(
+            card,
+            place=self.place(mission, node_id),
+            configuration=mission.configuration,
+            limit=self.runtime.configuration.context_rules.c2_examples,
+        )
+
+
+def _outcome(said: ProviderOutcome) -> Outcome:
+    return Outcome(
+        provider_id=said.provider_id,
+        capability=said.capability,
+        place=said.place,
+        configuration=said.configuration,
+        verdict=said.verdict,
+        residual=said.residual,
+    )

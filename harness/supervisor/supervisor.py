@@ -6,7 +6,7 @@ from threading import Event, RLock, Thread
 
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import EndMission, PersonCommand, StopMission
-from harness.contracts.decisions import Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.errors import HarnessError
 from harness.contracts.ids import MissionId, RobotId
 from harness.projections.mission import Mission
@@ -66,12 +66,23 @@ class Supervisor:
             return self._loop(mission).step()
 
     def answer(self, command: PersonCommand) -> Decision[AnyEvent]:
-        """A person's answer, between two steps of the robot's loop."""
+        """A person's answer, between two steps of the robot's loop; what it lets happen begins at once."""
         opened = self._runtime.handoff(command.handoff_id).opened
         if opened is None or opened.robot_id not in self._crews:
             return Refused("no_robot", "The robot of this handoff is not connected, so nothing can be observed.")
         with self._locks[opened.robot_id]:
-            return self._loop(self._runtime.mission(opened.mission_id)).desk.answer(command)
+            loop = self._loop(self._runtime.mission(opened.mission_id))
+            decision = loop.desk.answer(command)
+            if isinstance(decision, Accepted):
+                self._begin(loop)
+            return decision
+
+    def _begin(self, loop: AgentLoop) -> None:
+        """The step after an answer. The answer stands if it fails; the robot's own loop meets the failure again."""
+        try:
+            loop.step()
+        except HarnessError as error:
+            LOG.warning("step_after_answer_failed mission=%s code=%s %s", loop.mission_id, error.code, error)
 
     def serve(self) -> None:
         """In the background: every robot works through its missions, oldest first."""

@@ -9,6 +9,9 @@ from harness.contracts.verdicts import PRECEDENCE, PredicateVerdict
 RECEIPTS = "receipts"
 """The name of the provider's own word among a finding's sources: alone it is independence level 0 (D17)."""
 
+UNAVAILABLE = "unavailable"
+"""The name of the verifier where none could answer: it was absent, crashed or late (R45)."""
+
 
 class Undecidable(Exception):
     """The evidence cannot decide: the message says what is missing or unreadable."""

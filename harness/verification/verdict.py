@@ -1,6 +1,6 @@
 """Pure: which verdict a packet earns, and the goal. Reads no clock, writes nothing, commits nothing."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from msgspec.structs import replace
 
@@ -10,12 +10,38 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.verdicts import ConditionResult, GoalVerdict, NodeVerdict, Verdict, strictest
 from harness.verification.admission import missing, stale, unsafe
-from harness.verification.finding import Finding, Undecidable, ambiguous
+from harness.verification.finding import UNAVAILABLE, Finding, Undecidable, ambiguous
 from harness.verification.independence import independence, labelled
 from harness.verification.predicates.registry import predicate_of
 from harness.verification.reading import Evidence, read
 
 VERIFIER = "predicates-1"
+Verifier = Callable[[Context, Blobs], NodeVerdict]
+"""Whoever judges one packet from its C3. Only the gate decides what the verdict may change (R110)."""
+
+
+def judged(context: Context, blobs: Blobs, *, verifier: Verifier) -> NodeVerdict:
+    """The verifier's verdict; ambiguous, with the reason, from one that is absent, crashed or late (R45).
+
+    Raises ContractInvalid if the context is not one of a packet: that is no verifier's failure.
+    """
+    try:
+        return verifier(context, blobs)
+    except ContractInvalid:
+        raise
+    except Exception as error:  # noqa: BLE001 - a verifier that breaks has decided nothing, whatever broke it
+        evidence = Evidence(context, blobs)
+        why = f"the verifier did not answer: {type(error).__name__}: {error}"
+        results = tuple(_result(one, evidence, ambiguous(why)) for one in evidence.conditions)
+        return NodeVerdict(
+            packet_id=evidence.execution.identity.packet_id,
+            verdict="ambiguous",
+            results=tuple(replace(one, verdict="ambiguous", reason=why) for one in results),
+            reason=why,
+            verifier=UNAVAILABLE,
+            context=context.digest,
+            at_s=context.at_s,
+        )
 
 
 def verify(context: Context, blobs: Blobs) -> NodeVerdict:
@@ -28,14 +54,16 @@ def verify(context: Context, blobs: Blobs) -> NodeVerdict:
         raise ContractInvalid(
             "The context shows no execution to judge", where=f"context {context.role}", do="compile C3 of the packet"
         )
-    results = _results(evidence)
+    tested = _results(evidence)
+    results = tuple(result for result, _ in tested)
     verdict, reason = _overall(results)
+    untested = verdict == "ambiguous" and any(broken for _, broken in tested)
     return NodeVerdict(
         packet_id=evidence.execution.identity.packet_id,
         verdict=verdict,
         results=results,
         reason=reason,
-        verifier=VERIFIER,
+        verifier=UNAVAILABLE if untested else VERIFIER,
         context=context.digest,
         at_s=context.at_s,
     )
@@ -43,7 +71,7 @@ def verify(context: Context, blobs: Blobs) -> NodeVerdict:
 
 def verify_goal(context: Context, blobs: Blobs) -> GoalVerdict:
     """The original completion conditions, on what was committed and what is seen now (R118)."""
-    results = _results(Evidence(context, blobs))
+    results = tuple(result for result, _ in _results(Evidence(context, blobs)))
     verdict, reason = _overall(results)
     return GoalVerdict(
         mission_id=context.mission_id,
@@ -56,16 +84,17 @@ def verify_goal(context: Context, blobs: Blobs) -> GoalVerdict:
     )
 
 
-def _results(evidence: Evidence) -> tuple[ConditionResult, ...]:
+def _results(evidence: Evidence) -> tuple[tuple[ConditionResult, bool], ...]:
+    """Each condition's result, and whether its predicate was absent or broke."""
     try:
         conditions = evidence.conditions
     except Undecidable as error:
         raise ContractInvalid(str(error), where="context", do="compile C3 with its conditions") from error
-    return tuple(_result(condition, evidence) for condition in conditions)
+    found = [(condition, *_found(condition, evidence)) for condition in conditions]
+    return tuple((_result(condition, evidence, finding), broken) for condition, finding, broken in found)
 
 
-def _result(condition: Condition, evidence: Evidence) -> ConditionResult:
-    finding = _found(condition, evidence)
+def _result(condition: Condition, evidence: Evidence, finding: Finding) -> ConditionResult:
     level = independence(finding.sources, provider=_or_none(evidence))
     level, finding = _attested(condition, finding, evidence, level=level)
     required = _required(condition, evidence)
@@ -86,17 +115,17 @@ def _result(condition: Condition, evidence: Evidence) -> ConditionResult:
     )
 
 
-def _found(condition: Condition, evidence: Evidence) -> Finding:
-    """The predicate's answer; whatever keeps it from answering is ambiguous, with the reason (R45)."""
+def _found(condition: Condition, evidence: Evidence) -> tuple[Finding, bool]:
+    """The predicate's answer, and whether it was absent or broke: either is ambiguous, with the reason (R45)."""
     predicate = predicate_of(condition.effect)
     if predicate is None:
-        return ambiguous(f"no predicate tests {condition.effect.predicate}")
+        return ambiguous(f"no predicate tests {condition.effect.predicate}"), True
     try:
-        return predicate(condition.effect, evidence)
+        return predicate(condition.effect, evidence), False
     except Undecidable as error:
-        return ambiguous(str(error))
+        return ambiguous(str(error)), False
     except Exception as error:  # noqa: BLE001 - a verifier that breaks has decided nothing, whatever broke it
-        return ambiguous(f"the predicate {condition.effect.predicate} failed: {type(error).__name__}: {error}")
+        return ambiguous(f"the predicate {condition.effect.predicate} failed: {type(error).__name__}: {error}"), True
 
 
 def _admitted(finding: Finding, evidence: Evidence, *, short: bool) -> tuple[Verdict, str]:

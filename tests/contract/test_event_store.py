@@ -1,4 +1,4 @@
-"""What every event log keeps: one order, one chain, all or nothing. The same tests for memory and SQL."""
+"""What every event log keeps: one order, one chain, all or nothing. The same for memory, SQLite and PostgreSQL."""
 
 import sys
 import tempfile
@@ -15,14 +15,17 @@ from hypothesis import strategies as st
 
 from harness.adapters.stores.chain import GENESIS, event_digest
 from harness.adapters.stores.memory import MemoryEventStore
+from harness.adapters.stores.postgres import PostgresEventStore
 from harness.adapters.stores.sql import SqlEventStore
 from harness.contracts.errors import ConcurrencyConflict, ContractInvalid, UnknownName
 from harness.contracts.ids import StreamId, sha256
 from harness.contracts.ports import Batch, EventStore, NewEvent, Record
 from harness.contracts.values import Moment
 from tests.unit.stores.builders import NOW, batch, record
+from tools.postgres import PostgresServer
 
 Opener = Callable[[Path], EventStore]
+KINDS = ("memory", "sqlite", pytest.param("postgres", marks=pytest.mark.xdist_group("postgres")))
 
 
 def in_memory(_folder: Path) -> EventStore:
@@ -33,14 +36,28 @@ def in_sqlite(folder: Path) -> EventStore:
     return SqlEventStore(f"sqlite:///{folder / 'events.db'}")
 
 
-BOTH = pytest.mark.parametrize("opened", [in_memory, in_sqlite])
+@pytest.fixture(scope="session")
+def in_postgres(postgres: PostgresServer) -> Opener:
+    """Each time the same database, empty again."""
+    url = postgres.database()
+    PostgresEventStore(url).close()
+    return lambda _folder: PostgresEventStore(postgres.emptied(url))
 
 
-@pytest.fixture(params=[in_memory, in_sqlite])
-def store(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[EventStore]:
-    opened = request.param(tmp_path)
-    yield opened
-    opened.close()
+@pytest.fixture(scope="session", params=KINDS)
+def opened(request: pytest.FixtureRequest) -> Opener:
+    """Opens an empty log."""
+    if request.param == "postgres":
+        opener: Opener = request.getfixturevalue("in_postgres")
+        return opener
+    return {"memory": in_memory, "sqlite": in_sqlite}[request.param]
+
+
+@pytest.fixture
+def store(opened: Opener, tmp_path: Path) -> Iterator[EventStore]:
+    log = opened(tmp_path)
+    yield log
+    log.close()
 
 
 def test_an_empty_log_ends_at_the_genesis_head(store: EventStore) -> None:
@@ -147,6 +164,16 @@ def test_streams_are_found_by_the_start_of_their_names_in_order_of_appearance(st
     assert store.streams("") == ["mission/b", "lease/base", "mission/a", "mission_x", "mission%"]
 
 
+@pytest.mark.parametrize("name", ["mission/\0", "mission/\ud800"])
+def test_a_name_that_not_every_database_keeps_is_refused_by_all(store: EventStore, name: str) -> None:
+    with pytest.raises(ContractInvalid, match="not every database keeps"):
+        store.append([batch(name, 0, "Asked")], [], NOW)
+    new = Batch(stream=StreamId("mission/a"), expected_version=0, events=(NewEvent(kind=name, body=b"{}"),))
+    with pytest.raises(ContractInvalid, match="not every database keeps"):
+        store.append([new], [], NOW)
+    assert store.head() == GENESIS
+
+
 @pytest.mark.parametrize("instant", [float("nan"), float("inf")])
 def test_an_instant_that_is_no_number_is_refused(store: EventStore, instant: float) -> None:
     with pytest.raises(ContractInvalid, match="clock"):
@@ -198,7 +225,6 @@ class ReferenceLog:
         return True
 
 
-@BOTH
 @settings(max_examples=60, deadline=None)
 @given(appends=APPENDS)
 def test_any_interleaving_of_appends_leaves_what_the_reference_log_holds(opened: Opener, appends: list) -> None:
@@ -229,14 +255,16 @@ def test_any_interleaving_of_appends_leaves_what_the_reference_log_holds(opened:
         store.close()
 
 
-def test_both_logs_give_the_same_appends_the_same_digests(tmp_path: Path) -> None:
-    memory, sql = in_memory(tmp_path), in_sqlite(tmp_path)
-    for appended in (memory, sql):
+@pytest.mark.xdist_group("postgres")
+def test_all_logs_give_the_same_appends_the_same_digests(tmp_path: Path, in_postgres: Opener) -> None:
+    memory, sqlite, postgresql = in_memory(tmp_path), in_sqlite(tmp_path), in_postgres(tmp_path)
+    for appended in (memory, sqlite, postgresql):
         appended.append([batch("mission/a", 0, "Asked"), batch("lease/base", 0, "Taken")], [], NOW)
         appended.append([batch("mission/a", 1, "Dispatched")], [], NOW)
-    assert memory.read() == sql.read()
-    assert memory.verify() == sql.verify()
-    sql.close()
+    assert memory.read() == sqlite.read() == postgresql.read()
+    assert memory.verify() == sqlite.verify() == postgresql.verify()
+    sqlite.close()
+    postgresql.close()
 
 
 @pytest.fixture

@@ -75,6 +75,8 @@ def test_what_the_gate_accepted_is_never_called_the_truth(operator: TestClient, 
     assert "facts accepted by the configured checks" in text
     assert "That is not proof of the truth." in text
     assert re.findall(r"/events/(\d+)", text) == [str(accepted)]
+    before = operator.get(f"/missions/{mission.mission_id}/evidence?node=go&at={accepted - 1}").text
+    assert "The gate has not decided yet." in before
 
 
 @pytest.mark.ledger("R207", symbol="app.views.evidence:_receipt")
@@ -107,6 +109,8 @@ def test_contexts_of_all_roles_are_shown_as_they_were(operator: TestClient, miss
     for role in ("C1 planner", "C2 skill", "C3 verifier"):
         assert role in text
     assert "holds no record" not in text
+    assert text.count("at k 1, ") == 3
+    assert " 0 records" not in text
     assert "route-follower" in text
     assert "chosen" in text
 
@@ -241,6 +245,7 @@ def test_the_final_record_keeps_finding_delivery_and_frames_that_check_against_t
 ) -> None:
     found = stand.owner().get(f"/api/v1/missions/{mission.mission_id}").json()
     assert [one["text"] for one in found["findings"] if one["report_sha256"]]
+    assert (found["goal_verdict"], found["recovery"]["remaining"], found["duplicate_starts"]) == ("satisfied", 8, 0)
     delivered = [one for one in found["receipts"] if one["kind"] == "delivery"]
     assert len({one["sha256"] for one in delivered} & {one["sha256"] for one in found["images"]}) == 4
     assert len({one["receipt_id"] for one in delivered}) == 5

@@ -7,6 +7,7 @@ the lengths of stream and kind in UTF-8 (4 bytes each), stream, kind, body.
 
 import hashlib
 import math
+import re
 import struct
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -20,6 +21,7 @@ from harness.contracts.values import Moment
 GENESIS = Head(position=0, digest=Digest("0" * 64))
 
 _RESTORE = "everything before it can still be read; restore the data folder from a copy to get the rest back"
+_UNKEPT = re.compile("[\0\ud800-\udfff]")
 _FRONT = struct.Struct(">32sQQddII")
 
 
@@ -91,14 +93,26 @@ def check_record(record: Record) -> None:
         )
 
 
-def admit_record(record: Record) -> None:
-    """Refuse at the door what `check_record` would find damaged later: raises ContractInvalid."""
-    if sha256(record.body) != record.digest:
-        raise ContractInvalid(
-            f"A {record.kind} record comes with a digest that is not its body's",
-            where=f"record {record.digest}",
-            do="take the digest of the canonical JSON that is stored",
-        )
+def admit(batches: Sequence[Batch], records: Sequence[Record]) -> None:
+    """Refuse at the door what not every database keeps, and what `check_record` would find damaged later.
+
+    Raises ContractInvalid.
+    """
+    for batch in batches:
+        for name in (batch.stream, *(event.kind for event in batch.events)):
+            if _UNKEPT.search(name):
+                raise ContractInvalid(
+                    f"The name {name[:80]!r} holds characters that not every database keeps",
+                    where="append",
+                    do="leave NUL and unpaired surrogates out of streams and kinds",
+                )
+    for record in records:
+        if sha256(record.body) != record.digest:
+            raise ContractInvalid(
+                f"A {record.kind} record comes with a digest that is not its body's",
+                where=f"record {record.digest}",
+                do="take the digest of the canonical JSON that is stored",
+            )
 
 
 def damaged(position: int, why: str) -> LogDamaged:

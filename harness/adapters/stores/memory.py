@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 from threading import Lock
 
-from harness.adapters.stores.chain import GENESIS, admit_record, check, check_record, link
+from harness.adapters.stores.chain import GENESIS, admit, check, check_record, link
 from harness.contracts.errors import BlobDamaged, UnknownName
 from harness.contracts.ids import Digest, InvocationId, StreamId, sha256
 from harness.contracts.observations import AnySample
@@ -21,9 +21,8 @@ class MemoryEventStore:
         self._records: dict[Digest, Record] = {}
 
     def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> Head:
-        """All or nothing. Raises ConcurrencyConflict, or ContractInvalid for a record that belies its digest."""
-        for record in records:
-            admit_record(record)
+        """All or nothing. Raises ConcurrencyConflict, or ContractInvalid for a record or name that no log takes."""
+        admit(batches, records)
         with self._lock:
             versions = {batch.stream: len(self._by_stream.get(batch.stream, ())) for batch in batches}
             events = link(self._end(), versions, batches, now)

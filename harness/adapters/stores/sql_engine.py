@@ -19,6 +19,7 @@ from sqlalchemy.pool import NullPool
 from harness.contracts.errors import StoreUnavailable
 
 _WRITER = ("PRAGMA synchronous=FULL", "PRAGMA foreign_keys=ON")
+_ASIDE = ("PRAGMA synchronous=NORMAL",)
 _READER = ("PRAGMA query_only=ON",)
 
 _REMEDIES = {
@@ -46,6 +47,11 @@ def reader_engine(url: URL, *, busy_s: float) -> Engine:
     return _engine(url, _READER, busy_s=busy_s, pool_size=4, max_overflow=12)
 
 
+def aside_engine(url: URL, *, busy_s: float) -> Engine:
+    """For what may be lost in a power cut: its commits are synced together with the next append."""
+    return _engine(url, _ASIDE, busy_s=busy_s, poolclass=NullPool)
+
+
 def file_url(url: str) -> URL:
     """The parsed URL of an SQLite file; raises StoreUnavailable for any other database."""
     try:
@@ -63,11 +69,10 @@ def file_url(url: str) -> URL:
 
 @contextmanager
 def immediate(connection: Connection) -> Iterator[None]:
-    """One write transaction: committed at the end, rolled back on any exception."""
+    """One write transaction, rolled back on any exception; the block commits it."""
     connection.exec_driver_sql("BEGIN IMMEDIATE")
     try:
         yield
-        connection.exec_driver_sql("COMMIT")
     except BaseException:
         connection.connection.rollback()
         raise

@@ -1,43 +1,54 @@
-"""The tables of the event log, and what makes them append-only. Opens nothing, reads nothing."""
+"""Which version of the log's tables a database holds, and how it is brought to the one this program writes.
 
-from sqlalchemy import Column, Double, Index, Integer, LargeBinary, MetaData, Table, Text, UniqueConstraint
+The tables themselves are written down once, in `migrations/versions`, for every database: a new log is an old one
+with all revisions to come.
+"""
 
-SCHEMA_VERSION = 1
+from pathlib import Path
 
-tables = MetaData()
+from alembic import command
+from alembic.config import Config
+from sqlalchemy import Connection, inspect
 
-event = Table(
-    "event",
-    tables,
-    Column("position", Integer, primary_key=True, autoincrement=False),
-    Column("stream", Text, nullable=False),
-    Column("version", Integer, nullable=False),
-    Column("kind", Text, nullable=False),
-    Column("body", LargeBinary, nullable=False),
-    Column("mission_s", Double, nullable=False),
-    Column("recorded_s", Double, nullable=False),
-    Column("previous", Text, nullable=False),
-    Column("digest", Text, nullable=False),
-    UniqueConstraint("stream", "version", name="event_stream_version"),
-)
-"""One row per event, columns in the order of `StoredEvent`'s fields."""
+from harness.contracts.errors import StoreNewer, StoreUnavailable
 
-Index("event_first_of_stream", event.c.stream, sqlite_where=event.c.version == 1)
+SCHEMA_VERSION = 2
+MIGRATIONS = Path(__file__).parent / "migrations"
 
-record = Table(
-    "record",
-    tables,
-    Column("digest", Text, primary_key=True),
-    Column("kind", Text, nullable=False),
-    Column("body", LargeBinary, nullable=False),
-)
+_OF_THE_LOG = frozenset({"event", "record", "meta"})
+_BY_ALEMBIC = "alembic_version"
 
-meta = Table("meta", tables, Column("name", Text, primary_key=True), Column("value", Text, nullable=False))
 
-SQLITE_TRIGGERS = tuple(
-    f"CREATE TRIGGER {table}_refuses_{act.lower()} BEFORE {act} ON {table} "
-    f"BEGIN SELECT RAISE(ABORT, '{table} rows are append-only'); END"
-    for table in ("event", "record", "meta")
-    for act in ("UPDATE", "DELETE")
-)
-"""No row of the log is changed or removed. A later schema drops the trigger on `meta` when it migrates."""
+def needs_migration(connection: Connection, *, where: str) -> bool:
+    """Whether the database is empty or of an older version.
+
+    Raises StoreNewer if a newer program wrote it, StoreUnavailable if it belongs to another program.
+    """
+    found = set(inspect(connection).get_table_names())
+    if not found:
+        return True
+    if not found >= _OF_THE_LOG:
+        raise StoreUnavailable(
+            f"It is the database of another program: it holds {', '.join(sorted(found))}",
+            where=where,
+            do="choose another data folder or database",
+        )
+    version = connection.exec_driver_sql("SELECT value FROM meta WHERE name = 'schema_version'").scalar_one()
+    if int(version) > SCHEMA_VERSION:
+        raise StoreNewer(
+            f"The event log has schema version {version}; this program reads up to {SCHEMA_VERSION}",
+            where=where,
+            do="install the newer version of the program, or choose another data folder or database",
+        )
+    return int(version) < SCHEMA_VERSION
+
+
+def migrate(connection: Connection) -> None:
+    """Run the revisions that are missing. The caller holds the one write transaction, and commits it."""
+    config = Config()
+    config.set_main_option("script_location", str(MIGRATIONS).replace("%", "%%"))
+    config.attributes["connection"] = connection
+    found = set(inspect(connection).get_table_names())
+    if found and _BY_ALEMBIC not in found:  # schema 1 was written before there were revisions
+        command.stamp(config, "0001")
+    command.upgrade(config, "head")

@@ -19,7 +19,8 @@ from harness.contracts.events import MissionCreated, MissionEvent, NodePlanned
 from harness.contracts.handoff_events import ProposedAction
 from harness.contracts.ids import Digest, MissionId, NodeId, ProviderId, RobotId
 from harness.contracts.values import digest
-from harness.projections.mission import Mission, apply
+from harness.projections.mission import Mission
+from harness.projections.mission_fold import apply
 
 
 def test_every_mission_event_stands_on_a_lane() -> None:

@@ -159,14 +159,14 @@ def test_a_veto_stands_until_the_layer_that_raised_it_clears_it() -> None:
     assert after(mission, ClearVeto(layer="watchdog", reason="level again")).vetoes == {}
 
 
-@pytest.mark.ledger("R102", symbol="harness.projections.mission:_retained")
+@pytest.mark.ledger("R102", symbol="harness.projections.mission_fold:_retained")
 def test_a_rejected_packet_is_retained() -> None:
     mission = running()
     rejected = after(mission, complete(mission, "violated"))
     assert [kept.identity.mission_id for kept in rejected.of(GO).packets] == [MISSION]
 
 
-@pytest.mark.ledger("R35", symbol="harness.projections.mission:_rejected")
+@pytest.mark.ledger("R35", symbol="harness.projections.mission_fold:_rejected")
 def test_a_rejection_advances_the_version_without_a_fact() -> None:
     mission = running()
     rejected = after(mission, complete(mission, "violated"))

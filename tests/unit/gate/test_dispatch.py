@@ -95,7 +95,7 @@ def test_a_recovery_spend_its_version_and_the_intent_are_one_commit() -> None:
     assert (paid.of(GO).spent("re_perceive"), paid.of(GO).spent_total, paid.spent_total) == (1, 1, 1)
 
 
-@pytest.mark.ledger("R118", "R12", symbol="harness.gate.ends:judge")
+@pytest.mark.ledger("R118", "R12", symbol="harness.gate.goal:judge")
 def test_the_goal_is_judged_only_when_every_required_node_is_committed() -> None:
     mission = created()
     assert refused(mission, JudgeGoal(verdict=goal_verdict(mission))) == "nodes_open"
@@ -103,7 +103,7 @@ def test_the_goal_is_judged_only_when_every_required_node_is_committed() -> None
     assert ended.status == "succeeded"
 
 
-@pytest.mark.ledger("R119", "R120", symbol="harness.gate.ends:judge")
+@pytest.mark.ledger("R119", "R120", symbol="harness.gate.goal:judge")
 def test_only_a_satisfied_goal_is_reported_as_completion() -> None:
     mission = done()
     satisfied = DECIDER.decide(mission, JudgeGoal(verdict=goal_verdict(mission)), NOW)

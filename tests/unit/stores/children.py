@@ -17,9 +17,9 @@ from typing import cast
 
 from harness.adapters.failpoints import parse, provider_with_failpoint, with_failpoint
 from harness.adapters.stores.blobs import FileBlobStore
+from harness.adapters.stores.opening import open_log
 from harness.adapters.stores.owner import OwnerLock
 from harness.adapters.stores.spool import FileSpool
-from harness.adapters.stores.sql import SqlEventStore
 from harness.contracts.errors import ConcurrencyConflict, StoreUnavailable
 from harness.contracts.ids import InvocationId, StreamId
 from harness.contracts.observations import Battery
@@ -31,14 +31,14 @@ NOW = Moment(mission_s=1.0, wall_s=2.0)
 
 
 def burst(url: str) -> None:
-    store = SqlEventStore(url)
+    store = open_log(url)
     for version in count():
         batches = [_batch(stream, version, "Moved") for stream in ("mission/a", "lease/base")]
         print(store.append(batches, [], NOW).position, flush=True)
 
 
 def race(url: str, stream: str, rounds: str) -> None:
-    store = SqlEventStore(url)
+    store = open_log(url)
     won = version = 0
     while version < int(rounds):
         try:
@@ -54,7 +54,7 @@ def race(url: str, stream: str, rounds: str) -> None:
 def fill(url: str, limit: str) -> None:
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (int(limit), int(limit)))
-    store = SqlEventStore(url)
+    store = open_log(url)
     for version in count():
         try:
             print(store.append([_batch("mission/a", version, "Filled", size=20_000)], [], NOW).position)
@@ -64,7 +64,7 @@ def fill(url: str, limit: str) -> None:
 
 
 def fail(url: str, name: str) -> None:
-    store = with_failpoint(SqlEventStore(url), parse(name))
+    store = with_failpoint(open_log(url), parse(name))
     for version, kind in enumerate(("Asked", "Dispatched", "Answered")):
         store.append([_batch("mission/a", version, kind)], [], NOW)
 

@@ -184,9 +184,9 @@ def test_every_commit_is_synced(file: Path) -> None:
 
 
 def test_a_log_of_a_newer_version_is_left_alone(file: Path) -> None:
-    tamper(file, "UPDATE meta SET value = '2'")
+    tamper(file, "UPDATE meta SET value = '3'")
     before = file.read_bytes()
-    with pytest.raises(StoreNewer, match=r"version 2.*events\.db.*install the newer version"):
+    with pytest.raises(StoreNewer, match=r"version 3.*events\.db.*install the newer version"):
         opened(file)
     assert file.read_bytes() == before
 

@@ -136,9 +136,9 @@ WRITTEN: tuple[Value, ...] = (
 """A task, a piece of evidence, an execution and a semantic memory: the contracts that R149 wants in SQLite."""
 
 
-@pytest.mark.ledger("R149", symbol="harness.adapters.stores.sql:SqlEventStore.append")
-@pytest.mark.ledger("R149", symbol="harness.adapters.stores.sql:SqlEventStore.record")
-@pytest.mark.ledger("R149", symbol="harness.adapters.stores.sql:SqlEventStore.load")
+@pytest.mark.ledger("R149", symbol="harness.adapters.stores.sql_log:SqlLog.append")
+@pytest.mark.ledger("R149", symbol="harness.adapters.stores.sql_log:SqlLog.record")
+@pytest.mark.ledger("R149", symbol="harness.adapters.stores.sql_log:SqlLog.load")
 def test_task_evidence_execution_and_memory_come_back_from_sqlite_as_the_immutable_values_they_were(url: str) -> None:
     store = SqlEventStore(url)
     artefacts = [record(type(value).__name__, value) for value in WRITTEN]

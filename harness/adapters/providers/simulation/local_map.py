@@ -18,6 +18,7 @@ INFLATION_M = 0.3
 LONGER_M = 2.0
 _STEPS = tuple((dx, dy, math.hypot(dx, dy)) for dx in (-1, 0, 1) for dy in (-1, 0, 1) if dx or dy)
 _DISC = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * round(INFLATION_M / CELL_M) + 1,) * 2)
+_ROWS, _COLUMNS = np.ogrid[: 2 * HALF_CELLS + 1, : 2 * HALF_CELLS + 1]
 Cell = tuple[int, int]
 
 
@@ -53,13 +54,13 @@ class LocalMap:
         What no sweep has seen counts as free, so a way more than LONGER_M longer than the straight line is not trusted.
         """
         first, last = self._cell(start), self._cell(goal)
-        if not self.free(goal):
+        longest = math.dist(first, last) + LONGER_M / CELL_M
+        if not self.free(goal) or not self._joined(first, last, longest=longest):
             return ()
         open_cells: list[tuple[float, float, Cell]] = [(0.0, 0.0, first)]
         came: dict[Cell, Cell] = {}
         costs: dict[Cell, float] = {first: 0.0}
         closed = self._closed.tolist()
-        longest = math.dist(first, last) + LONGER_M / CELL_M
         while open_cells:
             _, cost, cell = heapq.heappop(open_cells)
             if cell == last:
@@ -77,6 +78,14 @@ class LocalMap:
                     costs[(x, y)], came[(x, y)] = further, cell
                     heapq.heappush(open_cells, (whole, further, (x, y)))
         return ()
+
+    def _joined(self, first: Cell, last: Cell, *, longest: float) -> bool:
+        """Whether a way leads through cells near enough to both ends; asked before the shortest one is searched."""
+        from_first = np.hypot(_ROWS - first[0], _COLUMNS - first[1])
+        near = from_first + np.hypot(_ROWS - last[0], _COLUMNS - last[1]) <= longest
+        passable = near & ((self._closed == 0) | (from_first <= INFLATION_M / CELL_M + 2.0))
+        parts = np.asarray(cv2.connectedComponents(passable.astype(np.uint8), connectivity=8)[1])
+        return bool(parts[first] and parts[first] == parts[last])
 
     def _trace(self, came: dict[Cell, Cell], last: Cell) -> tuple[Point, ...]:
         cells = [last]

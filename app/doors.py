@@ -1,0 +1,178 @@
+"""Ways in: the one-time link of a first start, a password, an integration's token, the owner's token; and sessions.
+
+A session is a random cookie whose digest is stored. It is exchanged for a fresh one every ROTATE_S; the old one stays
+good until GRACE_S after the new one was first used, so that no request under way is turned away.
+"""
+
+import hmac
+from collections.abc import Callable
+from dataclasses import dataclass
+from threading import Lock
+
+from msgspec.structs import replace
+
+from app.accounts import Accounts, Throttled
+from app.permissions import Visitor
+from harness.adapters.stores.accounts import Session
+from harness.contracts.ids import sha256
+
+INVITATION_S = 3600.0
+ROTATE_S, GRACE_S, SEEN_S = 900.0, 60.0, 30.0
+INVITED_ROLES = ("operator", "admin")
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a browser stands and what it calls itself."""
+
+    source: str = ""
+    agent: str = ""
+
+
+class Doors:
+    """Who comes in, and who somebody is. Times are wall seconds from `clock`; `fresh` makes unguessable strings."""
+
+    def __init__(
+        self,
+        accounts: Accounts,
+        *,
+        owner_token: str,
+        operator: str,
+        limits: tuple[float, float],
+        clock: Callable[[], float],
+        fresh: Callable[[], str],
+    ) -> None:
+        """`limits`: seconds of idleness and of age after which a session is over."""
+        self.accounts = accounts
+        self._owner, self._operator = owner_token.encode(), operator
+        self._idle_s, self._age_s = limits
+        self._clock, self._fresh = clock, fresh
+        self._invitations: dict[str, float] = {}
+        self._lock = Lock()
+
+    @property
+    def has_accounts(self) -> bool:
+        return self.accounts.store.any_account()
+
+    def invite(self) -> str:
+        """A path that signs one person in, once, within an hour, while nobody has an account."""
+        token = self._fresh()
+        with self._lock:
+            self._invitations[sha256(token.encode())] = self._clock() + INVITATION_S
+        return f"/account/sign-in?token={token}"
+
+    def key(self) -> str:
+        """A one-use key for a form."""
+        return self._fresh()
+
+    def enter(self, token: str, origin: Origin = Origin()) -> str | None:
+        """The new session's cookie for a fresh invitation; None for a used, late or unknown one, or with accounts."""
+        with self._lock:
+            until_s = self._invitations.pop(sha256(token.encode()), 0.0)
+        if self._clock() >= until_s or self.has_accounts:
+            return None
+        visitor = Visitor(name=self._operator, roles=INVITED_ROLES, source=origin.source)
+        self.accounts.note(visitor, "sign_in.link", subject=self._operator)
+        return self._open(self._operator, origin, invited=True)
+
+    def sign_in(self, name: str, password: str, origin: Origin) -> str | Throttled | None:
+        """A fresh cookie for the right password; None for a wrong one, Throttled after too many."""
+        found = self.accounts.check(name, password, source=origin.source)
+        return found if found is None or isinstance(found, Throttled) else self._open(name, origin, invited=False)
+
+    def who(self, cookie: str, *, source: str = "", active: bool = True) -> Visitor | None:
+        """Whose session this is, with the roles they have now; None once it is idle or old or they are disabled.
+
+        A request that a page makes by itself is not `active`: it does not keep a session from becoming idle.
+        """
+        digest = sha256(cookie.encode())
+        session = self.accounts.store.session(digest)
+        if session is None or not self._lasts(session, digest):
+            return None
+        roles = self._roles(session)
+        if not roles:
+            self.accounts.store.close_sessions(digest=session.digest)
+            return None
+        self._seen(session, digest, active=active)
+        return Visitor(
+            name=session.name,
+            roles=roles,
+            source=source or session.source,
+            session=session.digest,
+            invited=session.invited,
+        )
+
+    def rotated(self, cookie: str) -> str | None:
+        """A fresh cookie for the same session if this one has served ROTATE_S, else None."""
+        digest, now_s = sha256(cookie.encode()), self._clock()
+        session = self.accounts.store.session(digest)
+        if session is None or session.digest != digest or now_s - session.rotated_at_s < ROTATE_S:
+            return None
+        fresh = self._fresh()
+        then = replace(
+            session,
+            digest=sha256(fresh.encode()),
+            previous=digest,
+            previous_until_s=None,
+            rotated_at_s=now_s,
+        )
+        return fresh if self.accounts.store.change_session(digest, then) else None
+
+    def bearer(self, authorization: str, *, source: str) -> Visitor | None:
+        """Who `Bearer <token>` speaks for: the owner of the data folder, or an integration."""
+        scheme, _, token = authorization.partition(" ")
+        if scheme.lower() != "bearer":
+            return None
+        if self._owner and hmac.compare_digest(token.encode(), self._owner):
+            return Visitor(name="owner", roles=INVITED_ROLES, source=source)
+        return self.accounts.holder(token, source=source)
+
+    def leave(self, cookie: str) -> None:
+        """Ends one session."""
+        self.accounts.store.close_sessions(digest=sha256(cookie.encode()))
+
+    def leave_everywhere(self, visitor: Visitor) -> int:
+        """Ends all sessions of this person, this one too; how many there were."""
+        self.accounts.note(visitor, "sign_out.everywhere", subject=visitor.name)
+        return self.accounts.store.close_sessions(name=visitor.name)
+
+    def _open(self, name: str, origin: Origin, *, invited: bool) -> str:
+        cookie, now_s = self._fresh(), self._clock()
+        session = Session(
+            digest=sha256(cookie.encode()),
+            previous="",
+            previous_until_s=None,
+            name=name,
+            invited=invited,
+            began_at_s=now_s,
+            seen_at_s=now_s,
+            rotated_at_s=now_s,
+            source=origin.source[:100],
+            agent=origin.agent[:200],
+        )
+        self.accounts.store.open_session(session)
+        return cookie
+
+    def _lasts(self, session: Session, digest: str) -> bool:
+        now_s = self._clock()
+        if now_s - session.seen_at_s > self._idle_s or now_s - session.began_at_s > self._age_s:
+            self.accounts.store.close_sessions(digest=session.digest)
+            return False
+        superseded = digest == session.previous and now_s > (session.previous_until_s or now_s)
+        return not superseded
+
+    def _roles(self, session: Session) -> tuple[str, ...]:
+        if session.invited:
+            return () if self.has_accounts else INVITED_ROLES
+        account = self.accounts.store.account(session.name)
+        return account.roles if account and not account.disabled else ()
+
+    def _seen(self, session: Session, digest: str, *, active: bool) -> None:
+        now_s = self._clock()
+        first_use = digest == session.digest and bool(session.previous) and session.previous_until_s is None
+        until_s = now_s + GRACE_S if first_use else session.previous_until_s
+        seen_s = now_s if active and now_s - session.seen_at_s > min(SEEN_S, self._idle_s / 10) else session.seen_at_s
+        if first_use or seen_s != session.seen_at_s:
+            self.accounts.store.change_session(
+                session.digest, replace(session, previous_until_s=until_s, seen_at_s=seen_s)
+            )

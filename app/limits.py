@@ -1,0 +1,47 @@
+"""How much and how often one caller may ask: a bucket per caller, and a bound on what a request carries."""
+
+from collections import OrderedDict
+from collections.abc import Callable
+
+from starlette.types import Message, Receive
+
+LARGEST_BODY = 1024 * 1024
+CALLERS = 10_000
+
+
+class TooLarge(Exception):
+    """A request's body went over LARGEST_BODY while it was read."""
+
+
+class Buckets:
+    """Token buckets of the newest CALLERS callers: `burst` at once, `per_s` in the long run."""
+
+    def __init__(self, *, per_s: float, burst: float, clock: Callable[[], float]) -> None:
+        self._per_s, self._burst, self._clock = per_s, burst, clock
+        self._levels: OrderedDict[str, tuple[float, float]] = OrderedDict()
+
+    def wait_s(self, caller: str) -> float:
+        """0 if this request may go on, and it is counted; else how long to wait."""
+        now_s = self._clock()
+        level, at_s = self._levels.pop(caller, (self._burst, now_s))
+        level = min(self._burst, level + (now_s - at_s) * self._per_s)
+        allowed = level >= 1.0
+        self._levels[caller] = (level - 1.0 if allowed else level, now_s)
+        while len(self._levels) > CALLERS:
+            self._levels.popitem(last=False)
+        return 0.0 if allowed else (1.0 - level) / self._per_s
+
+
+def bounded(receive: Receive) -> Receive:
+    """The same body, until it is too large: raises TooLarge then."""
+    seen = 0
+
+    async def counted() -> Message:
+        nonlocal seen
+        message = await receive()
+        seen += len(message.get("body", b""))
+        if seen > LARGEST_BODY:
+            raise TooLarge
+        return message
+
+    return counted

@@ -1,0 +1,54 @@
+"""From an address to what is asked of a list. Has no page of its own."""
+
+from collections.abc import Callable
+from typing import get_args
+
+from fastapi import Request
+
+from app.views.listing import Sought
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.read_models import Bookmark, Listing, ListOrder, ListQuery
+
+SHOWN = 50
+LONGEST = 200
+
+
+def searching(listing: Listing, *facets: str) -> Callable[[Request], Sought]:
+    """Reads q, order, after and these filters from the address; raises ContractInvalid for an impossible place."""
+
+    def sought(request: Request) -> Sought:
+        params = request.query_params
+        given = {name: params[name][:LONGEST] for name in facets if params.get(name)}
+        words = params.get("q", "")[:LONGEST].strip()
+        after = params.get("after", "")
+        query = ListQuery(
+            listing=listing,
+            facets=given,
+            words=tuple(words.split()),
+            order=order_of(params.get("order", "newest")),
+            after=bookmark(after) if after else None,
+            limit=SHOWN,
+        )
+        return Sought(query=query, words=words, given=given, deep=bool(after))
+
+    return sought
+
+
+def order_of(text: str) -> ListOrder:
+    """Raises ContractInvalid for an order that no list has."""
+    for order in get_args(ListOrder):
+        if order == text:
+            known: ListOrder = order
+            return known
+    raise ContractInvalid(f"Lists have no order {text[:40]!r}", where="order", do="choose one from the form")
+
+
+def bookmark(text: str) -> Bookmark:
+    """Raises ContractInvalid for a place that no page ever gave."""
+    amount, _, seq = text.partition("~")
+    try:
+        return Bookmark(amount=float(amount), seq=int(seq))
+    except ValueError as error:
+        raise ContractInvalid(
+            f"{text[:40]!r} is no place in a list", where="after", do="begin at the list's first page"
+        ) from error

@@ -1,0 +1,107 @@
+"""Pure: all evidence of all missions as a list, and one blob with every packet that refers to it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from app.views.listing import Filter, Paging, Sought, address, facet_filter, order_filter, paging
+from app.views.shell import Shell
+from harness.contracts.read_models import EvidenceItem, ListQuery, Tally
+
+PATH = "/evidence"
+FILTERS: tuple[tuple[str, str], ...] = (
+    ("kind", "kind"),
+    ("source", "source"),
+    ("node", "stage"),
+    ("verdict", "verdict"),
+    ("decision", "gate"),
+)
+
+
+@dataclass(frozen=True)
+class EvidenceRow:
+    """One piece of evidence. `about` is its blob's page, empty for a receipt without one."""
+
+    kind: str
+    part: str
+    source: str
+    origin: str
+    mission_id: str
+    node_id: str
+    packet_id: str
+    href: str
+    from_s: float
+    until_s: float
+    verdict: str
+    decision: str
+    rule: str
+    blob: str
+    about: str
+
+
+@dataclass(frozen=True)
+class EvidencePage:
+    """One page of the list; search, filters, order and place stand in the address."""
+
+    shell: Shell
+    rows: tuple[EvidenceRow, ...]
+    filters: tuple[Filter, ...]
+    paging: Paging
+    words: str
+    mission: str
+    everything: str
+    total: int
+
+
+@dataclass(frozen=True)
+class BlobPage:
+    """One blob: whether its bytes match its digest at this moment, and who refers to it."""
+
+    shell: Shell
+    blob: str
+    broken: str
+    size: int
+    media_type: str
+    rows: tuple[EvidenceRow, ...]
+
+
+def row(item: EvidenceItem) -> EvidenceRow:
+    return EvidenceRow(
+        kind=item.kind,
+        part=item.part,
+        source=item.source,
+        origin=item.origin,
+        mission_id=item.mission_id,
+        node_id=item.node_id,
+        packet_id=item.packet_id,
+        href=f"/missions/{item.mission_id}?node={item.node_id}#packet-{item.packet_id}",
+        from_s=item.from_s,
+        until_s=item.until_s,
+        verdict=item.verdict,
+        decision=item.decision,
+        rule=item.rule,
+        blob=item.blob,
+        about=f"{PATH}/{item.blob}/about" if item.blob else "",
+    )
+
+
+def evidence_page(
+    shell: Shell,
+    sought: Sought,
+    rows: Sequence[EvidenceRow],
+    following: ListQuery | None,
+    *,
+    found: int,
+    tallies: Sequence[Tally],
+) -> EvidencePage:
+    """`found` counts the answer up to MANY + 1; `tallies` are those of the whole list."""
+    filters = tuple(facet_filter(name, title, tallies, sought) for name, title in FILTERS)
+    return EvidencePage(
+        shell=shell,
+        rows=tuple(rows),
+        filters=(*filters, order_filter(sought, by_length=False)),
+        paging=paging(PATH, sought, following, shown=len(rows), found=found),
+        words=sought.words,
+        mission=sought.given.get("mission", ""),
+        everything=address(PATH, sought.params, mission=""),
+        total=next((one.count for one in tallies if not one.facet), 0),
+    )

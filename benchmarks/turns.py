@@ -1,0 +1,77 @@
+"""How an arm of a benchmark answers: a process of its own that does one turn per line and says how long it took.
+
+Standard library only: arms run in the environment of the system they measure. An arm first prints what it is
+(name, versions, durability), then for every request line one reply line, both JSON objects.
+"""
+
+import json
+import sqlite3
+import sys
+import time
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+STAGES = 7
+Turn = Callable[[dict[str, Any]], dict[str, Any]]
+
+
+def serve(turn: Turn, *, name: str, packages: Iterable[str], durability: dict[str, Any]) -> None:
+    """Answer turns until the input ends."""
+    print(json.dumps({"name": name, "versions": versions(packages), "durability": durability}), flush=True)
+    for line in sys.stdin:
+        print(json.dumps(turn(json.loads(line))), flush=True)
+
+
+def versions(packages: Iterable[str]) -> dict[str, str]:
+    """Installed versions of these packages, with SQLite's and Python's."""
+    found = {"python": sys.version.split()[0], "sqlite": sqlite3.sqlite_version}
+    for package in packages:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "absent"
+    return found
+
+
+def timed_missions(mission: Callable[[int], None], *, first: int, count: int, at_once: int) -> dict[str, Any]:
+    """Run missions number `first` to `first + count`, `at_once` of them at a time; seconds for all of them."""
+    numbers = range(first, first + count)
+    begun = time.perf_counter()
+    if at_once == 1:
+        for number in numbers:
+            mission(number)
+    else:
+        with ThreadPoolExecutor(at_once) as threads:
+            list(threads.map(mission, numbers))
+    return {"wall_s": time.perf_counter() - begun, "missions": count, "steps": count * STAGES}
+
+
+def mission_turns(mission: Callable[[int], None], *, warm: int = 10) -> Turn:
+    """Turns {missions, at_once} over one mission function; `warm` of them run at once, untimed."""
+    for number in range(warm):
+        mission(number)
+    done = warm
+
+    def turn(request: dict[str, Any]) -> dict[str, Any]:
+        nonlocal done
+        said = timed_missions(mission, first=done, count=request["missions"], at_once=request["at_once"])
+        done += request["missions"]
+        return said
+
+    return turn
+
+
+def pragmas(connection: sqlite3.Connection) -> dict[str, Any]:
+    """What this connection has in force: journal_mode, and synchronous (2 is FULL)."""
+    return {name: connection.execute(f"PRAGMA {name}").fetchone()[0] for name in ("journal_mode", "synchronous")}
+
+
+def on_disk(path: str) -> dict[str, Any]:
+    """The journal mode a database file is in; synchronous is its connection's own and not in the file."""
+    connection = sqlite3.connect(path)
+    try:
+        return {"journal_mode": connection.execute("PRAGMA journal_mode").fetchone()[0]}
+    finally:
+        connection.close()

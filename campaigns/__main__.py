@@ -1,0 +1,136 @@
+"""Fault campaigns: `python -m campaigns run`, `replay SEED`, `check simulation|races|suspended`.
+
+`run` does everything, prints what it found and publishes it where it was of the full size (or with --publish).
+CAMPAIGN_MISSIONS and CAMPAIGN_SEED, or --missions and --seed, ask for another run; a smaller one leaves docs/ alone.
+"""
+
+import argparse
+import os
+import shlex
+import sys
+from typing import Any
+
+import msgspec
+
+from campaigns.adjudicate import judged
+from campaigns.damage import damages
+from campaigns.kills import kill_campaign
+from campaigns.mission import played
+from campaigns.plan import mission_plan
+from campaigns.planted import planted_bugs
+from campaigns.publish import publish
+from campaigns.races import races
+from campaigns.simulate import one_mission, seeds_of, simulated_campaign
+from campaigns.suspended import suspensions
+from campaigns.tally import Tally, summary
+
+MISSIONS, SEED = 100_000, 1
+PROCESSES = 2
+FULL = {"answers": 200, "appends": 1000, "suspensions": 100, "planted": 400}
+SMALLEST = {"answers": 3, "appends": 24, "suspensions": 3, "planted": 250}
+QUICK = 24
+
+
+def main() -> None:
+    """Exit 1 if anything was found that must not be."""
+    parser = argparse.ArgumentParser(prog="python -m campaigns", description=__doc__)
+    commands = parser.add_subparsers(dest="command", required=True)
+    whole = commands.add_parser("run", help="every campaign")
+    whole.add_argument("--missions", type=int, default=int(os.environ.get("CAMPAIGN_MISSIONS", MISSIONS)))
+    whole.add_argument("--seed", type=int, default=int(os.environ.get("CAMPAIGN_SEED", SEED)))
+    whole.add_argument("--minutes", type=float, default=None, help="simulate no longer than this")
+    whole.add_argument("--processes", type=int, default=PROCESSES)
+    whole.add_argument("--publish", action="store_true", help="write docs/ although the run is smaller")
+    again = commands.add_parser("replay", help="one mission of a simulation, with all that happened")
+    again.add_argument("seed", type=int)
+    check = commands.add_parser("check", help="one campaign, until the first offence")
+    check.add_argument("name", choices=("simulation", "races", "suspended"))
+    check.add_argument("--missions", type=int, default=FULL["planted"])
+    check.add_argument("--seed", type=int, default=SEED)
+    asked = parser.parse_args()
+    match asked.command:
+        case "run":
+            _run(asked)
+        case "replay":
+            _replay(asked.seed)
+        case _:
+            _check(asked)
+
+
+def _run(asked: argparse.Namespace) -> None:
+    share = min(1.0, asked.missions / MISSIONS)
+    sizes = {name: max(SMALLEST[name], round(FULL[name] * share)) for name in FULL}
+    full = asked.missions >= MISSIONS and asked.minutes is None
+    points = None if full or asked.publish else max(4, round(40 * share))
+    bugs = planted_bugs(missions=sizes["planted"], seed=asked.seed)
+    raced = races(answers=sizes["answers"], appends=sizes["appends"], seed=asked.seed)
+    suspended = suspensions(sizes["suspensions"])
+    damaged = damages()
+    killed = kill_campaign(most=points, seed=asked.seed)
+    tally = simulated_campaign(
+        seeds_of(asked.seed, asked.missions), processes=asked.processes, minutes=asked.minutes
+    )
+    result: dict[str, Any] = {
+        "seed": asked.seed,
+        "command": _command(asked),
+        **summary(tally),
+        "planted_bugs": {"total": bugs.total, "caught": bugs.caught, "seen": bugs.seen},
+        "kills": killed.kills + killed.second_kills,
+        "kill_campaign": msgspec.to_builtins(killed),
+        "races": msgspec.to_builtins(raced),
+        "suspended_holders": msgspec.to_builtins(suspended),
+        "damage": msgspec.to_builtins(damaged),
+    }
+    print(msgspec.json.format(msgspec.json.encode(result), indent=2).decode())
+    offences = [*raced.offences, *suspended.offences, *damaged.offences, *killed.offences]
+    offences += [f"planted and missed: {name}" for name in bugs.missed]
+    _tell(tally)
+    for offence in offences:
+        print(offence, file=sys.stderr)
+    if full or asked.publish:
+        publish(result)
+    if offences or not tally.clean:
+        raise SystemExit(1)
+
+
+def _command(asked: argparse.Namespace) -> str:
+    words = ["python", "-m", "campaigns", "run", "--missions", str(asked.missions), "--seed", str(asked.seed)]
+    words += ["--processes", str(asked.processes)]
+    words += ["--minutes", f"{asked.minutes:g}"] if asked.minutes is not None else []
+    return shlex.join([*words, *(["--publish"] if asked.publish else [])])
+
+
+def _tell(tally: Tally) -> None:
+    for seed, offence in tally.offences:
+        print(f"{offence}\n    python -m campaigns replay {seed}", file=sys.stderr)
+
+
+def _replay(seed: int) -> None:
+    """The plan, the log and the findings of one mission; the same seed tells the same story."""
+    with played(mission_plan(seed)) as mission:
+        findings = judged(mission)
+        print(msgspec.json.format(msgspec.json.encode(mission.plan), indent=2).decode())
+        for event in mission.log:
+            print(f"{event.position:5d} {event.mission_s:.2f} {event.stream} {event.body.decode()[:400]}")
+        print(f"struck: {mission.struck}; ended {mission.mission.status}; {mission.course}")
+        print(msgspec.json.format(msgspec.json.encode(findings), indent=2).decode())
+    if findings.offences:
+        raise SystemExit(1)
+
+
+def _check(asked: argparse.Namespace) -> None:
+    """Until the first offence, which is printed; exit 1 then."""
+    match asked.name:
+        case "simulation":
+            found = next((t.offences[0][1] for t in map(one_mission, seeds_of(asked.seed, asked.missions)) if t.offences), "")
+        case "races":
+            found = next(iter(races(answers=2, appends=QUICK, seed=asked.seed).offences), "")
+        case _:
+            found = next(iter(suspensions(2).offences), "")
+    if found:
+        print(found)
+        raise SystemExit(1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,27 @@
+"""What an adjudicator found in one mission. Every field but `epistemic_false` and `false_rejections` should stay empty."""
+
+from harness.contracts.values import Value
+
+
+class Findings(Value):
+    """Sentences, one per offence. `contract_false`: accepted although the evidence, or the lack of it, contradicted.
+
+    `epistemic_false`: the evidence supported it and the truth differed. `breaches`: a rule of the house that is
+    neither of these: budgets, leases, answers, starts without an intent, planner text before the verifier.
+    """
+
+    contract_false: tuple[str, ...] = ()
+    epistemic_false: tuple[str, ...] = ()
+    false_rejections: tuple[str, ...] = ()
+    duplicate_starts: tuple[str, ...] = ()
+    unauthorised: tuple[str, ...] = ()
+    breaches: tuple[str, ...] = ()
+    commits: int = 0
+    rejections: int = 0
+    starts: int = 0
+    dispatches: int = 0
+
+    @property
+    def offences(self) -> tuple[str, ...]:
+        """What must not be: everything but what no gate can see and what only costs time."""
+        return (*self.contract_false, *self.duplicate_starts, *self.unauthorised, *self.breaches)

@@ -1,0 +1,105 @@
+"""Pure: what happens in one mission of a campaign: template, faults of the robot, disturbances, all from one seed."""
+
+from typing import Literal, get_args
+
+from campaigns.chance import between, one_of, uniform
+from harness.contracts.values import Value
+
+RobotFault = Literal[
+    "stale-pose", "missing-pose", "frozen-localiser", "early-success", "duplicate-request", "interrupted",
+    "blocked-passage", "lost-localisation", "biased-localiser",
+]  # fmt: skip
+DisturbanceName = Literal[
+    "request-lost", "reply-lost", "late-reply", "reordered", "duplicated", "foreign-identity", "provider-silent",
+    "robot-crash", "lease-conflict", "clock-step", "epoch-change", "veto",
+]  # fmt: skip
+Template = Literal["circuit", "warehouse-inspection"]
+ROBOT_FAULTS: tuple[RobotFault, ...] = get_args(RobotFault)
+DISTURBANCES: tuple[DisturbanceName, ...] = get_args(DisturbanceName)
+WAREHOUSE_SHARE = 0.12
+AT_THE_START: tuple[DisturbanceName, ...] = ("lease-conflict", "provider-silent")
+"""Disturbances that meet something mostly in a mission's first moments: before it takes a lease, or as it begins."""
+PERSISTENT_SHARE = 0.25
+LONGEST_S: dict[DisturbanceName, float] = {
+    "provider-silent": 25.0,
+    "robot-crash": 8.0,
+    "lease-conflict": 30.0,
+    "clock-step": 60.0,
+    "veto": 25.0,
+}
+SHARE_OF_CALLS: dict[DisturbanceName, tuple[float, float]] = {
+    "request-lost": (0.1, 0.9),
+    "reply-lost": (0.1, 0.9),
+    "late-reply": (0.05, 0.5),
+    "reordered": (0.1, 0.8),
+    "duplicated": (0.2, 1.0),
+    "foreign-identity": (0.05, 0.6),
+}
+
+
+class Disturbance(Value):
+    """One thing that goes wrong outside the robot: from `at_s` after the mission's begin, for `for_s`.
+
+    `share`: of the calls in that time, for disturbances of messages. `size_s`: of a clock's step, or a reply's delay.
+    """
+
+    name: DisturbanceName
+    at_s: float
+    for_s: float
+    share: float = 1.0
+    size_s: float = 0.0
+
+
+class MissionPlan(Value):
+    """One mission. `approvals` is how many handoffs a person approves before nobody answers any more."""
+
+    seed: int
+    template: Template
+    faults: tuple[str, ...]
+    disturbances: tuple[Disturbance, ...]
+    approvals: int
+
+    @property
+    def needs_folder(self) -> bool:
+        """Whether the robot dies in it, so that its journal and its world must lie on a disk."""
+        return any(one.name == "robot-crash" for one in self.disturbances)
+
+
+def mission_plan(seed: int) -> MissionPlan:
+    """The mission of that seed: one to four things go wrong in it."""
+    template: Template = "warehouse-inspection" if uniform(seed, "template") < WAREHOUSE_SHARE else "circuit"
+    mixture = one_of(seed, ((1, 0), (0, 1), (1, 1), (2, 1), (1, 2), (2, 2)), "mixture")
+    faults = tuple(dict.fromkeys(_fault(seed, index) for index in range(mixture[0])))
+    disturbances = tuple(
+        _disturbance(seed, index, lasts_s=110.0 if template == "warehouse-inspection" else 45.0)
+        for index in range(mixture[1])
+    )
+    names = [fault.partition(":")[0] for fault in faults]
+    return MissionPlan(
+        seed=seed,
+        template=template,
+        faults=tuple(fault for place, fault in enumerate(faults) if names.index(names[place]) == place),
+        disturbances=disturbances,
+        approvals=int(uniform(seed, "approvals") * 3),
+    )
+
+
+def _fault(seed: int, index: int) -> str:
+    name = one_of(seed, ROBOT_FAULTS, "fault", index)
+    persistent = uniform(seed, "persistent", index) < PERSISTENT_SHARE
+    return f"{name}:persistent" if persistent else name
+
+
+def _disturbance(seed: int, index: int, *, lasts_s: float) -> Disturbance:
+    name = one_of(seed, DISTURBANCES, "disturbance", index)
+    low, high = SHARE_OF_CALLS.get(name, (1.0, 1.0))
+    sign = -1.0 if uniform(seed, "sign", index) < 0.5 else 1.0
+    size_s = between(seed, 0.2, 3.0, "size", index)
+    early = name in AT_THE_START and uniform(seed, "early", index) < 0.8
+    return Disturbance(
+        name=name,
+        at_s=between(seed, 0.0, 1.0 if early else lasts_s, "at", index),
+        for_s=between(seed, 0.5, LONGEST_S.get(name, 12.0), "for", index),
+        share=between(seed, low, high, "share", index),
+        size_s=sign * size_s * 5.0 if name == "clock-step" else size_s,
+    )

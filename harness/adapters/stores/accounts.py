@@ -1,0 +1,339 @@
+"""People, sessions, tokens and the trail of who came in, in a database of their own. Holds digests, never secrets.
+
+The trail is a hash chain of its own: an entry's digest covers the one before it.
+"""
+
+import weakref
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from threading import RLock
+from typing import Any
+
+import msgspec
+from sqlalchemy import Connection, RowMapping, create_engine, delete, func, insert, or_, select, update
+from sqlalchemy.exc import IntegrityError, SQLAlchemyError
+from sqlalchemy.pool import StaticPool
+
+from harness.adapters.stores.accounts_schema import ACCOUNTS, ANSWERS, METADATA, SESSIONS, TOKENS, TRAIL, VERSION
+from harness.contracts.errors import ConcurrencyConflict, LogDamaged, StoreNewer, StoreUnavailable
+from harness.contracts.ids import Digest, sha256
+from harness.contracts.values import Name, Value, encode
+
+BUSY_S = 5.0
+GENESIS = Digest("0" * 64)
+
+
+class Account(Value):
+    """One person. `secret` is the encoded argon2id hash; times are wall seconds."""
+
+    name: Name
+    roles: tuple[str, ...]
+    secret: str
+    disabled: bool
+    created_at_s: float
+    changed_at_s: float
+
+
+class Session(Value):
+    """One signed-in browser, by the digests of its cookie. `previous` stays good until `previous_until_s`."""
+
+    digest: str
+    previous: str
+    previous_until_s: float | None
+    name: Name
+    invited: bool
+    began_at_s: float
+    seen_at_s: float
+    rotated_at_s: float
+    source: str
+    agent: str
+
+
+class Token(Value):
+    """One robot's or integration's key to the API, by digest. `robot_id` empty: any robot."""
+
+    token_id: Name
+    name: Name
+    digest: str
+    scopes: tuple[str, ...]
+    robot_id: str
+    created_by: Name
+    created_at_s: float
+    expires_at_s: float | None
+    used_at_s: float | None
+    revoked_at_s: float | None
+
+
+class Entry(Value):
+    """One line of the trail. `subject` is the account, token or stream it is about; `source` an address."""
+
+    number: int
+    at_s: float
+    kind: str
+    actor: str
+    role: str
+    subject: str
+    detail: str
+    source: str
+    previous: str
+    digest: str
+
+
+class KeptAnswer(Value):
+    """What a request with an idempotency key was answered. `status` 0: begun, and its answer is not known."""
+
+    caller: str
+    key: str
+    request: str
+    begun_at_s: float
+    status: int
+    media_type: str
+    body: bytes
+
+
+class SqlAccounts:
+    """Accounts in one SQLite file, or in memory for tests. Safe between threads and processes."""
+
+    def __init__(self, file: Path | None = None) -> None:
+        """Opens or creates the file, readable by its owner alone. Raises StoreUnavailable or StoreNewer."""
+        self._file = file
+        if file is not None:
+            _private(file)
+        self._engine = create_engine(
+            "sqlite://" if file is None else f"sqlite:///{file}",
+            poolclass=StaticPool,
+            isolation_level="AUTOCOMMIT",
+            connect_args={"check_same_thread": False, "timeout": BUSY_S},
+        )
+        self.close = weakref.finalize(self, self._engine.dispose)
+        self._lock = RLock()
+        with self._connection() as connection:
+            connection.exec_driver_sql("PRAGMA journal_mode=WAL")
+            connection.exec_driver_sql("PRAGMA synchronous=FULL")
+            found = int(connection.exec_driver_sql("PRAGMA user_version").scalar_one())
+            if found > VERSION:
+                raise StoreNewer(
+                    "The accounts were written by a later release",
+                    where=str(file),
+                    do="install the newer version of the program",
+                )
+            METADATA.create_all(connection, checkfirst=True)
+            connection.exec_driver_sql(f"PRAGMA user_version={VERSION}")
+
+    # accounts -------------------------------------------------------------------------------------------------------
+
+    def accounts(self) -> list[Account]:
+        """Everybody, disabled ones included, by name."""
+        return [_account(row) for row in self._rows(select(ACCOUNTS).order_by(ACCOUNTS.c.name))]
+
+    def account(self, name: str) -> Account | None:
+        return next((_account(row) for row in self._rows(select(ACCOUNTS).where(ACCOUNTS.c.name == name))), None)
+
+    def any_account(self) -> bool:
+        return bool(self._rows(select(ACCOUNTS.c.name).limit(1)))
+
+    def add_account(self, account: Account) -> None:
+        """Raises ConcurrencyConflict if the name is taken."""
+        try:
+            self._write(insert(ACCOUNTS).values(_columns(account, roles=" ".join(account.roles))))
+        except IntegrityError as error:
+            raise ConcurrencyConflict(
+                f"There is an account {account.name} already", do="choose another name"
+            ) from error
+
+    def change_account(self, account: Account) -> None:
+        row = _columns(account, roles=" ".join(account.roles))
+        self._write(update(ACCOUNTS).where(ACCOUNTS.c.name == account.name).values(row))
+
+    # sessions -------------------------------------------------------------------------------------------------------
+
+    def session(self, digest: str) -> Session | None:
+        """The session whose cookie this is, or was until it was rotated."""
+        found = self._rows(select(SESSIONS).where(or_(SESSIONS.c.digest == digest, SESSIONS.c.previous == digest)))
+        return msgspec.convert(dict(found[0]), Session, strict=False) if found else None
+
+    def sessions(self, name: str) -> list[Session]:
+        """One person's, newest first."""
+        query = select(SESSIONS).where(SESSIONS.c.name == name).order_by(SESSIONS.c.began_at_s.desc())
+        return [msgspec.convert(dict(row), Session, strict=False) for row in self._rows(query)]
+
+    def open_session(self, session: Session) -> None:
+        self._write(insert(SESSIONS).values(_columns(session)))
+
+    def change_session(self, digest: str, session: Session) -> bool:
+        """Replace the session that has this digest; False if somebody else changed its digest first."""
+        return self._write(update(SESSIONS).where(SESSIONS.c.digest == digest).values(_columns(session))) == 1
+
+    def close_sessions(self, *, digest: str = "", name: str = "", but: str = "") -> int:
+        """End one session by its digest, or all of a person's but one; how many."""
+        if digest:
+            return self._write(delete(SESSIONS).where(or_(SESSIONS.c.digest == digest, SESSIONS.c.previous == digest)))
+        return self._write(delete(SESSIONS).where(SESSIONS.c.name == name, SESSIONS.c.digest != but))
+
+    # tokens ---------------------------------------------------------------------------------------------------------
+
+    def tokens(self) -> list[Token]:
+        """All of them, revoked ones included, newest first."""
+        return [_token(row) for row in self._rows(select(TOKENS).order_by(TOKENS.c.created_at_s.desc()))]
+
+    def token(self, digest: str) -> Token | None:
+        return next((_token(row) for row in self._rows(select(TOKENS).where(TOKENS.c.digest == digest))), None)
+
+    def add_token(self, token: Token) -> None:
+        self._write(insert(TOKENS).values(_columns(token, scopes=" ".join(token.scopes))))
+
+    def change_token(self, token: Token) -> None:
+        row = _columns(token, scopes=" ".join(token.scopes))
+        self._write(update(TOKENS).where(TOKENS.c.token_id == token.token_id).values(row))
+
+    # the trail ------------------------------------------------------------------------------------------------------
+
+    def record(self, *, at_s: float, kind: str, actor: str, role: str, subject: str, detail: str, source: str) -> Entry:
+        """Append one entry to the trail's chain."""
+        with self._transaction() as connection:
+            last = connection.execute(select(TRAIL).order_by(TRAIL.c.number.desc()).limit(1)).mappings().first()
+            bare = Entry(
+                number=(last["number"] if last else 0) + 1,
+                at_s=at_s,
+                kind=kind,
+                actor=actor[:200],
+                role=role,
+                subject=subject[:200],
+                detail=detail[:500],
+                source=source[:100],
+                previous=last["digest"] if last else GENESIS,
+                digest="",
+            )
+            entry = msgspec.structs.replace(bare, digest=sha256(encode(bare)))
+            connection.execute(insert(TRAIL).values(_columns(entry)))
+            return entry
+
+    def trail(self, *, before: int | None = None, kind: str = "", actor: str = "", limit: int = 50) -> list[Entry]:
+        """Newest first, with numbers below `before`; `kind` may be a beginning such as `sign_in`."""
+        query = select(TRAIL).order_by(TRAIL.c.number.desc()).limit(limit)
+        if before is not None:
+            query = query.where(TRAIL.c.number < before)
+        if kind:
+            query = query.where(TRAIL.c.kind.startswith(kind, autoescape=True))
+        if actor:
+            query = query.where(TRAIL.c.actor == actor)
+        return [_entry(row) for row in self._rows(query)]
+
+    def refusals(self, *, since_s: float, name: str = "", source: str = "") -> tuple[int, float]:
+        """How many sign-ins were refused since then (for a name: since its last success), and when the last one was."""
+        column, value = (TRAIL.c.subject, name) if name else (TRAIL.c.source, source)
+        mine = select(func.coalesce(func.max(TRAIL.c.number), 0)).where(
+            TRAIL.c.kind == "sign_in.accepted", TRAIL.c.subject == name
+        )
+        query = select(func.count().label("count"), func.coalesce(func.max(TRAIL.c.at_s), 0.0).label("last_s")).where(
+            TRAIL.c.kind == "sign_in.refused",
+            column == value,
+            TRAIL.c.at_s > since_s,
+            TRAIL.c.number > mine.scalar_subquery(),
+        )
+        row = self._rows(query)[0]
+        return int(row["count"]), float(row["last_s"])
+
+    def verify_trail(self) -> int:
+        """Recompute the chain; how many entries it has. Raises LogDamaged at the first entry that does not fit."""
+        previous: str = GENESIS
+        entries = 0
+        for index, row in enumerate(self._rows(select(TRAIL).order_by(TRAIL.c.number)), start=1):
+            entry = _entry(row)
+            bare = msgspec.structs.replace(entry, digest="")
+            if (entry.number, entry.previous, entry.digest) != (index, previous, sha256(encode(bare))):
+                raise LogDamaged(
+                    f"Entry {entry.number} of the access trail does not verify",
+                    where=str(self._file or "memory"),
+                    do="keep a copy of the file and find out who changed it; the trail is sound before this entry",
+                )
+            previous = entry.digest
+            entries = index
+        return entries
+
+    # idempotent requests --------------------------------------------------------------------------------------------
+
+    def begin(self, answer: KeptAnswer, *, forget_before_s: float) -> KeptAnswer | None:
+        """None if this key is new (it is taken now), else what is known of the first request."""
+        with self._transaction() as connection:
+            connection.execute(delete(ANSWERS).where(ANSWERS.c.begun_at_s < forget_before_s))
+            query = select(ANSWERS).where(ANSWERS.c.caller == answer.caller, ANSWERS.c.key == answer.key)
+            found = connection.execute(query).mappings().first()
+            if found is None:
+                connection.execute(insert(ANSWERS).values(_columns(answer)))
+                return None
+            return KeptAnswer(**dict(found))
+
+    def keep(self, answer: KeptAnswer) -> None:
+        """The answer to a request that was begun."""
+        mine = (ANSWERS.c.caller == answer.caller) & (ANSWERS.c.key == answer.key)
+        self._write(update(ANSWERS).where(mine).values(_columns(answer)))
+
+    def forget(self, caller: str, key: str) -> None:
+        """The request changed nothing: its key is free again."""
+        self._write(delete(ANSWERS).where(ANSWERS.c.caller == caller, ANSWERS.c.key == key))
+
+    # ----------------------------------------------------------------------------------------------------------------
+
+    @contextmanager
+    def _transaction(self) -> Iterator[Connection]:
+        """One write transaction; writers of other processes queue for BUSY_S."""
+        with self._connection() as connection:
+            connection.exec_driver_sql("BEGIN IMMEDIATE")
+            try:
+                yield connection
+            except BaseException:
+                connection.exec_driver_sql("ROLLBACK")
+                raise
+            connection.exec_driver_sql("COMMIT")
+
+    @contextmanager
+    def _connection(self) -> Iterator[Connection]:
+        try:
+            with self._lock, self._engine.connect() as connection:
+                yield connection
+        except IntegrityError:
+            raise
+        except SQLAlchemyError as error:
+            raise StoreUnavailable(
+                f"The accounts cannot be used: {getattr(error, 'orig', None) or error}",
+                where=str(self._file or "memory"),
+                do="check that the file is a database of this program and that its folder can be written",
+            ) from error
+
+    def _rows(self, query: Any) -> Sequence[RowMapping]:
+        with self._connection() as connection:
+            return connection.execute(query).mappings().all()
+
+    def _write(self, statement: Any) -> int:
+        with self._transaction() as connection:
+            return int(connection.execute(statement).rowcount)
+
+
+def _private(file: Path) -> None:
+    try:
+        file.touch(mode=0o600, exist_ok=True)
+        file.chmod(0o600)
+    except OSError as error:
+        raise StoreUnavailable(
+            f"The accounts cannot be opened: {error.strerror or error}",
+            where=str(file),
+            do="name a folder that can be written with --data",
+        ) from error
+
+
+def _columns(value: Value, **instead: Any) -> dict[str, Any]:
+    return {**{name: getattr(value, name) for name in value.__struct_fields__}, **instead}
+
+
+def _account(row: RowMapping) -> Account:
+    return Account(**{**row, "roles": tuple(row["roles"].split()), "disabled": bool(row["disabled"])})
+
+
+def _token(row: RowMapping) -> Token:
+    return Token(**{**row, "scopes": tuple(row["scopes"].split())})
+
+
+def _entry(row: RowMapping) -> Entry:
+    return Entry(**row)

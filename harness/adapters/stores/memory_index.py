@@ -1,0 +1,178 @@
+"""A memory index that lives as long as its process: for tests, suites and simulated missions."""
+
+from bisect import insort
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from threading import Lock
+
+from harness.contracts.errors import ConcurrencyConflict, UnknownName
+from harness.contracts.ids import Digest
+from harness.contracts.memory import Box, Labels, Mark, MemoryQuery, MemoryRecord, Remembered, Standing, labels_of
+
+EMPTY = Mark(fold="", position=0, digest=Digest(""))
+
+
+@dataclass
+class Row:
+    """One record, and the positions of the log at which something superseded or contradicted it."""
+
+    seq: int
+    record: MemoryRecord
+    labels: Labels
+    superseded_at: int | None = None
+    disputed_at: int | None = None
+    until_s: float | None = None
+
+    def standing(self, as_of: int | None) -> Standing:
+        """What had become of it by that position of the log; None: by now."""
+        if _by(self.superseded_at, as_of):
+            return "superseded"
+        return "disputed" if _by(self.disputed_at, as_of) else self.record.verification
+
+    def remembered(self, as_of: int | None = None) -> Remembered:
+        """The row as it is handed out."""
+        cut = _by(self.superseded_at, as_of)
+        until_s = self.until_s if cut else self.record.valid_until_s
+        return Remembered(record=self.record, standing=self.standing(as_of), until_s=until_s)
+
+
+class VolatileMemoryIndex:
+    """Memory records in lists. Safe between threads."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._mark: Mark = EMPTY
+        self._rows: dict[str, list[Row]] = {}
+        self._by_id: dict[str, Row] = {}
+        self._current: dict[tuple[str, str], list[Row]] = {}
+        self._by_provider: dict[tuple[str, str], list[Row]] = {}
+
+    def mark(self) -> Mark:
+        """How far the index has followed the log."""
+        with self._lock:
+            return self._mark
+
+    def add(self, records: Sequence[MemoryRecord], *, after: Mark, upto: Mark) -> None:
+        """All or nothing. Raises ConcurrencyConflict if the index is not at `after`."""
+        with self._lock:
+            if self._mark != after:
+                raise moved(self._mark, after)
+            for record in records:
+                self._add(record)
+            self._mark = upto
+
+    def clear(self) -> None:
+        """Forget everything."""
+        with self._lock:
+            self._mark = EMPTY
+            for held in (self._rows, self._by_id, self._current, self._by_provider):
+                held.clear()
+
+    def get(self, record_id: str) -> Remembered:
+        """Raises UnknownName."""
+        with self._lock:
+            if record_id not in self._by_id:
+                raise UnknownName(f"Memory holds no record {record_id}", where="memory index")
+            return self._by_id[record_id].remembered()
+
+    def current(self, kind: str, subject: str) -> list[Remembered]:
+        """What nothing has superseded, oldest first."""
+        with self._lock:
+            return [row.remembered() for row in self._current.get((kind, subject), ())]
+
+    def find(self, query: MemoryQuery) -> list[Remembered]:
+        """Newest first, at most `limit`."""
+        found: list[Remembered] = []
+        with self._lock:
+            for row in self._candidates(query):
+                if len(found) == query.limit:
+                    break
+                if _answers(row, query):
+                    found.append(row.remembered(query.as_of))
+        return found
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+    def _add(self, record: MemoryRecord) -> None:
+        row = Row(len(self._by_id) + 1, record, labels_of(record), until_s=record.valid_until_s)
+        position = record.provenance.position
+        for older in (self._by_id[name] for name in record.supersedes):
+            older.superseded_at = position
+            older.until_s = sooner(older.until_s, record.valid_from_s)
+            self._current[(older.record.kind, older.record.subject)].remove(older)
+        for other in (self._by_id[name] for name in record.conflicts):
+            other.disputed_at = other.disputed_at or position
+        self._by_id[record.record_id] = row
+        self._rows.setdefault(record.kind, []).append(row)
+        self._current.setdefault((record.kind, record.subject), []).append(row)
+        if row.labels.provider_id:
+            self._by_provider.setdefault((record.kind, row.labels.provider_id), []).append(row)
+
+    def _candidates(self, query: MemoryQuery) -> Iterable[Row]:
+        if query.provider_id:
+            lists = [self._by_provider.get((kind, query.provider_id), []) for kind in query.kinds]
+        elif query.subject and "superseded" not in query.standings and query.as_of is None:
+            lists = [self._current.get((kind, query.subject), []) for kind in query.kinds]
+        else:
+            lists = [self._rows.get(kind, []) for kind in query.kinds]
+        if len(lists) == 1:
+            return reversed(lists[0])
+        merged: list[Row] = []
+        for row in (row for rows in lists for row in rows):
+            insort(merged, row, key=lambda row: -row.seq)
+        return merged
+
+
+def moved(mark: Mark, after: Mark) -> ConcurrencyConflict:
+    """The error for an index that somebody else has taken further."""
+    return ConcurrencyConflict(
+        f"The memory index is at position {mark.position}, not at {after.position}",
+        where="memory index",
+        do="read its mark again and fold from there",
+    )
+
+
+def sooner(until_s: float | None, end_s: float) -> float:
+    """Where an interval ends that another record cuts off at `end_s`."""
+    return end_s if until_s is None else min(until_s, end_s)
+
+
+def _by(position: int | None, as_of: int | None) -> bool:
+    return position is not None and (as_of is None or position <= as_of)
+
+
+def _answers(row: Row, query: MemoryQuery) -> bool:
+    record, labels = row.record, row.labels
+    asked = (
+        (query.subject, record.subject),
+        (query.mission_id, record.provenance.mission_id),
+        (query.provider_id, labels.provider_id),
+        (query.capability, labels.capability),
+        (query.configuration, labels.configuration),
+    )
+    return (
+        all(wanted in ("", found) for wanted, found in asked)
+        and query.place in (None, labels.place)
+        and (not query.verdicts or labels.verdict in query.verdicts)
+        and (query.as_of is None or record.provenance.position <= query.as_of)
+        and row.standing(query.as_of) in query.standings
+        and record.confidence >= query.minimum_confidence
+        and (query.region is None or _touches(record.where, query.region))
+        and (query.valid_at_s is None or _speaks(row.remembered(query.as_of), query.valid_at_s))
+    )
+
+
+def _touches(where: Box | None, region: Box) -> bool:
+    return (
+        where is not None
+        and (where.frame, where.map_version) == (region.frame, region.map_version)
+        and where.x_min_m <= region.x_max_m
+        and where.x_max_m >= region.x_min_m
+        and where.y_min_m <= region.y_max_m
+        and where.y_max_m >= region.y_min_m
+    )
+
+
+def _speaks(one: Remembered, at_s: float) -> bool:
+    return one.record.valid_from_s <= at_s and (one.until_s is None or at_s < one.until_s)

@@ -1,0 +1,222 @@
+"""The memory index in an SQLite file of its own, through SQLAlchemy. A read model: deleting the file loses nothing.
+
+Its commits reach the disk with the next checkpoint, not at once; after a crash it is behind the log and follows it
+again. Boxes and intervals of spatial records lie in an R*-tree.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import lru_cache
+from threading import Lock
+from typing import Any
+
+import msgspec
+from sqlalchemy import Connection, Row
+from sqlalchemy.exc import DBAPIError, SQLAlchemyError
+
+from harness.adapters.stores.memory_index import EMPTY, moved
+from harness.adapters.stores.memory_index_schema import (
+    CREATE,
+    CURRENT,
+    CUT_BOX,
+    DISPUTE,
+    DROP,
+    EPOCH_S,
+    FOREVER_S,
+    GET,
+    INSERT,
+    INSERT_BOX,
+    LAST,
+    MARK,
+    SCHEMA_VERSION,
+    SET_MARK,
+    SUPERSEDE,
+    finding,
+)
+from harness.adapters.stores.sql_engine import aside_engine, enter_wal, file_url, reader_engine
+from harness.contracts.errors import StoreUnavailable, UnknownName
+from harness.contracts.memory import Mark, MemoryQuery, MemoryRecord, Remembered, Standing, labels_of
+from harness.contracts.values import encode
+
+AnyRow = Row[*tuple[Any, ...]]
+_decoder = msgspec.json.Decoder(MemoryRecord)
+# A provider's history is asked for at every dispatch, and its records never change.
+_decoded = lru_cache(maxsize=4096)(_decoder.decode)
+
+
+class SqlMemoryIndex:
+    """The index at `url` (sqlite:///FILE), created on first use; one of another schema is emptied.
+
+    Safe between threads. Raises StoreUnavailable if the file cannot be used as it is.
+    """
+
+    def __init__(self, url: str, *, busy_s: float = 10.0) -> None:
+        self._url = file_url(url)
+        self._lock = Lock()
+        self._readers = reader_engine(self._url, busy_s=busy_s)
+        self._writer: Connection | None = None
+        with self._translated():
+            writer = aside_engine(self._url, busy_s=busy_s).connect()
+            try:
+                enter_wal(writer, busy_s=busy_s)
+                with _transaction(writer):
+                    if writer.exec_driver_sql("PRAGMA user_version").scalar_one() != SCHEMA_VERSION:
+                        _create(writer)
+            except BaseException:
+                writer.close()
+                raise
+            self._writer = writer
+
+    def mark(self) -> Mark:
+        """How far the index has followed the log."""
+        rows = self._rows(MARK, ())
+        return _mark(rows[0]) if rows else EMPTY
+
+    def add(self, records: Sequence[MemoryRecord], *, after: Mark, upto: Mark) -> None:
+        """All or nothing. Raises ConcurrencyConflict if the index is not at `after`."""
+        with self._translated(), self._lock:
+            writer = self._opened()
+            with _transaction(writer):
+                row = writer.exec_driver_sql(MARK).first()
+                found = _mark(row) if row else EMPTY
+                if found != after:
+                    raise moved(found, after)
+                _insert(writer, records)
+                writer.exec_driver_sql("DELETE FROM mark")
+                writer.exec_driver_sql(SET_MARK, msgspec.structs.astuple(upto))
+
+    def clear(self) -> None:
+        """Forget everything."""
+        with self._translated(), self._lock:
+            writer = self._opened()
+            with _transaction(writer):
+                _create(writer)
+
+    def get(self, record_id: str) -> Remembered:
+        """Raises UnknownName."""
+        rows = self._rows(GET, (record_id,))
+        if not rows:
+            raise UnknownName(f"Memory holds no record {record_id}", where=str(self._url.database))
+        return _remembered(rows[0], None)
+
+    def current(self, kind: str, subject: str) -> list[Remembered]:
+        """What nothing has superseded, oldest first."""
+        return [_remembered(row, None) for row in self._rows(CURRENT, (kind, subject))]
+
+    def find(self, query: MemoryQuery) -> list[Remembered]:
+        """Newest first, at most `limit`."""
+        return [_remembered(row, query.as_of) for row in self._rows(*finding(query))]
+
+    def close(self) -> None:
+        """Close every connection; the index answers nothing afterwards."""
+        with self._lock:
+            if self._writer is not None:
+                self._writer.close()
+                self._writer = None
+        self._readers.dispose()
+
+    def _rows(self, statement: str, arguments: tuple[str | int | float, ...]) -> Sequence[AnyRow]:
+        self._opened()
+        with self._translated(), self._readers.connect() as reader:
+            return reader.exec_driver_sql(statement, arguments).all()
+
+    def _opened(self) -> Connection:
+        if self._writer is None:
+            raise StoreUnavailable("The memory index is closed", where=str(self._url.database), do="open it again")
+        return self._writer
+
+    @contextmanager
+    def _translated(self) -> Iterator[None]:
+        try:
+            yield
+        except SQLAlchemyError as error:
+            cause = error.orig if isinstance(error, DBAPIError) else error
+            raise StoreUnavailable(
+                f"The memory index cannot be used: {cause}",
+                where=str(self._url.database),
+                do="delete this file, and those beside it that begin with its name: it is built again from the log",
+            ) from error
+
+
+@contextmanager
+def _transaction(writer: Connection) -> Iterator[None]:
+    writer.exec_driver_sql("BEGIN IMMEDIATE")
+    try:
+        yield
+        writer.exec_driver_sql("COMMIT")
+    except BaseException:
+        writer.connection.rollback()
+        raise
+
+
+def _create(writer: Connection) -> None:
+    for statement in (*DROP, *CREATE):
+        writer.exec_driver_sql(statement)
+    writer.exec_driver_sql(f"PRAGMA user_version={SCHEMA_VERSION}")
+
+
+def _insert(writer: Connection, records: Sequence[MemoryRecord]) -> None:
+    """The rows first, then what they do to older ones, in order."""
+    last = int(writer.exec_driver_sql(LAST).scalar_one())
+    numbered = list(enumerate(records, start=last + 1))
+    boxes = [_box(seq, record) for seq, record in numbered if record.where is not None]
+    if numbered:
+        writer.exec_driver_sql(INSERT, [_columns(seq, record) for seq, record in numbered])
+    if boxes:
+        writer.exec_driver_sql(INSERT_BOX, boxes)
+    for record in records:
+        position, from_s = record.provenance.position, record.valid_from_s
+        for name in record.supersedes:
+            writer.exec_driver_sql(SUPERSEDE, (position, from_s, from_s, name))
+            writer.exec_driver_sql(CUT_BOX, (from_s - EPOCH_S, name))
+        for name in record.conflicts:
+            writer.exec_driver_sql(DISPUTE, (position, name))
+
+
+def _columns(seq: int, record: MemoryRecord) -> tuple[Any, ...]:
+    where, labels = record.where, labels_of(record)
+    return (
+        seq,
+        record.record_id,
+        record.kind,
+        record.subject,
+        record.provenance.position,
+        record.verification,
+        record.confidence,
+        record.valid_from_s,
+        record.valid_until_s,
+        record.valid_until_s,
+        None,
+        None,
+        record.provenance.mission_id,
+        labels.provider_id,
+        labels.capability,
+        labels.place,
+        labels.configuration,
+        labels.verdict,
+        where.frame if where else "",
+        where.map_version if where else "",
+        encode(record),
+    )
+
+
+def _box(seq: int, record: MemoryRecord) -> tuple[Any, ...]:
+    where = record.where
+    if where is None:
+        raise ValueError(f"{record.record_id} has no place")
+    until_s = FOREVER_S if record.valid_until_s is None else record.valid_until_s - EPOCH_S
+    from_s = record.valid_from_s - EPOCH_S
+    return seq, where.x_min_m, where.x_max_m, where.y_min_m, where.y_max_m, from_s, max(from_s, until_s)
+
+
+def _mark(row: AnyRow) -> Mark:
+    fold, position, digest = row
+    return Mark(fold=fold, position=position, digest=digest)
+
+
+def _remembered(row: AnyRow, as_of: int | None) -> Remembered:
+    body, verification, superseded_at, disputed_at, stated_until_s, until_s = row
+    superseded = superseded_at is not None and (as_of is None or superseded_at <= as_of)
+    disputed = disputed_at is not None and (as_of is None or disputed_at <= as_of)
+    standing: Standing = "superseded" if superseded else "disputed" if disputed else verification
+    return Remembered(record=_decoded(body), standing=standing, until_s=until_s if superseded else stated_until_s)

@@ -1,0 +1,34 @@
+"""Schema 2: snapshots of folded streams. They may be replaced or lost: the events alone are the truth."""
+
+import sqlalchemy as sa
+from alembic import op
+
+revision = "0002"
+down_revision = "0001"
+
+_NUMBER = sa.BigInteger().with_variant(sa.Integer(), "sqlite")
+_TEXT = sa.Text().with_variant(sa.Text(collation="C"), "postgresql")
+
+
+def upgrade() -> None:
+    """One row per stream; `event` is the digest of the stream's event at `version`, which ties it to this very log."""
+    op.create_table(
+        "snapshot",
+        sa.Column("stream", _TEXT, primary_key=True),
+        sa.Column("version", _NUMBER, nullable=False),
+        sa.Column("event", _TEXT, nullable=False),
+        sa.Column("fingerprint", _TEXT, nullable=False),
+        sa.Column("digest", _TEXT, nullable=False),
+        sa.Column("body", sa.LargeBinary, nullable=False),
+    )
+    if op.get_bind().dialect.name == "sqlite":
+        op.execute("DROP TRIGGER meta_refuses_update")
+        op.execute("UPDATE meta SET value = '2' WHERE name = 'schema_version'")
+        op.execute(
+            "CREATE TRIGGER meta_refuses_update BEFORE UPDATE ON meta "
+            "BEGIN SELECT RAISE(ABORT, 'meta rows are append-only'); END"
+        )
+    else:
+        op.execute("ALTER TABLE meta DISABLE TRIGGER meta_refuses_change")
+        op.execute("UPDATE meta SET value = '2' WHERE name = 'schema_version'")
+        op.execute("ALTER TABLE meta ENABLE TRIGGER meta_refuses_change")

@@ -1,0 +1,178 @@
+"""The event log in a PostgreSQL database, for several processes and hosts. Appends and reads; decides nothing.
+
+Appends of all processes queue at one advisory lock, so that there is one order and one chain; readers never wait.
+The log wants a database of its own. Its owner can still switch the triggers off: then the chain tells.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, suppress
+
+from sqlalchemy import Connection
+from sqlalchemy.exc import DBAPIError, SQLAlchemyError
+
+from harness.adapters.stores.postgres_engine import (
+    aside_engine,
+    examined,
+    reader_engine,
+    server_url,
+    shown,
+    translated,
+    unavailable,
+    writer_engine,
+)
+from harness.adapters.stores.sql_log import SqlLog
+from harness.adapters.stores.sql_schema import migrate, needs_migration
+from harness.adapters.stores.sql_statements import statements
+from harness.contracts.errors import LogDamaged, StoreUnavailable
+from harness.contracts.ports import Head, Record, StoredEvent
+
+_POSTGRESQL = statements("%s")
+_WRITERS = 0x726567656E  # "regen": the advisory lock at which writers queue
+_BEGIN_ALONE = f"BEGIN ISOLATION LEVEL READ COMMITTED READ WRITE; SELECT pg_advisory_xact_lock({_WRITERS})"
+_BEGIN_FROZEN = "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY"
+_BY_ROWS = "SET LOCAL enable_indexscan = off; SET LOCAL enable_indexonlyscan = off; SET LOCAL enable_bitmapscan = off"
+_IN_FORCE = ("synchronous_commit", "fsync", "full_page_writes", "wal_level")
+
+
+class PostgresEventStore(SqlLog):
+    """The log at `url` (postgresql://USER:PASSWORD@HOST/DATABASE), its tables created or migrated on opening.
+
+    `busy_s` is how long an append waits for other processes. A connection that is lost is opened again: what was
+    not yet committed raises StoreUnavailable and is not stored; a commit whose answer was lost is looked up.
+    Raises StoreNewer if a newer version wrote the log, StoreUnavailable if it cannot be used as it is.
+    """
+
+    def __init__(self, url: str, *, busy_s: float = 10.0) -> None:
+        self._url = server_url(url)
+        super().__init__(
+            _POSTGRESQL, where=shown(self._url), readers=reader_engine(self._url), aside=aside_engine(self._url)
+        )
+        self._writers = writer_engine(self._url, busy_s=busy_s)
+        self._writer: Connection | None = None
+        with translated(self._url):
+            try:
+                self._prepare(self._connected())
+            except BaseException:
+                self._drop()
+                raise
+
+    def durability(self) -> dict[str, str | int]:
+        """What is in force on the writer's connection, as PostgreSQL names it."""
+        with translated(self._url), self._lock:
+            self._check_open()
+            writer = self._connected()
+            return {name: writer.exec_driver_sql(f"SHOW {name}").scalar_one() for name in _IN_FORCE}
+
+    def _prepare(self, writer: Connection) -> None:
+        encoding = writer.exec_driver_sql("SHOW server_encoding").scalar_one()
+        if encoding != "UTF8":
+            raise StoreUnavailable(
+                f"The database keeps text as {encoding}, the event log needs UTF8",
+                where=self.where,
+                do="create it with ENCODING 'UTF8' TEMPLATE template0",
+            )
+        if needs_migration(writer, where=self.where):
+            with self._alone() as alone:
+                if needs_migration(alone, where=self.where):
+                    migrate(alone)
+                alone.exec_driver_sql("COMMIT")
+
+    def _translated(self) -> AbstractContextManager[None]:
+        return translated(self._url)
+
+    def _examined(self) -> AbstractContextManager[None]:
+        return examined(self._url)
+
+    @contextmanager
+    def _alone(self) -> Iterator[Connection]:
+        writer = self._begun()
+        try:
+            yield writer
+        except BaseException:
+            try:
+                writer.exec_driver_sql("ROLLBACK")
+            except SQLAlchemyError:
+                self._drop()
+            raise
+
+    def _commit(self, writer: Connection, events: Sequence[StoredEvent], records: Sequence[Record]) -> None:
+        try:
+            writer.exec_driver_sql("COMMIT")
+        except DBAPIError as error:
+            if not error.connection_invalidated or not self._was_stored(error, events, records):
+                raise
+
+    def _was_stored(self, error: DBAPIError, events: Sequence[StoredEvent], records: Sequence[Record]) -> bool:
+        """Behind the lock, where the lost transaction is over: are its rows there?"""
+        self._drop()
+        try:
+            with self._alone() as writer:
+                if events:
+                    last = (events[-1].position, events[-1].digest)
+                    found = writer.exec_driver_sql(self._sql.holds, last).first() is not None
+                else:
+                    found = all(writer.exec_driver_sql(self._sql.record, (new.digest,)).first() for new in records)
+                writer.exec_driver_sql("ROLLBACK")
+        except SQLAlchemyError:
+            raise StoreUnavailable(
+                f"The connection was lost while an append was committed, and whether it is stored is not known yet: "
+                f"{unavailable(self._url, error.orig).what}",
+                where=self.where,
+                do="load the stream again once the database answers, then decide anew",
+            ) from error
+        return found
+
+    @contextmanager
+    def _frozen(self) -> Iterator[Connection]:
+        with self._readers.connect() as reader:
+            reader.exec_driver_sql(_BEGIN_FROZEN)
+            try:
+                yield reader
+            finally:
+                with suppress(SQLAlchemyError):
+                    reader.exec_driver_sql("ROLLBACK")
+
+    def _check_indexes(self, connection: Connection, head: Head) -> None:
+        with examined(self._url):
+            connection.exec_driver_sql(_BY_ROWS)
+            held = connection.exec_driver_sql("SELECT count(*) FROM event").scalar_one()
+        if held != head.position:
+            raise LogDamaged(
+                f"The table holds {held} events, its index finds {head.position} of them",
+                where=self.where,
+                do="rebuild the index (REINDEX TABLE event), then verify again",
+            )
+
+    def _begun(self) -> Connection:
+        """The writer inside its transaction; opened anew, once, if the connection was lost while it was idle."""
+        try:
+            return self._begin()
+        except DBAPIError as error:
+            if not error.connection_invalidated:
+                raise
+        return self._begin()
+
+    def _begin(self) -> Connection:
+        writer = self._connected()
+        try:
+            writer.exec_driver_sql(_BEGIN_ALONE)
+        except SQLAlchemyError:
+            self._drop()
+            raise
+        return writer
+
+    def _connected(self) -> Connection:
+        if self._writer is None:
+            self._writer = self._writers.connect()
+        return self._writer
+
+    def _drop(self) -> None:
+        if self._writer is not None:
+            writer, self._writer = self._writer, None
+            with suppress(SQLAlchemyError):
+                writer.invalidate()
+                writer.close()
+
+    def _release(self) -> None:
+        self._drop()
+        self._writers.dispose()

@@ -1,0 +1,145 @@
+"""PostgreSQL through SQLAlchemy and psycopg: how connections are opened, what is in force, what failures mean.
+
+Appends commit with synchronous_commit on: they are as durable as the server's own fsync setting makes them. The
+server ends a transaction whose owner falls silent, so that a suspended process does not hold up the others.
+"""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from types import MappingProxyType
+from typing import Any
+
+import psycopg
+from sqlalchemy import Engine, create_engine
+from sqlalchemy.engine import URL, make_url
+from sqlalchemy.event import listen
+from sqlalchemy.exc import ArgumentError, DBAPIError, SQLAlchemyError
+from sqlalchemy.pool import NullPool
+
+from harness.contracts.errors import LogDamaged, StoreUnavailable
+
+SILENCE_S = 10
+"""A transaction in which nothing is said for this long is ended by the server."""
+
+_DIALECT = "postgresql+psycopg"
+_NETWORK: Mapping[str, Any] = MappingProxyType(
+    {
+        "client_encoding": "utf8",
+        "connect_timeout": 5,
+        "keepalives_idle": 10,
+        "keepalives_interval": 5,
+        "keepalives_count": 3,
+        "tcp_user_timeout": 20_000,
+        "application_name": "regen",
+    }
+)
+_REMEDIES = {
+    "08": "start the database server, wait until it is up again, or correct its address (REGEN_DATABASE)",
+    "28": "correct user and password in REGEN_DATABASE",
+    "3D": "create that database, or correct its name in REGEN_DATABASE",
+    "3F": "let the user's search_path name a schema that is there",
+    "25": "connect to the primary server: this one only reads",
+    "42": "let the user own the database: it must create and read the log's tables",
+    "53": "free space, memory or connections on the database server; everything acknowledged before is intact",
+    "55": "another process is writing for too long; stop it and try again",
+    "57": "wait until the database server is up again, then try again",
+    "58": "look at the database server's disk; everything acknowledged before is intact",
+}
+_UNREACHED = "08"
+_CORRUPT = "XX"
+
+
+def server_url(url: str) -> URL:
+    """The parsed URL of a PostgreSQL database; raises StoreUnavailable for anything else."""
+    how = "write postgresql://USER:PASSWORD@HOST:PORT/DATABASE"
+    try:
+        parsed = make_url(url)
+    except ArgumentError as error:
+        raise StoreUnavailable("That is no database address", where="REGEN_DATABASE", do=how) from error
+    if parsed.get_backend_name() not in ("postgresql", "postgres"):
+        raise StoreUnavailable("The event log is kept in a PostgreSQL database", where=shown(parsed), do=how)
+    return parsed.set(drivername=_DIALECT)
+
+
+def shown(url: URL) -> str:
+    """The address for people: without the password."""
+    return url.set(drivername=url.get_backend_name()).render_as_string(hide_password=True)
+
+
+def libpq_url(url: URL) -> str:
+    """The address as psycopg itself takes it."""
+    return url.set(drivername="postgresql").render_as_string(hide_password=False)
+
+
+def writer_engine(url: URL, *, busy_s: float) -> Engine:
+    """For the one connection that appends: a commit is on the disk when it returns; it waits `busy_s` for others."""
+    wait = f"SET lock_timeout = {max(1, int(busy_s * 1000))}"
+    silence = f"SET idle_in_transaction_session_timeout = {SILENCE_S * 1000}"
+    return _engine(url, f"SET synchronous_commit = on; {wait}; {silence}", poolclass=NullPool)
+
+
+def reader_engine(url: URL) -> Engine:
+    """For any number of threads that read: a small pool whose connections cannot write."""
+    return _engine(url, "SET default_transaction_read_only = on", pool_size=4, max_overflow=12)
+
+
+def aside_engine(url: URL) -> Engine:
+    """For what may be lost in a power cut: its commits wait for no disk."""
+    return _engine(url, "SET synchronous_commit = off", poolclass=NullPool)
+
+
+@contextmanager
+def translated(url: URL) -> Iterator[None]:
+    """Turn the database's failures into StoreUnavailable with where and what to do."""
+    try:
+        yield
+    except SQLAlchemyError as error:
+        raise unavailable(url, error.orig if isinstance(error, DBAPIError) else error) from error
+    except psycopg.Error as error:
+        raise unavailable(url, error) from error
+
+
+@contextmanager
+def examined(url: URL) -> Iterator[None]:
+    """The same, for a verification: rows or pages that the server calls corrupt are LogDamaged."""
+    try:
+        with translated(url):
+            yield
+    except StoreUnavailable as error:
+        cause = error.__cause__
+        if isinstance(cause, DBAPIError) and (sqlstate(cause.orig) or "").startswith(_CORRUPT):
+            raise LogDamaged(
+                f"The database is damaged: {_said(cause.orig)}", where=shown(url), do="restore it from a backup"
+            ) from cause
+        raise
+
+
+def unavailable(url: URL, cause: BaseException | None) -> StoreUnavailable:
+    """What a database failure means for a person."""
+    return StoreUnavailable(
+        f"The event log cannot be used: {_said(cause)}",
+        where=shown(url),
+        do=_REMEDIES.get((sqlstate(cause) or _UNREACHED)[:2], "run `regen doctor`, and read the database server's log"),
+    )
+
+
+def sqlstate(cause: BaseException | None) -> str | None:
+    """The server's five-character code; None where it said nothing, as when it cannot be reached."""
+    return cause.sqlstate if isinstance(cause, psycopg.Error) else None
+
+
+def _said(cause: BaseException | None) -> str:
+    return " ".join(str(cause).split())
+
+
+def _engine(url: URL, setting: str, **pool: Any) -> Engine:
+    options = {"isolation_level": "AUTOCOMMIT", "connect_args": dict(_NETWORK), "use_native_hstore": False}
+    engine = create_engine(url, **options, **pool)
+
+    def set_up(connection: psycopg.Connection, _record: object) -> None:
+        was, connection.autocommit = connection.autocommit, True
+        connection.execute(setting)
+        connection.autocommit = was
+
+    listen(engine, "connect", set_up)
+    return engine

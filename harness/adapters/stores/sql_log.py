@@ -1,0 +1,288 @@
+"""What every SQL database does alike for the event log: append, read, verify, be filled. Knows no database by name.
+
+One connection appends, under a lock and inside the database's one write transaction, in which the log's head is
+read: processes queue there, whichever of them comes first. Readers have connections of their own that cannot write.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager
+from threading import Lock
+from typing import Any, TypeVar
+
+import msgspec
+from sqlalchemy import Connection, Engine, Row
+from sqlalchemy.exc import DBAPIError
+
+from harness.adapters.stores.chain import GENESIS, admit, check, check_record, link
+from harness.adapters.stores.sql_statements import Statements
+from harness.contracts.errors import StoreUnavailable, UnknownName
+from harness.contracts.ids import Digest, StreamId
+from harness.contracts.ports import Batch, Head, Record, StateSnapshot, StoredEvent
+from harness.contracts.values import Moment
+
+T = TypeVar("T")
+AnyRow = Row[*tuple[Any, ...]]
+Arguments = tuple[str | int | bytes, ...]
+
+_LAST_CHARACTER = "\U0010ffff"
+_PAGE = 500
+
+
+class SqlLog(ABC):
+    """An event log in one database. Safe between threads and between processes.
+
+    `where` names the database in errors, without a password. `readers` gives connections that read, `aside` ones
+    that keep snapshots, which need not survive a power cut.
+    """
+
+    def __init__(self, statements: Statements, *, where: str, readers: Engine, aside: Engine) -> None:
+        self.where = where
+        self._sql = statements
+        self._readers = readers
+        self._aside = aside
+        self._lock = Lock()
+        self._closed = False
+
+    # the port -------------------------------------------------------------------------------------------------------
+
+    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> Head:
+        """All or nothing, synced on return. Raises ConcurrencyConflict, StoreUnavailable, ContractInvalid."""
+        admit(batches, records)
+        streams = list(dict.fromkeys(batch.stream for batch in batches))
+        with self._translated(), self._lock:
+            self._check_open()
+            with self._alone() as writer:
+                head, versions = self._ends(writer, streams)
+                events = link(head, versions, batches, now)
+                self._insert(writer, events, records)
+                self._commit(writer, events, records)
+        return Head(position=events[-1].position, digest=events[-1].digest) if events else head
+
+    def load(self, stream: StreamId, after: int = 0) -> list[StoredEvent]:
+        """Events of one stream with version > after, in order."""
+        return [event_of(row) for row in self._rows(self._sql.load, (stream, after))]
+
+    def read(self, after: int = 0, limit: int = 1000) -> list[StoredEvent]:
+        """Events of all streams with position > after, in global order, at most `limit`."""
+        return [event_of(row) for row in self._rows(self._sql.read, (after, limit))]
+
+    def streams(self, prefix: str) -> list[StreamId]:
+        """Streams whose name starts with `prefix`, by first position."""
+        return [StreamId(row[0]) for row in self._rows(self._sql.streams, (prefix, prefix + _LAST_CHARACTER))]
+
+    def record(self, digest: Digest) -> Record:
+        """Raises UnknownName; LogDamaged if the stored body does not match."""
+        rows = self._rows(self._sql.record, (digest,))
+        if not rows:
+            raise UnknownName(f"The log holds no record {digest}", where=self.where)
+        found = _record(rows[0])
+        check_record(found)
+        return found
+
+    def head(self) -> Head:
+        """The end of the log; the genesis head of an empty one."""
+        rows = self._rows(self._sql.head, ())
+        return Head(position=rows[0][0], digest=rows[0][1]) if rows else GENESIS
+
+    def verify(self) -> Head:
+        """Recompute the chain and every record's digest, a page at a time, on one instant of the log.
+
+        Raises LogDamaged that names the first bad position, the bad record, or the index that lost rows. A log cut
+        off at its end is whole in itself: only the head noted elsewhere can show that.
+        """
+        self._check_open()
+        with self._translated(), self._frozen() as reader:
+            return self._verified(reader)
+
+    def close(self) -> None:
+        """Close every connection; the store answers nothing afterwards."""
+        with self._lock:
+            self._closed = True
+            self._release()
+        self._readers.dispose()
+        self._aside.dispose()
+
+    # snapshots ------------------------------------------------------------------------------------------------------
+
+    def snapshot(self, stream: StreamId) -> StateSnapshot | None:
+        """What was kept of a stream, if it was folded from the events this log holds."""
+        rows = self._rows(self._sql.snapshot, (stream,))
+        return StateSnapshot(**rows[0]._mapping) if rows else None
+
+    def keep(self, snapshot: StateSnapshot) -> None:
+        """Replace what is kept of the stream; a stream that holds no event of that version keeps nothing."""
+        kept = (snapshot.version, snapshot.fingerprint, snapshot.digest, snapshot.body)
+        self._check_open()
+        with self._translated(), self._aside.connect() as connection:
+            connection.exec_driver_sql(self._sql.keep, (*kept, snapshot.stream, snapshot.version))
+
+    # moving ---------------------------------------------------------------------------------------------------------
+
+    def fill_from(self, source: "SqlLog") -> Head:
+        """Take over every event and record of `source` as it stands there, into an empty log, and verify the copy.
+
+        All or nothing: what does not verify, here or there, leaves this log empty. Raises LogDamaged, and
+        StoreUnavailable if this log holds anything or if somebody appended to `source` meanwhile.
+        """
+        with self._translated(), self._lock:
+            self._check_open()
+            with self._alone() as writer, source.frozen() as reader:
+                self._check_empty(writer)
+                head = check(self._copied(writer, source.walk(reader)))
+                for records in _pages(source.records(reader)):
+                    self._insert(writer, (), records)
+                self._verified(writer)
+                if source.head() != head:
+                    raise StoreUnavailable(
+                        "Somebody appended to the log while it was copied; nothing was moved",
+                        where=source.where,
+                        do="stop what runs on it, then move it again",
+                    )
+                self._commit(writer, (), ())
+        return head
+
+    def frozen(self) -> AbstractContextManager[Connection]:
+        """A connection that sees one instant of the log, for `walk` and `records`."""
+        self._check_open()
+        return self._frozen()
+
+    def walk(self, connection: Connection) -> Iterator[StoredEvent]:
+        """Every event in global order, a page at a time."""
+        position = 0
+        while rows := self._page(connection, self._sql.read, position):
+            yield from map(event_of, rows)
+            position = rows[-1][0]
+
+    def records(self, connection: Connection) -> Iterator[Record]:
+        """Every record by digest, a page at a time; raises LogDamaged at the first whose digest is not its body's."""
+        digest = ""
+        while rows := self._page(connection, self._sql.records, digest):
+            for row in rows:
+                found = _record(row)
+                check_record(found)
+                yield found
+            digest = rows[-1][0]
+
+    # what databases do differently ----------------------------------------------------------------------------------
+
+    @abstractmethod
+    def _translated(self) -> AbstractContextManager[None]:
+        """Turns the database's failures into StoreUnavailable."""
+
+    @abstractmethod
+    def _examined(self) -> AbstractContextManager[None]:
+        """Turns rows that the database cannot read into LogDamaged, its other failures into StoreUnavailable."""
+
+    @abstractmethod
+    def _alone(self) -> AbstractContextManager[Connection]:
+        """The one write transaction of the database, rolled back on any exception; `_commit` ends it."""
+
+    @abstractmethod
+    def _commit(self, writer: Connection, events: Sequence[StoredEvent], records: Sequence[Record]) -> None:
+        """Make durable what was inserted, which is what is given."""
+
+    @abstractmethod
+    def _frozen(self) -> AbstractContextManager[Connection]:
+        """A reader's transaction that sees one instant of the log."""
+
+    @abstractmethod
+    def _check_indexes(self, connection: Connection, head: Head) -> None:
+        """Raises LogDamaged if the database itself finds fault with its tables or indexes."""
+
+    @abstractmethod
+    def _release(self) -> None:
+        """Close the appending connection, if there is one."""
+
+    # shared ---------------------------------------------------------------------------------------------------------
+
+    def _verified(self, connection: Connection) -> Head:
+        head = check(self.walk(connection))
+        for _ in self.records(connection):
+            pass
+        self._check_indexes(connection, head)
+        return head
+
+    def _ends(self, writer: Connection, streams: Sequence[StreamId]) -> tuple[Head, dict[StreamId, int]]:
+        """The log's head, and how many events each of `streams` holds."""
+        if not streams:
+            row = writer.exec_driver_sql(self._sql.head).first()
+            return (Head(position=row[0], digest=row[1]) if row else GENESIS), {}
+        rows = writer.exec_driver_sql(self._sql.ends(len(streams)), tuple(streams)).all()
+        position, digest = rows[0][2:]
+        head = Head(position=position, digest=digest) if position else GENESIS
+        return head, {row[0]: row[1] or 0 for row in rows}
+
+    def _insert(self, writer: Connection, events: Sequence[StoredEvent], records: Sequence[Record]) -> None:
+        if events:
+            writer.exec_driver_sql(self._sql.insert, [msgspec.structs.astuple(event) for event in events])
+        if records:
+            writer.exec_driver_sql(self._sql.insert_record, [msgspec.structs.astuple(record) for record in records])
+
+    def _copied(self, writer: Connection, events: Iterable[StoredEvent]) -> Iterator[StoredEvent]:
+        for page in _pages(events):
+            self._insert(writer, page, ())
+            yield from page
+
+    def _check_empty(self, writer: Connection) -> None:
+        if self._ends(writer, ())[0] != GENESIS or writer.exec_driver_sql(self._sql.records, ("", 1)).first():
+            raise StoreUnavailable(
+                "The log to move to is not empty; nothing was moved",
+                where=self.where,
+                do="name an empty database, or a file that is not there yet",
+            )
+
+    def _rows(self, statement: str, arguments: Arguments) -> Sequence[AnyRow]:
+        """Reads again, once, if the connection turns out to have been lost since it was last used."""
+        self._check_open()
+        with self._translated():
+            try:
+                return self._read(statement, arguments)
+            except DBAPIError as error:
+                if not error.connection_invalidated:
+                    raise
+            return self._read(statement, arguments)
+
+    def _read(self, statement: str, arguments: Arguments) -> Sequence[AnyRow]:
+        with self._readers.connect() as reader:
+            return reader.exec_driver_sql(statement, arguments).all()
+
+    def _page(self, connection: Connection, statement: str, after: str | int) -> Sequence[AnyRow]:
+        with self._examined():
+            return connection.exec_driver_sql(statement, (after, _PAGE)).all()
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise StoreUnavailable("The event log is closed", where=self.where, do="open it again")
+
+
+def event_of(row: AnyRow) -> StoredEvent:
+    """The event that a row of `load` or `read` holds."""
+    position, stream, version, kind, body, mission_s, recorded_s, previous, digest = row
+    return StoredEvent(
+        position=position,
+        stream=stream,
+        version=version,
+        kind=kind,
+        body=body,
+        mission_s=mission_s,
+        recorded_s=recorded_s,
+        previous=previous,
+        digest=digest,
+    )
+
+
+def _record(row: AnyRow) -> Record:
+    digest, kind, body = row
+    return Record(digest=digest, kind=kind, body=body)
+
+
+def _pages(items: Iterable[T]) -> Iterator[list[T]]:
+    page: list[T] = []
+    for item in items:
+        page.append(item)
+        if len(page) == _PAGE:
+            yield page
+            page = []
+    if page:
+        yield page

@@ -1,0 +1,76 @@
+"""The log's SQL, once for every database: they differ only in how an argument is marked. Runs nothing."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+_EVENT = "position, stream, version, kind, body, mission_s, recorded_s, previous, digest"
+_RECORD = "digest, kind, body"
+
+
+@dataclass(frozen=True)
+class Statements:
+    """SQL text. Events come as the fields of `StoredEvent`, records as those of `Record`, in their order.
+
+    `load` takes (stream, after), `read` (after, limit), `streams` (first name, name behind the last), `record` and
+    `snapshot` one name, `records` (after this digest, limit), `holds` (position, digest), `keep` (version,
+    fingerprint, digest, body, stream, version).
+    """
+
+    mark: str
+    insert: str
+    insert_record: str
+    head: str
+    load: str
+    read: str
+    streams: str
+    record: str
+    records: str
+    holds: str
+    snapshot: str
+    keep: str
+
+    def ends(self, count: int) -> str:
+        """Takes `count` streams; a row for each: stream, its last version, the log's last position and digest."""
+        return _ends(self.mark, count)
+
+
+def statements(mark: str) -> Statements:
+    """With `mark` for each argument: `?` for SQLite, `%s` for psycopg."""
+    texts = {
+        "insert": f"INSERT INTO event ({_EVENT}) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        "insert_record": f"INSERT INTO record ({_RECORD}) VALUES (?, ?, ?) ON CONFLICT (digest) DO NOTHING",
+        "head": "SELECT position, digest FROM event ORDER BY position DESC LIMIT 1",
+        "load": f"SELECT {_EVENT} FROM event WHERE stream = ? AND version > ? ORDER BY version",
+        "read": f"SELECT {_EVENT} FROM event WHERE position > ? ORDER BY position LIMIT ?",
+        "streams": "SELECT stream FROM event WHERE version = 1 AND stream >= ? AND stream < ? ORDER BY position",
+        "record": f"SELECT {_RECORD} FROM record WHERE digest = ?",
+        "records": f"SELECT {_RECORD} FROM record WHERE digest > ? ORDER BY digest LIMIT ?",
+        "holds": "SELECT 1 FROM event WHERE position = ? AND digest = ?",
+        "snapshot": _SNAPSHOT,
+        "keep": _KEEP,
+    }
+    return Statements(mark=mark, **{name: text.replace("?", mark) for name, text in texts.items()})
+
+
+# A snapshot counts only where its stream's event at that version is the very event it was folded up to.
+_SNAPSHOT = (
+    "SELECT kept.stream, kept.version, kept.fingerprint, kept.digest, kept.body FROM snapshot AS kept "
+    "JOIN event ON event.stream = kept.stream AND event.version = kept.version AND event.digest = kept.event "
+    "WHERE kept.stream = ?"
+)
+_KEEP = (
+    "INSERT INTO snapshot (stream, version, event, fingerprint, digest, body) "
+    "SELECT stream, ?, digest, ?, ?, ? FROM event WHERE stream = ? AND version = ? "
+    "ON CONFLICT (stream) DO UPDATE SET version = excluded.version, event = excluded.event, "
+    "fingerprint = excluded.fingerprint, digest = excluded.digest, body = excluded.body"
+)
+
+
+@lru_cache(maxsize=128)
+def _ends(mark: str, count: int) -> str:
+    streams = ", ".join([f"({mark})"] * count)
+    return (
+        "SELECT asked.column1, (SELECT max(version) FROM event WHERE stream = asked.column1), "
+        "(SELECT max(position) FROM event), (SELECT digest FROM event ORDER BY position DESC LIMIT 1) "
+        f"FROM (VALUES {streams}) AS asked"
+    )

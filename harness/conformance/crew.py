@@ -1,0 +1,149 @@
+"""The installed crew on the kit's bench: simulated robot, local providers, recording navigator; all in virtual time."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+from harness.adapters.clock import LockstepClock
+from harness.adapters.ids import SystemIds
+from harness.adapters.providers.http.protocol import openapi, provider_operations
+from harness.adapters.providers.recording.reader import Recording, open_recording
+from harness.adapters.providers.recording.robot import CARD as RECORDING_NAVIGATOR
+from harness.adapters.providers.recording.robot import RecordedRobot
+from harness.adapters.providers.simulation.camera import CAMERA
+from harness.adapters.providers.simulation.cards import CARDS as SIMULATED
+from harness.adapters.providers.simulation.robot import SimulatedProvider, SimulatedRobot
+from harness.adapters.providers.simulation.world import WorldSettings
+from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
+from harness.bootstrap import Parts, Unheard, local_providers, simulated
+from harness.conformance.subject import Stand, Subject
+from harness.contracts.actors import Actor
+from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.decisions import Refused
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.ids import MissionId, ProviderId, RobotId
+from harness.contracts.ports import Provider
+from harness.recordings import write_recording
+from harness.runtime import Start
+from harness.settings import HarnessSettings
+
+EPOCH_S = 1_790_000_000.0
+_IDS = SystemIds()
+KIT = Actor(name="conformance kit", role="harness")
+
+
+def installed_cards(folder: Path) -> tuple[CapabilityCard, ...]:
+    """Cards of every installed provider. `folder` is scratch space."""
+    return (*SIMULATED, *(provider.card for provider in _local(folder, _parts())), RECORDING_NAVIGATOR)
+
+
+def fresh_name() -> MissionId:
+    """A name for one check: robots remember request ids, so none may come twice."""
+    return _IDS.mission()
+
+
+def protocol() -> dict[str, Any]:
+    """The OpenAPI document of what every robot behind HTTP serves."""
+    return openapi(provider_operations(SimulatedRobot(WorldSettings(fidelity="kinematic"))), "RegenHarness providers")
+
+
+@contextmanager
+def installed(
+    folder: Path, settings: HarnessSettings, *, recording: Path | None = None
+) -> Iterator[dict[ProviderId, Stand]]:
+    """A stand for every installed provider, by name. `folder` is scratch space for journals.
+
+    `recording` is what the recording navigator replays; None: a circuit walked in the simulated site, recorded first.
+    """
+    numbers = count(1)
+    with ExitStack() as stack:
+        stands = {card.provider_id: _on_robot(settings, card) for card in SIMULATED}
+        for provider in _local(folder / "cards", _parts()):
+            stands[provider.card.provider_id] = _beside(folder, numbers, provider.card.provider_id)
+        stands[RECORDING_NAVIGATOR.provider_id] = _Replays(stack, folder, settings, recording)
+        yield stands
+
+
+def _on_robot(settings: HarnessSettings, card: CapabilityCard) -> Stand:
+    def stand() -> Subject:
+        robot = SimulatedRobot(WorldSettings(fidelity=settings.fidelity, seed=settings.seed))
+        return Subject(
+            provider=SimulatedProvider(robot, card),
+            clock=LockstepClock(robot.advance_to, at_s=robot.at_s),
+            reattached=lambda: SimulatedProvider(robot, card),
+            blob=robot.blob,
+            observations=robot.observations,
+            starts=robot.starts,
+        )
+
+    return stand
+
+
+def _beside(folder: Path, numbers: Iterator[int], provider_id: ProviderId) -> Stand:
+    def stand() -> Subject:
+        parts, own = _parts(), folder / f"{provider_id}-{next(numbers)}"
+
+        def again() -> Provider:
+            return next(one for one in _local(own, parts) if one.card.provider_id == provider_id)
+
+        return Subject(
+            provider=again(), clock=parts.clock, reattached=again, blob=parts.blobs.get, keep=parts.blobs.put
+        )
+
+    return stand
+
+
+def _local(folder: Path, parts: Parts) -> Sequence[Provider]:
+    return local_providers(parts, camera=CAMERA, folder=folder)
+
+
+def _parts() -> Parts:
+    return Parts(
+        store=MemoryEventStore(),
+        blobs=MemoryBlobStore(),
+        spool=MemorySpool(),
+        ids=_IDS,
+        clock=LockstepClock(lambda until_s: until_s, at_s=EPOCH_S),
+        signals=Unheard(),
+    )
+
+
+class _Replays:
+    """A stand over one recording, which is opened, or made, at the first row."""
+
+    def __init__(self, stack: ExitStack, folder: Path, settings: HarnessSettings, path: Path | None) -> None:
+        self._stack, self._folder, self._settings, self._path = stack, folder, settings, path
+        self._recording: Recording | None = None
+
+    def __call__(self) -> Subject:
+        robot = self._robot(0.0)
+        return Subject(
+            provider=robot.providers()[0],
+            clock=robot,
+            reattached=lambda: self._robot(robot.now().mission_s).providers()[0],
+            blob=robot.blob,
+            observations=robot.observations,
+            starts=robot.starts,
+        )
+
+    def _robot(self, at_s: float) -> RecordedRobot:
+        if self._recording is None:
+            path = self._path or _walked(self._folder / "circuit.mcap", self._settings)
+            self._recording = self._stack.enter_context(open_recording(path))
+        robot = RecordedRobot(self._recording)
+        self._stack.callback(robot.close)
+        robot.advance_to(at_s)
+        return robot
+
+
+def _walked(path: Path, settings: HarnessSettings) -> Path:
+    """Record a circuit in the simulated site."""
+    with simulated(settings, seed=settings.seed) as harness:
+        started = harness.runtime.start(Start(actor=KIT, robot_id=RobotId(settings.robot_id), template="circuit"))
+        if isinstance(started, Refused):
+            raise ContractInvalid(started.message)
+        mission = harness.supervisor.run(harness.runtime.missions()[0].mission_id)
+        write_recording(harness.runtime, mission.mission_id, path)
+    return path

@@ -1,0 +1,96 @@
+"""A provider's own statement for the kit: requests it can be tried with, rows it meets, rows it is exempt from, why."""
+
+import base64
+import binascii
+from collections.abc import Callable
+from importlib.resources import files
+from pathlib import Path
+
+import msgspec
+
+from harness.baseline.load import read_yaml
+from harness.contracts.errors import ContractInvalid, UnknownName
+from harness.contracts.ids import Digest, ProviderId
+from harness.contracts.protocol import Parameters, ParameterValue
+from harness.contracts.values import Name, Value
+
+_SHIPPED = files("harness.baseline").joinpath("conformance")
+
+
+class Declaration(Value):
+    """One conformance file.
+
+    `done`: parameters of requests that end as succeeded. `long`: of requests that are under way for 5 s or more, or
+    that wait for a poll. Of several, the one whose `target` lies farthest from the robot is taken, so that there is
+    way to go. A string `@name` stands for the digest of the blob of that name (base64 in the file).
+    """
+
+    provider_id: ProviderId
+    done: tuple[Parameters, ...]
+    long: tuple[Parameters, ...]
+    meets: tuple[Name, ...]
+    exempt: dict[str, Name] = msgspec.field(default_factory=dict)
+    blobs: dict[str, str] = msgspec.field(default_factory=dict)
+
+
+def shipped(provider_id: ProviderId) -> Declaration:
+    """The file that ships for a provider of the installed crew. Raises UnknownName."""
+    entry = _SHIPPED.joinpath(f"{provider_id}.yaml")
+    if not entry.is_file():
+        raise UnknownName(
+            f"No conformance file for {provider_id}",
+            where=str(provider_id),
+            do="write one as docs/providers.md shows, and name it with --file",
+        )
+    return _checked(entry.read_text(encoding="utf-8"), where=f"baseline/conformance/{provider_id}.yaml")
+
+
+def read(path: Path) -> Declaration:
+    """A conformance file from the disk. Raises ContractInvalid that names the place in it."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ContractInvalid(
+            f"The conformance file cannot be read ({error})", where=str(path), do="name a readable YAML file"
+        ) from error
+    return _checked(text, where=str(path))
+
+
+def filled(parameters: Parameters, blobs: dict[str, Digest]) -> Parameters:
+    """Parameters with every `@name` replaced by the digest of that blob."""
+    return {name: _filled(value, blobs) for name, value in parameters.items()}
+
+
+def kept(declaration: Declaration, keep: Callable[[bytes], Digest]) -> dict[str, Digest]:
+    """The file's blobs, stored where the provider finds them."""
+    return {name: keep(_bytes(text)) for name, text in declaration.blobs.items()}
+
+
+def _filled(value: ParameterValue, blobs: dict[str, Digest]) -> ParameterValue:
+    if isinstance(value, str):
+        return blobs.get(value.removeprefix("@"), value) if value.startswith("@") else value
+    if isinstance(value, tuple):
+        return tuple(blobs.get(part[1:], part) if isinstance(part, str) and part[:1] == "@" else part for part in value)
+    return value
+
+
+def _bytes(text: str) -> bytes:
+    """Base64 on one line or on many."""
+    return base64.b64decode("".join(text.split()), validate=True)
+
+
+def _checked(text: str, *, where: str) -> Declaration:
+    declaration = read_yaml(text, Declaration, where=where)
+    if not declaration.done or not declaration.long:
+        raise ContractInvalid("The file names no request to try", where=where, do="fill in `done` and `long`")
+    both = sorted(set(declaration.meets) & set(declaration.exempt))
+    if both:
+        raise ContractInvalid(
+            f"Rows are both met and exempt: {', '.join(both)}", where=where, do="let each row stand once"
+        )
+    for name, body in declaration.blobs.items():
+        try:
+            _bytes(body)
+        except (ValueError, binascii.Error) as error:
+            raise ContractInvalid(f"Blob {name} is no base64", where=where, do="encode its bytes again") from error
+    return declaration

@@ -1,0 +1,75 @@
+"""The kit's results: what a row saw, whether that is enough, and why a row was not tried."""
+
+from collections.abc import Callable
+from typing import Literal
+
+from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.errors import HarnessError, ProviderFailed, ProviderUnreachable, UnknownName
+from harness.contracts.ids import ProviderId
+from harness.contracts.values import Value
+
+Outcome = Literal["met", "not met", "exempt"]
+UNTYPED = (ArithmeticError, AssertionError, AttributeError, LookupError, OSError, RuntimeError, TypeError, ValueError)
+"""What a provider in this process may raise instead of a typed error."""
+
+
+class Seen(Value):
+    """What one row saw, as a sentence, and whether it is as the contract wants."""
+
+    met: bool
+    text: str
+
+
+class Finding(Value):
+    """One row of one provider. `text` is what was seen, or why the row is exempt."""
+
+    row: str
+    title: str
+    outcome: Outcome
+    text: str
+
+
+class Checked(Value):
+    """One provider against all rows."""
+
+    provider_id: ProviderId
+    version: str
+    card: CapabilityCard
+    findings: tuple[Finding, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Whether every row is met or exempt."""
+        return all(finding.outcome != "not met" for finding in self.findings)
+
+    def rows(self, outcome: Outcome) -> tuple[str, ...]:
+        return tuple(finding.row for finding in self.findings if finding.outcome == outcome)
+
+
+def judged(text: str, *wrong: str) -> Seen:
+    """Met with `text` if nothing is wrong, else what is."""
+    found = [one for one in wrong if one]
+    return Seen(met=not found, text="; ".join(found) if found else text)
+
+
+def unless(holds: bool, wrong: str) -> str:
+    """`wrong` unless it holds."""
+    return "" if holds else wrong
+
+
+def refusal(act: Callable[[], object], *kinds: type[HarnessError]) -> str:
+    """What is wrong with the refusal that `act` must be answered with; empty for a typed one that says what to do."""
+    wanted = kinds or (ProviderFailed, UnknownName)
+    try:
+        act()
+    except ProviderUnreachable as error:
+        return f"no answer came instead of a refusal ({error.what})"
+    except wanted as error:
+        if isinstance(error.__cause__, ValueError):
+            return f"the answer cannot be read ({error.what})"
+        return unless(bool(error.do), f"the refusal does not say what to do ({error.what})")
+    except HarnessError as error:
+        return f"it was refused as {error.code}, not as {wanted[0].code}"
+    except UNTYPED as error:
+        return f"it was answered with an untyped {type(error).__name__} ({error})"
+    return "it was accepted"

@@ -1,0 +1,67 @@
+"""The conformance kit: every row of the lifecycle contract against one provider, each on a bench of its own."""
+
+from collections.abc import Callable, Sequence
+
+from harness.conformance.bench import Bench, Log
+from harness.conformance.declaration import Declaration
+from harness.conformance.findings import UNTYPED, Checked, Finding
+from harness.conformance.rows import NAMES, ROWS, Row
+from harness.conformance.subject import Stand
+from harness.contracts.errors import ContractInvalid, HarnessError
+from harness.contracts.ids import MissionId
+
+FIRST_TOKEN = 1
+"""The first token that a lease stream gives out: what requests carry where none was given out yet."""
+
+
+def check(
+    stand: Stand,
+    declaration: Declaration,
+    *,
+    mission_id: MissionId,
+    fencing: int = FIRST_TOKEN,
+    rows: Sequence[Row] = ROWS,
+    watch: Callable[[Finding], None] = lambda finding: None,
+) -> Checked:
+    """Try every row; a row that the file exempts is not tried, unless the card binds the provider to it.
+
+    `mission_id` names this check and was never used before. Raises ContractInvalid for a file with unknown rows, and
+    what the stand raises if there is nothing to try.
+    """
+    strange = sorted({*declaration.meets, *declaration.exempt} - set(NAMES))
+    if strange:
+        raise ContractInvalid(
+            f"The kit has no row {', '.join(strange)}",
+            where=f"conformance file of {declaration.provider_id}",
+            do=f"there are {', '.join(NAMES)}",
+        )
+    card, log, found = stand().provider.card, Log(), []
+    for row in rows:
+        reason = declaration.exempt.get(row.name, "")
+        if reason and not row.binding(card):
+            finding = Finding(row=row.name, title=row.title, outcome="exempt", text=reason)
+        elif reason:
+            bound = f"its file exempts it ({reason}), but its card binds it to this row"
+            finding = Finding(row=row.name, title=row.title, outcome="not met", text=bound)
+        else:
+            finding = _tried(row, stand, declaration, log=log, mission_id=mission_id, fencing=fencing)
+        watch(finding)
+        found.append(finding)
+    return Checked(provider_id=card.provider_id, version=card.version, card=card, findings=tuple(found))
+
+
+def _tried(
+    row: Row, stand: Stand, declaration: Declaration, *, log: Log, mission_id: MissionId, fencing: int
+) -> Finding:
+    try:
+        bench = Bench(stand(), declaration, log=log, mission_id=mission_id, fencing=fencing)
+        try:
+            seen = row.trial(bench)
+        finally:
+            bench.close()
+    except HarnessError as error:
+        return Finding(row=row.name, title=row.title, outcome="not met", text=f"{error.code}: {error}")
+    except UNTYPED as error:
+        text = f"an untyped {type(error).__name__}: {error}"
+        return Finding(row=row.name, title=row.title, outcome="not met", text=text)
+    return Finding(row=row.name, title=row.title, outcome="met" if seen.met else "not met", text=seen.text)

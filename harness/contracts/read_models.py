@@ -1,0 +1,120 @@
+"""Read models: lists that follow the log, so that a page of a hundred thousand missions costs what a page of ten does.
+
+A row is made by a projection from events alone and may be thrown away at any time: the log makes it again, byte for
+byte.
+"""
+
+from typing import Annotated, Literal
+
+import msgspec
+
+from harness.contracts.values import Count, Name, Value
+
+Listing = Literal["mission", "evidence", "handoff"]
+ListOrder = Literal["newest", "oldest", "largest"]
+LISTINGS: tuple[Listing, ...] = ("mission", "evidence", "handoff")
+MANY = 1000
+"""A search that finds more than this is not counted to its end."""
+
+
+class MissionItem(Value):
+    """One mission in a list. `seq` is the position of its first event; wall times in seconds since the Unix epoch."""
+
+    seq: Count
+    mission_id: str
+    goal: str
+    template: str
+    robot_id: str
+    status: str
+    stage: str
+    verdict: str
+    began_s: float
+    ended_s: float | None
+    spent: Count
+    budget: Count
+    handoff_id: str
+    k: Count
+
+
+class EvidenceItem(Value):
+    """One piece of evidence of one packet, with what the verifier and the gate said of that packet.
+
+    `part` is before, after, estimates or receipt; a receipt's blob may be empty. Times are mission time.
+    """
+
+    seq: Count
+    mission_id: str
+    robot_id: str
+    node_id: str
+    packet_id: str
+    part: str
+    kind: str
+    origin: str
+    source: str
+    from_s: float
+    until_s: float
+    blob: str
+    verdict: str
+    decision: str
+    rule: str
+
+
+class HandoffItem(Value):
+    """One question to a person in a list. `seq` is the position of its first event; wall times."""
+
+    seq: Count
+    handoff_id: str
+    mission_id: str
+    node_id: str
+    status: str
+    failure: str
+    opened_at_s: float
+    deadline_at_s: float
+
+
+class ListRow(Value):
+    """What is stored of one item. `facets` are what it is filtered by, `words` what it is searched by.
+
+    `amount` is what `largest` sorts by. `key` names the item from outside; `body` is its canonical JSON.
+    """
+
+    listing: Listing
+    seq: Count
+    key: Name
+    facets: dict[str, str]
+    words: str
+    amount: float
+    body: bytes
+
+
+class Bookmark(Value):
+    """Where a page of a list ended: the row's amount and its number."""
+
+    amount: float
+    seq: Count
+
+
+class ListQuery(Value):
+    """What is asked of a list: rows that carry every facet and a word beginning with each of `words`."""
+
+    listing: Listing
+    facets: dict[str, str] = {}
+    words: tuple[str, ...] = ()
+    order: ListOrder = "newest"
+    after: Bookmark | None = None
+    limit: Annotated[int, msgspec.Meta(ge=1, le=500)] = 50
+
+
+class ListPage(Value):
+    """Bodies of one page, and where the next one begins; None if this is the last."""
+
+    bodies: tuple[bytes, ...]
+    following: Bookmark | None
+
+
+class Tally(Value):
+    """How many rows of a list carry one value of one facet."""
+
+    facet: str
+    value: str
+    count: Count

@@ -1,0 +1,70 @@
+"""Pure: how events written by earlier releases are read today. An event that is stored is never rewritten.
+
+A stored kind is an event's name, and from its second shape on `Name@2`, `Name@3`. Whoever changes an event's shape
+or meaning adds an `Upcaster` from the old kind to the new one; from then on the new kind is written.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+Body = dict[str, Any]
+"""A stored event's JSON object; `kind` in it is the event's name."""
+
+
+@dataclass(frozen=True)
+class Upcaster:
+    """`upcast` makes the body of the stored kind `new` from one of `old`, and leaves what it is given as it is."""
+
+    old: str
+    new: str
+    upcast: Callable[[Body], Body]
+
+
+UPCASTERS: tuple[Upcaster, ...] = ()
+"""Of every release so far: no event has changed its shape since the first."""
+
+
+class Upcasting:
+    """The way from every stored kind to the one that is written today. Raises ValueError for a way that forks or turns.
+
+    A name's newest kind is the one that no upcaster leaves.
+    """
+
+    def __init__(self, upcasters: Iterable[Upcaster]) -> None:
+        steps: dict[str, Upcaster] = {}
+        for step in upcasters:
+            if step.old in steps:
+                raise ValueError(f"two upcasters leave {step.old}")
+            steps[step.old] = step
+        self._steps: Mapping[str, Upcaster] = MappingProxyType(steps)
+        self._written = {name_of(kind): kind for kind in map(self._newest, steps)}
+
+    def written(self, name: str) -> str:
+        """The stored kind under which events of that name are written today."""
+        return self._written.get(name, name)
+
+    def is_old(self, kind: str) -> bool:
+        """Whether events of that stored kind must be brought up before they are read."""
+        return kind in self._steps
+
+    def brought_up(self, kind: str, body: Body) -> Body:
+        """What the body of that stored kind is in the newest one."""
+        while step := self._steps.get(kind):
+            kind, body = step.new, step.upcast(body) | {"kind": name_of(step.new)}
+        return body
+
+    def _newest(self, kind: str) -> str:
+        seen = {kind}
+        while step := self._steps.get(kind):
+            kind = step.new
+            if kind in seen:
+                raise ValueError(f"the upcasters of {kind} turn in a circle")
+            seen.add(kind)
+        return kind
+
+
+def name_of(kind: str) -> str:
+    """The event's name in a stored kind: NodeCommitted in NodeCommitted@2."""
+    return kind.partition("@")[0]

@@ -1,0 +1,125 @@
+"""Pure: what a goal verdict leads to. Success, one more look, a stage opened again, or an honest end (D29)."""
+
+from collections.abc import Iterator
+
+from harness.contracts.commands import JudgeGoal
+from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.effects import AnyEffect, Metric, Relational, Symbolic, Temporal, Visual
+from harness.contracts.events import CompletionReported, FailureReported, GoalVerified, MissionEnded, MissionEvent
+from harness.contracts.ids import ConditionId, NodeId
+from harness.contracts.revision_events import GraphRevised
+from harness.contracts.tasks import TaskContract, order
+from harness.contracts.verdicts import GoalVerdict, strictest
+from harness.planning.revision import reopened_with
+from harness.projections.mission import Mission, all_required_committed, required_contract
+from harness.recovery.standing import left_now, over_budget
+
+
+def judge(mission: Mission, command: JudgeGoal) -> Decision[MissionEvent]:
+    """The only way to SUCCEEDED: a satisfied verdict over every original completion condition (R118, R119)."""
+    verdict, contract = command.verdict, required_contract(mission)
+    refused = _unready(mission, verdict)
+    if refused:
+        return refused
+    worst = strictest((verdict.verdict, *(result.verdict for result in verdict.results)))
+    if worst == "satisfied" and not mission.vetoes and not mission.disputed:
+        text = f"Goal met: {contract.goal.text}. {verdict.reason}".strip()
+        done = MissionEnded(status="succeeded", reason="the goal verdict is satisfied")
+        return Accepted((GoalVerified(verdict=verdict), CompletionReported(text=text), done))
+    if worst == "ambiguous" and not mission.relooks and contract.recovery_total > mission.spent_total:
+        return Accepted((GoalVerified(verdict=verdict, relook=True),))
+    why = _shortfall(mission, verdict)
+    if worst == "violated" or mission.disputed:
+        again = reopening(mission, verdict)
+        if isinstance(again, GraphRevised):
+            return Accepted((GoalVerified(verdict=verdict), again))
+        why = f"{why} {again}"
+    said = f"All stages done, goal not met ({worst}): {why}"
+    return Accepted(
+        (GoalVerified(verdict=verdict), FailureReported(text=said), MissionEnded(status="failed", reason=said))
+    )
+
+
+def reopening(mission: Mission, verdict: GoalVerdict) -> GraphRevised | str:
+    """The responsible stage opened again, paid as a local_replan; or the sentence that says why not."""
+    contract = required_contract(mission)
+    found = responsible(mission, verdict)
+    if found is None:
+        return "No stage answers for it alone, so none is opened again."
+    condition_id, node_id = found
+    if unpaid := over_budget(mission, node_id, "local_replan"):
+        return f"{node_id} is not opened again: {unpaid.partition(': ')[2]}."
+    left = left_now(mission, node_id)
+    return GraphRevised(
+        revision=mission.graph_revision + 1,
+        cause="goal",
+        responsible=node_id,
+        reopened=reopened_with(contract, node_id),
+        reason=_shortfall(mission, verdict),
+        condition_id=condition_id,
+        left_node=left[0] - 1,
+        left_mission=left[1] - 1,
+    )
+
+
+def responsible(mission: Mission, verdict: GoalVerdict) -> tuple[ConditionId | None, NodeId] | None:
+    """The condition that failed and the latest stage that answers for it: a disputed one first."""
+    contract = required_contract(mission)
+    if mission.disputed:
+        return mission.disputed[0].condition_id, mission.disputed[0].node_id
+    violated = {result.condition_id for result in verdict.results if result.verdict == "violated"}
+    for condition in contract.completion_conditions:
+        if condition.condition_id not in violated:
+            continue
+        named = set(_answering(condition.effect, contract))
+        late = [node_id for node_id in order(contract) if node_id in named and _done(mission, node_id)]
+        if late:
+            return condition.condition_id, late[-1]
+    return None
+
+
+def _answering(effect: AnyEffect, contract: TaskContract) -> Iterator[NodeId]:
+    """Stages that the effect names, or that had to bring about the same."""
+    match effect:
+        case Temporal():
+            yield from effect.nodes
+        case Relational():
+            yield from (NodeId(effect.subject), NodeId(effect.object))
+        case Symbolic():
+            yield from (NodeId(name) for name in effect.arguments.values())
+        case Metric() | Visual():
+            pass
+    for node in contract.nodes:
+        if any(_same(effect, own.effect) for own in node.success_conditions):
+            yield node.node_id
+
+
+def _same(effect: AnyEffect, own: AnyEffect) -> bool:
+    """Whether a stage's own condition is about the same: the same target in the map, or the same effect."""
+    if isinstance(effect, Metric):
+        return isinstance(own, Metric) and own.target_m == effect.target_m
+    return effect == own
+
+
+def _done(mission: Mission, node_id: NodeId) -> bool:
+    return mission.of(node_id).status == "committed"
+
+
+def _shortfall(mission: Mission, verdict: GoalVerdict) -> str:
+    if not mission.disputed:
+        return verdict.reason
+    return f"{mission.disputed[0].condition_id} is disputed"
+
+
+def _unready(mission: Mission, verdict: GoalVerdict) -> Refused | None:
+    contract = required_contract(mission)
+    if mission.status not in ("active", "goal_check") or mission.invocation is not None:
+        return Refused("not_ready", f"The mission is {mission.status}; the goal is tested once all work is done.")
+    if verdict.mission_id != mission.mission_id:
+        return Refused("wrong_identity", f"The verdict is about {verdict.mission_id}.")
+    if not all_required_committed(mission):
+        return Refused("nodes_open", "A required node is not committed.")
+    declared = [condition.condition_id for condition in contract.completion_conditions]
+    if sorted(declared) != sorted(result.condition_id for result in verdict.results):
+        return Refused("uncovered_condition", "The verdict does not cover the original completion conditions.")
+    return None

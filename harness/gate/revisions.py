@@ -1,0 +1,147 @@
+"""Pure: may this plan, restriction, dispute or attestation count? None of them removes a limit or a fact."""
+
+from harness.contracts.commands import DisputeCompletion, RecordAttestation, ReviseContract, TightenConstraints
+from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.events import MissionEvent
+from harness.contracts.evidence import EvidenceReference
+from harness.contracts.ids import NodeId, ProviderId
+from harness.contracts.proposals import RecoveryProposal, Signature
+from harness.contracts.revision_events import (
+    AttestationRecorded,
+    CompletionDisputed,
+    ConstraintsTightened,
+    GraphRevised,
+)
+from harness.contracts.tasks import TaskContract, order
+from harness.contracts.values import digest
+from harness.planning.restrictions import tightest
+from harness.planning.revision import revision_refusal
+from harness.projections.mission import Mission, required_contract, required_policy
+from harness.recovery.rules import first_broken_recovery
+from harness.recovery.standing import left_now, over_budget
+
+
+def revise(mission: Mission, command: ReviseContract) -> Decision[MissionEvent]:
+    """A planner's graph, if it keeps what a plan may not touch. It costs its stage one local_replan (R47, R131)."""
+    if mission.status != "active":
+        return Refused("not_active", f"The mission is {mission.status}; nothing is planned now.")
+    if mission.invocation is not None:
+        return Refused("in_flight", f"{mission.invocation.intent.node_id} is still being done; one at a time (D3).")
+    node = mission.nodes.get(command.node_id)
+    if node is None or node.status in ("committed", "failed", "superseded"):
+        return Refused("no_open_stage", f"{command.node_id[:80]!r} is no open stage, so no plan is made for it.")
+    if command.node_id not in {one.node_id for one in command.contract.nodes}:
+        return Refused("node_removed", f"The plan for {command.node_id} does not hold that stage.")
+    broken = _unpaid(mission, command) or revision_refusal(mission, command.contract)
+    if broken:
+        return broken
+    left = left_now(mission, command.node_id)
+    revised = GraphRevised(
+        revision=mission.graph_revision + 1,
+        cause="planner",
+        responsible=command.node_id,
+        reopened=(),
+        reason=command.reason,
+        failure=node.failure.failure if node.failure else "no_progress",
+        contract=command.contract,
+        proposed_by=command.planner,
+        left_node=left[0] - 1,
+        left_mission=left[1] - 1,
+    )
+    return Accepted((revised,))
+
+
+def _unpaid(mission: Mission, command: ReviseContract) -> Refused | None:
+    """With an open failure a plan is a rung like any other; without one it still costs a local_replan."""
+    state = mission.of(command.node_id)
+    if state.failure is None:
+        slug, _, why = over_budget(mission, command.node_id, "local_replan").partition(": ")
+        return Refused(slug, f"A plan costs a local_replan: {why}.") if slug else None
+    failure = state.failure.failure
+    return first_broken_recovery(
+        mission,
+        node_id=command.node_id,
+        proposal=RecoveryProposal(
+            action="local_replan", failure=failure, provider_id=None, cost=1, reason=command.reason
+        ),
+        signature=Signature(
+            action="local_replan",
+            provider_id=ProviderId(command.planner),
+            provider_version="",
+            parameters=digest(command.contract),
+            failure=failure,
+        ),
+        policy=required_policy(mission),
+    )
+
+
+def tighten(mission: Mission, command: TightenConstraints) -> Decision[MissionEvent]:
+    """The tightest of both from now on. What is already as tight changes nothing."""
+    current = required_contract(mission).constraints
+    try:
+        both = tightest(current, command.constraints)
+    except ContractInvalid as error:
+        return Refused("nothing_allowed", str(error))
+    if both == tightest(current, current):
+        return Accepted(())
+    return Accepted((ConstraintsTightened(layer=command.layer, reason=command.reason, constraints=both),))
+
+
+def dispute(mission: Mission, command: DisputeCompletion) -> Decision[MissionEvent]:
+    """An accepted fact and what builds on it are marked; it counts as a false completion (D21)."""
+    fact = next((one for one in mission.facts if one.condition_id == command.condition_id), None)
+    if fact is None:
+        known = ", ".join(one.condition_id for one in mission.facts) or "none"
+        return Refused("no_such_fact", f"{command.condition_id!r} is no accepted fact. Accepted: {known}.")
+    if any(one.root and (one.condition_id, one.packet_id) == (fact.condition_id, fact.packet_id)
+           for one in mission.disputes):  # fmt: skip
+        return Accepted(())
+    building = descendants(required_contract(mission), fact.node_id)
+    disputed = CompletionDisputed(
+        condition_id=fact.condition_id,
+        packet_id=fact.packet_id,
+        node_id=fact.node_id,
+        actor=command.actor,
+        reason=command.reason,
+        dependents=tuple(one.condition_id for one in mission.facts if one.node_id in building),
+    )
+    return Accepted((disputed,))
+
+
+def descendants(contract: TaskContract, node_id: NodeId) -> frozenset[NodeId]:
+    """The stages that build on this one, directly or not."""
+    found: set[NodeId] = set()
+    for name in order(contract):
+        if set(contract.node(name).depends_on) & {node_id, *found}:
+            found.add(name)
+    return frozenset(found)
+
+
+def attest(mission: Mission, command: RecordAttestation) -> Decision[MissionEvent]:
+    """A person's own observation, only where the node's evidence policy names it. It satisfies nothing (D17)."""
+    if mission.status != "awaiting_human" or mission.handoff_id != command.handoff_id:
+        return Refused("not_waiting", f"The mission does not wait for {command.handoff_id}.")
+    node = next((one for one in required_contract(mission).nodes if one.node_id == command.node_id), None)
+    if node is None or not node.evidence.attestation:
+        return Refused("not_attestable", f"The evidence policy of {command.node_id!r} names no attestation.")
+    if command.condition_id not in {one.condition_id for one in node.success_conditions}:
+        return Refused("unknown_condition", f"{command.node_id} has no condition {command.condition_id!r}.")
+    reference = EvidenceReference(
+        kind="attestation",
+        origin="human",
+        source=command.actor.name,
+        from_s=command.seen_s,
+        until_s=command.seen_s,
+        confidence=1.0,
+        blob=command.blob,
+        values={"condition_id": command.condition_id, "statement": command.statement},
+    )
+    attested = AttestationRecorded(
+        handoff_id=command.handoff_id,
+        node_id=command.node_id,
+        condition_id=command.condition_id,
+        actor=command.actor,
+        reference=reference,
+    )
+    return Accepted((attested,))

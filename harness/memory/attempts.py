@@ -1,0 +1,122 @@
+"""Pure: episodic and operational memory. Only what the verifier decided about an attempt; no provider's own word."""
+
+from collections.abc import Iterator
+
+from harness.contracts.configuration import FailureClass
+from harness.contracts.events import CommitRejected, NodeCommitted
+from harness.contracts.ids import NodeId
+from harness.contracts.memory import AnyKnowledge, Episode, MemoryRole, ProviderOutcome
+from harness.contracts.verdicts import NodeVerdict
+from harness.memory.draft import Draft, Told, confidence_of, provenance
+from harness.projections.memory import Judgement, judgement
+
+DEVIATIONS = ("distance_m", "displacement_m", "turn_rad")
+"""Measured names that say how far the observed effect is from the expected one, where a condition bounds them."""
+SHORTFALLS = ("progress",)
+"""Measured shares of which all was expected; the bound is the least that is accepted."""
+
+
+def episodic(told: Told) -> Iterator[Draft]:
+    """The attempt, if it was verified: committed, or its effect refuted (R138)."""
+    closed = _closed(told)
+    if closed is None:
+        return
+    intent = closed.intent
+    node = told.before.node(intent.node_id)
+    episode = Episode(
+        node_id=intent.node_id,
+        subgoal=node.subgoal if node else intent.node_id,
+        attempt=intent.attempt,
+        invocation_id=intent.invocation_id,
+        provider_id=intent.provider_id,
+        provider_version=intent.provider_version,
+        capability=intent.capability,  # type: ignore[arg-type]
+        place=told.before.place(intent.node_id),
+        configuration=told.before.configuration,
+        verdict=closed.verdict.verdict,
+        committed=closed.committed,
+        duration_s=max(0.0, closed.packet.terminal_s - intent.dispatched_s),
+        action=intent.action,
+        failure=None if closed.committed else failure_of(closed.verdict),
+    )
+    yield _draft(
+        told, closed, role="episodic", subject=f"attempt/{intent.invocation_id}", knowledge=episode, fresh=True
+    )
+
+
+def operational(told: Told) -> Iterator[Draft]:
+    """What the acting provider achieved (R139). A later look at the same execution replaces the earlier word.
+
+    Executions that a person or the supervisor cut short say nothing about the provider; one that ran out of time does.
+    """
+    closed = _closed(told)
+    if closed is None or (closed.packet.terminal == "cancelled" and closed.packet.failure != "timeout"):
+        return
+    acting = closed.acting
+    ended_s = told.before.terminals.get(acting.invocation_id, closed.packet.terminal_s)
+    outcome = ProviderOutcome(
+        provider_id=acting.provider_id,
+        provider_version=acting.provider_version,
+        capability=acting.capability,  # type: ignore[arg-type]
+        place=told.before.place(acting.node_id),
+        configuration=told.before.configuration,
+        parameters=acting.parameters,
+        verdict=closed.verdict.verdict,
+        residual=residual(closed.verdict),
+        duration_s=max(0.0, ended_s - acting.dispatched_s),
+        measured={name: value for result in closed.verdict.results for name, value in result.measured.items()},
+    )
+    fresh = not told.before.judged(acting.invocation_id)
+    yield _draft(
+        told, closed, role="operational", subject=f"outcome/{acting.invocation_id}", knowledge=outcome, fresh=fresh
+    )
+
+
+def residual(verdict: NodeVerdict) -> float:
+    """The transition residual: the largest share of its bound by which an observed effect missed the expected one.
+
+    0 where every effect is as expected or none is measured against a bound, 1 at the bound or beyond.
+    """
+    shares = [0.0]
+    for result in verdict.results:
+        for name in result.measured.keys() & result.bounds.keys():
+            bound, value = result.bounds[name], result.measured[name]
+            if name in DEVIATIONS and bound > 0:
+                shares.append(value / bound)
+            elif name in SHORTFALLS and bound < 1:
+                shares.append((1.0 - value) / (1.0 - bound))
+    return min(1.0, max(0.0, *shares))
+
+
+def failure_of(verdict: NodeVerdict) -> FailureClass:
+    """The failure class of a refuted effect."""
+    return "unsafe_action" if verdict.verdict == "unsafe" else "violated"
+
+
+def _closed(told: Told) -> Judgement | None:
+    event = told.event
+    return judgement(told.before, event) if isinstance(event, NodeCommitted | CommitRejected) else None
+
+
+def _draft(
+    told: Told, closed: Judgement, *, role: MemoryRole, subject: str, knowledge: AnyKnowledge, fresh: bool
+) -> Draft:
+    packet, verdict = closed.packet, closed.verdict
+    sources = {source for result in verdict.results for source in result.sources}
+    blobs = [one.blob for one in (*packet.before, *packet.after, *packet.estimates)]
+    return Draft(
+        role=role,
+        subject=subject,
+        knowledge=knowledge,
+        verification="verified",
+        provenance=provenance(
+            told,
+            sources=sorted(sources) or (verdict.verifier,),
+            node_id=NodeId(closed.intent.node_id),
+            packet_id=packet.identity.packet_id,
+            blobs=blobs,
+        ),
+        valid_from_s=verdict.at_s,
+        confidence=confidence_of(packet),
+        fresh=fresh,
+    )

@@ -1,0 +1,63 @@
+"""Pure: what stops counting because an observation or a person contradicts it. Nothing is deleted (D21, R69)."""
+
+from collections.abc import Iterator
+
+from harness.contracts.events import ObservationRecorded
+from harness.contracts.evidence import CommittedFact
+from harness.contracts.ids import ConditionId, PacketId
+from harness.contracts.memory import Dispute
+from harness.contracts.revision_events import CompletionDisputed
+from harness.memory.draft import Draft, Key, Told, provenance
+from harness.memory.spatial import keys_of
+
+
+def disputed(told: Told) -> Iterator[Draft]:
+    """One record per accepted fact that the event contradicts, in conflict with every record that rests on it."""
+    match told.event:
+        case ObservationRecorded() as event:
+            facts = [told.before.facts.get(name) for name in event.contradicts]
+            yield from (_observed(told, fact, event) for fact in facts if fact and keys_of(told, fact))
+        case CompletionDisputed() as event:
+            yield _said(told, event, condition_id=event.condition_id, packet_id=event.packet_id)
+            dependents = (told.before.facts.get(name) for name in event.dependents)
+            for fact in (fact for fact in dependents if fact is not None):
+                yield _said(told, event, condition_id=fact.condition_id, packet_id=fact.packet_id)
+        case _:
+            return
+
+
+def _observed(told: Told, fact: CommittedFact, event: ObservationRecorded) -> Draft:
+    """The body is no longer where it was accepted to be; that it once arrived there stays true."""
+    reference = event.reference
+    return Draft(
+        role="spatial",
+        subject=f"dispute/{told.mission_id}/{fact.condition_id}",
+        knowledge=Dispute(condition_id=fact.condition_id, reason="contradicted by observation", observation=reference),
+        verification="disputed",
+        provenance=provenance(
+            told, sources=(reference.source,), node_id=fact.node_id, packet_id=fact.packet_id, blobs=(reference.blob,)
+        ),
+        valid_from_s=reference.until_s,
+        confidence=reference.confidence,
+        disputes=keys_of(told, fact),
+    )
+
+
+def _said(told: Told, event: CompletionDisputed, *, condition_id: ConditionId, packet_id: PacketId) -> Draft:
+    """A person's word against an acceptance: neither the attempt nor its outcome is learnt from any more."""
+    return Draft(
+        role="episodic",
+        subject=f"dispute/{told.mission_id}/{condition_id}",
+        knowledge=Dispute(condition_id=condition_id, reason=event.reason),
+        verification="disputed",
+        provenance=provenance(told, sources=(event.actor.name,), node_id=event.node_id, packet_id=packet_id),
+        valid_from_s=told.stored.mission_s,
+        disputes=_resting_on(told, condition_id, packet_id),
+    )
+
+
+def _resting_on(told: Told, condition_id: ConditionId, packet_id: PacketId) -> tuple[Key, ...]:
+    """What memory holds because of one acceptance."""
+    credit, fact = told.before.credits.get(packet_id), told.before.facts.get(condition_id)
+    learnt = (("episode", f"attempt/{credit.attempt}"), ("outcome", f"outcome/{credit.acting}")) if credit else ()
+    return (*learnt, *(keys_of(told, fact) if fact is not None and fact.packet_id == packet_id else ()))

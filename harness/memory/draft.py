@@ -1,0 +1,125 @@
+"""Pure: a record before it is known what else memory holds about its subject."""
+
+from collections.abc import Sequence
+
+import msgspec
+
+from harness.contracts.events import MissionEvent
+from harness.contracts.evidence import EvidencePacket, EvidenceReference
+from harness.contracts.ids import Digest, MissionId, NodeId, PacketId, sha256
+from harness.contracts.memory import AnyKnowledge, Box, MemoryRecord, MemoryRole, Provenance, Verification, kind_of
+from harness.contracts.ports import StoredEvent
+from harness.contracts.values import Value
+from harness.projections.memory import MissionThread
+
+Key = tuple[str, str]
+"""Kind and subject: what two records must share to be about the same thing."""
+CONFIGURATION = "configuration"
+SUPERVISOR = "supervisor"
+
+
+class Told(Value):
+    """One event of a mission, and the mission as it was before it."""
+
+    stored: StoredEvent
+    event: MissionEvent
+    before: MissionThread
+
+    @property
+    def mission_id(self) -> MissionId:
+        """The mission that the event belongs to."""
+        return self.before.mission_id
+
+
+class Draft(Value):
+    """What one event adds to memory.
+
+    `fresh`: nothing can be known about its subject yet. `compared`: other sources' words about the subject are
+    compared with it instead of giving way. `disputes`: subjects whose current records it contradicts.
+    """
+
+    role: MemoryRole
+    subject: str
+    knowledge: AnyKnowledge
+    verification: Verification
+    provenance: Provenance
+    valid_from_s: float
+    valid_until_s: float | None = None
+    confidence: float = 1.0
+    where: Box | None = None
+    fresh: bool = False
+    compared: bool = False
+    disputes: tuple[Key, ...] = ()
+
+    @property
+    def key(self) -> Key:
+        """What the draft is about."""
+        return kind_of(self.knowledge), self.subject
+
+
+def recorded(
+    draft: Draft, *, supersedes: Sequence[str], conflicts: Sequence[str], verification: Verification
+) -> MemoryRecord:
+    """The record, named by the event that caused it and by what it is about."""
+    kind, subject = draft.key
+    name = sha256(f"{draft.provenance.position}\n{kind}\n{subject}".encode())
+    return MemoryRecord(
+        record_id=f"mem_{name[:20]}",
+        role=draft.role,
+        subject=subject,
+        knowledge=draft.knowledge,
+        confidence=draft.confidence,
+        valid_from_s=draft.valid_from_s,
+        valid_until_s=draft.valid_until_s,
+        verification=verification,
+        provenance=draft.provenance,
+        supersedes=tuple(supersedes),
+        conflicts=tuple(conflicts),
+        where=draft.where,
+    )
+
+
+def configured(
+    told: Told, *, role: MemoryRole, subject: str, knowledge: AnyKnowledge, where: Box | None = None
+) -> Draft:
+    """Configured semantics: nobody perceived them, and they hold until they are configured anew."""
+    return Draft(
+        role=role,
+        subject=subject,
+        knowledge=knowledge,
+        verification="configured",
+        provenance=provenance(told, sources=(CONFIGURATION,)),
+        valid_from_s=told.stored.mission_s,
+        where=where,
+    )
+
+
+def provenance(
+    told: Told,
+    *,
+    sources: Sequence[str],
+    node_id: NodeId | None = None,
+    packet_id: PacketId | None = None,
+    blobs: Sequence[Digest] = (),
+) -> Provenance:
+    """Where a record of this event came from; sources in a fixed order, each once."""
+    return Provenance(
+        position=told.stored.position,
+        stream=told.stored.stream,
+        mission_id=told.mission_id,
+        sources=tuple(sorted(set(sources))),
+        node_id=node_id,
+        packet_id=packet_id,
+        blobs=tuple(dict.fromkeys(blobs)),
+    )
+
+
+def confidence_of(packet: EvidencePacket) -> float:
+    """The lowest confidence of the sensor evidence in a packet; 1 if it holds none."""
+    references: tuple[EvidenceReference, ...] = (*packet.after, *packet.estimates)
+    return min((one.confidence for one in references if one.origin == "sensor"), default=1.0)
+
+
+def same(one: AnyKnowledge, other: AnyKnowledge) -> bool:
+    """Whether two pieces of knowledge say exactly the same."""
+    return msgspec.json.encode(one) == msgspec.json.encode(other)

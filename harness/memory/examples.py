@@ -1,0 +1,49 @@
+"""Pure: a verified outcome as the skill role is shown it in C2, kind "example"."""
+
+import msgspec
+
+from harness.contracts.contexts import ContextRecord
+from harness.contracts.ids import PacketId
+from harness.contracts.memory import MemoryRecord, ProviderOutcome
+from harness.contracts.protocol import Parameters
+from harness.contracts.values import Count, Share, Value, encode
+from harness.contracts.verdicts import Verdict
+
+
+class Example(Value):
+    """What was asked of the provider and what it truly achieved; `position` and `packet_id` lead to the evidence."""
+
+    record_id: str
+    position: Count
+    packet_id: PacketId | None
+    provider_version: str
+    place: str
+    parameters: Parameters
+    verdict: Verdict
+    residual: Share
+    duration_s: float
+    measured: dict[str, float]
+
+
+def as_example(record: MemoryRecord, outcome: ProviderOutcome) -> ContextRecord:
+    """A record of the harness's own history, of the instant at which it was judged."""
+    example = Example(
+        record_id=record.record_id,
+        position=record.provenance.position,
+        packet_id=record.provenance.packet_id,
+        provider_version=outcome.provider_version,
+        place=outcome.place,
+        parameters=outcome.parameters,
+        verdict=outcome.verdict,
+        residual=outcome.residual,
+        duration_s=outcome.duration_s,
+        measured=outcome.measured,
+    )
+    return ContextRecord(
+        kind="example",
+        origin="verifier",
+        source=record.record_id,
+        at_s=record.valid_from_s,
+        value=msgspec.json.decode(encode(example)),
+        confidence=record.confidence,
+    )

@@ -1,0 +1,64 @@
+"""Pure: semantic memory. Capability contracts as skill roles were shown them, and rules missions ran under (R140)."""
+
+from collections.abc import Callable, Iterator
+
+import msgspec
+
+from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.events import ContractCompiled, DispatchIntended
+from harness.contracts.ids import Digest
+from harness.contracts.memory import KnownCard, KnownRules
+from harness.memory.draft import Draft, Told, configured, provenance
+
+ReadRecord = Callable[[Digest], bytes | None]
+"""The body of a decision's stored artefact, from the log; None if it was not stored."""
+
+
+class _Item(msgspec.Struct, frozen=True):
+    kind: str
+    value: msgspec.Raw
+
+
+class _Shown(msgspec.Struct, frozen=True):
+    """As much of a stored context as is read here."""
+
+    records: tuple[_Item, ...]
+
+
+_shown = msgspec.json.Decoder(_Shown)
+_card = msgspec.json.Decoder(CapabilityCard)
+
+
+def semantic(told: Told, *, read: ReadRecord) -> Iterator[Draft]:
+    """What one event adds to semantic memory."""
+    match told.event:
+        case ContractCompiled() as event:
+            rules = KnownRules(
+                configuration=told.before.configuration,
+                template=event.contract.template,
+                recovery=event.policy,
+                constraints=event.contract.constraints,
+            )
+            subject = f"rules/{event.contract.template}/{told.before.configuration[:16]}"
+            yield configured(told, role="semantic", subject=subject, knowledge=rules)
+        case DispatchIntended() as event:
+            card = shown_card(read(event.context))
+            if card is not None:
+                yield Draft(
+                    role="semantic",
+                    subject=f"card/{card.provider_id}",
+                    knowledge=KnownCard(card=card),
+                    verification="configured",
+                    provenance=provenance(told, sources=(card.provider_id,), node_id=event.node_id),
+                    valid_from_s=event.dispatched_s,
+                )
+        case _:
+            return
+
+
+def shown_card(context: bytes | None) -> CapabilityCard | None:
+    """The card in a stored C2 context; None if there is none."""
+    if context is None:
+        return None
+    items = _shown.decode(context).records
+    return next((_card.decode(item.value) for item in items if item.kind == "card"), None)

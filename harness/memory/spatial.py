@@ -1,0 +1,245 @@
+"""Pure: spatial memory. Maps with their versions, places and regions, poses, relations and sightings (R137)."""
+
+import math
+from collections.abc import Iterator, Sequence
+
+import msgspec
+
+from harness.contracts.events import (
+    ContractCompiled,
+    DispatchIntended,
+    EpochChanged,
+    NodeCommitted,
+)
+from harness.contracts.evidence import CommittedFact
+from harness.contracts.ids import Digest
+from harness.contracts.memory import (
+    AnyKnowledge,
+    Box,
+    KnownPlace,
+    KnownPose,
+    KnownRegion,
+    KnownRelation,
+    MapEpoch,
+    Sighting,
+)
+from harness.contracts.places import Passage, Place, Route
+from harness.contracts.revision_events import GraphRevised
+from harness.contracts.tasks import TaskContract
+from harness.contracts.values import Point
+from harness.contracts.verdicts import ConditionResult
+from harness.memory.draft import SUPERVISOR, Draft, Key, Told, confidence_of, configured, provenance
+from harness.projections.memory import Judgement, bound, judgement
+
+SIGHTING_HOLDS_S = 12 * 3600.0
+"""How long a sighting speaks for the world it saw: a shift. After that it is expired, and another look is needed."""
+BINDING = ("frames", "foreign")
+"""Measured names of an analysis that speak of its binding to the images, not of what they show."""
+
+
+def spatial(told: Told) -> Iterator[Draft]:
+    """What one event adds to spatial memory."""
+    match told.event:
+        case ContractCompiled() as event:
+            yield from _configured(told, event.contract)
+        case EpochChanged() as event:
+            yield from _epoch(told, event)
+        case DispatchIntended(moves=True) as event:
+            yield from _departed(told, event)
+        case NodeCommitted() as event:
+            yield from _committed(told, event)
+        case GraphRevised(contract=TaskContract() as contract):
+            yield from _configured(told, contract)
+        case _:
+            return
+
+
+def contradiction(one: Sighting, other: Sighting) -> str:
+    """The first state on which two sightings differ; empty if they agree. Shares agree within a tenth."""
+    for name in sorted(one.states.keys() & other.states.keys()):
+        bound_by = 0.1 if name.startswith("share") else 0.0
+        if abs(one.states[name] - other.states[name]) > bound_by:
+            return name
+    return ""
+
+
+def _configured(told: Told, contract: TaskContract) -> Iterator[Draft]:
+    yield configured(
+        told,
+        role="spatial",
+        subject=f"map/{told.before.robot_id}/{contract.frame}",
+        knowledge=MapEpoch(frame=contract.frame, map_version=contract.map_version),
+    )
+    for place in bound(contract, Place):
+        where = _box(place.region_m or (place.approach_m,), frame=place.frame, map_version=place.map_version)
+        yield configured(
+            told, role="spatial", subject=f"place/{place.place_id}", knowledge=KnownPlace(place=place), where=where
+        )
+    for passage in bound(contract, Passage):
+        where = _box(passage.floor_m, frame=passage.frame, map_version=contract.map_version)
+        yield configured(
+            told,
+            role="spatial",
+            subject=f"passage/{passage.passage_id}",
+            knowledge=KnownRegion(floor_m=passage.floor_m),
+            where=where,
+        )
+    for route in bound(contract, Route):
+        leads = KnownRelation(relation="leads_to", one=f"place/{route.start}", other=f"place/{route.end}")
+        where = _box(route.waypoints_m, frame=route.frame, map_version=route.map_version)
+        yield configured(told, role="spatial", subject=f"route/{route.name}", knowledge=leads, where=where)
+
+
+def _epoch(told: Told, event: EpochChanged) -> Iterator[Draft]:
+    contract = told.before.contract
+    if contract is None:
+        return
+    yield Draft(
+        role="spatial",
+        subject=f"map/{told.before.robot_id}/{contract.frame}",
+        knowledge=MapEpoch(frame=contract.frame, map_version=event.map_version),
+        verification="observed",
+        provenance=provenance(told, sources=("localiser",)),
+        valid_from_s=told.stored.mission_s,
+    )
+
+
+def _departed(told: Told, event: DispatchIntended) -> Iterator[Draft]:
+    """From here on nobody knows where the body is until something is measured and accepted again."""
+    robot, place = told.before.robot_id, told.before.place(event.node_id)
+    towards = f"place/{place}" if place else f"node/{event.node_id}"
+    moves = KnownRelation(relation="moves_to", one=f"robot/{robot}", other=towards)
+    said: tuple[tuple[str, AnyKnowledge], ...] = (
+        (f"robot/{robot}", KnownPose(robot_id=robot)),
+        (f"robot/{robot}/at", moves),
+    )
+    for subject, knowledge in said:
+        yield Draft(
+            role="spatial",
+            subject=subject,
+            knowledge=knowledge,
+            verification="observed",
+            provenance=provenance(told, sources=(SUPERVISOR,), node_id=event.node_id),
+            valid_from_s=event.dispatched_s,
+        )
+
+
+def _committed(told: Told, event: NodeCommitted) -> Iterator[Draft]:
+    """One record per thing, though several conditions may speak of it: the last of them."""
+    closed = judgement(told.before, event)
+    if closed is not None:
+        accepted = {draft.key: draft for fact in event.facts for draft in _accepted(told, fact, closed)}
+        yield from accepted.values()
+
+
+def _accepted(told: Told, fact: CommittedFact, closed: Judgement) -> Iterator[Draft]:
+    robot = told.before.robot_id
+    pose = _pose(told, fact)
+    if pose is not None and pose.point_m is not None:
+        where = _around(pose.point_m, pose.within_m or 0.0, told)
+        yield _measured(told, fact, closed, subject=f"robot/{robot}", knowledge=pose, where=where)
+        if pose.place:
+            at = KnownRelation(relation="at", one=f"robot/{robot}", other=f"place/{pose.place}")
+            yield _measured(told, fact, closed, subject=f"robot/{robot}/at", knowledge=at, where=where)
+    if fact.name == "analysis_of":
+        yield _sighted(told, fact, closed)
+
+
+def _pose(told: Told, fact: CommittedFact) -> KnownPose | None:
+    """Where a fact says that the body stands: at a target, within what was measured, or at a measured position."""
+    arguments, robot_id = fact.arguments, told.before.robot_id
+    if "target_m" in arguments and "distance_m" in fact.measured:
+        point = msgspec.convert(arguments["target_m"], Point)
+        place = told.before.place(fact.node_id)
+        return KnownPose(robot_id=robot_id, point_m=point, within_m=fact.measured["distance_m"], place=place)
+    if "position" in arguments and "heading_rad" in arguments:
+        point, yaw_rad = msgspec.convert(arguments["position"], Point), float(arguments["heading_rad"])
+        return KnownPose(robot_id=robot_id, point_m=point, yaw_rad=yaw_rad, place=told.before.place(fact.node_id))
+    return None
+
+
+def _measured(
+    told: Told, fact: CommittedFact, closed: Judgement, *, subject: str, knowledge: AnyKnowledge, where: Box
+) -> Draft:
+    """What the gate accepted of the body's position: verified, by the sources that its condition rests on."""
+    return Draft(
+        role="spatial",
+        subject=subject,
+        knowledge=knowledge,
+        verification="verified",
+        provenance=provenance(
+            told,
+            sources=_result(closed, fact).sources or (closed.packet.identity.provider_id,),
+            node_id=fact.node_id,
+            packet_id=fact.packet_id,
+            blobs=[one.blob for one in closed.packet.estimates],
+        ),
+        valid_from_s=fact.at_s,
+        confidence=confidence_of(closed.packet),
+        where=where,
+    )
+
+
+def _sighted(told: Told, fact: CommittedFact, closed: Judgement) -> Draft:
+    """What an analysis saw. The gate accepted its binding to the images; that it is right, nobody else has said."""
+    contract = told.before.contract
+    passage = next(iter(bound(contract, Passage)), None) if contract else None
+    seen = next((one for one in told.before.facts.values() if one.node_id == fact.arguments.get("object")), fact)
+    report = Digest(str(fact.arguments.get("report", ""))) or None
+    where = None
+    if passage is not None and contract is not None:
+        where = _box(passage.floor_m, frame=passage.frame, map_version=contract.map_version)
+    return Draft(
+        role="spatial",
+        subject=_sighting_subject(told, fact),
+        knowledge=Sighting(states={n: v for n, v in fact.measured.items() if n not in BINDING}, report=report),
+        verification="observed",
+        provenance=provenance(
+            told,
+            sources=("camera", closed.acting.provider_id),
+            node_id=fact.node_id,
+            packet_id=fact.packet_id,
+            blobs=[Digest(digest) for digest in (*((report,) if report else ()), *fact.arguments.get("frames", ()))],
+        ),
+        valid_from_s=seen.at_s,
+        valid_until_s=seen.at_s + SIGHTING_HOLDS_S,
+        confidence=confidence_of(closed.packet),
+        where=where,
+        compared=True,
+    )
+
+
+def keys_of(told: Told, fact: CommittedFact) -> tuple[Key, ...]:
+    """What spatial memory holds because of a fact."""
+    if _pose(told, fact) is not None:
+        robot = f"robot/{told.before.robot_id}"
+        return ("pose", robot), ("relation", f"{robot}/at")
+    return (("sighting", _sighting_subject(told, fact)),) if fact.name == "analysis_of" else ()
+
+
+def _sighting_subject(told: Told, fact: CommittedFact) -> str:
+    contract = told.before.contract
+    passage = next(iter(bound(contract, Passage)), None) if contract else None
+    return f"passage/{passage.passage_id}" if passage else f"place/{told.before.place(fact.node_id) or 'unknown'}"
+
+
+def _result(closed: Judgement, fact: CommittedFact) -> ConditionResult:
+    return next(result for result in closed.verdict.results if result.condition_id == fact.condition_id)
+
+
+def _around(point: Point, within_m: float, told: Told) -> Box:
+    contract = told.before.contract
+    frame, version = (contract.frame, contract.map_version) if contract else ("unknown", "unknown")
+    return Box(
+        frame=frame,
+        map_version=version,
+        x_min_m=point[0] - within_m,
+        y_min_m=point[1] - within_m,
+        x_max_m=point[0] + within_m,
+        y_max_m=point[1] + within_m,
+    )
+
+
+def _box(points: Sequence[Point], *, frame: str, map_version: str) -> Box:
+    xs, ys = [x for x, _ in points] or [math.nan], [y for _, y in points] or [math.nan]
+    return Box(frame=frame, map_version=map_version, x_min_m=min(xs), y_min_m=min(ys), x_max_m=max(xs), y_max_m=max(ys))

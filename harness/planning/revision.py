@@ -1,0 +1,132 @@
+"""Pure: which revised contract a planner may propose (R4, R131), and what a reopened stage takes along (D29).
+
+A revision may reorder what is still open, add stages and add restrictions. It keeps the goal, its completion
+conditions, what was committed, and every limit and budget.
+"""
+
+from collections.abc import Iterator, Sequence
+
+from harness.contracts.decisions import Refused
+from harness.contracts.effects import Metric
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.ids import NodeId
+from harness.contracts.tasks import Node, RecoveryLimits, TaskContract, check, order
+from harness.planning.restrictions import loosened
+from harness.projections.mission import Mission, required_contract
+
+RISKS = ("low", "medium", "high")
+
+
+def revision_refusal(mission: Mission, proposed: TaskContract) -> Refused | None:
+    """The first rule that the proposed contract breaks, or None.
+
+    Rules: goal_changed, conditions_changed, frame_changed, constraints_loosened, budget_raised, node_removed,
+    history_changed, stage_weakened, contract_invalid.
+    """
+    current = required_contract(mission)
+    try:
+        broken = _kept_whole(current, proposed) or _limits(current, proposed) or _stages(mission, current, proposed)
+        if broken is None:
+            check(proposed)
+    except ContractInvalid as error:
+        return Refused("contract_invalid", str(error))
+    return broken
+
+
+def reopened_with(contract: TaskContract, responsible: NodeId) -> tuple[NodeId, ...]:
+    """The stages that begin anew with this one: what depends on it, and who must bring the body back for them.
+
+    `responsible` comes first, the others in graph order.
+    """
+    found = {responsible}
+    while True:
+        more = {
+            node.node_id
+            for node in contract.nodes
+            if set(node.depends_on) & found or _establishes(node, [contract.node(one) for one in found])
+        }
+        if more <= found:
+            break
+        found |= more
+    return (responsible, *(node_id for node_id in order(contract) if node_id in found and node_id != responsible))
+
+
+def _establishes(node: Node, served: Sequence[Node]) -> bool:
+    """Whether a stage brings the body to a place where one of the others must begin."""
+    targets = {one.effect.target_m for one in node.success_conditions if isinstance(one.effect, Metric)}
+    begins = {one.target_m for other in served for one in other.preconditions if one.predicate == "at_place"}
+    return bool(targets & begins)
+
+
+def _kept_whole(current: TaskContract, proposed: TaskContract) -> Refused | None:
+    if (proposed.goal, proposed.template) != (current.goal, current.template):
+        return Refused("goal_changed", "A revision keeps the goal in the person's own words and its template.")
+    if proposed.completion_conditions != current.completion_conditions:
+        return Refused("conditions_changed", "The completion conditions are those first stored; no plan changes them.")
+    if (proposed.frame, proposed.map_version) != (current.frame, current.map_version):
+        return Refused("frame_changed", f"The contract is stated in {current.frame} of map {current.map_version}.")
+    return None
+
+
+def _limits(current: TaskContract, proposed: TaskContract) -> Refused | None:
+    if relaxed := loosened(current.constraints, proposed.constraints):
+        return Refused("constraints_loosened", f"A plan may add a restriction, not relax one: {', '.join(relaxed)}.")
+    if proposed.recovery_total > current.recovery_total:
+        return Refused(
+            "budget_raised", f"The mission's recovery budget is {current.recovery_total}; a plan cannot raise it."
+        )
+    return None
+
+
+def _stages(mission: Mission, current: TaskContract, proposed: TaskContract) -> Refused | None:
+    after = {node.node_id: node for node in proposed.nodes}
+    for node in current.nodes:
+        begun = mission.of(node.node_id).attempt > 0
+        kept = after.get(node.node_id)
+        if kept is None:
+            if node.required or begun:
+                return Refused("node_removed", f"{node.node_id} is required or was begun; only an idle option may go.")
+            continue
+        if mission.of(node.node_id).status == "committed" and kept != node:
+            return Refused("history_changed", f"{node.node_id} is committed; what was accepted is not rewritten.")
+        weakened = ", ".join(_weaker(node, kept))
+        if weakened:
+            return Refused("stage_weakened", f"{node.node_id} would ask for less: {weakened}.")
+    largest = _largest(current)
+    for node in proposed.nodes:
+        if node.node_id not in mission.nodes and _exceeds(node.recovery, largest):
+            return Refused("budget_raised", f"{node.node_id} would bring a larger recovery budget than any stage has.")
+    return None
+
+
+def _weaker(before: Node, after: Node) -> Iterator[str]:
+    """What the revised stage would ask less of."""
+    if any(one not in after.success_conditions for one in before.success_conditions):
+        yield "success conditions"
+    if any(one not in after.preconditions for one in before.preconditions):
+        yield "preconditions"
+    if not set(before.depends_on) <= set(after.depends_on):
+        yield "dependencies"
+    if not set(after.capabilities) <= set(before.capabilities):
+        yield "capabilities"
+    if before.required and not after.required:
+        yield "required"
+    if RISKS.index(after.risk) < RISKS.index(before.risk):
+        yield "risk"
+    if after.timeout_s > before.timeout_s:
+        yield "timeout"
+    if _exceeds(after.recovery, before.recovery):
+        yield "recovery limits"
+    was, now = before.evidence, after.evidence
+    lax = now.pose_age_s > was.pose_age_s or now.image_age_s > was.image_age_s or now.attestation > was.attestation
+    if lax or now.minimum_confidence < was.minimum_confidence or not set(was.mandatory) <= set(now.mandatory):
+        yield "evidence policy"
+
+
+def _exceeds(one: RecoveryLimits, limits: RecoveryLimits) -> bool:
+    return any(getattr(one, name) > getattr(limits, name) for name in RecoveryLimits.__struct_fields__)
+
+
+def _largest(contract: TaskContract) -> RecoveryLimits:
+    names = RecoveryLimits.__struct_fields__
+    return RecoveryLimits(**{name: max(getattr(node.recovery, name) for node in contract.nodes) for name in names})

@@ -1,0 +1,98 @@
+"""Pure: a mission, or a question to a person, as one row of a list. From events alone; asks no clock."""
+
+from harness.contracts.read_models import HandoffItem, ListRow, MissionItem
+from harness.contracts.tasks import order
+from harness.contracts.values import encode
+from harness.projections.handoffs import Handoff
+from harness.projections.mission import TERMINAL_MISSION, Mission
+
+WAITING = frozenset({"awaiting_human", "awaiting_approval", "paused"})
+
+
+def mission_row(mission: Mission, *, seq: int, began_s: float, ended_s: float | None) -> ListRow:
+    """The row of a mission whose first event stands at `seq`. Wall times; `ended_s` is None while it is open.
+
+    Facets: status, open (yes, no), waits (yes), end (otherwise), robot, template, verdict. Amount: how long it took.
+    """
+    contract = mission.contract
+    item = MissionItem(
+        seq=seq,
+        mission_id=mission.mission_id,
+        goal=mission.goal,
+        template=mission.template,
+        robot_id=mission.robot_id,
+        status=mission.status,
+        stage=current_stage(mission),
+        verdict=mission.goal_verdict.verdict if mission.goal_verdict else "",
+        began_s=began_s,
+        ended_s=ended_s,
+        spent=mission.spent_total,
+        budget=contract.recovery_total if contract else 0,
+        handoff_id=mission.handoff_id or "",
+        k=mission.k,
+    )
+    facets = {
+        "status": item.status,
+        "open": "no" if mission.ended else "yes",
+        "waits": "yes" if item.status in WAITING else "",
+        "end": "otherwise" if item.status in TERMINAL_MISSION and item.status != "succeeded" else "",
+        "robot": item.robot_id,
+        "template": item.template,
+        "verdict": item.verdict,
+    }
+    return ListRow(
+        listing="mission",
+        seq=seq,
+        key=item.mission_id,
+        facets={name: value for name, value in facets.items() if value},
+        words=" ".join((item.mission_id, item.goal, item.template, item.robot_id, item.status.replace("_", " "))),
+        amount=ended_s - began_s if ended_s is not None else 0.0,
+        body=encode(item),
+    )
+
+
+def handoff_row(handoff: Handoff, *, seq: int) -> ListRow | None:
+    """The row of a question whose first event stands at `seq`; None for one that was never opened."""
+    opened = handoff.opened
+    if opened is None:
+        return None
+    item = HandoffItem(
+        seq=seq,
+        handoff_id=handoff.handoff_id,
+        mission_id=opened.mission_id,
+        node_id=opened.node_id,
+        status=handoff.status,
+        failure=opened.failure,
+        opened_at_s=opened.opened_at_s,
+        deadline_at_s=opened.deadline_at_s,
+    )
+    facets = {
+        "status": item.status,
+        "open": "yes" if item.status == "open" else "no",
+        "robot": opened.robot_id,
+        "failure": item.failure,
+        "mission": item.mission_id,
+    }
+    return ListRow(
+        listing="handoff",
+        seq=seq,
+        key=item.handoff_id,
+        facets=facets,
+        words=" ".join((item.handoff_id, item.mission_id, item.node_id, item.failure.replace("_", " "), opened.reason)),
+        amount=item.deadline_at_s - item.opened_at_s,
+        body=encode(item),
+    )
+
+
+def current_stage(mission: Mission) -> str:
+    """ "return, 6 of 7" for the stage that is under way; says so where there is no contract yet."""
+    if mission.contract is None:
+        return "not compiled yet"
+    names = order(mission.contract)
+    done = sum(mission.of(name).status == "committed" for name in names)
+    if done == len(names):
+        return f"all {len(names)} stages accepted"
+    current = next((name for name in names if mission.of(name).status not in ("committed", "pending")), None)
+    if current is None:
+        current = next(name for name in names if mission.of(name).status == "pending")
+    return f"{current.replace('_', ' ')}, {names.index(current) + 1} of {len(names)}"

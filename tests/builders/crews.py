@@ -1,0 +1,190 @@
+"""Whole missions in virtual time with one thing of the crew exchanged: a provider, the verifier or the planner."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+
+from msgspec.structs import replace
+
+from harness.adapters.clock import LockstepClock
+from harness.adapters.ids import SeededIds
+from harness.adapters.providers.simulation.camera import CAMERA
+from harness.adapters.providers.simulation.faults import parse_faults
+from harness.adapters.providers.simulation.robot import SimulatedRobot
+from harness.adapters.providers.simulation.world import WorldSettings
+from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
+from harness.baseline.load import baseline
+from harness.bootstrap import Harness, Parts, Unheard, assemble, local_providers
+from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.decisions import Accepted
+from harness.contracts.ids import Digest, MissionId, RequestId
+from harness.contracts.ports import Provider
+from harness.contracts.protocol import InvocationReport, Observations, PhysicalStart, RobotStatus, StartRequest
+from harness.contracts.tasks import TaskTemplate
+from harness.planning.planner import GRAPH_ORDER, Planner
+from harness.planning.templates import by_name
+from harness.projections.mission import Mission
+from harness.runtime import Start
+from harness.settings import HarnessSettings
+from harness.verification.verdict import Verifier, verify
+from tests.builders.missions_run import OPERATOR, ROBOT, Ran
+
+Wrap = Callable[[Provider], Provider]
+
+
+class Wrapped:
+    """A provider that passes everything on; tests override what shall go wrong."""
+
+    def __init__(self, inner: Provider) -> None:
+        self.inner = inner
+
+    @property
+    def card(self) -> CapabilityCard:
+        return self.inner.card
+
+    def start(self, request: StartRequest) -> InvocationReport:
+        return self.inner.start(request)
+
+    def report(self, handle: str) -> InvocationReport:
+        return self.inner.report(handle)
+
+    def find(self, request: RequestId) -> InvocationReport | None:
+        return self.inner.find(request)
+
+    def keepalive(self, handle: str) -> None:
+        self.inner.keepalive(handle)
+
+    def resume(self, handle: str) -> InvocationReport:
+        return self.inner.resume(handle)
+
+    def stop(self, handle: str) -> InvocationReport:
+        return self.inner.stop(handle)
+
+
+class Failing(Wrapped):
+    """Every execution that ends is reported as failed, with a failure word; the first `times` of them."""
+
+    def __init__(self, inner: Provider, *, word: str, times: int = 1_000) -> None:
+        super().__init__(inner)
+        self.word, self.left = word, times
+        self.failed: set[str] = set()
+
+    def report(self, handle: str) -> InvocationReport:
+        said = self.inner.report(handle)
+        if said.status != "succeeded" or (handle not in self.failed and self.left == 0):
+            return said
+        if handle not in self.failed:
+            self.failed.add(handle)
+            self.left -= 1
+        return replace(said, status="failed", failure=self.word, receipts=(), declared={})
+
+
+class CrewRobot:
+    """The simulated robot with its providers wrapped."""
+
+    def __init__(self, inner: SimulatedRobot, wrap: Wrap) -> None:
+        self.inner = inner
+        self._providers = [wrap(provider) for provider in inner.providers()]
+
+    def providers(self) -> Sequence[Provider]:
+        return self._providers
+
+    def status(self) -> RobotStatus:
+        return self.inner.status()
+
+    def observations(self, after: int, limit: int = 5000) -> Observations:
+        return self.inner.observations(after, limit)
+
+    def blob(self, digest: Digest) -> bytes:
+        return self.inner.blob(digest)
+
+    def starts(self) -> Sequence[PhysicalStart]:
+        return self.inner.starts()
+
+
+class Stage:
+    """A harness whose missions are stepped by the test. `robot` is the simulated one, truth included."""
+
+    def __init__(self, harness: Harness, robot: SimulatedRobot) -> None:
+        self.harness, self.robot = harness, robot
+        self.runtime, self.supervisor = harness.runtime, harness.supervisor
+
+    def begin(self, template: str | TaskTemplate, *faults: str, seed: int = 3) -> MissionId:
+        """Create a mission without running it."""
+        labels = {"faults": ",".join(faults)} if faults else {}
+        name = template if isinstance(template, str) else template.name
+        start = Start(actor=OPERATOR, robot_id=ROBOT, template=name, seed=seed, labels=labels)
+        given = None if isinstance(template, str) else template
+        decision = self.runtime.start(start, template=given)
+        assert isinstance(decision, Accepted), decision
+        return self.runtime.missions()[0].mission_id
+
+    def until(self, mission_id: MissionId, true: Callable[[Mission], bool], *, steps: int = 20_000) -> Mission:
+        """Step until it is true of the mission; fails if the mission ends or waits before."""
+        for _ in range(steps):
+            mission = self.runtime.mission(mission_id)
+            if true(mission):
+                return mission
+            wake_s = self.supervisor.step(mission_id)
+            assert wake_s is not None, f"{mission.status}: {mission.reason}"
+            if true(self.runtime.mission(mission_id)):
+                return self.runtime.mission(mission_id)
+            self.harness.clock.wait_until(wake_s)
+        raise AssertionError(f"not reached in {steps} steps")
+
+    def run(self, mission_id: MissionId) -> Ran:
+        """To its end, or to the person it waits for."""
+        mission = self.supervisor.run(mission_id)
+        return Ran(harness=self.harness, mission=mission, truth=tuple(self.robot.world.truth.records))
+
+
+@contextmanager
+def staged(
+    *,
+    seed: int = 3,
+    wrap: Wrap = lambda provider: provider,
+    verifier: Verifier = verify,
+    planner: Planner = GRAPH_ORDER,
+) -> Iterator[Stage]:
+    """The kinematic robot at speed 0, everything in this process."""
+    with ExitStack() as stack:
+        robot = SimulatedRobot(WorldSettings(fidelity="kinematic", seed=seed), robot_id=ROBOT)
+        parts = Parts(
+            store=MemoryEventStore(),
+            blobs=MemoryBlobStore(),
+            spool=MemorySpool(),
+            ids=SeededIds(seed),
+            clock=LockstepClock(robot.advance_to, at_s=robot.at_s),
+            signals=Unheard(),
+            verifier=verifier,
+            planner=planner,
+        )
+
+        def configure(mission: Mission) -> None:
+            names = [name for name in mission.labels.get("faults", "").split(",") if name]
+            robot.configure(mission.mission_id, mission.seed, parse_faults(names))
+
+        harness = assemble(
+            stack,
+            HarnessSettings(speed=0, fidelity="kinematic"),
+            parts,
+            robot=CrewRobot(robot, wrap),
+            local=[wrap(provider) for provider in local_providers(parts, camera=CAMERA, folder=None)],
+            configure=configure,
+        )
+        yield Stage(harness, robot)
+
+
+def template(name: str, **changes: object) -> TaskTemplate:
+    """A shipped template with fields changed."""
+    return replace(by_name(name, baseline().templates), **changes)
+
+
+def with_node(base: TaskTemplate, node_id: str, **changes: object) -> TaskTemplate:
+    """A template whose node has other fields."""
+    nodes = tuple(node | changes if node["node_id"] == node_id else node for node in base.nodes)
+    return replace(base, nodes=nodes)
+
+
+def only(capability: str, wrap: Wrap) -> Wrap:
+    """Wraps the providers of one capability."""
+    return lambda provider: wrap(provider) if provider.card.capability == capability else provider
