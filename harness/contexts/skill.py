@@ -7,6 +7,8 @@ sample); "observed" (EvidenceReference); "example" (verified operational example
 planner said: usable here, evidence nowhere).
 """
 
+from msgspec.structs import replace
+
 from harness.contexts.observed import newest_samples, observed_references, robot_status
 from harness.contexts.selection import Item, Selection, budgeted, compile_context
 from harness.contexts.view import StateView, accepted, configured
@@ -40,7 +42,7 @@ def skill_context(view: StateView, node_id: NodeId, card: CapabilityCard) -> Con
         *newest_samples(view),
         *observed_references(view),
         *(_said(record, view) for record in view.proposals),
-        *budgeted((Item(example) for example in view.examples), limit=view.rules.c2_examples),
+        *budgeted((_kept(example) for example in view.examples), limit=view.rules.c2_examples),
     ]
     return compile_context(
         view,
@@ -53,6 +55,11 @@ def skill_context(view: StateView, node_id: NodeId, card: CapabilityCard) -> Con
             nodes=frozenset(scope),
         ),
     )
+
+
+def _kept(example: ContextRecord) -> Item:
+    """An example has its own budget: newer observations do not crowd it out."""
+    return Item(replace(example, mandatory=True))
 
 
 def ancestors(contract: TaskContract, node_id: NodeId) -> frozenset[NodeId]:
