@@ -126,7 +126,7 @@ def test_the_skill_sees_one_subgoal_its_card_the_facts_it_builds_on_and_three_ex
     c2 = skill_context(view(after_go(three()), examples=examples, status=status()), NodeId("look"), card())
     assert {"node", "card", "attempt", "facts", "constraints", "robot", "example"} <= kinds(c2)
     assert "goal" not in kinds(c2)
-    assert mandatory(c2) == {"node", "card", "attempt", "facts"}
+    assert mandatory(c2) == {"node", "card", "attempt", "facts", "example"}
     assert held(c2, "node")["node_id"] == "look"
     facts = c2.one("facts")
     assert facts is not None
