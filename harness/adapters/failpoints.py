@@ -17,6 +17,7 @@ from harness.contracts.errors import UnknownName
 from harness.contracts.ids import Digest, RequestId, StreamId
 from harness.contracts.ports import Batch, EventStore, Head, Provider, Record, StoredEvent
 from harness.contracts.protocol import InvocationReport, StartRequest
+from harness.contracts.upcasting import name_of
 from harness.contracts.values import Moment, Value
 
 Answer = TypeVar("Answer")
@@ -92,7 +93,7 @@ class FailpointStore:
 
     def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> Head:
         """The store's append; a refused one counts as an occurrence too."""
-        occurs = any(event.kind == self._what for batch in batches for event in batch.events)
+        occurs = any(name_of(event.kind) == self._what for batch in batches for event in batch.events)
         return self._trigger.around(lambda: self._store.append(batches, records, now), occurs=occurs)
 
     def load(self, stream: StreamId, after: int = 0) -> list[StoredEvent]:
