@@ -8,7 +8,6 @@ BIN := .venv/bin
 WORKERS ?= 2
 MUTANTS ?= 20
 SEED ?= 1
-MISSIONS ?= 25
 
 .PHONY: targets install install-test run test check lint format types rooms ledger ledger-mutants bench campaign lock clean
 
@@ -48,11 +47,14 @@ ledger: install-test ## which requirements a test proves, and which are open
 ledger-mutants: install-test ## break what the ledger marks name and expect red (MUTANTS=20|all SEED=1)
 	@$(BIN)/python -m tools.mutants --count $(MUTANTS) --seed $(SEED)
 
-bench: install-test ## every benchmark, one after another
-	@shopt -s nullglob; for bench in benchmarks/[!_]*.py; do echo "== $$bench"; $(BIN)/python $$bench; done
+bench: install-test ## every benchmark, beside its peers in .bench/peers (docs/performance.md)
+	@benchmarks/peers.sh
+	@$(BIN)/python -m benchmarks
+	@for bench in append analysis_scenes memory_queries; do \
+	    if [ -f benchmarks/$$bench.py ]; then echo "== $$bench"; PYTHONPATH=. $(BIN)/python benchmarks/$$bench.py; fi; done
 
-campaign: install-test ## every fault test over MISSIONS=25 seeds from SEED=1
-	@CAMPAIGN_MISSIONS=$(MISSIONS) CAMPAIGN_SEED=$(SEED) $(BIN)/python -m pytest -m campaign -n $(WORKERS) -q
+campaign: install-test ## every fault campaign: CAMPAIGN_MISSIONS=100000 CAMPAIGN_SEED=1; a smaller one leaves docs/ alone
+	@$(BIN)/python -m campaigns run
 
 lock: ## resolve both locks anew: universal, with hashes, without any index address
 	@tools/lock.sh

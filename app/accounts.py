@@ -10,7 +10,8 @@ from argon2.exceptions import InvalidHashError, VerificationError
 from msgspec.structs import replace
 
 from app.permissions import ROLES, SCOPES, Visitor
-from harness.adapters.stores.accounts import Account, Entry, SqlAccounts, Token
+from harness.adapters.stores.accounts import SqlAccounts
+from harness.adapters.stores.accounts_rows import Account, Entry, Token
 from harness.contracts.actors import Actor
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import sha256
@@ -125,7 +126,7 @@ class Accounts:
         return account
 
     def check(self, name: str, password: str, *, source: str) -> Account | Throttled | None:
-        """The account if the password is right, None if not, Throttled after too many. An unknown name costs the same."""
+        """The account if the password is right, None if not, Throttled after too many. Unknown names cost the same."""
         with self._one_at_a_time:
             wait_s = self._wait_s(name, source)
             if wait_s > 0:
@@ -269,7 +270,8 @@ def _roles(roles: Collection[str]) -> tuple[str, ...]:
 
 
 def _password(password: str, *, name: str) -> str:
-    if not SHORTEST <= len(password) <= LONGEST or name in password.lower() or len(set(password)) < 5:
+    named = len(name) > 3 and name in password.lower()
+    if not SHORTEST <= len(password) <= LONGEST or named or len(set(password)) < 5:
         raise ContractInvalid(
             f"A password has {SHORTEST} to {LONGEST} signs, at least five different ones, and not the name in it",
             where="the new password",

@@ -1,6 +1,6 @@
 """Pure: a point cloud that grows from lidar sweeps by measured poses, thinned to voxels. Metres, map frame."""
 
-from bisect import bisect_left, insort
+from bisect import bisect_left, bisect_right, insort
 from dataclasses import dataclass, field
 from math import pi
 
@@ -58,6 +58,10 @@ class Track:
             node=before.node,
         )
 
+    def until(self, at_s: float) -> int:
+        """How many poses were measured by an instant."""
+        return bisect_right(self.stands, at_s, key=lambda stand: stand.at_s)
+
     @property
     def newest_s(self) -> float:
         return self.stands[-1].at_s if self.stands else float("-inf")
@@ -70,40 +74,54 @@ def sweep(body: bytes) -> Floats:
     return kept
 
 
-def placed(points: Floats, stand: Stand) -> Floats:
-    """Body frame to map frame by a planar pose."""
+def placed(points: Floats, stand: Stand, *, origin_m: tuple[float, float] = (0.0, 0.0)) -> Floats:
+    """Body frame to a frame that is the map's, moved to `origin_m`: near it, 32 bits are exact to micrometres."""
     cos, sin = np.cos(stand.yaw_rad), np.sin(stand.yaw_rad)
     turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]], dtype=np.float32)
-    return points @ turn + np.array([stand.x_m, stand.y_m, 0.0], dtype=np.float32)
+    return points @ turn + np.array([stand.x_m - origin_m[0], stand.y_m - origin_m[1], 0.0], dtype=np.float32)
+
+
+def thinned(points: Floats, *, voxel_m: float) -> Floats:
+    """The first point of every voxel of that size."""
+    cells = np.floor(points / voxel_m).astype(np.int64) + (1 << 20)
+    _, first = np.unique((cells[:, 0] << 42) | (cells[:, 1] << 21) | cells[:, 2], return_index=True)
+    kept: Floats = points[np.sort(first)]
+    return kept
 
 
 class Cloud:
-    """One point per voxel of `voxel_m`, at most `limit` of them, in chunks that are full or still growing."""
+    """One point per voxel of `voxel_m`, at most `limit` of them, in chunks that are full or still growing.
+
+    `seen` holds for every point of every chunk when it was seen first: seconds of sensor time.
+    """
 
     def __init__(self, *, voxel_m: float, limit: int) -> None:
         self._voxel_m, self._limit = voxel_m, limit
         self._keys = np.empty(0, dtype=np.int64)
         self.chunks: list[Floats] = []
+        self.seen: list[NDArray[np.float64]] = []
         self.count = 0
 
-    def add(self, points: Floats) -> set[int]:
-        """Take points in voxels nobody filled yet; returns the numbers of the chunks that changed."""
+    def add(self, points: Floats, at_s: float = 0.0) -> set[int]:
+        """Take points in voxels nobody filled yet, seen at `at_s`; returns the numbers of the chunks that changed."""
         cells = np.floor(points / self._voxel_m).astype(np.int64) + (1 << 20)
         keys = (cells[:, 0] << 42) | (cells[:, 1] << 21) | cells[:, 2]
         fresh, first = np.unique(keys, return_index=True)
         unseen = ~np.isin(fresh, self._keys, assume_unique=True)
         new = points[np.sort(first[unseen])][: max(self._limit - self.count, 0)]
         self._keys = np.union1d(self._keys, fresh[unseen])
-        return self._store(new)
+        return self._store(new, at_s)
 
-    def _store(self, points: Floats) -> set[int]:
+    def _store(self, points: Floats, at_s: float) -> set[int]:
         changed: set[int] = set()
         self.count += len(points)
         while len(points):
             if not self.chunks or len(self.chunks[-1]) >= CHUNK:
                 self.chunks.append(np.empty((0, 3), dtype=np.float32))
+                self.seen.append(np.empty(0, dtype=np.float64))
             room = CHUNK - len(self.chunks[-1])
             self.chunks[-1] = np.concatenate([self.chunks[-1], points[:room]])
+            self.seen[-1] = np.concatenate([self.seen[-1], np.full(len(points[:room]), at_s)])
             changed.add(len(self.chunks) - 1)
             points = points[room:]
         return changed

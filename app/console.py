@@ -1,7 +1,7 @@
 """What every room of the console shares: the runtime, the doors, the scenes, and how a page is put together."""
 
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from threading import Lock
 from typing import Annotated, TypeVar
@@ -13,11 +13,13 @@ from app.doors import Doors
 from app.history import Histories
 from app.lists import Lists
 from app.live import SignalBroker
+from app.measured import Measurements
 from app.scene import Scenes
 from app.security import actor_of
 from app.settings import ConsoleSettings
 from app.views.shell import Shell, Surroundings, shell
 from harness.contracts.actors import Actor
+from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.contexts import Context
 from harness.contracts.errors import BlobDamaged, UnknownName
 from harness.contracts.ids import Digest, MissionId
@@ -28,6 +30,7 @@ from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 
+Cards = Callable[[], Iterable[CapabilityCard]]
 Starts = Callable[[MissionId], Sequence[PhysicalStart] | None]
 T = TypeVar("T")
 SPENT_KEYS = 1024
@@ -35,6 +38,11 @@ SPENT_KEYS = 1024
 
 def no_journal(mission_id: MissionId) -> None:
     """The answer of an installation whose robots' journals cannot be read from here."""
+
+
+def no_cards() -> tuple[CapabilityCard, ...]:
+    """The answer of an installation without robots of its own."""
+    return ()
 
 
 class OneUse:
@@ -65,8 +73,10 @@ class Console:
     doors: Doors
     histories: Histories
     lists: Lists
+    measurements: Measurements
     clock: Callable[[], float]
     starts: Starts = no_journal
+    cards: Cards = no_cards
     keys: OneUse = field(default_factory=OneUse)
 
     def head(self) -> Head:

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from app.accounts import Accounts, Throttled
 from app.permissions import Visitor
-from harness.adapters.stores.accounts import Session
+from harness.adapters.stores.accounts_rows import Session
 from harness.contracts.ids import sha256
 
 INVITATION_S = 3600.0

@@ -14,7 +14,8 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.errors import problem
 from app.permissions import Visitor
-from harness.adapters.stores.accounts import KeptAnswer, SqlAccounts
+from harness.adapters.stores.accounts import SqlAccounts
+from harness.adapters.stores.accounts_rows import KeptAnswer
 from harness.contracts.ids import sha256
 
 KEPT_S = 86400.0
@@ -116,12 +117,12 @@ def _again(now: KeptAnswer, known: KeptAnswer) -> Response:
 
 
 async def _read(receive: Receive) -> bytes:
-    body = b""
+    body = bytearray()
     while True:
         message = await receive()
         body += message.get("body", b"")
         if not message.get("more_body"):
-            return body
+            return bytes(body)
 
 
 def _told_again(body: bytes, receive: Receive) -> Receive:

@@ -7,46 +7,66 @@ from typing import Annotated, Any
 from fastapi import Depends, Query
 
 from app.console import Console, ConsoleDep
-from app.views import budgets, contexts, evidence, missions, stages, timeline
+from app.views import budgets, contexts, evidence, facts, frames, missions, plots, stages, timeline
 from app.views.budgets import Budget
 from app.views.contexts import ContextsView
+from app.views.cursor import Cursor, cursor_of
 from app.views.evidence import EvidenceView
+from app.views.facts import FactRow
+from app.views.frames import FramesView
 from app.views.missions import ContractView, Head, RobotStrip
+from app.views.plots import Plot
 from app.views.stages import Graph, Observed, Stage
-from app.views.timeline import Entry, Line, Timeline
-from harness.contracts.ids import MissionId
+from app.views.timeline import Axis, Entry, Line, Timeline
+from harness.contracts.events import CompletionReported, FailureReported, MissionEnded
+from harness.contracts.ids import MissionId, NodeId
 from harness.projections.mission import Mission
 from harness.projections.mission_fold import apply
 from harness.runtime import Live
 
+ENDS = (MissionEnded, CompletionReported, FailureReported)
+
 
 @dataclass(frozen=True)
 class Instant:
-    """Each region is computed when it is asked for, and only then."""
+    """Each region is computed when it is asked for, and only then. `at` and `t` are what the address says."""
 
     console: Console
     mission_id: MissionId
     at: int | None
+    t: float | None
     wanted: str
     entries: tuple[Entry, ...]
 
-    @property
+    @cached_property
     def place(self) -> dict[str, Any]:
-        """What every region carries."""
+        """What every region carries: the newest event of the instant, None while it follows the head."""
         known = self.wanted if self.wanted in self.mission.nodes else ""
-        return {"mission_id": self.mission_id, "at": self.at, "query": missions.query(at=self.at, node=known)}
+        query = missions.query(instant=self.cursor.param, node=known)
+        return {"mission_id": self.mission_id, "at": self.cursor.position, "query": query}
+
+    @cached_property
+    def cursor(self) -> Cursor:
+        observed = self.console.runtime.observations(self.mission_id)
+        ended = isinstance(self.entries[-1].event, ENDS)
+        now_s = observed.at_s if observed is not None and not ended else 0.0
+        return cursor_of(self.entries, at=self.at, t=self.t, now_s=now_s)
 
     @cached_property
     def shown(self) -> tuple[Entry, ...]:
-        return timeline.until(self.entries, self.at)
+        return timeline.until(self.entries, self.cursor.position)
 
     @cached_property
     def mission(self) -> Mission:
+        if self.cursor.position is None:
+            now = self.console.runtime.mission(self.mission_id)
+            if now.version == len(self.entries):
+                return now
         return reduce(apply, (entry.event for entry in self.shown), Mission())
 
     @cached_property
     def live(self) -> Live | None:
-        past = self.at is not None or self.mission.ended
+        past = self.cursor.position is not None or self.mission.ended
         return None if past else self.console.runtime.observations(self.mission_id)
 
     @cached_property
@@ -56,7 +76,8 @@ class Instant:
     @cached_property
     def stages(self) -> tuple[Stage, ...]:
         now = Observed(report=self.live.report, samples=self.live.samples) if self.live else Observed()
-        return stages.stages(self.mission, self.shown, now, selected=self.node)
+        instant = self.cursor.param
+        return stages.stages(self.mission, self.shown, now, selected=self.node, instant=instant)
 
     @property
     def head(self) -> Head:
@@ -78,11 +99,42 @@ class Instant:
     @property
     def timeline(self) -> Timeline:
         node = self.wanted if self.wanted in self.mission.nodes else ""
-        return timeline.timeline(self.mission_id, self.entries, at=self.at, node=node)
+        axis = Axis(left_of=self.cursor.left_of)
+        return timeline.timeline(self.mission_id, self.entries, axis=axis, at_s=self.cursor.at_s, node=node)
 
     @property
     def lines(self) -> tuple[Line, ...]:
-        return timeline.lines(self.mission_id, self.entries, at=self.at)
+        return timeline.lines(self.mission_id, self.entries, place=self.cursor.place, at=self.cursor.position)
+
+    @property
+    def plots(self) -> tuple[Plot, ...]:
+        whole = self.console.runtime.mission(self.mission_id)
+        running = whole.invocation.intent.node_id if whole.invocation else NodeId("")
+        seen = None if whole.ended else self.console.runtime.observations(self.mission_id)
+        readings = self.console.measurements.of(self.mission_id, self.entries, live=seen, node=running)
+        return plots.plots(whole.contract, self.entries, readings, self.cursor)
+
+    @property
+    def frames(self) -> FramesView:
+        return frames.frames(self.entries, at_s=self.cursor.at_s)
+
+    @property
+    def facts(self) -> tuple[FactRow, ...]:
+        return facts.facts(self.mission, self.shown)
+
+    @property
+    def regions(self) -> dict[str, Any]:
+        """Every region of the page, and what they carry."""
+        names = (
+            "head", "robot", "stages", "graph", "scene", "timeline", "plots", "frames", "lines", "evidence",
+            "contexts", "contract", "facts", "budget",
+        )  # fmt: skip
+        return {
+            **self.place,
+            "count": len(self.entries),
+            "cursor": self.cursor.standing,
+            **{name: getattr(self, name) for name in names},
+        }
 
     @property
     def evidence(self) -> EvidenceView:
@@ -104,11 +156,15 @@ class Instant:
 
 
 def instant_of(
-    console: ConsoleDep, mission_id: MissionId, at: Annotated[int | None, Query(ge=1)] = None, node: str = ""
+    console: ConsoleDep,
+    mission_id: MissionId,
+    at: Annotated[int | None, Query(ge=1)] = None,
+    t: Annotated[float | None, Query(ge=0, allow_inf_nan=False)] = None,
+    node: str = "",
 ) -> Instant:
-    """Raises UnknownName for a mission that does not exist."""
+    """After an event, or some seconds into the mission. Raises UnknownName for a mission that does not exist."""
     entries = console.histories.of(mission_id)
-    return Instant(console=console, mission_id=mission_id, at=at, wanted=node, entries=entries)
+    return Instant(console=console, mission_id=mission_id, at=at, t=t, wanted=node, entries=entries)
 
 
 InstantDep = Annotated[Instant, Depends(instant_of)]

@@ -9,12 +9,13 @@ from pathlib import Path
 from types import FrameType
 
 import uvicorn
+from argon2 import PasswordHasher
 from fastapi import FastAPI
 from starlette.staticfiles import StaticFiles
 
-from app import errors
+from app import description, errors
 from app.accounts import Accounts
-from app.console import Console, Starts, no_journal
+from app.console import Cards, Console, Starts, no_cards, no_journal
 from app.doors import Doors
 from app.errors import PortBusy
 from app.exposure import check_exposure
@@ -24,7 +25,28 @@ from app.idempotency import Idempotency
 from app.limits import Buckets
 from app.lists import Lists
 from app.live import SignalBroker
-from app.routes import account, api, evidence, handoffs, live, missions, overview, scene, watch
+from app.measured import Measurements
+from app.routes import (
+    account,
+    api,
+    api_events,
+    api_handoffs,
+    api_people,
+    api_reading,
+    audit,
+    evidence,
+    handoffs,
+    live,
+    memory,
+    metrics,
+    missions,
+    overview,
+    places,
+    providers,
+    report,
+    scene,
+    watch,
+)
 from app.scene import Scenes
 from app.security import Doorkeeper, Threshold
 from app.settings import ConsoleSettings
@@ -42,11 +64,13 @@ def create_app(
     scenes: Scenes,
     *,
     starts: Starts = no_journal,
+    cards: Cards = no_cards,
     folder: Path | None = None,
 ) -> FastAPI:
-    """The console over a runtime. `starts` reads the robot's journal; sign-in links come from `app.state.doors`.
+    """The console over a runtime. `starts` reads the robots' journals, `cards` what they can do.
 
-    Its lists are kept in `folder`, or in memory without one, and have caught up with the log on return.
+    Sign-in links come from `app.state.doors`. Its lists are kept in `folder`, or in memory without one, and have
+    caught up with the log on return.
     """
     lists = Lists(runtime, open_lists(folder))
     lists.catch_up()
@@ -59,6 +83,7 @@ def create_app(
         broker.close()
         scenes.close()
         lists.close()
+        store.close()
 
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, lifespan=lifespan)
     app.state.doors = doors
@@ -70,12 +95,32 @@ def create_app(
         doors=doors,
         histories=Histories(runtime),
         lists=lists,
+        measurements=Measurements(runtime),
         clock=time.time,
         starts=starts,
+        cards=cards,
     )
     app.mount("/static", StaticFiles(directory=settings.static), name="static")
-    for room in (overview, scene, missions, watch, handoffs, evidence, account, live, api):
-        app.include_router(room.router, include_in_schema=room is api)
+    for room in (
+        overview,
+        scene,
+        missions,
+        report,
+        watch,
+        places,
+        providers,
+        memory,
+        handoffs,
+        evidence,
+        account,
+        audit,
+        live,
+        metrics,
+    ):
+        app.include_router(room.router, include_in_schema=False)
+    for room in (api, api_handoffs, api_reading, api_people, api_events):
+        app.include_router(room.router)
+    description.install(app)
     errors.install(app)
     app.add_middleware(Idempotency, store=store, clock=time.time)
     app.add_middleware(Doorkeeper, doors=doors, threshold=_threshold(settings))
@@ -84,7 +129,7 @@ def create_app(
 
 def _doors(store: SqlAccounts, settings: ConsoleSettings) -> Doors:
     return Doors(
-        Accounts(store, clock=time.time, fresh=_fresh),
+        Accounts(store, clock=time.time, fresh=_fresh, hasher=PasswordHasher(memory_cost=settings.password_memory_kib)),
         owner_token=settings.owner_token.get_secret_value(),
         operator=settings.operator,
         limits=(settings.session_idle_s, settings.session_age_s),

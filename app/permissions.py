@@ -4,17 +4,17 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
-from harness.contracts import commands
 from harness.contracts.actors import Actor
 from harness.contracts.errors import HarnessError
 
 Role = Literal["viewer", "operator", "reviewer", "releaser", "admin"]
 Permission = Literal[
-    "read", "drive", "stop", "observe", "decide", "dispute", "attest", "review", "release", "trail", "people"
+    "read", "export", "drive", "stop", "observe", "decide", "dispute", "attest", "review", "release", "trail", "people"
 ]
 ROLES: tuple[str, ...] = get_args(Role)
 GRANTS: Mapping[Permission, tuple[Role, ...]] = {
     "read": ("viewer", "operator", "reviewer", "releaser", "admin"),
+    "export": ("operator",),
     "drive": ("operator",),
     "stop": ("operator", "reviewer", "releaser", "admin"),
     "observe": ("operator",),
@@ -26,26 +26,27 @@ GRANTS: Mapping[Permission, tuple[Role, ...]] = {
     "trail": ("reviewer", "releaser", "admin"),
     "people": ("admin",),
 }
-COMMANDS: Mapping[type, Permission] = {
-    commands.CreateMission: "drive",
-    commands.StopMission: "stop",
-    commands.PauseMission: "stop",
-    commands.ResumeMission: "drive",
-    commands.DisputeCompletion: "dispute",
-    commands.RecordAttestation: "attest",
-    commands.FreeLease: "drive",
-    commands.RaiseVeto: "stop",
-    commands.TightenConstraints: "stop",
-    commands.LookAgain: "observe",
-    commands.DecideHandoff: "decide",
+COMMANDS: Mapping[str, Permission] = {
+    "CreateMission": "drive",
+    "StopMission": "stop",
+    "PauseMission": "stop",
+    "ResumeMission": "drive",
+    "DisputeCompletion": "dispute",
+    "FreeLease": "drive",
+    "RaiseVeto": "stop",
+    "TightenConstraints": "stop",
+    "LookAgain": "observe",
+    "DecideHandoff": "decide",
+    "AttestCondition": "attest",
 }
-"""What a person's command needs. A command that is not here comes from the supervisor and from nobody else."""
+"""What a person's command needs, by its name. One that is not here comes from the supervisor alone."""
 
 SCOPES: frozenset[Permission] = frozenset({"read", "drive", "stop", "observe"})
 """What a token may be given: answers at a gate, releases and people's accounts are for people."""
 
 MEANING: Mapping[Permission, str] = {
     "read": "see missions, evidence and the log",
+    "export": "export a mission's 3D view",
     "drive": "start and resume missions",
     "stop": "stop and pause missions",
     "observe": "look again at a handoff, without motion",
@@ -109,7 +110,7 @@ class Visitor:
 
     @property
     def only_reads(self) -> bool:
-        return not any(self.may(permission) for permission in GRANTS if permission not in ("read", "trail"))
+        return not any(self.may(permission) for permission in GRANTS if permission not in ("read", "export", "trail"))
 
     @property
     def _channel(self) -> Literal["human", "policy"]:
@@ -123,7 +124,7 @@ def permissions_of(roles: Collection[str]) -> tuple[Permission, ...]:
 
 def needed(command: Any) -> Permission:
     """What a command needs; raises NotPermitted for one that no person gives."""
-    permission = COMMANDS.get(type(command))
+    permission = COMMANDS.get(type(command).__name__)
     if permission is None:
         raise NotPermitted(
             f"{type(command).__name__} is the supervisor's own", do="ask for what you want done, not for its steps"

@@ -1,77 +1,108 @@
-"""The 3D view: one viser server on loopback per mission that somebody looks at. Shows; never takes a command."""
+"""The 3D views: one viser server on loopback per reader of a mission. They show; they never take a command."""
 
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from threading import Event, Lock, Thread
+from typing import Literal
 
 import rich
 import viser
 
-from app.drawing import Drawing
 from app.scene_feed import Feed
+from app.scene_view import SceneView
 from harness.contracts.errors import HarnessError
 from harness.contracts.ids import MissionId
 from harness.runtime import Runtime
 
 TICK_S = 0.5
+EXPORT_S, EXPORT_STEPS = 30.0, 60
+Form = Literal["viser", "html"]
 _printing = Lock()
 
 
 class Scenes:
-    """At most `limit` scenes, each made on its first view and closed after `idle_s` without one."""
+    """At most `limit` views, each made when it is first looked at and closed after `idle_s` without anybody."""
 
     def __init__(
         self,
         runtime: Runtime,
         *,
-        idle_s: float = 600.0,
-        limit: int = 8,
+        idle_s: float = 120.0,
+        limit: int = 16,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._runtime, self._idle_s, self._limit, self._clock = runtime, idle_s, limit, clock
-        self._open: OrderedDict[MissionId, _Scene] = OrderedDict()
+        self._open: OrderedDict[tuple[MissionId, str], _Seat] = OrderedDict()
+        self._feeds: dict[MissionId, Feed] = {}
         self._lock, self._stepping = Lock(), Lock()
         self._closing = Event()
         self._thread: Thread | None = None
 
-    def port(self, mission_id: MissionId) -> int:
-        """The loopback port of the mission's viewer; raises UnknownName for a mission that does not exist."""
+    def port(self, mission_id: MissionId, view: str = "") -> int:
+        """The loopback port of one reader's viewer; raises UnknownName for a mission that does not exist."""
         self._runtime.mission(mission_id)
         with self._lock:
-            scene = self._open.get(mission_id)
-            if scene is None:
-                scene = self._open[mission_id] = _Scene(self._runtime, mission_id)
+            seat = self._open.get((mission_id, view))
+            if seat is None:
+                feed = self._feeds.setdefault(mission_id, Feed(self._runtime, mission_id))
+                seat = self._open[mission_id, view] = _Seat(feed, str(mission_id))
                 self._start()
-            self._open.move_to_end(mission_id)
-            scene.seen_s = self._clock()
+            self._open.move_to_end((mission_id, view))
+            seat.seen_s = self._clock()
             surplus = [self._open.popitem(last=False)[1] for _ in range(len(self._open) - self._limit)]
+            self._drop_feeds()
         for old in surplus:
             old.close()
-        return scene.port
+        return seat.port
 
-    def touch(self, mission_id: MissionId) -> None:
+    def touch(self, mission_id: MissionId, view: str = "") -> None:
         """Somebody still looks."""
         with self._lock:
-            if mission_id in self._open:
-                self._open[mission_id].seen_s = self._clock()
+            if (mission_id, view) in self._open:
+                self._open[mission_id, view].seen_s = self._clock()
+
+    def seek(self, mission_id: MissionId, view: str, at_s: float | None) -> bool:
+        """Move one reader's view to an instant of mission time, None for the newest; False if it is not open."""
+        with self._lock:
+            seat = self._open.get((mission_id, view))
+        if seat is None:
+            return False
+        seat.view.seek(at_s)
+        return True
 
     def note(self, mission_id: MissionId) -> str:
-        """What the view shows and what it lacks; a blank one says why."""
+        """What the views of a mission show and what they lack; a blank one says why."""
         with self._lock:
-            scene = self._open.get(mission_id)
-        return scene.feed.note() if scene else "The 3D view opens when somebody looks at it."
+            feed = self._feeds.get(mission_id)
+        return feed.note() if feed else "The 3D view opens when somebody looks at it."
+
+    def export(self, mission_id: MissionId, form: Form, *, begin_s: float, end_s: float) -> bytes:
+        """The whole mission as a recording that plays in EXPORT_S: a .viser file, or a page that needs nothing else."""
+        feed = Feed(self._runtime, mission_id)
+        feed.step()
+        seat = _Seat(feed, str(mission_id), whole=True)
+        try:
+            seat.view.step()
+            seat.view.seek(begin_s)
+            recording = seat.server.get_scene_serializer()
+            for step in range(1, EXPORT_STEPS + 1):
+                seat.view.seek(begin_s + (end_s - begin_s) * step / EXPORT_STEPS)
+                recording.insert_sleep(EXPORT_S / EXPORT_STEPS)
+            return recording.serialize() if form == "viser" else recording.as_html(dark_mode=True).encode()
+        finally:
+            seat.close()
 
     def close(self) -> None:
         self._closing.set()
         with self._lock:
-            scenes, self._open = list(self._open.values()), OrderedDict()
+            seats, self._open = list(self._open.values()), OrderedDict()
             thread = self._thread
         if thread is not None:
             thread.join(timeout=5.0)
-        for scene in scenes:
-            scene.close()
+        for seat in seats:
+            seat.close()
 
     def _start(self) -> None:
         if self._thread is None:
@@ -83,33 +114,41 @@ class Scenes:
         with self._stepping:
             with self._lock:
                 late = self._clock() - self._idle_s
-                idle = [name for name, scene in self._open.items() if scene.seen_s < late]
+                idle = [name for name, seat in self._open.items() if seat.seen_s < late]
                 gone = [self._open.pop(name) for name in idle]
-                scenes = list(self._open.values())
-            for scene in gone:
-                scene.close()
-            for scene in scenes:
+                self._drop_feeds()
+                seats, feeds = list(self._open.values()), list(self._feeds.values())
+            for seat in gone:
+                seat.close()
+            for feed in feeds:
                 with suppress(HarnessError):
-                    scene.feed.step()
+                    feed.step()
+            for seat in seats:
+                with suppress(HarnessError):
+                    seat.view.step()
+
+    def _drop_feeds(self) -> None:
+        watched = {mission_id for mission_id, _ in self._open}
+        self._feeds = {name: feed for name, feed in self._feeds.items() if name in watched}
 
     def _run(self) -> None:
         while not self._closing.wait(TICK_S):
             self.step()
 
 
-class _Scene:
-    """One mission's viewer: the server, what is drawn on it, and what feeds the drawing."""
+class _Seat:
+    """One reader's viewer: the server, and what is drawn on it."""
 
-    def __init__(self, runtime: Runtime, mission_id: MissionId) -> None:
+    def __init__(self, feed: Feed, label: str, *, whole: bool = False) -> None:
         with _quiet():
-            self._server = viser.ViserServer(host="127.0.0.1", port=0, label=str(mission_id), verbose=False)
-        self.port: int = self._server.get_port()
-        self.feed = Feed(runtime, mission_id, Drawing(self._server))
+            self.server = viser.ViserServer(host="127.0.0.1", port=0, label=label, verbose=False)
+        self.port: int = self.server.get_port()
+        self.view = SceneView(self.server, feed, whole=whole)
         self.seen_s = 0.0
 
     def close(self) -> None:
         with _quiet():
-            self._server.stop()
+            self.server.stop()
 
 
 @contextmanager

@@ -1,5 +1,6 @@
 """The doorkeeper in front of every route: host, caller, origin, limits, and the headers of every answer."""
 
+import re
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -29,7 +30,8 @@ SIGN_IN = "/account/sign-in"
 OPEN_PATHS = ("/healthz", "/readyz", SIGN_IN)
 BEARER_PATHS = ("/api/", "/metrics")
 OWN_ACCOUNT = ("/account/", "/api/v1/account/")
-"""Where somebody who may only read still changes something: their own password and sessions."""
+OWN_VIEW = re.compile(r"/missions/[^/]+/scene/[^/]+/instant")
+"""Where somebody who may only read still changes something: their own password and sessions, their own 3D view."""
 
 
 @dataclass(frozen=True)
@@ -139,7 +141,7 @@ def _not_permitted(path: str, visitor: Visitor, *, unsafe: bool) -> Refusal | No
     """Coarse, and closed: who holds nothing but reading changes nothing. What exactly is allowed, the command asks."""
     if not visitor.may("read") and not unsafe:
         return Refusal(403, "unreadable")
-    if unsafe and visitor.only_reads and not path.startswith(OWN_ACCOUNT):
+    if unsafe and visitor.only_reads and not (path.startswith(OWN_ACCOUNT) or OWN_VIEW.fullmatch(path)):
         return Refusal(403, "not_permitted")
     return None
 

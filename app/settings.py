@@ -24,6 +24,7 @@ class ConsoleSettings(BaseSettings):
     tls_certificate: Path | None = None
     tls_key: Path | None = None
     proxies: tuple[str, ...] = ()
+    password_memory_kib: Annotated[int, Field(ge=19456, le=2**21)] = 65536
     rate_per_s: Annotated[float, Field(gt=0)] = 200.0
     rate_burst: Annotated[float, Field(ge=1)] = 1000.0
     stranger_rate_per_s: Annotated[float, Field(gt=0)] = 20.0

@@ -14,6 +14,7 @@ from harness.adapters.clock import LockstepClock
 from harness.adapters.ids import SystemIds
 from harness.adapters.stores.blobs import FileBlobStore
 from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
+from harness.adapters.stores.snapshots import StoredSnapshots
 from harness.adapters.stores.spool import FileSpool
 from harness.adapters.stores.sql import SqlEventStore
 from harness.bootstrap import Harness, Parts, Unheard, assemble
@@ -46,6 +47,7 @@ GOAL = "Do nothing, seven times, and prove it"
 OPERATOR = Actor(name="bench", role="operator")
 MAP_VERSION = "site-1"
 SAMPLES_PER_S = 10
+KEPT_SAMPLES = 30
 LIMITS = {"re_perceive": 2, "adjust_view": 2, "retry": 1, "local_replan": 2, "switch_skill": 1, "total": 4}
 
 
@@ -223,7 +225,7 @@ class NoopRobot:
                 v_mps=0.0,
                 w_radps=0.0,
             )
-            for seq in range(after + 1, newest + 1)
+            for seq in range(max(after, newest - KEPT_SAMPLES) + 1, newest + 1)
         )
         self._looked()
         return Observations(samples=samples, next_seq=newest, at_s=now_s)
@@ -259,6 +261,11 @@ class NoopHarness:
         return mission
 
 
+def log_url(folder: Path) -> str:
+    """Where the log of a no-op harness lies."""
+    return f"sqlite:///{folder / 'log.db'}"
+
+
 @contextmanager
 def noop_harness(
     folder: Path,
@@ -273,8 +280,10 @@ def noop_harness(
     with ExitStack() as stack:
         clock = LockstepClock(lambda until_s: until_s, at_s=0.0)
         blobs = FileBlobStore(folder / "blobs")
+        store = stack.enter_context(closing(SqlEventStore(log_url(folder))))
         parts = Parts(
-            store=stack.enter_context(closing(SqlEventStore(f"sqlite:///{folder / 'log.db'}"))),
+            store=store,
+            snapshots=stack.enter_context(closing(StoredSnapshots(store))),
             blobs=blobs,
             spool=FileSpool(folder / "spool"),
             ids=SystemIds(),

@@ -17,12 +17,14 @@ from campaigns.damage import damages
 from campaigns.kills import kill_campaign
 from campaigns.mission import played
 from campaigns.plan import mission_plan
-from campaigns.planted import planted_bugs
+from campaigns.planted import RED, planted_bugs
 from campaigns.publish import publish
 from campaigns.races import races
+from campaigns.regen import ROOT
 from campaigns.simulate import one_mission, seeds_of, simulated_campaign
 from campaigns.suspended import suspensions
 from campaigns.tally import Tally, summary
+from harness.contracts.ids import sha256
 
 MISSIONS, SEED = 100_000, 1
 PROCESSES = 2
@@ -67,12 +69,11 @@ def _run(asked: argparse.Namespace) -> None:
     suspended = suspensions(sizes["suspensions"])
     damaged = damages()
     killed = kill_campaign(most=points, seed=asked.seed)
-    tally = simulated_campaign(
-        seeds_of(asked.seed, asked.missions), processes=asked.processes, minutes=asked.minutes
-    )
+    tally = simulated_campaign(seeds_of(asked.seed, asked.missions), processes=asked.processes, minutes=asked.minutes)
     result: dict[str, Any] = {
         "seed": asked.seed,
         "command": _command(asked),
+        "code": _code(),
         **summary(tally),
         "planted_bugs": {"total": bugs.total, "caught": bugs.caught, "seen": bugs.seen},
         "kills": killed.kills + killed.second_kills,
@@ -100,6 +101,12 @@ def _command(asked: argparse.Namespace) -> str:
     return shlex.join([*words, *(["--publish"] if asked.publish else [])])
 
 
+def _code() -> str:
+    """Which code was tried: the SHA-256 of the sources of the harness and the campaigns, in order of their paths."""
+    files = sorted(path for folder in ("campaigns", "harness") for path in (ROOT / folder).rglob("*.py"))
+    return sha256(b"".join(path.read_bytes() for path in files))
+
+
 def _tell(tally: Tally) -> None:
     for seed, offence in tally.offences:
         print(f"{offence}\n    python -m campaigns replay {seed}", file=sys.stderr)
@@ -119,17 +126,19 @@ def _replay(seed: int) -> None:
 
 
 def _check(asked: argparse.Namespace) -> None:
-    """Until the first offence, which is printed; exit 1 then."""
+    """Until the first offence, which is printed; exit RED then: what merely breaks down has found nothing."""
     match asked.name:
         case "simulation":
-            found = next((t.offences[0][1] for t in map(one_mission, seeds_of(asked.seed, asked.missions)) if t.offences), "")
+            found = next(
+                (t.offences[0][1] for t in map(one_mission, seeds_of(asked.seed, asked.missions)) if t.offences), ""
+            )
         case "races":
             found = next(iter(races(answers=2, appends=QUICK, seed=asked.seed).offences), "")
         case _:
             found = next(iter(suspensions(2).offences), "")
     if found:
         print(found)
-        raise SystemExit(1)
+        raise SystemExit(RED)
 
 
 if __name__ == "__main__":

@@ -96,7 +96,9 @@ def _duplicates(mission: Played) -> Iterator[str]:
 def _loose_starts(mission: Played, books: Books) -> Iterator[str]:
     """Physical starts that no recorded intent asked for."""
     asked = {intent.request_id for intent in books.intents.values()}
-    yield from (f"{start.node_id} started without an intent" for start in mission.starts if start.request_id not in asked)
+    yield from (
+        f"{start.node_id} started without an intent" for start in mission.starts if start.request_id not in asked
+    )
 
 
 def _prompted(mission: Played, books: Books) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""How one mission goes: the supervisor's steps, what is done to it from outside at its times, and a person's answers."""
+"""How one mission goes: the supervisor's steps, what is done from outside at its times, a person's answers."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -67,11 +67,11 @@ def run(
             wake_s = harness.supervisor.step(mission_id)
             if wake_s is None and not _answered(harness, mission_id, plan, course):
                 return course
+            if wake_s is not None:
+                clock.wait_until(wake_s)
         except Exception as error:  # noqa: BLE001 - whatever leaves a step is a finding, with its seed
             course.escaped = f"{type(error).__name__}: {error}"
             return course
-        if wake_s is not None:
-            clock.wait_until(wake_s)
 
 
 def _acts(plan: MissionPlan, begun_s: float) -> list[Act]:

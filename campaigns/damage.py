@@ -86,7 +86,7 @@ def _truncated(data: Path) -> list[str]:
     """The database file lost its second half."""
     file = data / "events.db"
     os.truncate(file, file.stat().st_size // 2)
-    return _named(data, "damaged")
+    return _named(data, "events.db")
 
 
 def _full_disk(data: Path) -> list[str]:

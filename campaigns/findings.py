@@ -1,4 +1,4 @@
-"""What an adjudicator found in one mission. Every field but `epistemic_false` and `false_rejections` should stay empty."""
+"""What an adjudicator found in one mission: sentences, of which most kinds should never appear."""
 
 from harness.contracts.values import Value
 

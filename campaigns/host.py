@@ -69,6 +69,11 @@ class RobotHost:
         """How often each fault of the robot really struck since it was last started."""
         return self._robot.struck() if self._robot is not None else {}
 
+    def close(self) -> None:
+        """Let go of the files in the folder."""
+        if self._robot is not None:
+            self._robot.world.truth.close()
+
     def truth(self) -> tuple[Truth, ...]:
         """Everything that truly happened, in order of time."""
         if self._folder is None:

@@ -10,6 +10,7 @@ import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -18,7 +19,7 @@ from campaigns.ledgers import read_books
 from campaigns.regen import KINEMATIC, regen
 from harness.adapters.stores.folder import prepare
 from harness.adapters.stores.sql import SqlEventStore
-from harness.auditing import replay_mission
+from harness.auditing.replay import replay_mission
 from harness.bootstrap import read_harness
 from harness.contracts.errors import HarnessError
 from harness.contracts.ids import MissionId
@@ -84,7 +85,7 @@ def kill_campaign(*, most: int | None = None, seed: int = 1) -> KillReport:
         points = sorted(points, key=lambda point: uniform(seed, point.faults, point.name))[:most]
     with ThreadPoolExecutor(SIDE_BY_SIDE) as threads:
         done = []
-        for number, killed in enumerate(threads.map(_killed_twice, points), start=1):
+        for number, killed in enumerate(threads.map(killed_twice, points), start=1):
             done.append(killed)
             print(f"{number} of {len(points)} fail-points", file=sys.stderr, flush=True)
     found = list(zip(points, done, strict=True))
@@ -124,7 +125,8 @@ def _title(point: Point) -> str:
     return f"{point.name} ({' '.join(point.faults) or 'no fault'})"
 
 
-def _killed_twice(point: Point) -> Killed:
+def killed_twice(point: Point) -> Killed:
+    """One mission in a folder of its own: killed at the point, killed again once it goes on, then let run."""
     with TemporaryDirectory(prefix="kills-") as folder:
         data = Path(folder)
         run = ("mission", "run", "circuit", "--data", data, *_with(point.faults), *KINEMATIC)
@@ -165,7 +167,7 @@ def _wrong(data: Path, mission_id: str) -> Iterator[str]:
 def _commits(log: Sequence[StoredEvent]) -> list[tuple[int, int]]:
     """Which events were appended together, as far as a finished log shows: the same two instants, unbroken."""
     edges = [0]
-    for place, (before, after) in enumerate(zip(log, log[1:], strict=False), start=1):
+    for place, (before, after) in enumerate(pairwise(log), start=1):
         if (before.recorded_s, before.mission_s) != (after.recorded_s, after.mission_s):
             edges.append(place)
     return list(zip(edges, [*edges[1:], len(log)], strict=True))

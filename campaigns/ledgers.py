@@ -33,6 +33,12 @@ from harness.contracts.evidence import EvidencePacket
 from harness.contracts.handoff_events import HandoffApproved, HandoffRejected
 from harness.contracts.lease_events import LeaseAcquired, LeaseFreed, LeaseQuarantined, LeaseReleased
 from harness.contracts.ports import StoredEvent
+from harness.contracts.revision_events import (
+    AttestationRecorded,
+    CompletionDisputed,
+    ConstraintsTightened,
+    GraphRevised,
+)
 from harness.contracts.tasks import Node, TaskContract
 
 LEVEL = {"low": 0, "medium": 1, "high": 2}
@@ -48,6 +54,8 @@ class Books:
     intents: dict[str, DispatchIntended] = field(default_factory=dict)
     packets: dict[str, EvidencePacket] = field(default_factory=dict)
     committed: list[NodeCommitted] = field(default_factory=list)
+    standing: set[str] = field(default_factory=set)
+    reopened: set[str] = field(default_factory=set)
     rejected: list[CommitRejected] = field(default_factory=list)
     succeeded: bool = False
     unauthorised: list[str] = field(default_factory=list)
@@ -66,7 +74,12 @@ def read_books(log: Sequence[StoredEvent], commits: Sequence[tuple[int, int]]) -
     """Fold the whole log, one commit at a time."""
     books, leases, answers = Books(), _Leases(), Counter[str]()
     for low, high in commits:
-        together = [(stored.stream, _DECODER.decode(stored.body)) for stored in log[low:high]]
+        together = []
+        for stored in log[low:high]:
+            try:
+                together.append((stored.stream, _DECODER.decode(stored.body)))
+            except msgspec.MsgspecError as error:
+                books.breaches.append(f"{stored.kind} in the log cannot be read: {error}")
         for stream, event in together:
             if isinstance(event, LeaseAcquired | LeaseReleased | LeaseQuarantined | LeaseFreed):
                 books.breaches.extend(leases.fold(stream, event))
@@ -92,12 +105,18 @@ def _fold(books: Books, together: Sequence[AnyEvent]) -> None:
             case NodeCommitted():
                 books.unauthorised.extend(_committed(books, event, together))
                 books.committed.append(event)
+                books.standing.add(event.node_id)
+                books.k += 1
+            case GraphRevised():
+                books.breaches.extend(_revised(books, event))
+                books.k += 1
+            case ConstraintsTightened() | AttestationRecorded() | CompletionDisputed():
                 books.k += 1
             case CommitRejected():
                 books.rejected.append(event)
                 books.k += 1
             case RecoveryAuthorised():
-                books.breaches.extend(_spent(books, event))
+                books.breaches.extend(_spent(books, event.node_id, event.action, event.cost))
                 books.k += event.cost
             case MissionEnded(status="succeeded"):
                 books.succeeded = True
@@ -123,7 +142,11 @@ def _committed(books: Books, event: NodeCommitted, together: Sequence[AnyEvent])
     """Why this commit was not authorised: what the same commit does not show."""
     where = f"commit of {event.node_id}"
     packet = next(
-        (e.packet for e in together if isinstance(e, PacketRetained) and e.packet.identity.packet_id == event.packet_id),
+        (
+            e.packet
+            for e in together
+            if isinstance(e, PacketRetained) and e.packet.identity.packet_id == event.packet_id
+        ),
         None,
     )
     verdict = next(
@@ -180,8 +203,7 @@ def _ended(books: Books, together: Sequence[AnyEvent]) -> Iterator[str]:
     wanted = sorted(condition.condition_id for condition in contract.completion_conditions)
     if sorted(result.condition_id for result in verdict.results) != wanted:
         yield "success without the original completion conditions"
-    done = {event.node_id for event in books.committed}
-    missing = [node.node_id for node in contract.nodes if node.required and node.node_id not in done]
+    missing = [node.node_id for node in contract.nodes if node.required and node.node_id not in books.standing]
     if missing:
         yield f"success without {', '.join(missing)}"
     if books.vetoes:
@@ -197,27 +219,32 @@ def _dispatched(books: Books, intent: DispatchIntended, together: Sequence[AnyEv
     if books.vetoes:
         yield f"{where}: under a veto"
     paid = any(isinstance(event, RecoveryAuthorised | OperatorRetryGranted) for event in together)
-    if intent.attempt > 1 and not paid and _started(books, intent):
+    if intent.attempt > 1 and not paid and intent.node_id not in books.reopened:
         yield f"{where}: nobody authorised a further attempt"
+    books.reopened.discard(intent.node_id)
 
 
-def _started(books: Books, intent: DispatchIntended) -> bool:
-    return any(one.node_id == intent.node_id for one in books.intents.values())
+def _revised(books: Books, event: GraphRevised) -> Iterator[str]:
+    """Reopened stages stand no more, and one of them pays for it."""
+    books.contract = event.contract or books.contract
+    books.standing -= set(event.reopened)
+    books.reopened |= set(event.reopened)
+    yield from _spent(books, event.responsible, "local_replan", 1)
 
 
-def _spent(books: Books, event: RecoveryAuthorised) -> Iterator[str]:
+def _spent(books: Books, node_id: str, action: str, cost: int) -> Iterator[str]:
     """Over which budget this spend goes."""
-    node = books.node(event.node_id)
-    if node is None or books.contract is None or not event.cost:
+    node = books.node(node_id)
+    if node is None or books.contract is None or not cost:
         return
-    books.spent[event.node_id, event.action] += event.cost
-    action = books.spent[event.node_id, event.action]
+    books.spent[node_id, action] += cost
+    times = books.spent[node_id, action]
     limits: dict[str, int] = msgspec.to_builtins(node.recovery)
-    if action > limits.get(event.action, 0):
-        yield f"{event.action} of {event.node_id} was spent {action} times"
-    total = sum(n for (node_id, _), n in books.spent.items() if node_id == event.node_id)
+    if times > limits.get(action, 0):
+        yield f"{action} of {node_id} was spent {times} times, {limits.get(action, 0)} are allowed"
+    total = sum(n for (name, _), n in books.spent.items() if name == node_id)
     if total > node.recovery.total:
-        yield f"{event.node_id} spent {total} of {node.recovery.total}"
+        yield f"{node_id} spent {total} of {node.recovery.total}"
     whole = sum(books.spent.values()) + books.relooks
     if whole > books.contract.recovery_total:
         yield f"the mission spent {whole} of {books.contract.recovery_total}"

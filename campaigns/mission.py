@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from msgspec.structs import replace
+
 from campaigns.course import Course, run
 from campaigns.host import RobotHost
 from campaigns.plan import MissionPlan
@@ -29,6 +31,7 @@ from harness.contracts.errors import ProviderUnreachable
 from harness.contracts.ids import Digest, MissionId, RobotId
 from harness.contracts.ports import Batch, Head, Provider, Record, StoredEvent
 from harness.contracts.protocol import PhysicalStart
+from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import Moment
 from harness.projections.mission import Mission
 from harness.runtime import Start
@@ -90,6 +93,7 @@ def played(plan: MissionPlan) -> Iterator[Played]:
     with ExitStack() as stack:
         folder = Path(stack.enter_context(TemporaryDirectory(prefix="campaign-"))) if plan.needs_folder else None
         host = RobotHost(plan, folder, struck)
+        stack.callback(host.close)
         clock = SteppedClock(LockstepClock(host.advance, at_s=host.at_s, wall=lambda: host.at_s), plan, struck)
         wire = Wire(plan, clock, struck)
         store, outbox = WatchedStore(), WatchedOutbox()
@@ -129,10 +133,17 @@ def played(plan: MissionPlan) -> Iterator[Played]:
 
 def _begun(harness: Harness, plan: MissionPlan) -> MissionId:
     start = Start(actor=ASKING, robot_id=ROBOT, template=plan.template, seed=plan.seed % 2**31)
-    decision = harness.runtime.start(start)
+    decision = harness.runtime.start(start, template=_template(harness, plan) if plan.unpaid else None)
     if not isinstance(decision, Accepted):
         raise RuntimeError(f"mission {plan.seed} was not created: {decision.message}")
     return harness.runtime.missions()[0].mission_id
+
+
+def _template(harness: Harness, plan: MissionPlan) -> TaskTemplate:
+    """The configured template with nothing to spend on some recovery actions."""
+    template = next(one for one in harness.runtime.configuration.templates if one.name == plan.template)
+    nodes = tuple(node | {"recovery": node["recovery"] | dict.fromkeys(plan.unpaid, 0)} for node in template.nodes)
+    return replace(template, nodes=nodes)
 
 
 def _configure(host: RobotHost, mission: Mission) -> None:

@@ -3,6 +3,7 @@
 from typing import Literal, get_args
 
 from campaigns.chance import between, one_of, uniform
+from harness.contracts.configuration import SPENDING
 from harness.contracts.values import Value
 
 RobotFault = Literal[
@@ -17,15 +18,17 @@ Template = Literal["circuit", "warehouse-inspection"]
 ROBOT_FAULTS: tuple[RobotFault, ...] = get_args(RobotFault)
 DISTURBANCES: tuple[DisturbanceName, ...] = get_args(DisturbanceName)
 WAREHOUSE_SHARE = 0.12
-AT_THE_START: tuple[DisturbanceName, ...] = ("lease-conflict", "provider-silent")
-"""Disturbances that meet something mostly in a mission's first moments: before it takes a lease, or as it begins."""
+AT_THE_START: dict[DisturbanceName, float] = {"lease-conflict": 0.8, "provider-silent": 0.8, "veto": 0.4}
+"""How many of these come in a mission's first second, where most of what they can meet is: dispatches and leases."""
 PERSISTENT_SHARE = 0.25
+POOR_SHARE = 0.25
 LONGEST_S: dict[DisturbanceName, float] = {
     "provider-silent": 25.0,
     "robot-crash": 8.0,
     "lease-conflict": 30.0,
     "clock-step": 60.0,
     "veto": 25.0,
+    "foreign-identity": 60.0,
 }
 SHARE_OF_CALLS: dict[DisturbanceName, tuple[float, float]] = {
     "request-lost": (0.1, 0.9),
@@ -33,7 +36,7 @@ SHARE_OF_CALLS: dict[DisturbanceName, tuple[float, float]] = {
     "late-reply": (0.05, 0.5),
     "reordered": (0.1, 0.8),
     "duplicated": (0.2, 1.0),
-    "foreign-identity": (0.05, 0.6),
+    "foreign-identity": (0.1, 0.7),
 }
 
 
@@ -51,13 +54,17 @@ class Disturbance(Value):
 
 
 class MissionPlan(Value):
-    """One mission. `approvals` is how many handoffs a person approves before nobody answers any more."""
+    """One mission. `approvals` is how many handoffs a person approves before nobody answers any more.
+
+    `unpaid`: recovery actions that this mission's contract gives no budget for.
+    """
 
     seed: int
     template: Template
     faults: tuple[str, ...]
     disturbances: tuple[Disturbance, ...]
     approvals: int
+    unpaid: tuple[str, ...] = ()
 
     @property
     def needs_folder(self) -> bool:
@@ -81,6 +88,7 @@ def mission_plan(seed: int) -> MissionPlan:
         faults=tuple(fault for place, fault in enumerate(faults) if names.index(names[place]) == place),
         disturbances=disturbances,
         approvals=int(uniform(seed, "approvals") * 3),
+        unpaid=(one_of(seed, SPENDING, "unpaid"),) if uniform(seed, "poor") < POOR_SHARE else (),
     )
 
 
@@ -95,7 +103,7 @@ def _disturbance(seed: int, index: int, *, lasts_s: float) -> Disturbance:
     low, high = SHARE_OF_CALLS.get(name, (1.0, 1.0))
     sign = -1.0 if uniform(seed, "sign", index) < 0.5 else 1.0
     size_s = between(seed, 0.2, 3.0, "size", index)
-    early = name in AT_THE_START and uniform(seed, "early", index) < 0.8
+    early = uniform(seed, "early", index) < AT_THE_START.get(name, 0.0)
     return Disturbance(
         name=name,
         at_s=between(seed, 0.0, 1.0 if early else lasts_s, "at", index),

@@ -20,7 +20,7 @@ Check = Literal["simulation", "races", "suspended"]
 LEFT_BEHIND = ("__pycache__", "*.pyc")
 COPIED = ("harness", "campaigns")
 PREDICATES = 'return ""'
-RED, GREEN = 1, 0
+RED, GREEN = 9, 0
 LONGEST_S = 900.0
 
 
@@ -162,7 +162,7 @@ def planted_bugs(*, missions: int, seed: int, names: Sequence[str] = ()) -> Plan
 
 
 def edited(source: str, edit: Edit) -> str:
-    """The module with the edit made. Raises ValueError where it does not fit: the code moved on, and so must the bug."""
+    """The module with the edit made. Raises ValueError where it does not fit: the code moved on, so must the bug."""
     found = _function(ast.parse(source), edit.function.split("."))
     if found is None or found.end_lineno is None:
         raise ValueError(f"{edit.file} has no {edit.function}")

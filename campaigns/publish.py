@@ -45,7 +45,10 @@ def figures(result: dict[str, Any]) -> str:
         "",
         "| found in the simulation | count | at most this share of missions (95 %) |",
         "|---|---|---|",
-        *(f"| {title} | {result[name]['count']} | {result[name]['upper_bound']:.2e} |" for name, title in COUNTS.items()),
+        *(
+            f"| {title} | {result[name]['count']} | {result[name]['upper_bound']:.2e} |"
+            for name, title in COUNTS.items()
+        ),
         "",
         "| what struck | times | in missions |",
         "|---|---|---|",
@@ -65,7 +68,10 @@ def _others(result: dict[str, Any]) -> list[str]:
     held, damaged, bugs = result["suspended_holders"], result["damage"], result["planted_bugs"]
     ends = ", ".join(f"{count} {end.replace('_', ' ')}" for end, count in sorted(killed["ends"].items()))
     rows = [
-        ("fail-points with SIGKILL", f"{killed['points']}, {killed['kills']} kills, {killed['second_kills']} second ones"),
+        (
+            "fail-points with SIGKILL",
+            f"{killed['points']}, {killed['kills']} kills, {killed['second_kills']} second ones",
+        ),
         ("how those missions ended", ends),
         ("races", f"{raced['rounds']} rounds of {raced['responders']}, {raced['effective']} with a winner"),
         ("suspended lease holders", f"{held['rounds']} rounds, {held['refused']} old tokens refused"),

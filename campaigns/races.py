@@ -33,6 +33,8 @@ PERSISTENT = "stale-pose:persistent"
 NOW_S = 1_790_000_000.0
 NOTHING = Digest("0" * 64)
 JOIN_S = 60.0
+PER_MISSION = 5
+"""Rounds before the next mission: nobody approves the same failing stage a dozen times."""
 
 
 class RaceReport(Value):
@@ -63,12 +65,10 @@ def answer_rounds(rounds: int, *, seed: int) -> RaceReport:
         folder = Path(stack.enter_context(TemporaryDirectory(prefix="races-")))
         store = SqlEventStore(f"sqlite:///{folder / 'log.db'}")
         stack.callback(store.close)
-        harness = stack.enter_context(
-            simulated(HarnessSettings(speed=0, fidelity="kinematic"), seed=seed, store=store)
-        )
+        harness = stack.enter_context(simulated(HarnessSettings(speed=0, fidelity="kinematic"), seed=seed, store=store))
         mission_id: MissionId | None = None
         for number in range(rounds):
-            if mission_id is None or harness.runtime.mission(mission_id).ended:
+            if mission_id is None or number % PER_MISSION == 0 or harness.runtime.mission(mission_id).ended:
                 mission_id = _begun(harness, seed + number)
             harness.supervisor.run(mission_id)
             wrong, taken = _answered(harness, mission_id)
@@ -132,7 +132,11 @@ def _answered(harness: Harness, mission_id: MissionId) -> tuple[list[str], bool]
     winners = [decision for decision in together(answer) if isinstance(decision, Accepted) and decision.events]
     harness.supervisor.run(mission_id)
     started = len(harness.starts(mission_id)) - before
-    kinds = [event.kind for event in harness.runtime.log(limit=1_000_000) if event.stream == handoff_stream(handoff.handoff_id)]
+    kinds = [
+        event.kind
+        for event in harness.runtime.log(limit=1_000_000)
+        if event.stream == handoff_stream(handoff.handoff_id)
+    ]
     wrong = [] if len(winners) == 1 else [f"{len(winners)} answers were taken"]
     wrong += [] if kinds.count("HandoffApproved") == 1 else [f"{kinds.count('HandoffApproved')} approvals in the log"]
     moved = started - _recovery_starts(harness, mission_id, before)

@@ -11,9 +11,7 @@ KINEMATIC = ("--speed", "0", "--fidelity", "kinematic", "--json")
 LONGEST_S = 110.0
 
 
-def regen(
-    *words: object, before: Callable[[], None] | None = None, **changes: str
-) -> subprocess.CompletedProcess[str]:
+def regen(*words: object, before: Callable[[], None] | None = None, **changes: str) -> subprocess.CompletedProcess[str]:
     """One call of the command line, waited for. `before` runs in the child before the command begins."""
     environment = {name: value for name, value in os.environ.items() if not name.startswith("REGEN_")} | changes
     return subprocess.run(

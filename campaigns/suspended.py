@@ -54,7 +54,10 @@ class SuspensionReport(Value):
 
 
 def suspensions(rounds: int) -> SuspensionReport:
-    """Suspend the holder in every round until its lease expired and somebody else worked with the next token."""
+    """Suspend the holder in every round until its lease expired and somebody else worked with the next token.
+
+    A token that was not refused ends the rounds: the robot now obeys somebody who has no lease.
+    """
     offences: list[str] = []
     refused = 0
     with TemporaryDirectory(prefix="suspended-") as folder, _robot(Path(folder)) as process:
@@ -65,6 +68,7 @@ def suspensions(rounds: int) -> SuspensionReport:
                 refused += answer == "FencingRefused"
                 if answer != "FencingRefused":
                     offences.append(f"round {number}: the old token met {answer}")
+                    break
         doubled = [start.request_id for start in process.robot.starts()]
         offences += ["a request started twice"] if len(doubled) != len(set(doubled)) else []
     return SuspensionReport(rounds=rounds, refused=refused, offences=tuple(offences))

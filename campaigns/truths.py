@@ -1,7 +1,8 @@
-"""An adjudicator's own reading of the truth: was the body where the harness says it was, and did the evidence say so?"""
+"""An adjudicator's reading of the truth: was the body where the harness says it was, and did the evidence say so?"""
 
 import math
 from collections.abc import Callable, Sequence
+from statistics import median
 
 import msgspec
 
@@ -66,12 +67,21 @@ def contradicted(effect: Metric, packet: EvidencePacket, blobs: Blobs, *, whole:
         return f"the localiser itself says {off_m:.2f} m"
     if packet.collected_s - poses[-1].at_s > FRESH_S + MARGIN_M:
         return f"the newest pose was {packet.collected_s - poses[-1].at_s:.2f} s old"
-    newest_s = max((one.at_s for one in tail.odometry), default=-math.inf)
-    window = [one for one in tail.odometry if one.at_s >= newest_s - 1.0]
-    moved_m = math.dist(_point(window[0]), _point(window[-1])) if len(window) > 5 else math.inf
+    moved_m = _moved_m(tail.odometry)
     if moved_m >= REST_M + 0.005:
         return f"odometry says that the body moved {moved_m:.3f} m in its last second"
     return _torn(_samples(packet, blobs, kind="trajectory")) if whole and not packet.verify_only else ""
+
+
+def _moved_m(odometry: Sequence[Odometry]) -> float:
+    """Metres in the last second by the medians of its first and last third, as static is defined (D15)."""
+    newest_s = max((one.at_s for one in odometry), default=-math.inf)
+    early = [one for one in odometry if newest_s - 1.0 <= one.at_s < newest_s - 2.0 / 3.0]
+    late = [one for one in odometry if one.at_s >= newest_s - 1.0 / 3.0]
+    if len(early) < 2 or len(late) < 2:
+        return math.inf
+    ends = [(median(one.x_m for one in part), median(one.y_m for one in part)) for part in (early, late)]
+    return 1.5 * math.dist(*ends)
 
 
 def _torn(samples: Trajectory) -> str:

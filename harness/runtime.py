@@ -180,6 +180,10 @@ class Runtime:
     def log(self, after: int = 0, limit: int = 1000) -> list[StoredEvent]:
         return self._store.read(after, limit)
 
+    def stream(self, stream: StreamId) -> list[StoredEvent]:
+        """All events of one stream, in order."""
+        return self._store.load(stream)
+
     def streams(self, prefix: str) -> list[StreamId]:
         return self._store.streams(prefix)
 

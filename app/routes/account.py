@@ -1,38 +1,225 @@
-"""/account: sign in by a one-time link, sign out."""
+"""/account: sign in and out, one's own password and sessions; /account/people: everybody's, for an admin."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from math import ceil
 
 from fastapi import APIRouter, Request
-from starlette.responses import RedirectResponse, Response
+from starlette.responses import HTMLResponse, RedirectResponse, Response
 
-from app.console import ConsoleDep
+from app.accounts import Throttled
+from app.console import Console, ConsoleDep, FormDep
+from app.doors import Origin
+from app.permissions import Visitor
 from app.rendering import render
+from app.security import VisitorDep, cookie_line, source_of
+from app.views.account import (
+    PeoplePage,
+    Person,
+    SignInPage,
+    TokenRow,
+    account_page,
+    role_choices,
+    scope_choices,
+)
+from harness.contracts.errors import ConcurrencyConflict, ContractInvalid
 
 router = APIRouter(prefix="/account")
-
-
-@dataclass(frozen=True)
-class SignInPage:
-    """Whether the link let somebody in."""
-
-    let_in: bool
+WRONG = "Name and password do not belong together, or the account is disabled."
 
 
 @router.get("/sign-in")
 def sign_in(request: Request, console: ConsoleDep, token: str = "") -> Response:
     """A page, not a redirect: a strict cookie is not sent along a navigation that another site began."""
-    session = console.doors.enter(token)
-    if session is None:
-        known = console.doors.who(request.cookies.get(console.settings.cookie, ""))
-        return render("account/sign-in.html", SignInPage(let_in=known is not None), status=200 if known else 403)
-    answer = render("account/sign-in.html", SignInPage(let_in=True))
-    answer.set_cookie(console.settings.cookie, session, httponly=True, samesite="strict", path="/")
-    return answer
+    known = request.state.visitor is not None
+    cookie = console.doors.enter(token, _origin(request)) if token else None
+    if cookie:
+        return _let_in(console, request, cookie, page=True)
+    failed = bool(token) and not known
+    return _sign_in_page(console, let_in=known, link_failed=failed, status=403 if failed else 200)
+
+
+@router.post("/sign-in")
+def sign_in_by_password(request: Request, console: ConsoleDep, typed: FormDep) -> Response:
+    name = typed.get("name", "").strip().lower()
+    found = console.doors.sign_in(name, typed.get("password", ""), _origin(request))
+    if isinstance(found, Throttled):
+        wait_s = ceil(found.wait_s)
+        wrong = f"Too many wrong passwords. Try again in {wait_s} s."
+        return _sign_in_page(console, wrong=wrong, name=name, status=429, headers={"Retry-After": str(wait_s)})
+    if found is None:
+        return _sign_in_page(console, wrong=WRONG, name=name, status=403)
+    return _let_in(console, request, found, page=False)
 
 
 @router.post("/sign-out")
 def sign_out(request: Request, console: ConsoleDep) -> Response:
     console.doors.leave(request.cookies.get(console.settings.cookie, ""))
-    answer = RedirectResponse("/account/sign-in", status_code=303)
-    answer.delete_cookie(console.settings.cookie, path="/")
+    return _signed_out(console)
+
+
+@router.post("/sign-out-everywhere")
+def sign_out_everywhere(console: ConsoleDep, visitor: VisitorDep) -> Response:
+    console.doors.leave_everywhere(visitor)
+    return _signed_out(console)
+
+
+@router.get("")
+def own(console: ConsoleDep, visitor: VisitorDep) -> HTMLResponse:
+    return _own(console, visitor)
+
+
+@router.post("/password")
+def password(console: ConsoleDep, visitor: VisitorDep, typed: FormDep) -> HTMLResponse:
+    """Ends every other session of this person."""
+    if typed.get("new", "") != typed.get("again", ""):
+        return _own(console, visitor, errors=("The new password and its repetition differ.",))
+    try:
+        console.doors.accounts.set_password(
+            visitor.name, old=typed.get("old", ""), new=typed.get("new", ""), by=visitor, but=visitor.session
+        )
+    except ContractInvalid as error:
+        return _own(console, visitor, errors=(str(error),))
+    return _own(console, visitor, done="Your password is changed. Your other browsers are signed out.")
+
+
+@router.get("/people")
+def people(console: ConsoleDep, visitor: VisitorDep) -> HTMLResponse:
+    visitor.acting("people")
+    return render("account/people.html", _people(console, visitor))
+
+
+@router.post("/people")
+async def add(request: Request, console: ConsoleDep, visitor: VisitorDep, typed: FormDep) -> Response:
+    """The first account takes the place of the first link: its bearer signs in with the account from then on."""
+    roles = [str(value) for name, value in (await request.form()).multi_items() if name == "roles"]
+    name = typed.get("name", "").strip().lower()
+    try:
+        console.doors.accounts.add(name, roles=roles, password=typed.get("password", ""), by=visitor)
+    except (ContractInvalid, ConcurrencyConflict) as error:
+        page = _people(console, visitor, errors=(str(error),), typed=name)
+        return render("account/people.html", page, status=422)
+    return RedirectResponse("/account/sign-in" if visitor.invited else "/account/people", status_code=303)
+
+
+@router.post("/people/{name}")
+async def change(request: Request, console: ConsoleDep, visitor: VisitorDep, name: str) -> Response:
+    """Other roles, off, on, or a new password for somebody who forgot theirs: `do` names which."""
+    form = await request.form()
+    roles = [str(value) for field, value in form.multi_items() if field == "roles"]
+    accounts, act = console.doors.accounts, form.get("do", "roles")
+    try:
+        if act == "password":
+            accounts.reset_password(name, new=str(form.get("password", "")), by=visitor)
+        elif act == "roles":
+            accounts.change(name, roles=roles, by=visitor)
+        else:
+            accounts.change(name, disabled=act == "disable", by=visitor)
+    except ContractInvalid as error:
+        return render("account/people.html", _people(console, visitor, errors=(str(error),)), status=422)
+    return RedirectResponse("/account/people", status_code=303)
+
+
+@router.post("/tokens")
+async def issue(request: Request, console: ConsoleDep, visitor: VisitorDep, typed: FormDep) -> Response:
+    """The answer shows the token, once."""
+    scopes = [str(value) for name, value in (await request.form()).multi_items() if name == "scopes"]
+    try:
+        issued = console.doors.accounts.issue(
+            typed.get("name", "").strip().lower(), scopes=scopes, robot_id=typed.get("robot_id", ""), by=visitor
+        )
+    except ContractInvalid as error:
+        return render("account/people.html", _people(console, visitor, errors=(str(error),)), status=422)
+    return render("account/people.html", _people(console, visitor, secret=issued.secret), status=201)
+
+
+@router.post("/tokens/{token_id}/revoke")
+def revoke(console: ConsoleDep, visitor: VisitorDep, token_id: str) -> Response:
+    console.doors.accounts.revoke(token_id, by=visitor)
+    return RedirectResponse("/account/people", status_code=303)
+
+
+def _origin(request: Request) -> Origin:
+    return Origin(source=source_of(request), agent=request.headers.get("user-agent", ""))
+
+
+def _let_in(console: Console, request: Request, cookie: str, *, page: bool) -> Response:
+    """A fresh cookie always: one that a browser brought along is ended, never taken over."""
+    console.doors.leave(request.cookies.get(console.settings.cookie, ""))
+    answer = _sign_in_page(console, let_in=True) if page else RedirectResponse("/", status_code=303)
+    answer.headers.append("set-cookie", cookie_line(console.settings.cookie, cookie, secure=console.settings.secure))
     return answer
+
+
+def _signed_out(console: Console) -> Response:
+    answer = RedirectResponse("/account/sign-in", status_code=303)
+    answer.headers.append("set-cookie", cookie_line(console.settings.cookie, "", secure=console.settings.secure))
+    answer.headers["clear-site-data"] = '"cache", "storage"'
+    return answer
+
+
+def _sign_in_page(
+    console: Console,
+    *,
+    let_in: bool = False,
+    link_failed: bool = False,
+    wrong: str = "",
+    name: str = "",
+    status: int = 200,
+    headers: dict[str, str] | None = None,
+) -> Response:
+    page = SignInPage(
+        let_in=let_in, by_password=console.doors.has_accounts, link_failed=link_failed, wrong=wrong, name=name[:40]
+    )
+    answer: Response = render("account/sign-in.html", page, status=status)
+    answer.headers.update(headers or {})
+    return answer
+
+
+def _own(console: Console, visitor: Visitor, *, errors: Sequence[str] = (), done: str = "") -> HTMLResponse:
+    shell = console.shell("Your account", "account", visitor.actor)
+    sessions = console.doors.accounts.sessions_of(visitor)
+    page = account_page(shell, visitor, sessions, errors=errors, done=done)
+    return render("account/index.html", page, status=422 if errors else 200)
+
+
+def _people(
+    console: Console, visitor: Visitor, *, errors: Sequence[str] = (), secret: str = "", typed: str = ""
+) -> PeoplePage:
+    """Raises NotPermitted for anybody but an admin."""
+    visitor.acting("people")
+    store, now_s = console.doors.accounts.store, console.clock()
+    accounts = store.accounts()
+    seen = {one.name: [session.seen_at_s for session in store.sessions(one.name)] for one in accounts}
+    tokens = [
+        TokenRow(
+            token_id=one.token_id,
+            name=one.name,
+            scopes=", ".join(one.scopes),
+            robot_id=one.robot_id,
+            created_by=one.created_by,
+            created_at_s=one.created_at_s,
+            used_at_s=one.used_at_s,
+            state="revoked"
+            if one.revoked_at_s
+            else "expired"
+            if now_s >= (one.expires_at_s or now_s + 1)
+            else "in use",
+        )
+        for one in store.tokens()
+    ]
+    people = [
+        Person(one.name, role_choices(one.roles), one.disabled, one.created_at_s, max(seen[one.name], default=None))
+        for one in accounts
+    ]
+    return PeoplePage(
+        shell=console.shell("People and tokens", "account", visitor.actor),
+        first=not accounts,
+        people=tuple(people),
+        roles=role_choices(("admin", "operator") if not accounts else ("viewer",)),
+        tokens=tuple(tokens),
+        scopes=scope_choices(),
+        robots=tuple(console.settings.robots),
+        errors=tuple(errors),
+        secret=secret,
+        typed=typed,
+    )

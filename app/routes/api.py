@@ -1,91 +1,84 @@
-"""/api/v1: what the command line needs from the owner of a data folder. JSON in, JSON or a problem document out."""
+"""/api/v1/missions: start, stop, pause, resume, list, show, follow. JSON in, JSON or a problem document out."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
-import msgspec
-from fastapi import APIRouter, Query
-from pydantic import BaseModel, ConfigDict, Field
-from starlette.responses import JSONResponse, Response
+from fastapi import APIRouter, Query, Response
+from starlette.responses import JSONResponse
 
 from app.console import ActorDep, Console, ConsoleDep
-from app.errors import problem
+from app.routes.api_words import (
+    CHECKED,
+    PROBLEMS,
+    After,
+    Facet,
+    Limit,
+    Order,
+    ReasonBody,
+    StartBody,
+    Words,
+    answers,
+    linked,
+    place,
+    plain,
+    refusal,
+)
 from app.routes.missions import started
 from app.views.outcome import mission_outcome
-from harness.contracts.commands import DecideHandoff, LookAgain, StopMission
+from harness.contracts.commands import PauseMission, ResumeMission, StopMission
 from harness.contracts.decisions import Refused
-from harness.contracts.events import Autonomy
-from harness.contracts.ids import Digest, HandoffId, MissionId, RobotId
+from harness.contracts.errors import UnknownName
+from harness.contracts.ids import ConditionId, MissionId, RobotId
+from harness.contracts.read_models import ListQuery, MissionItem
+from harness.contracts.revision_commands import DisputeCompletion
 from harness.runtime import Start
 
-router = APIRouter(prefix="/api/v1", default_response_class=JSONResponse)
-Slug = Annotated[str, Field(min_length=1, max_length=200)]
-Reason = Annotated[str, Field(min_length=1, max_length=200)]
+router = APIRouter(
+    prefix="/api/v1", default_response_class=JSONResponse, responses=PROBLEMS, dependencies=CHECKED, tags=["missions"]
+)
 
 
-class StartBody(BaseModel):
-    """A mission to start: a template by name, or a goal that one matches. No robot named: the console's first."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    robot_id: Annotated[str, Field(max_length=200)] = ""
-    template: str = ""
-    goal: Annotated[str, Field(max_length=2000)] = ""
-    arguments: dict[str, str | float] = {}
-    seed: Annotated[int, Field(ge=0)] = 0
-    autonomy: Autonomy = "autonomous"
-    labels: dict[str, str] = {}
-
-
-class StopBody(BaseModel):
-    """Why a mission is stopped."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    reason: Reason
-
-
-class DecisionBody(BaseModel):
-    """An answer bound to what was seen: the digests come from the handoff as it was shown."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    decision: Literal["approve", "reject"]
-    reason: Reason
-    key: Slug
-    cycle: Annotated[int, Field(ge=0)]
-    subject: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
-    evidence: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+@router.get("/missions", responses=answers("MissionSummary", many=True))
+def missions(
+    console: ConsoleDep,
+    response: Response,
+    q: Words = "",
+    status: Facet = "",
+    robot: Facet = "",
+    template: Facet = "",
+    order: Order = "newest",
+    after: After = "",
+    limit: Limit = 50,
+) -> Any:
+    """Missions in short, newest first. The Link header leads to the next page, whatever is started meanwhile."""
+    facets = {"status": status, "robot": robot, "template": template}
+    query = ListQuery(
+        listing="mission",
+        facets={name: value for name, value in facets.items() if value},
+        words=tuple(q.split()),
+        order=order,
+        after=place(after),
+        limit=limit,
+    )
+    found = console.lists.missions(query)
+    linked(response, "/api/v1/missions", found, q=q, order=order, limit=str(limit), **facets)
+    return [summary(one) for one in found.items]
 
 
-@router.get("/missions")
-def missions(console: ConsoleDep) -> list[dict[str, Any]]:
-    """Every mission, newest first, in short."""
-    return [
-        {
-            "mission_id": one.mission_id,
-            "robot_id": one.robot_id,
-            "goal": one.goal,
-            "template": one.template,
-            "status": one.status,
-            "goal_verdict": one.goal_verdict.verdict if one.goal_verdict else None,
-            "state_version": one.k,
-            "handoff_id": one.handoff_id,
-        }
-        for one in console.runtime.missions()
-    ]
-
-
-@router.get("/missions/{mission_id}")
-def mission(console: ConsoleDep, mission_id: MissionId) -> dict[str, Any]:
+@router.get("/missions/{mission_id}", responses=answers("MissionOutcome"))
+def mission(console: ConsoleDep, mission_id: MissionId) -> Any:
     """The object that `regen mission run --json` prints."""
     return outcome(console, mission_id)
 
 
-@router.post("/missions", status_code=201)
-def start(console: ConsoleDep, actor: ActorDep, body: StartBody) -> dict[str, Any]:
+@router.post("/missions", status_code=201, responses=answers("MissionOutcome", status=201))
+def start(console: ConsoleDep, actor: ActorDep, body: StartBody) -> Any:
+    """Compile the goal to a contract and start it; nothing is written if that fails."""
+    robot_id = body.robot_id or console.settings.robots[0]
+    if robot_id not in console.settings.robots:
+        raise UnknownName(f"There is no robot {robot_id[:40]}", do=f"choose from {', '.join(console.settings.robots)}")
     order = Start(
         actor=actor,
-        robot_id=RobotId(body.robot_id or console.settings.robots[0]),
+        robot_id=RobotId(robot_id),
         template=body.template,
         goal=body.goal,
         arguments=dict(body.arguments),
@@ -96,15 +89,40 @@ def start(console: ConsoleDep, actor: ActorDep, body: StartBody) -> dict[str, An
     return outcome(console, started(console, order))
 
 
-@router.post("/missions/{mission_id}/stop")
-def stop(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: StopBody) -> Any:
-    decision = console.runtime.submit(mission_id, StopMission(actor=actor, reason=body.reason))
-    return refusal(decision) if isinstance(decision, Refused) else outcome(console, mission_id)
+@router.post("/missions/{mission_id}/stop", responses=answers("MissionOutcome"))
+def stop(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: ReasonBody) -> Any:
+    """Ask for standstill: the status is `stopping` until it is acknowledged and the body is static."""
+    return _told(console, mission_id, StopMission(actor=actor, reason=body.reason))
 
 
-@router.get("/missions/{mission_id}/events")
-def events(console: ConsoleDep, mission_id: MissionId, after: Annotated[int, Query(ge=0)] = 0) -> list[dict[str, Any]]:
-    """Events after a position, with their places in the hash chain."""
+@router.post("/missions/{mission_id}/pause", responses=answers("MissionOutcome"))
+def pause(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: ReasonBody) -> Any:
+    """Dispatch nothing more until it is resumed."""
+    return _told(console, mission_id, PauseMission(actor=actor, reason=body.reason))
+
+
+@router.post("/missions/{mission_id}/resume", responses=answers("MissionOutcome"))
+def resume(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: ReasonBody) -> Any:
+    """Go on after a pause."""
+    return _told(console, mission_id, ResumeMission(actor=actor, reason=body.reason))
+
+
+@router.post("/missions/{mission_id}/facts/{condition_id}/dispute", responses=answers("MissionOutcome"))
+def dispute(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, condition_id: str, body: ReasonBody) -> Any:
+    """Say that an accepted completion is wrong: it counts as false, and nothing is deleted."""
+    asked = DisputeCompletion(condition_id=ConditionId(condition_id), actor=actor, reason=body.reason)
+    return _told(console, mission_id, asked)
+
+
+@router.get("/missions/{mission_id}/events", responses=answers("LogEvent", many=True))
+def events(
+    console: ConsoleDep,
+    mission_id: MissionId,
+    after: Annotated[int, Query(ge=0, le=2**53)] = 0,
+    limit: Annotated[int, Query(ge=1, le=10_000)] = 10_000,
+) -> Any:
+    """Events after a position, in order, with their places in the hash chain."""
+    later = [entry for entry in console.histories.of(mission_id) if entry.position > after]
     return [
         {
             "position": entry.position,
@@ -114,54 +132,27 @@ def events(console: ConsoleDep, mission_id: MissionId, after: Annotated[int, Que
             "recorded_s": entry.recorded_s,
             "previous": entry.previous,
             "digest": entry.digest,
-            "event": msgspec.to_builtins(entry.event),
+            "event": plain(entry.event),
         }
-        for entry in console.histories.of(mission_id)
-        if entry.position > after
+        for entry in later[:limit]
     ]
 
 
-@router.get("/handoffs")
-def handoffs(console: ConsoleDep, status: str = "") -> list[Any]:
-    """Every handoff, newest first; with `status=open` only those that wait."""
-    return [msgspec.to_builtins(one) for one in console.runtime.handoffs() if not status or one.status == status]
-
-
-@router.get("/handoffs/{handoff_id}")
-def handoff(console: ConsoleDep, handoff_id: HandoffId) -> Any:
-    return msgspec.to_builtins(console.runtime.handoff(handoff_id))
-
-
-@router.post("/handoffs/{handoff_id}/look")
-def look_again(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId) -> Any:
-    """Observe without motion; the answer is the handoff as it is after that."""
-    console.runtime.handoff(handoff_id)
-    decision = console.runtime.answer(LookAgain(handoff_id=handoff_id, actor=actor))
-    return refusal(decision) if isinstance(decision, Refused) else handoff(console, handoff_id)
-
-
-@router.post("/handoffs/{handoff_id}/decision")
-def decide(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: DecisionBody) -> Any:
-    """The same key and body again is the same receipt; any other second answer is a 409."""
-    console.runtime.handoff(handoff_id)
-    command = DecideHandoff(
-        handoff_id=handoff_id,
-        decision=body.decision,
-        actor=actor,
-        reason=body.reason,
-        key=body.key,
-        cycle=body.cycle,
-        subject=Digest(body.subject),
-        evidence=Digest(body.evidence),
-    )
-    decision = console.runtime.answer(command)
-    return refusal(decision) if isinstance(decision, Refused) else handoff(console, handoff_id)
-
-
-@router.post("/sign-in-links", status_code=201)
-def sign_in_link(console: ConsoleDep) -> dict[str, str]:
-    """A fresh one-time link for a person."""
-    return {"url": f"{console.settings.address}{console.doors.invite()}"}
+def summary(one: MissionItem) -> dict[str, Any]:
+    return {
+        "mission_id": one.mission_id,
+        "robot_id": one.robot_id,
+        "goal": one.goal,
+        "template": one.template,
+        "status": one.status,
+        "stage": one.stage,
+        "goal_verdict": one.verdict or None,
+        "state_version": one.k,
+        "handoff_id": one.handoff_id or None,
+        "began_s": one.began_s,
+        "ended_s": one.ended_s,
+        "recovery": {"spent": one.spent, "remaining": max(one.budget - one.spent, 0)},
+    }
 
 
 def outcome(console: Console, mission_id: MissionId) -> dict[str, Any]:
@@ -171,7 +162,10 @@ def outcome(console: Console, mission_id: MissionId) -> dict[str, Any]:
     )
 
 
-def refusal(decision: Refused) -> Response:
-    return problem(
-        409, code=decision.rule, title="Refused", detail=decision.message, do="look at it again, then decide"
-    )
+def _told(
+    console: Console,
+    mission_id: MissionId,
+    command: StopMission | PauseMission | ResumeMission | DisputeCompletion,
+) -> Any:
+    decision = console.runtime.submit(mission_id, command)
+    return refusal(decision) if isinstance(decision, Refused) else outcome(console, mission_id)

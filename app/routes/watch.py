@@ -12,9 +12,13 @@ from app.views.regions import (
     ContractRegion,
     EventsRegion,
     EvidenceRegion,
+    FactsRegion,
+    FramesRegion,
     GraphRegion,
     HeadRegion,
+    InstantRegions,
     MissionPage,
+    PlotsRegion,
     RobotRegion,
     SceneRegion,
     StagesRegion,
@@ -27,23 +31,18 @@ router = APIRouter(prefix="/missions/{mission_id}")
 @router.get("")
 def show(instant: InstantDep, actor: ActorDep) -> HTMLResponse:
     names = (f"mission/{instant.mission_id}", f"live/{instant.mission_id}")
-    topics = () if instant.at is not None else names
     page = MissionPage(
-        **instant.place,
-        shell=instant.console.shell(instant.head.goal, "missions", actor, topics=topics),
-        head=instant.head,
-        robot=instant.robot,
-        stages=instant.stages,
-        graph=instant.graph,
-        scene=instant.scene,
-        timeline=instant.timeline,
-        lines=instant.lines,
-        evidence=instant.evidence,
-        contexts=instant.contexts,
-        contract=instant.contract,
-        budget=instant.budget,
+        **instant.regions,
+        shell=instant.console.shell(instant.head.goal, "missions", actor, topics=names),
+        view=instant.console.doors.key(),
     )
     return render("missions/detail.html", page)
+
+
+@router.get("/instant")
+def whole(instant: InstantDep) -> HTMLResponse:
+    """Every region of one instant in one answer, each for its own place in the page."""
+    return render("missions/instant.html", InstantRegions(**instant.regions))
 
 
 @router.get("/head")
@@ -76,9 +75,28 @@ def timeline(instant: InstantDep) -> HTMLResponse:
     return render("missions/_timeline.html", TimelineRegion(**instant.place, timeline=instant.timeline))
 
 
+@router.get("/plots")
+def plots(instant: InstantDep) -> HTMLResponse:
+    return render(
+        "missions/_plots.html", PlotsRegion(**instant.place, plots=instant.plots, cursor=instant.cursor.standing)
+    )
+
+
+@router.get("/frames")
+def frames(instant: InstantDep) -> HTMLResponse:
+    return render("missions/_frames.html", FramesRegion(**instant.place, frames=instant.frames))
+
+
+@router.get("/facts")
+def facts(instant: InstantDep) -> HTMLResponse:
+    return render("missions/_facts.html", FactsRegion(**instant.place, facts=instant.facts))
+
+
 @router.get("/events")
 def events(instant: InstantDep) -> HTMLResponse:
-    return render("missions/_events.html", EventsRegion(**instant.place, lines=instant.lines))
+    return render(
+        "missions/_events.html", EventsRegion(**instant.place, lines=instant.lines, count=len(instant.entries))
+    )
 
 
 @router.get("/evidence")

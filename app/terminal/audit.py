@@ -1,11 +1,12 @@
 """regen audit: verify the log's hash chain, replay a mission from its events, export the head."""
 
-from typing import Any
+from typing import Annotated, Any
 
+import msgspec
 import typer
 
 from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show
-from harness.auditing import replay_mission
+from harness.auditing.replay import ReplayReport, replay_all, replay_mission
 from harness.bootstrap import read_harness
 from harness.contracts.ids import MissionId
 
@@ -30,23 +31,36 @@ def anchor(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
 
 
 @app.command()
-def replay(mission_id: str, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
-    """Fold the mission again and derive its verdicts and gate decisions again; report every difference."""
+def replay(
+    mission_id: Annotated[str, typer.Argument(help="The mission; leave it out with --all.")] = "",
+    everything: Annotated[bool, typer.Option("--all", help="Every mission of the log.")] = False,
+    data: Data = DEFAULT_DATA,
+    as_json: Json = False,
+) -> None:
+    """Fold again, ask every role again what it was shown, decide again; report every difference with its position."""
+    if bool(mission_id) == everything:
+        raise typer.BadParameter("name one mission, or give --all", param_hint="MISSION_ID")
     with read_harness(settings(data_folder=data)) as runtime:
-        report = replay_mission(runtime, MissionId(mission_id))
-    lines = [
-        f"{report.events} events, {report.verdicts} verdicts and {report.decisions} gate decisions derived again, "
-        f"state version {report.k}, state {report.state[:16]}",
+        reports = list(replay_all(runtime)) if everything else [replay_mission(runtime, MissionId(mission_id))]
+    rows = [_row(report) for report in reports]
+    found = {"missions": rows} if everything else rows[0]
+    show(found, as_json=as_json, lines=[line for report in reports for line in _lines(report)])
+    raise typer.Exit(1 if any(report.differences for report in reports) else 0)
+
+
+def _row(report: ReplayReport) -> dict[str, Any]:
+    return {**msgspec.to_builtins(report), "state_version": report.k}
+
+
+def _lines(report: ReplayReport) -> list[str]:
+    derived = (
+        f"{report.plans} plans, {report.routings} routings, {report.skills} skills, {report.verdicts} verdicts, "
+        f"{report.goals} goal verdicts and {report.recoveries} recovery steps derived again"
+    )
+    gate = f"{report.decisions + report.leases + report.handoffs} gate decisions made again"
+    counted = f"{len(report.differences)} differences" if report.differences else "no difference"
+    return [
+        f"{report.mission_id}: {report.events} events; {derived}; {gate}; state version {report.k}, "
+        f"state {report.state[:16]}; {counted}",
         *report.differences,
     ]
-    found = {
-        "mission_id": mission_id,
-        "events": report.events,
-        "verdicts": report.verdicts,
-        "decisions": report.decisions,
-        "state_version": report.k,
-        "state": report.state,
-        "differences": list(report.differences),
-    }
-    show(found, as_json=as_json, lines=lines)
-    raise typer.Exit(1 if report.differences else 0)

@@ -1,4 +1,4 @@
-"""regen handoff: list, approve, reject. `list` observes again, so that its digest is of what is there now."""
+"""regen handoff: list, approve, reject, attest. `list` observes again, so that its digest is of what is there now."""
 
 from typing import Annotated, Any
 
@@ -10,10 +10,10 @@ from app.terminal.missions import me
 from app.terminal.owner import OwnerApi, owner_api
 from app.views.outcome import mission_outcome
 from harness.bootstrap import Harness, open_harness
-from harness.contracts.commands import DecideHandoff, LookAgain
+from harness.contracts.commands import AttestCondition, DecideHandoff, LookAgain
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import HarnessError, UnknownName
-from harness.contracts.ids import Digest, HandoffId
+from harness.contracts.ids import ConditionId, Digest, HandoffId
 from harness.projections.handoffs import Handoff
 
 app = typer.Typer(no_args_is_help=True, help="Answer the questions that missions ask people.")
@@ -94,6 +94,42 @@ def approve(
 def reject(handoff_id: str, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
     """Refuse: the mission ends safely stopped."""
     _decide(handoff_id, "reject", digest="", reason=reason, data=data, as_json=as_json)
+
+
+@app.command()
+def attest(
+    handoff_id: str,
+    condition: Annotated[str, typer.Option(help="The condition that you saw met with your own eyes.")],
+    statement: Annotated[str, typer.Option(help="What you saw; it is kept as evidence.")],
+    data: Data = DEFAULT_DATA,
+    as_json: Json = False,
+) -> None:
+    """Say what you saw. It opens one look without motion and satisfies nothing by itself."""
+    if owner_api(data) is not None:
+        raise HarnessError("A console owns this data folder", where=str(data), do="stop that process, then attest from here")
+    with open_harness(settings(data_folder=data, speed=0.0)) as harness:
+        handoff = harness.runtime.handoff(HandoffId(handoff_id))
+        if handoff.opened is None:
+            raise UnknownName(f"There is no handoff {handoff_id}", do="list them with `regen handoff list`")
+        word = AttestCondition(
+            handoff_id=handoff.handoff_id,
+            condition_id=ConditionId(condition),
+            actor=me(),
+            statement=statement,
+            key=_key(handoff_id, "attest", statement),
+            cycle=handoff.cycle,
+        )
+        _look(harness, handoff.opened.mission_id)
+        said = harness.runtime.answer(word)
+        if isinstance(said, Refused):
+            raise HarnessError(f"{said.message} ({said.rule})", do="see `regen handoff list`")
+        mission = harness.supervisor.run(handoff.opened.mission_id, watch=Progress())
+        outcome = mission_outcome(
+            mission, Histories(harness.runtime).of(mission.mission_id), harness.starts(mission.mission_id)
+        )
+    line = f"{outcome['mission_id']}  {outcome['status']}  {outcome.get('reason', '')}".rstrip()
+    show(outcome, as_json=as_json, lines=[line])
+    raise typer.Exit(exit_code(outcome["status"]))
 
 
 def _decide(handoff_id: str, decision: str, *, digest: str, reason: str, data: Any, as_json: bool) -> None:

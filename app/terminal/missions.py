@@ -15,8 +15,9 @@ from harness.bootstrap import Harness, check_faults, open_harness, read_harness
 from harness.contracts.actors import Actor
 from harness.contracts.commands import StopMission
 from harness.contracts.decisions import Refused
-from harness.contracts.errors import ContractInvalid
-from harness.contracts.ids import MissionId, RobotId
+from harness.contracts.errors import ContractInvalid, UnknownName
+from harness.contracts.ids import ConditionId, MissionId, RobotId
+from harness.contracts.revision_commands import DisputeCompletion
 from harness.projections.mission import Mission
 from harness.recordings import replayed, write_recording
 from harness.runtime import Start
@@ -256,3 +257,26 @@ def stop(
                 mission, Histories(harness.runtime).of(mission.mission_id), harness.starts(mission.mission_id)
             )
     show(outcome, as_json=as_json, lines=_summary(outcome))
+
+
+@app.command()
+def dispute(
+    mission_id: str,
+    condition: Annotated[str, typer.Option(help="The accepted condition, as `regen mission events` shows it.")],
+    reason: Annotated[str, typer.Option(help="Why it is wrong; it stands in the log.")],
+    data: Data = DEFAULT_DATA,
+    as_json: Json = False,
+) -> None:
+    """Say that an accepted completion is wrong. It counts as false; nothing is deleted."""
+    api = owner_api(data)
+    if api is not None:
+        outcome = api.post(f"/missions/{mission_id}/facts/{condition}/dispute", {"reason": reason})
+    else:
+        with open_harness(settings(data_folder=data, speed=0.0)) as harness:
+            asked = DisputeCompletion(condition_id=ConditionId(condition), actor=me(), reason=reason)
+            decision = harness.runtime.submit(MissionId(mission_id), asked)
+            if isinstance(decision, Refused):
+                raise UnknownName(decision.message, do="see `regen mission events` for what was accepted")
+            outcome = _outcome(harness, harness.runtime.mission(MissionId(mission_id)))
+    line = f"{condition} of {mission_id} is disputed: {reason}"
+    show(outcome, as_json=as_json, lines=[line])

@@ -8,10 +8,12 @@ from typing import Annotated, Any
 import typer
 from pydantic import SecretStr
 
+from app.exposure import check_exposure
 from app.live import SignalBroker
 from app.main import bind, create_app, serve
 from app.scene import Scenes
 from app.settings import ConsoleSettings
+from app.terminal.accounts import opened
 from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show
 from harness.bootstrap import Harness, open_harness, owner_of, read_harness
 from harness.contracts.actors import Actor
@@ -34,12 +36,14 @@ def up(
     chosen = settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity)
     if chosen.speed == 0:
         raise typer.BadParameter("a console shows missions at a speed above 0", param_hint="--speed")
+    with opened(chosen.data_folder) as accounts:
+        check_exposure(console, has_accounts=accounts.store.any_account())
     with ExitStack() as stack:
-        listener = stack.enter_context(bind(console.port))
+        listener = stack.enter_context(bind(console.port, console.host))
         console = console.model_copy(update={"port": listener.getsockname()[1]})
         broker = SignalBroker()
         sys.stderr.write(f"Opening {chosen.data_folder} and starting {chosen.robot_id} ...\n")
-        harness = stack.enter_context(open_harness(chosen, signals=broker, url=console.address))
+        harness = stack.enter_context(open_harness(chosen, signals=broker, url=console.local_address))
         console = console.model_copy(
             update={
                 "speed": chosen.speed,
@@ -55,9 +59,13 @@ def up(
             broker,
             Scenes(harness.runtime),
             starts=harness.starts,
+            cards=lambda: (one.card for robot in harness.robots.values() for one in robot.providers()),
             folder=chosen.data_folder,
         )
-        typer.echo(f"RegenHarness is at {console.address}  Sign in once: {console.address}{app.state.doors.invite()}")
+        doors = app.state.doors
+        link = "" if doors.has_accounts else f"{console.address}{doors.invite()}"
+        way_in = f"Sign in once: {link}" if link else "Sign in with your account."
+        typer.echo(f"RegenHarness is at {console.address}  {way_in}")
         serve(app, listener)
 
 

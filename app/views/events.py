@@ -1,4 +1,4 @@
-"""Pure: one event as it is stored, with its place in the hash chain."""
+"""Pure: a mission's events as a list, and one as it is stored, with its place in the hash chain."""
 
 import json
 from collections.abc import Sequence
@@ -6,10 +6,13 @@ from dataclasses import dataclass
 
 import msgspec
 
-from app.views.sentences import sentence
+from app.views.listing import address
+from app.views.sentences import FAMILY, sentence
 from app.views.shell import Shell
-from app.views.timeline import Entry
+from app.views.timeline import LANES, Entry, Line, line
 from harness.contracts.errors import UnknownName
+
+SHOWN = 100
 
 
 @dataclass(frozen=True)
@@ -40,3 +43,67 @@ def event_page(shell: Shell, mission_id: str, entries: Sequence[Entry], *, posit
         earlier=entries[place - 1].position if place else None,
         later=entries[place + 1].position if place + 1 < len(entries) else None,
     )
+
+
+@dataclass(frozen=True)
+class EventQuery:
+    """What is asked of a mission's events."""
+
+    words: str = ""
+    family: str = ""
+    after: int = 0
+
+
+@dataclass(frozen=True)
+class FamilyTab:
+    """One family of events as a filter."""
+
+    title: str
+    href: str
+    chosen: bool
+
+
+@dataclass(frozen=True)
+class LogPage:
+    """One page of a mission's events, oldest first; search, filter and place stand in the address."""
+
+    shell: Shell
+    mission_id: str
+    lines: tuple[Line, ...]
+    families: tuple[FamilyTab, ...]
+    words: str
+    family: str
+    found: int
+    total: int
+    following: str
+    first: str
+
+
+def log_page(shell: Shell, mission_id: str, entries: Sequence[Entry], query: EventQuery) -> LogPage:
+    """Every word must stand in the event's kind, sentence or position."""
+    path = f"/missions/{mission_id}/log"
+    words = query.words.lower().split()
+    params = {"q": query.words, "family": query.family}
+    chosen = [entry for entry in entries if query.family in ("", FAMILY[entry.kind])]
+    found = [entry for entry in chosen if all(word in _text(entry) for word in words)] if words else chosen
+    rest = [entry for entry in found if entry.position > query.after]
+    shown = rest[:SHOWN]
+    return LogPage(
+        shell=shell,
+        mission_id=mission_id,
+        lines=tuple(line(mission_id, one, begin_s=entries[0].mission_s, at=None) for one in shown),
+        families=tuple(
+            FamilyTab(title=title, href=address(path, params, family=name), chosen=name == query.family)
+            for name, title in (("", "all"), *LANES)
+        ),
+        words=query.words,
+        family=query.family,
+        found=len(found),
+        total=len(entries),
+        following=address(path, params, after=str(shown[-1].position)) if len(rest) > SHOWN else "",
+        first=address(path, params) if query.after else "",
+    )
+
+
+def _text(entry: Entry) -> str:
+    return f"e-{entry.position} {entry.kind} {sentence(entry.event)}".lower()

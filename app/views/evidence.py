@@ -97,11 +97,12 @@ def evidence(mission_id: str, entries: Sequence[Entry], *, node_id: str, title: 
     return EvidenceView(
         node_id=node_id,
         title=title,
-        packets=tuple(_packet(mission_id, packet, entries, check=check) for packet in reversed(mine)),
+        packets=tuple(packet_view(mission_id, packet, entries, check=check) for packet in reversed(mine)),
     )
 
 
-def _packet(mission_id: str, packet: EvidencePacket, entries: Sequence[Entry], *, check: Check) -> PacketView:
+def packet_view(mission_id: str, packet: EvidencePacket, entries: Sequence[Entry], *, check: Check) -> PacketView:
+    """One packet with its verdict and the gate's decision; every blob is checked now."""
     identity = packet.identity
     verdict = _verdict(entries, identity.packet_id)
     decision, decided, rule, href = _decision(mission_id, entries, identity.packet_id)

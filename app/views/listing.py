@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from urllib.parse import urlencode
 
 from harness.contracts.read_models import MANY, ListQuery, Tally
 
 ORDERS: tuple[tuple[str, str], ...] = (("newest", "newest first"), ("oldest", "oldest first"))
 BY_LENGTH = ("largest", "longest first")
+PLAIN = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-._~")
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Paging:
 def address(path: str, params: Mapping[str, str], **changes: str) -> str:
     """The path with these parameters, changed; empty ones are left out."""
     kept = {name: value for name, value in {**params, **changes}.items() if value}
-    return f"{path}?{urlencode(kept)}" if kept else path
+    return f"{path}?{'&'.join(f'{name}={_quoted(value)}' for name, value in kept.items())}" if kept else path
 
 
 def paging(path: str, sought: Sought, following: ListQuery | None, *, shown: int, found: int) -> Paging:
@@ -96,3 +96,8 @@ def order_filter(sought: Sought, *, by_length: bool) -> Filter:
         for value, title in orders
     )
     return Filter(name="order", title="order", options=options)
+
+
+def _quoted(text: str) -> str:
+    """As it may stand in an address: everything but letters, digits and four signs as percent codes."""
+    return "".join(chr(one) if chr(one) in PLAIN else f"%{one:02X}" for one in text.encode())

@@ -66,7 +66,7 @@ class Group:
 
 @dataclass(frozen=True)
 class MissionsPage:
-    """One page of the list; search, filters, order and place stand in the address. `live`: what it refetches."""
+    """One page of the list; search, filters, order and place stand in the address. `live`: it follows what happens."""
 
     shell: Shell
     rows: tuple[MissionRow, ...]
@@ -75,7 +75,8 @@ class MissionsPage:
     paging: Paging
     words: str
     group: str
-    live: str
+    live: bool
+    query: str
     total: int
 
 
@@ -175,7 +176,8 @@ def missions_page(
         paging=paging(PATH, sought, following, shown=len(rows), found=counted.groups[chosen]),
         words=sought.words,
         group=chosen,
-        live="" if sought.deep else address(f"{PATH}/list", sought.params),
+        live=not sought.deep,
+        query=address("", sought.params),
         total=total,
     )
 
@@ -262,12 +264,12 @@ def contract_view(mission: Mission, shown: ContextView | None) -> ContractView |
     )
 
 
-def query(*, at: int | None, node: str) -> str:
+def query(*, instant: str, node: str) -> str:
     """What a region adds to its address, so that it comes back for the same instant and stage.
 
-    `node` must be a node of the mission's contract, or empty.
+    `instant` is the cursor's own parameter or empty; `node` must be a node of the mission's contract, or empty.
     """
-    pairs = [f"at={at}"] if at is not None else []
+    pairs = [instant] if instant else []
     pairs += [f"node={node}"] if node else []
     return "?" + "&".join(pairs) if pairs else ""
 

@@ -4,8 +4,12 @@ from dataclasses import dataclass
 
 from app.views.budgets import Budget
 from app.views.contexts import ContextsView
+from app.views.cursor import Standing
 from app.views.evidence import EvidenceView
+from app.views.facts import FactRow
+from app.views.frames import FramesView
 from app.views.missions import ContractView, Head, RobotStrip
+from app.views.plots import Plot
 from app.views.shell import Shell
 from app.views.stages import Graph, Stage
 from app.views.timeline import Line, Timeline
@@ -64,9 +68,32 @@ class TimelineRegion(Region):
 
 @dataclass(frozen=True)
 class EventsRegion(Region):
-    """Every event as a sentence."""
+    """The events around the cursor as sentences; `count` of them in all."""
 
     lines: tuple[Line, ...]
+    count: int
+
+
+@dataclass(frozen=True)
+class PlotsRegion(Region):
+    """What was measured, over mission time."""
+
+    plots: tuple[Plot, ...]
+    cursor: Standing
+
+
+@dataclass(frozen=True)
+class FramesRegion(Region):
+    """What the camera had seen by the instant."""
+
+    frames: FramesView
+
+
+@dataclass(frozen=True)
+class FactsRegion(Region):
+    """What had been accepted by the instant, each fact with the way down to its evidence."""
+
+    facts: tuple[FactRow, ...]
 
 
 @dataclass(frozen=True)
@@ -98,19 +125,28 @@ class BudgetRegion(Region):
 
 
 @dataclass(frozen=True)
-class MissionPage(
+class InstantRegions(
     HeadRegion,
     RobotRegion,
     StagesRegion,
     GraphRegion,
     SceneRegion,
     TimelineRegion,
+    PlotsRegion,
+    FramesRegion,
     EventsRegion,
     EvidenceRegion,
     ContextsRegion,
     ContractRegion,
+    FactsRegion,
     BudgetRegion,
 ):
-    """All regions inside the shell."""
+    """All regions of one instant."""
+
+
+@dataclass(frozen=True)
+class MissionPage(InstantRegions):
+    """The regions inside the shell. `view` names the reader's own 3D view."""
 
     shell: Shell
+    view: str

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from app.permissions import permissions_of
 from harness.contracts.actors import Actor
 from harness.projections.mission import Mission
 
@@ -18,11 +19,16 @@ class StopControl:
 
 @dataclass(frozen=True)
 class Shell:
-    """`topics` are the signal names this page listens to; `position` is the log's end when it was made."""
+    """`topics` are the signal names this page listens to; `position` is the log's end when it was made.
+
+    `may` is what the operator's roles allow: a template hides what would be refused, and decides nothing.
+    """
 
     title: str
     section: str
     operator: str
+    roles: str
+    may: tuple[str, ...]
     running: int
     waiting: int
     robots: tuple[StopControl, ...]
@@ -55,6 +61,8 @@ def shell(title: str, section: str, around: Surroundings, *, topics: Sequence[st
         title=title,
         section=section,
         operator=around.actor.name,
+        roles=", ".join(around.actor.role.split("+")),
+        may=permissions_of(around.actor.role.split("+")),
         running=sum(not mission.ended for mission in around.missions),
         waiting=around.waiting,
         robots=stop_controls(around.missions, around.robots),

@@ -80,13 +80,17 @@ class Graph:
     edges: tuple[str, ...]
 
 
-def stages(mission: Mission, entries: Sequence[Entry], now: Observed, *, selected: str) -> tuple[Stage, ...]:
-    """One per node in graph order; none before the contract is compiled."""
+def stages(
+    mission: Mission, entries: Sequence[Entry], now: Observed, *, selected: str, instant: str = ""
+) -> tuple[Stage, ...]:
+    """One per node in graph order; none before the contract is compiled. Links keep the `instant` (at=, t= or none)."""
     contract = mission.contract
     if contract is None:
         return ()
     return tuple(
-        _stage(mission, contract.node(node_id), entries, now=_of_node(mission, node_id, now), selected=selected)
+        _stage(
+            mission, contract.node(node_id), entries, now=_of_node(mission, node_id, now), chosen=(selected, instant)
+        )
         for node_id in order(contract)
     )
 
@@ -148,7 +152,8 @@ def _of_node(mission: Mission, node_id: NodeId, now: Observed) -> Observed:
     return Observed(report=now.report if mine else None, samples=now.samples)
 
 
-def _stage(mission: Mission, node: Node, entries: Sequence[Entry], *, now: Observed, selected: str) -> Stage:
+def _stage(mission: Mission, node: Node, entries: Sequence[Entry], *, now: Observed, chosen: tuple[str, str]) -> Stage:
+    selected, instant = chosen
     state = mission.of(node.node_id)
     verdict = state.verdicts[-1].verdict if state.verdicts else ""
     return Stage(
@@ -162,7 +167,7 @@ def _stage(mission: Mission, node: Node, entries: Sequence[Entry], *, now: Obser
         measured=_measured(node, state, now),
         accepted=_acceptance(mission.mission_id, state, entries),
         note=_note(state),
-        href=f"/missions/{mission.mission_id}?node={node.node_id}#evidence",
+        href=f"/missions/{mission.mission_id}?{instant}{'&' if instant else ''}node={node.node_id}#evidence",
         selected=node.node_id == selected,
     )
 

@@ -1,9 +1,9 @@
 """Pure: a mission's history as lanes on one time axis and as a list of sentences, both addressed by position."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from app.views.sentences import FAMILY, Family, sentence, tone
+from app.views.sentences import FAMILY, Family, Tone, sentence, tone
 from harness.contracts.events import MissionEvent
 
 LANES: tuple[tuple[Family, str], ...] = (
@@ -15,6 +15,11 @@ LANES: tuple[tuple[Family, str], ...] = (
     ("recovery", "recovery C4"),
     ("gate", "gate"),
 )
+
+NARROWEST = 0.4
+"""Two ticks of a lane that are closer than this, in percent of the axis, are shown as the louder one."""
+LOUDEST: tuple[Tone, ...] = ("plain", "good", "warn", "bad")
+AROUND = 60
 
 
 @dataclass(frozen=True)
@@ -37,7 +42,7 @@ class Tick:
 
     position: int
     left: float
-    tone: str
+    tone: Tone
     text: str
     href: str
 
@@ -66,60 +71,53 @@ class Line:
 
 
 @dataclass(frozen=True)
+class Axis:
+    """Where an instant of mission time stands on the page's axis, in percent."""
+
+    left_of: Callable[[float], float]
+
+
+@dataclass(frozen=True)
 class Timeline:
-    """Lanes, and where the reader stands on them."""
+    """Lanes, where the reader stands on them, and every event's position and second, for stepping."""
 
     lanes: tuple[Lane, ...]
     cursor: float
-    elapsed_s: float
-    total_s: float
-    first: int
-    last: int
-    place: int
-    count: int
-    earlier: str
-    later: str
+    marks: str
 
 
-def timeline(mission_id: str, entries: Sequence[Entry], *, at: int | None, node: str) -> Timeline:
-    """Entries must not be empty: a mission begins with one."""
+def timeline(mission_id: str, entries: Sequence[Entry], *, axis: Axis, at_s: float, node: str) -> Timeline:
+    """Entries must not be empty: a mission begins with one. Ticks that would cover each other are one tick."""
     begin_s = entries[0].mission_s
-    span_s = max(entries[-1].mission_s - begin_s, 0.001)
-    place = next((index for index, entry in enumerate(entries) if entry.position == at), len(entries) - 1)
-    here = entries[place]
-
-    def href(position: int) -> str:
-        chosen = f"&node={node}" if node else ""
-        return f"/missions/{mission_id}?at={position}{chosen}#timeline"
-
+    chosen = f"&node={node}" if node else ""
     ticks: dict[Family, list[Tick]] = {family: [] for family, _ in LANES}
     for entry in entries:
-        ticks[FAMILY[entry.kind]].append(
-            Tick(
-                position=entry.position,
-                left=round(99.0 * (entry.mission_s - begin_s) / span_s, 3),
-                tone=tone(entry.event),
-                text=f"{entry.position}: {sentence(entry.event)}",
-                href=href(entry.position),
-            )
+        lane, left = ticks[FAMILY[entry.kind]], axis.left_of(entry.mission_s)
+        tick = Tick(
+            position=entry.position,
+            left=left,
+            tone=tone(entry.event),
+            text=f"{entry.position}: {sentence(entry.event)}",
+            href=f"/missions/{mission_id}?at={entry.position}{chosen}#timeline",
         )
+        if lane and left - lane[-1].left < NARROWEST and LOUDEST.index(lane[-1].tone) >= LOUDEST.index(tick.tone):
+            continue
+        if lane and left - lane[-1].left < NARROWEST:
+            lane[-1] = tick
+        else:
+            lane.append(tick)
     return Timeline(
         lanes=tuple(Lane(title=title, ticks=tuple(ticks[family])) for family, title in LANES),
-        cursor=round(99.0 * (here.mission_s - begin_s) / span_s, 3),
-        elapsed_s=here.mission_s - begin_s,
-        total_s=span_s,
-        first=entries[0].position,
-        last=entries[-1].position,
-        place=place + 1,
-        count=len(entries),
-        earlier=href(entries[place - 1].position) if place else "",
-        later=href(entries[place + 1].position) if place + 1 < len(entries) else "",
+        cursor=axis.left_of(at_s),
+        marks=" ".join(f"{entry.position}@{entry.mission_s - begin_s:.3f}" for entry in entries),
     )
 
 
-def lines(mission_id: str, entries: Sequence[Entry], *, at: int | None) -> tuple[Line, ...]:
-    """Every event as a sentence, oldest first."""
-    return tuple(_line(mission_id, entry, begin_s=entries[0].mission_s, at=at) for entry in entries)
+def lines(mission_id: str, entries: Sequence[Entry], *, place: int, at: int | None) -> tuple[Line, ...]:
+    """The events around the reader's place (counted from 1) as sentences, oldest first."""
+    first = max(min(place - AROUND, len(entries) - 2 * AROUND), 0)
+    around = entries[first : first + 2 * AROUND]
+    return tuple(line(mission_id, entry, begin_s=entries[0].mission_s, at=at) for entry in around)
 
 
 def until(entries: Sequence[Entry], at: int | None) -> tuple[Entry, ...]:
@@ -129,7 +127,8 @@ def until(entries: Sequence[Entry], at: int | None) -> tuple[Entry, ...]:
     return tuple(entry for entry in entries if entry.position <= at) or tuple(entries[:1])
 
 
-def _line(mission_id: str, entry: Entry, *, begin_s: float, at: int | None) -> Line:
+def line(mission_id: str, entry: Entry, *, begin_s: float, at: int | None) -> Line:
+    """One event as a sentence; `at` marks the one that the reader stands at."""
     return Line(
         position=entry.position,
         elapsed_s=entry.mission_s - begin_s,

@@ -51,9 +51,7 @@ def main() -> None:
         return mine.persister
 
     turn = mission_turns(_missions(persister))
-    serve(
-        turn, name="Burr, SQLite persister", packages=("apache-burr",), durability=pragmas(persister().connection)
-    )
+    serve(turn, name="Burr, SQLite persister", packages=("apache-burr",), durability=pragmas(persister().connection))
 
 
 if __name__ == "__main__":

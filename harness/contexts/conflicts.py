@@ -37,7 +37,7 @@ def superseded(statements: Sequence[Statement]) -> dict[int, str]:
 def conflicting(statements: Sequence[Statement], *, ignored: frozenset[int]) -> dict[int, str]:
     """Indices of statements by different sources that contradict each other, and what about."""
     torn: dict[int, str] = {}
-    live = [(index, statement) for index, statement in enumerate(statements) if index not in ignored]
+    live = [(index, one) for index, one in enumerate(statements) if one.states and index not in ignored]
     for index, statement in live:
         for _, other in live:
             name = _contradiction(statement, other) if other.source != statement.source else ""

@@ -1,4 +1,4 @@
-"""The common shape of events and who asks for things."""
+"""The common shapes of events and commands, and who asks for things."""
 
 from typing import Literal
 
@@ -9,6 +9,10 @@ Channel = Literal["human", "timeout", "policy"]
 
 class Event(Value, tag_field="kind"):
     """Base of all events; the tag is the class name."""
+
+
+class Command(Value, tag_field="command"):
+    """Base of all commands."""
 
 
 class Actor(Value):

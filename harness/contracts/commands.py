@@ -4,7 +4,7 @@ from typing import Literal
 
 import msgspec
 
-from harness.contracts.actors import Actor
+from harness.contracts.actors import Actor, Command
 from harness.contracts.capabilities import Risk
 from harness.contracts.configuration import FailureClass, RecoveryPolicy
 from harness.contracts.events import Autonomy, DispatchIntended, NodePlanned
@@ -22,13 +22,10 @@ from harness.contracts.ids import (
 )
 from harness.contracts.proposals import RecoveryProposal, Signature
 from harness.contracts.protocol import InvocationStatus
-from harness.contracts.tasks import Constraints, TaskContract
-from harness.contracts.values import Count, Name, Value
+from harness.contracts.revision_commands import DisputeCompletion, RecordAttestation, ReviseContract, TightenConstraints
+from harness.contracts.tasks import TaskContract
+from harness.contracts.values import Count, Name
 from harness.contracts.verdicts import GoalVerdict, NodeVerdict
-
-
-class Command(Value, tag_field="command"):
-    """Base of all commands."""
 
 
 class CreateMission(Command, tag=True):
@@ -51,7 +48,8 @@ class ActivateMission(Command, tag=True):
 
 
 class AuthoriseDispatch(Command, tag=True):
-    """One invocation. `recovery` pays for it in the same transaction; `approved_by` names an approved handoff."""
+    """One invocation. `recovery` pays for it in the same transaction, or `approval` by a person, or an `attestation`
+    opens it: one look without motion, free (D17)."""
 
     intent: DispatchIntended
     planned: NodePlanned | None = None
@@ -60,6 +58,7 @@ class AuthoriseDispatch(Command, tag=True):
     recovery_context: Digest | None = None
     approval: HandoffId | None = None
     approver: Actor | None = None
+    attestation: RecordAttestation | None = None
     reason: str = ""
 
 
@@ -130,49 +129,12 @@ class FailNode(Command, tag=True):
     context: Digest | None = None
 
 
-class ReviseContract(Command, tag=True):
-    """A planner's wish for another graph, for the sake of one stage that pays for it. The harness admits or refuses."""
-
-    node_id: NodeId
-    contract: TaskContract
-    planner: Name
-    reason: str
-
-
-class TightenConstraints(Command, tag=True):
-    """A plugin's, planner's or person's further restriction. There is no command that removes one (R172)."""
-
-    layer: Name
-    constraints: Constraints
-    reason: Name
-
-
 class AskPerson(Command, tag=True):
     handoff_id: HandoffId
     node_id: NodeId
     failure: FailureClass
     reason: str
     context: Digest | None = None
-
-
-class RecordAttestation(Command, tag=True):
-    """What a person saw with their own eyes of one condition, at `seen_s` (mission time)."""
-
-    handoff_id: HandoffId
-    node_id: NodeId
-    condition_id: ConditionId
-    actor: Actor
-    statement: Name
-    seen_s: float
-    blob: Digest
-
-
-class DisputeCompletion(Command, tag=True):
-    """A person disputes an accepted fact, while the mission runs or after it (D21)."""
-
-    condition_id: ConditionId
-    actor: Actor
-    reason: Name
 
 
 class AnswerMission(Command, tag=True):
@@ -253,7 +215,6 @@ MissionCommand = (
     | ReviseContract
     | TightenConstraints
     | AskPerson
-    | RecordAttestation
     | DisputeCompletion
     | AnswerMission
     | PauseMission
@@ -342,6 +303,16 @@ class RejectHandoff(Command, tag=True):
     subject: Digest
 
 
+class AttestHandoff(Command, tag=True):
+    """A person's own observation of one condition, on the question as it was shown in this cycle."""
+
+    actor: Actor
+    reason: str
+    key: Name
+    cycle: Count
+    condition_id: ConditionId
+
+
 class ExpireHandoff(Command, tag=True):
     pass
 
@@ -364,6 +335,7 @@ HandoffCommand = (
     | RefreshHandoff
     | ApproveHandoff
     | RejectHandoff
+    | AttestHandoff
     | ExpireHandoff
     | SupersedeHandoff
     | MarkDispatched
@@ -391,6 +363,17 @@ class LookAgain(Command, tag=True):
     actor: Actor
 
 
-PersonCommand = DecideHandoff | LookAgain
+class AttestCondition(Command, tag=True):
+    """A person says what they saw of one condition at a handoff; the supervisor then looks without motion (D17)."""
+
+    handoff_id: HandoffId
+    condition_id: ConditionId
+    actor: Actor
+    statement: Name
+    key: Name
+    cycle: Count
+
+
+PersonCommand = DecideHandoff | LookAgain | AttestCondition
 
 AnyCommand = MissionCommand | LeaseCommand | HandoffCommand

@@ -35,11 +35,17 @@ class Metric(Effect, tag="metric"):
 
 
 class Relational(Effect, tag="relational"):
-    """`subject` stands in `relation` to `object`; both name nodes, places or entities."""
+    """`subject` stands in `relation` to `object`; both name nodes, places or entities.
+
+    A relation in the map states its region: a polygon in `frame` of `map_version`, metres.
+    """
 
     relation: Name
     subject: Name
     object: Name
+    frame: str = ""
+    map_version: str = ""
+    region_m: tuple[Point, ...] = ()
 
 
 class Visual(Effect, tag="visual"):
@@ -51,11 +57,15 @@ class Visual(Effect, tag="visual"):
 
 
 class Temporal(Effect, tag="temporal"):
-    """Something holds for `interval_s`, with `bound` in the predicate's unit, or `nodes` ended in this order (R14)."""
+    """Something holds for `interval_s`, with `bound` in the predicate's unit, or `nodes` ended in this order (R14).
+
+    `stable` tests `inner` at every look of the interval; its `bound` is the longest time without a look, seconds.
+    """
 
     interval_s: Positive
     bound: Positive
     nodes: tuple[NodeId, ...] = ()
+    inner: Symbolic | Metric | Relational | Visual | None = None
 
 
 AnyEffect = Symbolic | Metric | Relational | Visual | Temporal

@@ -269,7 +269,7 @@ class HandoffAnswered(Event, tag=True):
     """(k+1 for an approval) The person's decision, as the mission sees it."""
 
     handoff_id: HandoffId
-    decision: Literal["approved", "rejected", "expired", "superseded"]
+    decision: Literal["approved", "rejected", "expired", "superseded", "attested"]
     actor: Actor
     reason: str
 

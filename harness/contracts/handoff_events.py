@@ -5,7 +5,7 @@ from typing import Literal
 from harness.contracts.actors import Actor, Event
 from harness.contracts.capabilities import Risk
 from harness.contracts.configuration import FailureClass, RecoveryAction
-from harness.contracts.ids import Digest, HandoffId, InvocationId, MissionId, NodeId, ProviderId, RobotId
+from harness.contracts.ids import ConditionId, Digest, HandoffId, InvocationId, MissionId, NodeId, ProviderId, RobotId
 from harness.contracts.protocol import Parameters
 from harness.contracts.values import Count, Name, Value
 
@@ -71,7 +71,7 @@ class HandoffRefreshed(Event, tag=True):
 
 class HandoffApproved(Event, tag=True):
     actor: Actor
-    reason: Name
+    reason: str
     key: Name
     cycle: Count
     subject: Digest
@@ -81,10 +81,21 @@ class HandoffApproved(Event, tag=True):
 
 class HandoffRejected(Event, tag=True):
     actor: Actor
-    reason: Name
+    reason: str
     key: Name
     cycle: Count
     subject: Digest
+    at_s: float
+
+
+class HandoffAttested(Event, tag=True):
+    """A person said what they saw of one condition. It lets one look without motion happen; it satisfies nothing."""
+
+    actor: Actor
+    reason: str
+    key: Name
+    cycle: Count
+    condition_id: ConditionId
     at_s: float
 
 
@@ -93,7 +104,7 @@ class HandoffExpired(Event, tag=True):
 
 
 class HandoffSuperseded(Event, tag=True):
-    reason: Name
+    reason: str
 
 
 class HandoffDispatched(Event, tag=True):
@@ -104,7 +115,7 @@ class HandoffEffectObserved(Event, tag=True):
     """What became of the one dispatch: confirmed by the gate, failed, or unknown. Never assumed."""
 
     outcome: Literal["confirmed", "failed", "unknown"]
-    reason: Name
+    reason: str
 
 
 HandoffEvent = (
@@ -112,6 +123,7 @@ HandoffEvent = (
     | HandoffRefreshed
     | HandoffApproved
     | HandoffRejected
+    | HandoffAttested
     | HandoffExpired
     | HandoffSuperseded
     | HandoffDispatched

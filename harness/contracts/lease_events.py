@@ -2,7 +2,7 @@
 
 from harness.contracts.actors import Actor, Event
 from harness.contracts.ids import InvocationId, MissionId, ResourceId
-from harness.contracts.values import Count, Name
+from harness.contracts.values import Count
 
 
 class LeaseAcquired(Event, tag=True):
@@ -17,14 +17,14 @@ class LeaseAcquired(Event, tag=True):
 
 class LeaseReleased(Event, tag=True):
     invocation_id: InvocationId
-    reason: Name
+    reason: str
 
 
 class LeaseQuarantined(Event, tag=True):
     """The holder may be moving: nobody gets the resource until it is freed (D14)."""
 
     invocation_id: InvocationId
-    reason: Name
+    reason: str
 
 
 class LeaseFreed(Event, tag=True):
@@ -32,7 +32,7 @@ class LeaseFreed(Event, tag=True):
 
     actor: Actor
     static: dict[str, float]
-    reason: Name
+    reason: str
 
 
 LeaseEvent = LeaseAcquired | LeaseReleased | LeaseQuarantined | LeaseFreed

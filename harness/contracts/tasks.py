@@ -111,7 +111,7 @@ class TaskTemplate(Value):
 
 
 def check(contract: TaskContract) -> None:
-    """Raise ContractInvalid for the first broken rule: unique names, known dependencies, no cycle, known frame."""
+    """Raise ContractInvalid for the first broken rule: names, dependencies, no cycle, required stages, frame."""
     names = [node.node_id for node in contract.nodes]
     for name in names:
         if names.count(name) > 1:
@@ -127,6 +127,7 @@ def check(contract: TaskContract) -> None:
     order(contract)
     if not any(node.required for node in contract.nodes):
         raise ContractInvalid("No node is required", where="nodes", do="mark what the goal needs as required")
+    _check_required(contract)
     for where, condition in _conditions(contract):
         effect = condition.effect
         if isinstance(effect, Metric) and (effect.frame, effect.map_version) != (contract.frame, contract.map_version):
@@ -138,6 +139,19 @@ def check(contract: TaskContract) -> None:
             )
         if isinstance(effect, Temporal) and not set(effect.nodes) <= set(names):
             raise ContractInvalid(f"Condition {condition.condition_id} names unknown nodes", where=where)
+
+
+def _check_required(contract: TaskContract) -> None:
+    """A stage that the goal needs cannot wait for one that may be skipped (R12)."""
+    optional = {node.node_id for node in contract.nodes if not node.required}
+    for node in contract.nodes:
+        waits_for = sorted(optional & set(node.depends_on)) if node.required else []
+        if waits_for:
+            raise ContractInvalid(
+                f"Required node {node.node_id} depends on the optional {', '.join(waits_for)}",
+                where=f"nodes.{node.node_id}.depends_on",
+                do="mark what it depends on as required, or drop the dependency",
+            )
 
 
 def order(contract: TaskContract) -> tuple[NodeId, ...]:

@@ -14,7 +14,6 @@ from harness.contracts.commands import (
     ClearVeto,
     CompleteNode,
     CreateMission,
-    DisputeCompletion,
     EndInvocation,
     EndMission,
     FailNode,
@@ -22,16 +21,13 @@ from harness.contracts.commands import (
     MissionCommand,
     PauseMission,
     RaiseVeto,
-    RecordAttestation,
     RecordObservation,
     RefusePrecondition,
     ReportFailure,
     ResumeInvocation,
     ResumeMission,
-    ReviseContract,
     StopInvocation,
     StopMission,
-    TightenConstraints,
 )
 from harness.contracts.decider import Codec, Decider
 from harness.contracts.decisions import Accepted, Decision, Refused
@@ -48,13 +44,14 @@ from harness.contracts.events import (
     VetoCleared,
     VetoRaised,
 )
+from harness.contracts.revision_commands import DisputeCompletion, ReviseContract, TightenConstraints
 from harness.contracts.tasks import check
 from harness.contracts.values import Moment, digest
 from harness.gate.completion import complete
 from harness.gate.dispatch import authorise, wait
 from harness.gate.ends import acknowledge, answer, ask, end, pause, resume, stop, stop_invocation, unfinished
 from harness.gate.goal import judge
-from harness.gate.revisions import attest, dispute, revise, tighten
+from harness.gate.revisions import dispute, revise, tighten
 from harness.projections.mission import Mission
 from harness.projections.mission_fold import apply
 
@@ -95,6 +92,9 @@ def _decided(mission: Mission, command: MissionCommand) -> Decision[MissionEvent
         case ResumeInvocation():
             return Accepted((InvocationResumed(invocation_id=command.invocation_id),))
         case FailNode():
+            node = mission.nodes.get(command.node_id)
+            if node is None or node.status in ("committed", "failed", "superseded"):
+                return Refused("no_open_stage", f"{command.node_id} is no open stage, so it cannot be given up.")
             return Accepted((NodeFailed(node_id=command.node_id, reason=command.reason, context=command.context),))
         case ReviseContract():
             return revise(mission, command)
@@ -102,8 +102,6 @@ def _decided(mission: Mission, command: MissionCommand) -> Decision[MissionEvent
             return tighten(mission, command)
         case DisputeCompletion():
             return dispute(mission, command)
-        case RecordAttestation():
-            return attest(mission, command)
         case AskPerson():
             return ask(mission, command)
         case AnswerMission():

@@ -13,7 +13,9 @@ from harness.contracts.events import (
 )
 from harness.contracts.ids import Digest, invocation_id, request_id
 from harness.contracts.proposals import RecoveryProposal
+from harness.contracts.revision_events import AttestationRecorded
 from harness.contracts.tasks import Node
+from harness.gate.attestation import opened, unattested
 from harness.projections.mission import Mission, NodeState, eligible, failed, required_contract, required_policy
 from harness.recovery.approval import approval_required
 from harness.recovery.rules import first_broken_recovery
@@ -22,7 +24,12 @@ from harness.recovery.standing import VERIFY_ONLY, left_now
 
 def authorise(mission: Mission, command: AuthoriseDispatch) -> Decision[MissionEvent]:
     """The spend, its k bump and the intent are one commit; the intent's `k_ctx` is the k after it."""
-    refused = _unready(mission, command) or _misbound(mission, command) or _unpaid(mission, command)
+    refused = (
+        _unready(mission, command)
+        or _misbound(mission, command)
+        or unattested(mission, command)
+        or _unpaid(mission, command)
+    )
     if refused:
         return refused
     paid = _payment(mission, command)
@@ -59,7 +66,8 @@ def wait(mission: Mission, command: AuthoriseWait) -> Decision[MissionEvent]:
 
 def _unready(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
     intent = command.intent
-    waiting = mission.status == "awaiting_human" and command.approval == mission.handoff_id
+    answered = command.attestation.handoff_id if command.attestation else command.approval
+    waiting = mission.status == "awaiting_human" and answered == mission.handoff_id
     if mission.status != "active" and not waiting:
         return Refused("not_active", f"The mission is {mission.status}.")
     invocation = mission.invocation
@@ -71,7 +79,7 @@ def _unready(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
     node = mission.nodes.get(intent.node_id)
     if node is None:
         return Refused("unknown_node", f"The contract has no node {intent.node_id}.")
-    answering = node.failure is not None and (command.recovery is not None or command.approval is not None)
+    answering = node.failure is not None and (command.recovery is not None or answered is not None)
     if not answering and intent.node_id not in eligible(mission):
         return Refused("not_eligible", f"Node {intent.node_id} waits for dependencies that are not committed.")
     return None
@@ -130,6 +138,8 @@ def bound_late(value: object) -> bool:
 
 def _unpaid(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
     node, intent = mission.of(command.intent.node_id), command.intent
+    if command.attestation is not None:
+        return None
     if command.recovery is not None and not (command.approval and command.recovery.cost == 0):
         broken = first_broken_recovery(
             mission,
@@ -161,6 +171,8 @@ def waited(node: NodeState) -> bool:
 
 
 def _payment(mission: Mission, command: AuthoriseDispatch) -> tuple[MissionEvent, ...]:
+    if command.attestation is not None:
+        return opened(mission, command)
     events: list[MissionEvent] = []
     node = mission.of(command.intent.node_id)
     if command.approval is not None and command.approver is not None:
@@ -220,7 +232,7 @@ def _bumps(event: MissionEvent) -> int:
     match event:
         case RecoveryAuthorised():
             return event.cost
-        case HandoffAnswered() | OperatorRetryGranted():
+        case HandoffAnswered(decision="approved") | OperatorRetryGranted() | AttestationRecorded():
             return 1
         case _:
             return 0

@@ -5,6 +5,7 @@ from typing import assert_never
 
 from harness.contracts.commands import (
     ApproveHandoff,
+    AttestHandoff,
     ExpireHandoff,
     HandoffCommand,
     MarkDispatched,
@@ -18,6 +19,7 @@ from harness.contracts.decider import Codec, Decider
 from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.handoff_events import (
     HandoffApproved,
+    HandoffAttested,
     HandoffDispatched,
     HandoffEffectObserved,
     HandoffEvent,
@@ -47,6 +49,8 @@ def decide(handoff: Handoff, command: HandoffCommand, now: Moment) -> Decision[H
             return _approve(handoff, command, now)
         case RejectHandoff():
             return _reject(handoff, command, now)
+        case AttestHandoff():
+            return _attest(handoff, command, now)
         case ExpireHandoff():
             if handoff.opened is None or handoff.status != "open" or now.wall_s < handoff.opened.deadline_at_s:
                 return Accepted(())
@@ -54,7 +58,7 @@ def decide(handoff: Handoff, command: HandoffCommand, now: Moment) -> Decision[H
         case SupersedeHandoff():
             return Accepted((HandoffSuperseded(reason=command.reason),) if handoff.status == "open" else ())
         case MarkDispatched():
-            if handoff.status != "approved":
+            if handoff.status not in ("approved", "attested"):
                 return Refused("not_approved", f"The handoff is {handoff.status}; an approval authorises one dispatch.")
             return Accepted((HandoffDispatched(invocation_id=command.invocation_id),))
         case RecordEffect():
@@ -148,8 +152,27 @@ def _reject(handoff: Handoff, command: RejectHandoff, now: Moment) -> Decision[H
     return Accepted((rejected,))
 
 
+def _attest(handoff: Handoff, command: AttestHandoff, now: Moment) -> Decision[HandoffEvent]:
+    repeated = _answered(handoff, command, "attested")
+    if repeated is not None:
+        return repeated
+    if broken := _expired(handoff, now):
+        return broken
+    if command.cycle != handoff.cycle:
+        return Refused("wrong_cycle", f"The question changed: it is in cycle {handoff.cycle}, not {command.cycle}.")
+    attested = HandoffAttested(
+        actor=command.actor,
+        reason=command.reason,
+        key=command.key,
+        cycle=command.cycle,
+        condition_id=command.condition_id,
+        at_s=now.wall_s,
+    )
+    return Accepted((attested,))
+
+
 def _answered(
-    handoff: Handoff, command: ApproveHandoff | RejectHandoff, decision: str
+    handoff: Handoff, command: ApproveHandoff | RejectHandoff | AttestHandoff, decision: str
 ) -> Decision[HandoffEvent] | None:
     """The same answer again is the same receipt; another one names who decided."""
     if handoff.status == "open":
@@ -161,7 +184,7 @@ def _answered(
         decision,
         command.key,
         command.cycle,
-        command.subject,
+        answer.subject if isinstance(command, AttestHandoff) else command.subject,
         command.reason,
         command.actor.name,
     )

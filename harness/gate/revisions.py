@@ -1,14 +1,12 @@
-"""Pure: may this plan, restriction, dispute or attestation count? None of them removes a limit or a fact."""
+"""Pure: may this plan, restriction or dispute count? None of them removes a limit or a fact."""
 
-from harness.contracts.commands import DisputeCompletion, RecordAttestation, ReviseContract, TightenConstraints
 from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.events import MissionEvent
-from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import NodeId, ProviderId
 from harness.contracts.proposals import RecoveryProposal, Signature
+from harness.contracts.revision_commands import DisputeCompletion, ReviseContract, TightenConstraints
 from harness.contracts.revision_events import (
-    AttestationRecorded,
     CompletionDisputed,
     ConstraintsTightened,
     GraphRevised,
@@ -116,32 +114,3 @@ def descendants(contract: TaskContract, node_id: NodeId) -> frozenset[NodeId]:
         if set(contract.node(name).depends_on) & {node_id, *found}:
             found.add(name)
     return frozenset(found)
-
-
-def attest(mission: Mission, command: RecordAttestation) -> Decision[MissionEvent]:
-    """A person's own observation, only where the node's evidence policy names it. It satisfies nothing (D17)."""
-    if mission.status != "awaiting_human" or mission.handoff_id != command.handoff_id:
-        return Refused("not_waiting", f"The mission does not wait for {command.handoff_id}.")
-    node = next((one for one in required_contract(mission).nodes if one.node_id == command.node_id), None)
-    if node is None or not node.evidence.attestation:
-        return Refused("not_attestable", f"The evidence policy of {command.node_id!r} names no attestation.")
-    if command.condition_id not in {one.condition_id for one in node.success_conditions}:
-        return Refused("unknown_condition", f"{command.node_id} has no condition {command.condition_id!r}.")
-    reference = EvidenceReference(
-        kind="attestation",
-        origin="human",
-        source=command.actor.name,
-        from_s=command.seen_s,
-        until_s=command.seen_s,
-        confidence=1.0,
-        blob=command.blob,
-        values={"condition_id": command.condition_id, "statement": command.statement},
-    )
-    attested = AttestationRecorded(
-        handoff_id=command.handoff_id,
-        node_id=command.node_id,
-        condition_id=command.condition_id,
-        actor=command.actor,
-        reference=reference,
-    )
-    return Accepted((attested,))

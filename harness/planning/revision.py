@@ -10,7 +10,7 @@ from harness.contracts.decisions import Refused
 from harness.contracts.effects import Metric
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import NodeId
-from harness.contracts.tasks import Node, RecoveryLimits, TaskContract, check, order
+from harness.contracts.tasks import Goal, Node, RecoveryLimits, TaskContract, check, order
 from harness.planning.restrictions import loosened
 from harness.projections.mission import Mission, required_contract
 
@@ -59,13 +59,26 @@ def _establishes(node: Node, served: Sequence[Node]) -> bool:
 
 
 def _kept_whole(current: TaskContract, proposed: TaskContract) -> Refused | None:
-    if (proposed.goal, proposed.template) != (current.goal, current.template):
-        return Refused("goal_changed", "A revision keeps the goal in the person's own words and its template.")
-    if proposed.completion_conditions != current.completion_conditions:
-        return Refused("conditions_changed", "The completion conditions are those first stored; no plan changes them.")
-    if (proposed.frame, proposed.map_version) != (current.frame, current.map_version):
-        return Refused("frame_changed", f"The contract is stated in {current.frame} of map {current.map_version}.")
-    return None
+    where = f"{current.frame} of map {current.map_version}"
+    kept = (
+        ("goal_changed", _goal(current), _goal(proposed), "A revision keeps the person's own words and its template."),
+        (
+            "conditions_changed",
+            current.completion_conditions,
+            proposed.completion_conditions,
+            "The completion conditions are those first stored; no plan changes them.",
+        ),
+        ("frame_changed", _frame(current), _frame(proposed), f"The contract is stated in {where}."),
+    )
+    return next((Refused(rule, message) for rule, before, after, message in kept if before != after), None)
+
+
+def _goal(contract: TaskContract) -> tuple[Goal, str]:
+    return contract.goal, contract.template
+
+
+def _frame(contract: TaskContract) -> tuple[str, str]:
+    return contract.frame, contract.map_version
 
 
 def _limits(current: TaskContract, proposed: TaskContract) -> Refused | None:

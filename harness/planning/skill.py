@@ -29,8 +29,8 @@ class _Attempt(msgspec.Struct, frozen=True):
 def propose_skill(context: Context) -> SkillProposal:
     """The parameters of one invocation by the provider whose card C2 holds. C2 is the only state it sees.
 
-    Reads `node`, `card`, `attempt`, `constraints` and `facts`. A text `@{node.argument}` becomes that argument of a committed fact;
-    what the card does not name is dropped.
+    Reads `node`, `card`, `attempt`, `constraints` and `facts`. A text `@{node.argument}` becomes that argument of a
+    committed fact; what the card does not name is dropped.
     Raises ContractInvalid with what the card requires and the node or the facts cannot give.
     """
     node, card = _required(context, "node").read(Node), _required(context, "card").read(CapabilityCard)

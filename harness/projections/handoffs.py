@@ -7,6 +7,7 @@ from msgspec.structs import replace
 from harness.contracts.actors import Actor
 from harness.contracts.handoff_events import (
     HandoffApproved,
+    HandoffAttested,
     HandoffDispatched,
     HandoffEffectObserved,
     HandoffEvent,
@@ -20,14 +21,24 @@ from harness.contracts.ids import Digest, HandoffId, InvocationId
 from harness.contracts.values import Count, Value
 
 HandoffStatus = Literal[
-    "none", "open", "approved", "rejected", "expired", "superseded", "dispatched", "confirmed", "failed", "unknown"
+    "none",
+    "open",
+    "approved",
+    "attested",
+    "rejected",
+    "expired",
+    "superseded",
+    "dispatched",
+    "confirmed",
+    "failed",
+    "unknown",
 ]
 
 
 class Answer(Value):
     """Who decided what, when, on which key and digest."""
 
-    decision: Literal["approved", "rejected", "expired", "superseded"]
+    decision: Literal["approved", "rejected", "expired", "superseded", "attested"]
     actor: Actor
     reason: str
     key: str
@@ -58,9 +69,11 @@ def apply(handoff: Handoff, event: HandoffEvent) -> Handoff:
         case HandoffRefreshed():
             return _refreshed(h, event)
         case HandoffApproved():
-            return replace(h, status="approved", answer=_answer("approved", event))
+            return replace(h, status="approved", answer=_answer("approved", event, h))
         case HandoffRejected():
-            return replace(h, status="rejected", answer=_answer("rejected", event))
+            return replace(h, status="rejected", answer=_answer("rejected", event, h))
+        case HandoffAttested():
+            return replace(h, status="attested", answer=_answer("attested", event, h))
         case HandoffExpired():
             return replace(h, status="expired")
         case HandoffSuperseded():
@@ -88,13 +101,18 @@ def _refreshed(h: Handoff, event: HandoffRefreshed) -> Handoff:
     return replace(h, opened=opened, cycle=event.cycle)
 
 
-def _answer(decision: Literal["approved", "rejected"], event: HandoffApproved | HandoffRejected) -> Answer:
+def _answer(
+    decision: Literal["approved", "rejected", "attested"],
+    event: HandoffApproved | HandoffRejected | HandoffAttested,
+    h: Handoff,
+) -> Answer:
+    shown = h.opened.subject if h.opened else Digest("")
     return Answer(
         decision=decision,
         actor=event.actor,
         reason=event.reason,
         key=event.key,
         cycle=event.cycle,
-        subject=event.subject,
+        subject=shown if isinstance(event, HandoffAttested) else event.subject,
         at_s=event.at_s,
     )

@@ -127,12 +127,11 @@ def _folded(m: Mission, event: MissionEvent) -> Mission:
             asked = _node(m, event.node_id, status="escalated")
             return replace(asked, status="awaiting_human", handoff_id=event.handoff_id, reason=event.reason)
         case HandoffAnswered():
-            approved = event.decision == "approved"
             return replace(
                 m,
                 handoff_id=None,
-                status="active" if approved else m.status,
-                k=m.k + (1 if approved else 0),
+                status="active" if event.decision in ("approved", "attested") else m.status,
+                k=m.k + (1 if event.decision == "approved" else 0),
                 reason=event.reason,
             )
         case OperatorRetryGranted():

@@ -40,7 +40,7 @@ class AgentLoop:
         self._roles = Roles(runtime=runtime, crew=crew, senses=self._senses)
         self._dispatcher = Dispatcher(self._roles)
         self.desk = Desk(self._roles, self._dispatcher)
-        self._attendant = Attendant(self._roles)
+        self._attendant = Attendant(self._roles, found=runtime.mission(mission_id).invocation)
         self._watchdog = Watchdog(self._roles)
         self._recovery = Recovery(self._roles, dispatcher=self._dispatcher, desk=self.desk)
         self._prepared = False

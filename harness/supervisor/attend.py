@@ -1,5 +1,7 @@
 """Watches the open invocation: starts it, keeps it alive, stops it, and turns its end into a packet and a verdict."""
 
+from typing import Literal
+
 from harness.contexts.verifier import verifier_context
 from harness.contracts.commands import (
     AcceptInvocation,
@@ -19,7 +21,7 @@ from harness.contracts.protocol import KEEPALIVE_LOST, TERMINAL, Identity, Invoc
 from harness.gate.commit import Request
 from harness.projections.mission import Invocation, Mission
 from harness.runtime import Live
-from harness.supervisor.leases import give_back
+from harness.supervisor.leases import give_back, holds
 from harness.supervisor.packets import build_packet
 from harness.supervisor.rest import at_rest
 from harness.supervisor.roles import Roles, context_record
@@ -32,16 +34,27 @@ REST_WITHIN_S = 8.0
 """How much longer a body that should stand is watched for proof of it; without proof its lease is quarantined."""
 UNREACHABLE_S = 20.0
 ACKNOWLEDGE_S = 5.0
+Effect = Literal["confirmed", "failed", "unknown"]
+EFFECTS: dict[Effect, str] = {
+    "confirmed": "the gate accepted the result",
+    "failed": "the gate did not accept the result",
+    "unknown": "nobody can say whether it was done",
+}
 
 
 class Attendant:
-    """One invocation at a time. Handles live in memory; the request id finds them again after a crash (D13)."""
+    """One invocation at a time. Handles live in memory; the request id finds them again after a crash (D13).
 
-    def __init__(self, roles: Roles) -> None:
+    `found` is the invocation that an earlier process left open: its request may have been sent.
+    """
+
+    def __init__(self, roles: Roles, *, found: Invocation | None) -> None:
         self._roles = roles
         self._runtime = roles.runtime
         self._crew = roles.crew
         self._handles: dict[InvocationId, str] = {}
+        self._sent = {found.intent.invocation_id} if found else set[InvocationId]()
+        self._ended_since: float | None = None
         self._silent_since: float | None = None
         self._stopping_since: float | None = None
         self._resumed = False
@@ -49,6 +62,9 @@ class Attendant:
     def attend(self, mission: Mission, invocation: Invocation) -> float:
         """One look at the invocation; returns when to look again, in mission time."""
         now_s = self._crew.clock.now().mission_s
+        if self._lost(invocation):
+            reason = f"{invocation.intent.provider_id} cannot be asked whether the request arrived"
+            return self._silence(mission, invocation, now_s, reason, patience_s=0.0)
         try:
             report = self._report(mission, invocation)
             self._silent_since = None
@@ -62,18 +78,27 @@ class Attendant:
             self._abandon(mission, invocation, failure="provider_unavailable", reason=str(error))
             return now_s
 
+    def _lost(self, invocation: Invocation) -> bool:
+        """Sent, perhaps, without a handle, to a provider that cannot be asked by request: never sent again (D13)."""
+        intent = invocation.intent
+        known = self._handles.get(intent.invocation_id) or invocation.handle
+        askable = self._crew.provider(intent.provider_id).card.reattach == "by_request"
+        return intent.invocation_id in self._sent and known is None and not askable
+
     def _report(self, mission: Mission, invocation: Invocation) -> InvocationReport:
-        """The provider's word; reattach by handle, else by request id, else send the same request (D13)."""
+        """The provider's word; reattach by handle, else by request id, else send the request (D13)."""
         intent = invocation.intent
         provider = self._crew.provider(intent.provider_id)
         handle = self._handles.get(intent.invocation_id) or invocation.handle
         if handle is not None:
             return provider.report(handle)
-        if provider.card.reattach == "none" and invocation.status != "accepted":
-            raise ProviderUnreachable(f"{intent.provider_id} cannot be asked for {intent.request_id}")
         known = provider.find(intent.request_id) if provider.card.reattach == "by_request" else None
         if known is not None:
             self._roles.senses.catch_up(self._crew.spool.samples(intent.invocation_id))
+        self._sent.add(intent.invocation_id)
+        if intent.handoff_id is not None:
+            dispatched = MarkDispatched(invocation_id=intent.invocation_id)
+            self._runtime.commit([Request(handoff_stream(intent.handoff_id), dispatched)])
         report = known or provider.start(_request(mission, intent))
         self._accepted(mission, intent, report)
         return report
@@ -81,15 +106,11 @@ class Attendant:
     def _accepted(self, mission: Mission, intent: DispatchIntended, report: InvocationReport) -> None:
         self._handles[intent.invocation_id] = report.handle
         self._resumed = False
-        self._stopping_since = None
+        self._stopping_since = self._ended_since = None
         provider = self._crew.provider(intent.provider_id)
         if provider.card.reattach == "by_handle":
             self._runtime.submit(
                 mission.mission_id, AcceptInvocation(invocation_id=intent.invocation_id, handle=report.handle)
-            )
-        if intent.handoff_id is not None:
-            self._runtime.commit(
-                [Request(handoff_stream(intent.handoff_id), MarkDispatched(invocation_id=intent.invocation_id))]
             )
 
     def _supervise(self, mission: Mission, invocation: Invocation, report: InvocationReport, now_s: float) -> float:
@@ -127,10 +148,12 @@ class Attendant:
             self._runtime.submit(mission.mission_id, late)
 
     def _reawaken(self, mission: Mission, invocation: Invocation, report: InvocationReport) -> None:
-        """The dead man stood the robot still while nobody watched: go on where the card allows, else stop (D12)."""
+        """The dead man stood the robot still, nobody watched: go on where card and leases allow, else stop (D12)."""
         intent = invocation.intent
         provider = self._crew.provider(intent.provider_id)
-        if provider.card.resumable and not self._resumed:
+        if not holds(self._runtime, intent):
+            self.stop(mission, invocation, reason="its lease was quarantined while nobody watched")
+        elif provider.card.resumable and not self._resumed:
             self._runtime.submit(mission.mission_id, ResumeInvocation(invocation_id=intent.invocation_id))
             provider.resume(report.handle)
             self._resumed = True
@@ -146,11 +169,13 @@ class Attendant:
     def _finish(self, mission: Mission, invocation: Invocation, report: InvocationReport, now_s: float) -> float:
         """Seal the evidence once the body was watched long enough, judge it, and let the gate decide: one commit."""
         intent = invocation.intent
+        self._ended_since = now_s if self._ended_since is None else self._ended_since
+        ended_s = min(report.at_s, self._ended_since)
         watched = intent.moves or intent.verify_only
-        if watched and now_s < report.at_s + SETTLE_S:
-            return min(now_s + POLL_S, report.at_s + SETTLE_S)
+        if watched and now_s < ended_s + SETTLE_S:
+            return min(now_s + POLL_S, ended_s + SETTLE_S)
         rest = at_rest(self._roles.senses.recent, now_s)
-        if intent.moves and not rest.static and now_s < report.at_s + SETTLE_S + REST_WITHIN_S:
+        if intent.moves and not rest.static and now_s < ended_s + SETTLE_S + REST_WITHIN_S:
             return now_s + POLL_S
         until_s = report.at_s if mission.replay else now_s
         samples = [one for one in self._crew.spool.samples(intent.invocation_id) if one.at_s <= until_s]
@@ -169,24 +194,25 @@ class Attendant:
         decision = self._runtime.commit(requests, records=[context_record(c3)])
         if isinstance(decision, Accepted):
             committed = any(isinstance(event, NodeCommitted) for event in decision.events)
-            self._close(intent, confirmed=committed)
+            self._close(intent, "confirmed" if committed else "failed")
         return now_s
 
-    def _close(self, intent: DispatchIntended, *, confirmed: bool) -> None:
-        self._crew.spool.drop(intent.invocation_id)
-        self._handles.pop(intent.invocation_id, None)
-        self._stopping_since = None
+    def _close(self, intent: DispatchIntended, effect: Effect) -> None:
+        """What is known of the end; an execution that may be found again keeps its samples."""
+        if effect != "unknown":
+            self._crew.spool.drop(intent.invocation_id)
+            self._handles.pop(intent.invocation_id, None)
+        self._stopping_since = self._ended_since = None
         if intent.handoff_id is not None:
-            effect = RecordEffect(
-                outcome="confirmed" if confirmed else "failed",
-                reason="the gate accepted the result" if confirmed else "the gate did not accept the result",
-            )
-            self._runtime.commit([Request(handoff_stream(intent.handoff_id), effect)])
+            said = RecordEffect(outcome=effect, reason=EFFECTS[effect])
+            self._runtime.commit([Request(handoff_stream(intent.handoff_id), said)])
 
-    def _silence(self, mission: Mission, invocation: Invocation, now_s: float, reason: str) -> float:
+    def _silence(
+        self, mission: Mission, invocation: Invocation, now_s: float, reason: str, *, patience_s: float = UNREACHABLE_S
+    ) -> float:
         """No answer: ask again for a while; then the outcome is unknown and the resource is quarantined."""
         self._silent_since = self._silent_since if self._silent_since is not None else now_s
-        if now_s - self._silent_since > UNREACHABLE_S and invocation.status != "outcome_unknown":
+        if now_s - self._silent_since >= patience_s and invocation.status != "outcome_unknown":
             self._abandon(mission, invocation, failure="outcome_unknown", reason=reason)
         return now_s + POLL_S
 
@@ -209,7 +235,7 @@ class Attendant:
                 *give_back(self._runtime, intent, at_rest=settled, reason=reason),
             ]
         )
-        self._close(intent, confirmed=False)
+        self._close(intent, "unknown" if unknown else "failed")
 
     def _publish(self, mission: Mission, report: InvocationReport) -> None:
         live = Live(

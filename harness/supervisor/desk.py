@@ -9,6 +9,8 @@ from harness.contracts.commands import (
     AnswerMission,
     ApproveHandoff,
     AskPerson,
+    AttestCondition,
+    AttestHandoff,
     DecideHandoff,
     ExpireHandoff,
     LookAgain,
@@ -25,6 +27,7 @@ from harness.contracts.ids import Digest, HandoffId, NodeId, handoff_stream, mis
 from harness.contracts.observations import Image, Odometry, Pose
 from harness.contracts.places import Zone
 from harness.contracts.proposals import RecoveryProposal
+from harness.contracts.revision_commands import RecordAttestation
 from harness.contracts.values import Point, digest
 from harness.gate.commit import Request
 from harness.projections.handoffs import Handoff
@@ -90,6 +93,8 @@ class Desk:
         match command:
             case LookAgain():
                 return self.refresh(mission, handoff)
+            case AttestCondition():
+                return self._attest(mission, handoff, command)
             case DecideHandoff(decision="reject"):
                 return self._reject(mission, handoff, command)
             case DecideHandoff():
@@ -161,6 +166,34 @@ class Desk:
         wish = self._wish(mission, opened.node_id)
         approval = Approval(handoff_id=handoff.handoff_id, command=approve)
         return self._dispatcher.dispatch(mission, replace(wish, approval=approval))
+
+    def _attest(self, mission: Mission, handoff: Handoff, command: AttestCondition) -> Decision[AnyEvent]:
+        """A person's own observation: kept as evidence, and the one look without motion that it opens (D17)."""
+        attest = AttestHandoff(
+            actor=command.actor,
+            reason=command.statement,
+            key=command.key,
+            cycle=command.cycle,
+            condition_id=command.condition_id,
+        )
+        opened = handoff.opened
+        if handoff.status != "open" or opened is None or mission.handoff_id != handoff.handoff_id:
+            return self._runtime.commit([Request(handoff_stream(handoff.handoff_id), attest)])
+        self._roles.senses.collect(None)
+        record = RecordAttestation(
+            handoff_id=handoff.handoff_id,
+            node_id=opened.node_id,
+            condition_id=command.condition_id,
+            actor=command.actor,
+            statement=command.statement,
+            seen_s=self._crew.clock.now().mission_s,
+            blob=self._runtime.keep(command.statement.encode()),
+        )
+        look = RecoveryProposal(
+            action="verify_again", failure=opened.failure, provider_id=None, cost=0, reason="a person attested"
+        )
+        word = Approval(handoff_id=handoff.handoff_id, command=attest, attestation=record)
+        return self._dispatcher.dispatch(mission, Attempt(node_id=opened.node_id, recovery=look, approval=word))
 
     def _reject(self, mission: Mission, handoff: Handoff, command: DecideHandoff) -> Decision[AnyEvent]:
         reject = RejectHandoff(

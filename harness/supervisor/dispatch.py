@@ -10,7 +10,13 @@ from harness.contexts.skill import skill_context
 from harness.contexts.view import StateView
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.capabilities import Capability, CapabilityCard
-from harness.contracts.commands import ApproveHandoff, AuthoriseDispatch, RefusePrecondition, ReportFailure
+from harness.contracts.commands import (
+    ApproveHandoff,
+    AttestHandoff,
+    AuthoriseDispatch,
+    RefusePrecondition,
+    ReportFailure,
+)
 from harness.contracts.configuration import FailureClass
 from harness.contracts.contexts import Context
 from harness.contracts.decisions import Accepted, Refused
@@ -29,6 +35,7 @@ from harness.contracts.ids import (
 from harness.contracts.ports import Record
 from harness.contracts.proposals import RecoveryProposal, Signature, SkillProposal
 from harness.contracts.protocol import Parameters
+from harness.contracts.revision_commands import RecordAttestation
 from harness.contracts.tasks import Node
 from harness.contracts.values import digest
 from harness.gate.commit import Request
@@ -51,10 +58,11 @@ LOOK: Parameters = {"duration_s": LOOK_S, "frames": 1.0}
 
 @dataclass(frozen=True)
 class Approval:
-    """A person's approval that pays for one dispatch in the same transaction (D28)."""
+    """A person's word that opens one dispatch in the same transaction: an approval (D28), or an attestation (D17)."""
 
     handoff_id: HandoffId
-    command: ApproveHandoff
+    command: ApproveHandoff | AttestHandoff
+    attestation: RecordAttestation | None = None
 
 
 @dataclass(frozen=True)
@@ -247,8 +255,9 @@ class Dispatcher:
             recovery=attempt.recovery,
             signature=_signature(attempt.recovery, intent),
             recovery_context=attempt.c4.digest if attempt.c4 else None,
-            approval=approval.handoff_id if approval else None,
+            approval=approval.handoff_id if approval and approval.attestation is None else None,
             approver=approval.command.actor if approval else None,
+            attestation=approval.attestation if approval else None,
             reason=approval.command.reason if approval else "",
         )
 

@@ -1,16 +1,37 @@
 """Lease requests that go with an invocation: taken with the intent, given back only with the body at rest (D14)."""
 
+from dataclasses import dataclass
+
 from harness.contracts.actors import Actor
+from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import AcquireLease, FreeLease, QuarantineLease, ReleaseLease
+from harness.contracts.decisions import Accepted, Refused
+from harness.contracts.errors import ProviderFailed
 from harness.contracts.events import DispatchIntended
-from harness.contracts.ids import MissionId, ResourceId, lease_stream
+from harness.contracts.ids import MissionId, ResourceId, invocation_id, lease_stream, request_id
+from harness.contracts.observations import AnySample
+from harness.contracts.protocol import TERMINAL
 from harness.gate.commit import Request
+from harness.projections.leases import Lease
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
+from harness.supervisor.crew import Crew
+from harness.supervisor.rest import WINDOW_S, at_rest
+from harness.supervisor.senses import BATCH
 
 GRACE_S = 10.0
 """A lease outlives the node's deadline by this much, so that the happy path needs no renewal."""
+LOOK_S = 0.3
 SUPERVISOR = Actor(name="supervisor", role="harness", channel="policy")
+
+
+@dataclass(frozen=True)
+class FreeOrder:
+    """A person's order to free one resource, with the reason that stands in the log."""
+
+    resource: ResourceId
+    actor: Actor
+    reason: str
 
 
 def tokens(runtime: Runtime, resources: tuple[ResourceId, ...]) -> dict[str, int]:
@@ -32,6 +53,12 @@ def acquire(mission_id: MissionId, intent: DispatchIntended) -> list[Request]:
         )
         for resource, token in intent.resources.items()
     ]
+
+
+def holds(runtime: Runtime, intent: DispatchIntended) -> bool:
+    """Whether the invocation still holds everything it was dispatched with."""
+    leases = [runtime.lease(ResourceId(resource)) for resource in intent.resources]
+    return all(lease.status == "held" and lease.invocation_id == intent.invocation_id for lease in leases)
 
 
 def give_back(runtime: Runtime, intent: DispatchIntended, *, at_rest: bool, reason: str) -> list[Request]:
@@ -79,3 +106,47 @@ def free(runtime: Runtime, mission: Mission, *, static: dict[str, float]) -> lis
         if (lease := runtime.lease(ResourceId(stream.partition("/")[2]))).status == "quarantined"
         and lease.invocation_id in acknowledged
     ]
+
+
+def freed(runtime: Runtime, crew: Crew, order: FreeOrder) -> Accepted[AnyEvent] | Refused:
+    """A named person frees a resource (D14): the robot is looked at now, and what its odometry shows is the evidence.
+
+    Whoever had it is told to stop where he can be reached: what is freed is not taken up again. An engaged hardware
+    stop, as the robot reports it, stands for rest. Nothing is started or re-armed. Raises ProviderUnreachable if the
+    robot does not answer.
+    """
+    stopped, static = _halt(runtime, crew, runtime.lease(order.resource)), _static(crew)
+    if stopped or not static:
+        crew.clock.wait_until(crew.clock.now().mission_s + WINDOW_S + LOOK_S)
+        static = _static(crew)
+    command = FreeLease(actor=order.actor, static=static, reason=order.reason)
+    return runtime.commit([Request(lease_stream(order.resource), command)])
+
+
+def _static(crew: Crew) -> dict[str, float]:
+    """What shows the body at rest now; empty if nothing is known."""
+    samples: list[AnySample] = []
+    while batch := crew.robot.observations(samples[-1].seq if samples else 0, BATCH).samples:
+        samples.extend(batch)
+    stopped = {"hardware_stop": 1.0} if crew.robot.status().hardware_stop else {}
+    return at_rest(samples, crew.clock.now().mission_s).measured | stopped
+
+
+def _halt(runtime: Runtime, crew: Crew, lease: Lease) -> bool:
+    """Stop the execution that a lease was quarantined for; False where nothing of it runs or can be reached."""
+    mission = runtime.mission(lease.mission_id)
+    attempts = ((node.node_id, number) for node in mission.nodes.values() for number in range(1, node.attempt + 1))
+    requests = [request_id(mission.mission_id, node_id, number) for node_id, number in attempts]
+    lost = next((request for request in requests if invocation_id(request) == lease.invocation_id), None)
+    for provider in crew.providers.values():
+        if lost is None or lease.resource not in provider.card.resources or provider.card.reattach != "by_request":
+            continue
+        try:
+            found = provider.find(lost)
+            his = found is not None and found.identity.provider_id == provider.card.provider_id
+            if found is not None and his and found.status not in TERMINAL:
+                provider.stop(found.handle)
+                return True
+        except ProviderFailed:
+            continue
+    return False

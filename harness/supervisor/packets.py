@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from msgspec.structs import replace
 
+from harness.contracts.events import DispatchIntended
 from harness.contracts.evidence import EvidencePacket, EvidenceReference, PacketIdentity, ProposedFact
 from harness.contracts.ids import packet_id
 from harness.contracts.observations import AnySample, Image
@@ -51,7 +52,7 @@ def build_packet(
         failure=_failure_word(invocation, report),
         declared=report.declared,
         before=intent.before,
-        after=(*images, *after),
+        after=(*images, *after, *_attested(mission, intent)),
         estimates=estimates,
         proposed=tuple(
             ProposedFact(name=condition.effect.predicate, arguments=dict(report.declared))
@@ -61,6 +62,12 @@ def build_packet(
         cites=intent.cites,
         verify_only=intent.verify_only,
     )
+
+
+def _attested(mission: Mission, intent: DispatchIntended) -> tuple[EvidenceReference, ...]:
+    """A person's word, in the one look that it opened (D17)."""
+    said = mission.of(intent.node_id).attested
+    return tuple(one for one in said if intent.handoff_id and one.values.get("handoff_id") == intent.handoff_id)
 
 
 def _failure_word(invocation: Invocation, report: InvocationReport) -> str:

@@ -97,6 +97,12 @@ class Recovery:
         """A person, or the end of the stage: nobody is asked about an optional one, nor in a replay (D38), nor where
         the budget of a stage that moves nothing is spent (D26)."""
         now_s = self._crew.clock.now().mission_s
+        invocation = mission.invocation
+        if invocation is not None and invocation.status != "outcome_unknown":
+            why = f"{failure.failure}: a person is asked with the body at rest"
+            stop = StopInvocation(invocation_id=invocation.intent.invocation_id, reason=why)
+            self._runtime.submit(mission.mission_id, stop)
+            return now_s
         node = required_contract(mission).node(failure.node_id)
         moves = any(card.moves for card in self._crew.cards if card.capability in node.capabilities)
         settling = not at_rest(self._roles.senses.recent, now_s).static and now_s < failure.at_s + ASK_AT_REST_S

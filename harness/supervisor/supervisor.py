@@ -4,16 +4,17 @@ import logging
 from collections.abc import Callable, Mapping
 from threading import Event, RLock, Thread
 
+from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import EndMission, PersonCommand, StopMission
 from harness.contracts.decisions import Accepted, Decision, Refused
-from harness.contracts.errors import HarnessError
-from harness.contracts.ids import MissionId, RobotId
+from harness.contracts.errors import HarnessError, UnknownName
+from harness.contracts.ids import MissionId, ResourceId, RobotId
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from harness.supervisor.agent_loop import AgentLoop
 from harness.supervisor.crew import Crew
-from harness.supervisor.leases import SUPERVISOR
+from harness.supervisor.leases import SUPERVISOR, FreeOrder, freed
 
 LOG = logging.getLogger("regen.supervisor")
 IDLE_WAIT_S = 0.2
@@ -83,6 +84,20 @@ class Supervisor:
             loop.step()
         except HarnessError as error:
             LOG.warning("step_after_answer_failed mission=%s code=%s %s", loop.mission_id, error.code, error)
+
+    def free(self, resource: ResourceId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
+        """A named person frees a quarantined resource; the robot is looked at between two steps of its loop.
+
+        Raises UnknownName for a resource that was never leased.
+        """
+        lease = self._runtime.lease(resource)
+        if not lease.version:
+            raise UnknownName(f"{resource} was never leased", do="list the leases with `regen lease list`")
+        robot_id = self._runtime.mission(lease.mission_id).robot_id
+        if robot_id not in self._crews:
+            return Refused("no_robot", "The robot of this lease is not connected, so nothing shows it at rest.")
+        with self._locks[robot_id]:
+            return freed(self._runtime, self._crews[robot_id], FreeOrder(resource, actor, reason))
 
     def serve(self) -> None:
         """In the background: every robot works through its missions, oldest first."""

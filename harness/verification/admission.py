@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from statistics import median
 
-from harness.contracts.observations import Odometry, Pose
-from harness.contracts.values import Point
+from harness.contracts.observations import Odometry
 from harness.verification.finding import Finding
+from harness.verification.geometry import contains
 from harness.verification.reading import Evidence, SafetyState, Track, read
 
 SPEED_SHARE = 1.2
@@ -65,17 +65,8 @@ def _too_fast(odometry: Sequence[Odometry], cap_mps: float) -> list[str]:
 
 def _trespassed(track: Track, state: SafetyState) -> list[str]:
     inside = {
-        name: sum(_inside(pose, region) for pose in track.poses)
+        name: sum(contains(region, (pose.x_m, pose.y_m)) for pose in track.poses)
         for name, region in state.keep_out_m.items()
         if len(region) > 2
     }
     return [f"the body was in {name}, which is closed to it" for name, n in inside.items() if n >= INSIDE_SAMPLES]
-
-
-def _inside(pose: Pose, region: Sequence[Point]) -> bool:
-    """Even-odd rule; points on the outline may fall either way."""
-    crossings = 0
-    for (ax, ay), (bx, by) in zip(region, [*region[1:], region[0]], strict=True):
-        if (ay > pose.y_m) != (by > pose.y_m):
-            crossings += pose.x_m < (bx - ax) * (pose.y_m - ay) / (by - ay) + ax
-    return crossings % 2 == 1

@@ -53,8 +53,12 @@ def _arguments(condition: Condition, result: ConditionResult) -> dict[str, Any]:
                 "target_m": list(effect.target_m),
                 "tolerance_m": effect.tolerance_m,
             }
-        case Visual():
+        case Visual(predicate="panorama"):
             return _panorama(result)
+        case Visual():
+            return {"report": result.evidence[0], "frames": list(result.evidence[1:])}
+        case Relational() as effect if effect.predicate != "analysis_of":
+            return {"relation": effect.relation, "subject": effect.subject, "object": effect.object}
         case Relational() as effect:
             report, *frames = result.evidence
             bound = {"subject": effect.subject, "object": effect.object, "report": report, "frames": list(frames)}

@@ -56,6 +56,16 @@ def distance(a: Point, b: Point) -> float:
     return math.hypot(a[0] - b[0], a[1] - b[1])
 
 
+def contains(region: Sequence[Point], point: Point) -> bool:
+    """Whether a planar point lies in a polygon (even-odd rule); points on the outline may fall either way."""
+    x, y = point
+    crossings = 0
+    for (ax, ay), (bx, by) in zip(region, [*region[1:], region[0]], strict=True):
+        if (ay > y) != (by > y):
+            crossings += x < (bx - ax) * (y - ay) / (by - ay) + ax
+    return crossings % 2 == 1
+
+
 def polyline_length(points: Sequence[Point]) -> float:
     """Sum of the planar distances between consecutive points, metres: L_ref of a commanded route (R209)."""
     return math.fsum(distance(a, b) for a, b in pairwise(points))

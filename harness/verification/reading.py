@@ -100,6 +100,11 @@ class Evidence:
 
     context: Context
     blobs: Blobs
+    until_s: float | None = None
+
+    def at(self, instant_s: float) -> "Evidence":
+        """The same evidence as it stood at an earlier instant: nothing younger is seen (R14)."""
+        return Evidence(self.context, self.blobs, until_s=instant_s)
 
     @cached_property
     def conditions(self) -> tuple[Condition, ...]:
@@ -115,7 +120,9 @@ class Evidence:
 
     @cached_property
     def speaks_at_s(self) -> float:
-        """The instant at which age counts: collection of the packet, or now for a goal."""
+        """The instant at which age counts: collection of the packet, now for a goal, or the earlier one asked for."""
+        if self.until_s is not None:
+            return self.until_s
         return self.execution.collected_s if self.context.one("execution") else self.context.at_s
 
     @cached_property
@@ -228,7 +235,7 @@ class Evidence:
             odometry=tuple(odometry[at_s] for at_s in sorted(odometry)),
             imu=tuple(imu[at_s] for at_s in sorted(imu)),
             blob=blob,
-            newest_arrived_s=_newest_arrival(samples),
+            newest_arrived_s=_newest_arrival(samples, until_s=until_s),
         )
 
     def _required(self, kind: str, of: type[T]) -> T:
@@ -257,9 +264,9 @@ def fixes(samples: Sequence[Pose] | Sequence[Odometry]) -> list[Fix]:
     return [Fix(sample.at_s, sample.x_m, sample.y_m) for sample in samples]
 
 
-def _newest_arrival(samples: Trajectory) -> float | None:
+def _newest_arrival(samples: Trajectory, *, until_s: float) -> float | None:
     """When the last pose came in: the stamp of the newest other sample that the robot numbered before it."""
-    last = max((pose.seq for pose in samples.poses), default=None)
+    last = max((pose.seq for pose in samples.poses if pose.at_s <= until_s), default=None)
     if last is None:
         return None
     return max((one.at_s for one in (*samples.odometry, *samples.imu) if one.seq < last), default=None)

@@ -83,9 +83,11 @@ class Stand:
 
 
 @contextmanager
-def console_stand(*, seed: int = 1) -> Iterator[Stand]:
+def console_stand(*, seed: int = 1, settings: ConsoleSettings | None = None) -> Iterator[Stand]:
     """Kinematic robot, stores in memory, virtual time."""
-    settings = ConsoleSettings(port=8000, robots=("vbot-1",), owner_token=SecretStr(OWNER))
+    settings = settings or ConsoleSettings(
+        port=8000, robots=("vbot-1",), owner_token=SecretStr(OWNER), password_memory_kib=19456
+    )
     with simulated(HarnessSettings(fidelity="kinematic", speed=0), seed=seed) as harness:
         scenes = Scenes(harness.runtime)
         try:

@@ -104,8 +104,8 @@ class CrewRobot:
 class Stage:
     """A harness whose missions are stepped by the test. `robot` is the simulated one, truth included."""
 
-    def __init__(self, harness: Harness, robot: SimulatedRobot) -> None:
-        self.harness, self.robot = harness, robot
+    def __init__(self, harness: Harness, robot: SimulatedRobot, parts: Parts) -> None:
+        self.harness, self.robot, self.parts = harness, robot, parts
         self.runtime, self.supervisor = harness.runtime, harness.supervisor
 
     def begin(self, template: str | TaskTemplate, *faults: str, seed: int = 3) -> MissionId:
@@ -171,7 +171,7 @@ def staged(
             local=[wrap(provider) for provider in local_providers(parts, camera=CAMERA, folder=None)],
             configure=configure,
         )
-        yield Stage(harness, robot)
+        yield Stage(harness, robot, parts)
 
 
 def template(name: str, **changes: object) -> TaskTemplate:

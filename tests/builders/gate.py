@@ -89,7 +89,9 @@ def contract() -> TaskContract:
         depends_on=(GO,),
     )
     linked = Condition(
-        condition_id=ConditionId("goal.linked"), text="both", effect=Symbolic(predicate="linked", arguments={})
+        condition_id=ConditionId("goal.linked"),
+        text="both",
+        effect=Symbolic(predicate="linked", arguments={"told": "tell"}),
     )
     text = "Go and tell"
     return TaskContract(

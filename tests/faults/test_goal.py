@@ -1,13 +1,12 @@
-"""What follows when the goal is not met, a stage is spent, an option fails, or a completion is disputed (D21, D26, D29).
+"""What follows when the goal is not met, a stage is spent, an option fails, or a completion is disputed.
 
-Whole missions in virtual time; the truth stands beside them.
+Whole missions in virtual time (D21, D26, D29); the truth stands beside them.
 """
 
 from typing import Any, TypeVar
 
 import pytest
 
-from harness.contracts.commands import DisputeCompletion, TightenConstraints
 from harness.contracts.contexts import Context
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.events import (
@@ -22,6 +21,7 @@ from harness.contracts.events import (
 )
 from harness.contracts.ids import ConditionId, MissionId, NodeId
 from harness.contracts.proposals import PlanProposal
+from harness.contracts.revision_commands import DisputeCompletion, TightenConstraints
 from harness.contracts.revision_events import CompletionDisputed, GraphRevised
 from harness.contracts.tasks import Constraints, TaskTemplate
 from harness.planning.planner import Planner
@@ -54,7 +54,7 @@ def order_of(ran: Ran, *kinds: type[Any]) -> list[str]:
     return [type(event).__name__ for event in ran.events if isinstance(event, kinds)]
 
 
-@pytest.mark.ledger("R4", "R42", "R118", symbol="harness.gate.goal:reopening")
+@pytest.mark.ledger("R4", symbol="harness.gate.goal:reopening")
 def test_a_goal_that_is_violated_after_all_commits_opens_the_responsible_stage_again() -> None:
     with staged() as stage:
         mission_id = stage.begin(INSPECTION)
@@ -78,7 +78,8 @@ def test_a_goal_that_is_violated_after_all_commits_opens_the_responsible_stage_a
         assert ran.duplicate_starts() == 0
 
 
-@pytest.mark.ledger("R55", "R119", "R120", symbol="harness.gate.goal:judge")
+@pytest.mark.ledger("R132", symbol="harness.gate.goal:reopening")
+@pytest.mark.ledger("R55", "R118", "R119", "R120", symbol="harness.gate.goal:judge")
 def test_without_a_budget_for_it_all_stages_are_done_and_the_goal_is_not_met() -> None:
     poor = with_node(template(INSPECTION), "return", recovery={**LIMITS, "local_replan": 0})
     with staged() as stage:

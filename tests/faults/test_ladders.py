@@ -185,6 +185,7 @@ def test_a_resource_that_is_held_is_waited_for_at_no_cost() -> None:
         assert ran.mission.status == "succeeded" and ran.mission.spent_total == 0
 
 
+@pytest.mark.ledger("R63", symbol="harness.gate.leases:_acquire")
 def test_a_resource_that_stays_held_ends_with_a_person_and_without_a_start() -> None:
     with staged() as stage:
         hold(stage)

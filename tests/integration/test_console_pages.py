@@ -14,9 +14,10 @@ from harness.projections.mission import Mission
 from tests.builders.consoles import FOREIGN, OWN, Stand, console_stand
 
 REGIONS = (
-    "head", "robot", "stages", "graph", "view", "timeline", "events", "evidence", "contexts", "contract", "budget",
+    "head", "robot", "stages", "graph", "view", "timeline", "plots", "frames", "events", "evidence", "contexts",
+    "contract", "facts", "budget",
 )  # fmt: skip
-OPEN = {"/healthz", "/account/sign-in"}
+OPEN = {"/healthz", "/readyz", "/account/sign-in"}
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +54,9 @@ def paths(stand: Stand, mission_id: str) -> list[tuple[str, str]]:
 
 
 def test_every_page_answers(operator: TestClient, mission: Mission) -> None:
-    for path in ("/", "/missions", "/missions/new", "/handoffs", f"/missions/{mission.mission_id}"):
+    one = f"/missions/{mission.mission_id}"
+    lists = ("/", "/missions", "/missions/new", "/handoffs", "/evidence", "/places", "/providers", "/memory")
+    for path in (*lists, one, f"{one}/report", f"{one}/log"):
         answer = operator.get(path)
         assert answer.status_code == 200, path
         assert answer.text.count("<h1") == 1, path
@@ -127,6 +130,104 @@ def test_an_instant_of_the_past_shows_the_mission_as_it_was(
     stages = operator.get(f"/missions/{mission.mission_id}/stages?at={first}").text
     assert stages.count('data-state="committed"') == 1
     assert "hx-get" not in stages
+
+
+def test_one_answer_carries_every_region_of_an_instant_for_its_place(operator: TestClient, mission: Mission) -> None:
+    text = operator.get(f"/missions/{mission.mission_id}/instant?t=20").text
+    assert sorted(re.findall(r'<hx-partial hx-target="#(\w+)"', text)) == sorted(REGIONS)
+    for part in REGIONS:
+        assert f'id="{part}"' in text, part
+    assert "hx-get" not in text
+
+
+@pytest.mark.parametrize("query", ["t=20", "at=12"])
+def test_the_instant_in_the_address_holds_for_every_region_and_link(
+    operator: TestClient, mission: Mission, query: str
+) -> None:
+    text = operator.get(f"/missions/{mission.mission_id}?{query}").text
+    assert mission.report not in text[text.index('id="head"') : text.index('id="graph"')]
+    assert f"/missions/{mission.mission_id}?{query}&amp;node=go#evidence" in text
+    assert "as it was after event" in text
+    assert operator.get(f"/missions/{mission.mission_id}?t=inf").status_code == 422
+
+
+def test_an_accepted_fact_leads_down_to_bytes_that_are_read_now(
+    operator: TestClient, mission: Mission, stand: Stand
+) -> None:
+    fact = next(one for one in mission.facts if one.node_id == "go" and "distance_m" in one.measured)
+    listed = operator.get(f"/missions/{mission.mission_id}/facts").text
+    href = f"/missions/{mission.mission_id}/facts/{fact.packet_id}/{fact.condition_id}"
+    assert f'href="{href}"' in listed
+    text = operator.get(href).text
+    gate = next(
+        one
+        for one in stand.app.state.console.histories.of(mission.mission_id)
+        if one.kind == "NodeCommitted" and one.event.packet_id == fact.packet_id
+    )
+    assert f"/events/{gate.position}" in text
+    assert gate.digest in text
+    assert "bound</span> 0.400 m" in text
+    assert text.count(">verified<") >= 3
+    assert "the service&#39;s word, not a measurement" in text or "the service's word, not a measurement" in text
+    assert operator.get(href + "x").status_code == 404
+
+
+def test_the_report_labels_every_word_and_stands_at_a_place_in_the_log(
+    operator: TestClient, mission: Mission, stand: Stand
+) -> None:
+    text = html.unescape(operator.get(f"/missions/{mission.mission_id}/report").text)
+    newest = stand.harness.runtime.events(mission.mission_id)[-1]
+    assert newest.digest in text
+    assert mission.report in text
+    for label in ("declared", "measured", "accepted", "a service's word, not a measurement", "not proof of the truth"):
+        assert label in text
+    assert text.count("<img") == 8
+    found = operator.get(f"/missions/{mission.mission_id}/report.json").json()
+    assert found["log"] == {"position": newest.position, "digest": newest.digest}
+    assert [one["node_id"] for one in found["timings"]] == list(mission.nodes)
+    assert all(one["took_s"] > 0 for one in found["timings"] if one["node_id"] in ("go", "return"))
+    assert found["goal_verdict"] == "satisfied"
+
+
+def test_events_are_searched_by_word_and_family_and_paged(operator: TestClient, mission: Mission) -> None:
+    base = f"/missions/{mission.mission_id}/log"
+    assert operator.get(f"{base}?q=NodeCommitted").text.count("NodeCommitted</span>") == 7
+    people = operator.get(f"{base}?family=person").text
+    assert "MissionCreated" in people
+    assert "VerdictRecorded" not in people
+    assert "None of the" in operator.get(f"{base}?q=zebra").text
+    later = operator.get(f"{base}?after=20").text
+    assert "e-20<" not in later
+    assert "First page" in later
+
+
+def test_places_show_their_names_lengths_and_what_verification_means(operator: TestClient) -> None:
+    text = operator.get("/places").text
+    assert "17.62 m" in text
+    assert "18.83 m" in text
+    assert "the storage, B" in text
+    assert "not seen by a robot" in text
+
+
+def test_providers_show_twelve_fields_claims_and_what_the_log_says(operator: TestClient, mission: Mission) -> None:
+    text = operator.get("/providers").text
+    card = text[text.index('id="provider-route-follower"') :].split("</section>")[0]
+    assert card[: card.index("moves the body</dt>")].count("<dt>") == 13
+    assert "executions judged by the verifier" in card
+    assert f"/missions/{mission.mission_id}" in card
+    assert "dead man" in card
+
+
+@pytest.mark.parametrize(
+    ("role", "expected"), [("spatial", "place/"), ("operational", "route-follower"), ("semantic", "card")]
+)
+def test_memory_shows_records_of_a_role_with_the_event_behind_each(
+    operator: TestClient, mission: Mission, role: str, expected: str
+) -> None:
+    text = operator.get(f"/memory?role={role}").text
+    assert expected in text
+    assert f"/missions/{mission.mission_id}/events/" in text
+    assert operator.get("/memory?role=odd").status_code == 404
 
 
 def test_an_event_page_shows_what_is_stored_with_its_place_in_the_chain(

@@ -15,81 +15,14 @@ from sqlalchemy import Connection, RowMapping, create_engine, delete, func, inse
 from sqlalchemy.exc import IntegrityError, SQLAlchemyError
 from sqlalchemy.pool import StaticPool
 
+from harness.adapters.stores.accounts_rows import Account, Entry, KeptAnswer, Session, Token
 from harness.adapters.stores.accounts_schema import ACCOUNTS, ANSWERS, METADATA, SESSIONS, TOKENS, TRAIL, VERSION
 from harness.contracts.errors import ConcurrencyConflict, LogDamaged, StoreNewer, StoreUnavailable
 from harness.contracts.ids import Digest, sha256
-from harness.contracts.values import Name, Value, encode
+from harness.contracts.values import Value, encode
 
 BUSY_S = 5.0
 GENESIS = Digest("0" * 64)
-
-
-class Account(Value):
-    """One person. `secret` is the encoded argon2id hash; times are wall seconds."""
-
-    name: Name
-    roles: tuple[str, ...]
-    secret: str
-    disabled: bool
-    created_at_s: float
-    changed_at_s: float
-
-
-class Session(Value):
-    """One signed-in browser, by the digests of its cookie. `previous` stays good until `previous_until_s`."""
-
-    digest: str
-    previous: str
-    previous_until_s: float | None
-    name: Name
-    invited: bool
-    began_at_s: float
-    seen_at_s: float
-    rotated_at_s: float
-    source: str
-    agent: str
-
-
-class Token(Value):
-    """One robot's or integration's key to the API, by digest. `robot_id` empty: any robot."""
-
-    token_id: Name
-    name: Name
-    digest: str
-    scopes: tuple[str, ...]
-    robot_id: str
-    created_by: Name
-    created_at_s: float
-    expires_at_s: float | None
-    used_at_s: float | None
-    revoked_at_s: float | None
-
-
-class Entry(Value):
-    """One line of the trail. `subject` is the account, token or stream it is about; `source` an address."""
-
-    number: int
-    at_s: float
-    kind: str
-    actor: str
-    role: str
-    subject: str
-    detail: str
-    source: str
-    previous: str
-    digest: str
-
-
-class KeptAnswer(Value):
-    """What a request with an idempotency key was answered. `status` 0: begun, and its answer is not known."""
-
-    caller: str
-    key: str
-    request: str
-    begun_at_s: float
-    status: int
-    media_type: str
-    body: bytes
 
 
 class SqlAccounts:
@@ -151,12 +84,12 @@ class SqlAccounts:
     def session(self, digest: str) -> Session | None:
         """The session whose cookie this is, or was until it was rotated."""
         found = self._rows(select(SESSIONS).where(or_(SESSIONS.c.digest == digest, SESSIONS.c.previous == digest)))
-        return msgspec.convert(dict(found[0]), Session, strict=False) if found else None
+        return _session(found[0]) if found else None
 
     def sessions(self, name: str) -> list[Session]:
         """One person's, newest first."""
         query = select(SESSIONS).where(SESSIONS.c.name == name).order_by(SESSIONS.c.began_at_s.desc())
-        return [msgspec.convert(dict(row), Session, strict=False) for row in self._rows(query)]
+        return [_session(row) for row in self._rows(query)]
 
     def open_session(self, session: Session) -> None:
         self._write(insert(SESSIONS).values(_columns(session)))
@@ -329,6 +262,10 @@ def _columns(value: Value, **instead: Any) -> dict[str, Any]:
 
 def _account(row: RowMapping) -> Account:
     return Account(**{**row, "roles": tuple(row["roles"].split()), "disabled": bool(row["disabled"])})
+
+
+def _session(row: RowMapping) -> Session:
+    return Session(**{**row, "invited": bool(row["invited"])})
 
 
 def _token(row: RowMapping) -> Token:

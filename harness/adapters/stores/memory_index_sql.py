@@ -4,11 +4,12 @@ Its commits reach the disk with the next checkpoint, not at once; after a crash 
 again. Boxes and intervals of spatial records lie in an R*-tree.
 """
 
+import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from threading import Lock
-from typing import Any
+from typing import Any, cast
 
 import msgspec
 from sqlalchemy import Connection, Row
@@ -55,6 +56,8 @@ class SqlMemoryIndex:
         self._lock = Lock()
         self._readers = reader_engine(self._url, busy_s=busy_s)
         self._writer: Connection | None = None
+        self._known: Mark | None = None
+        self._change = -1
         with self._translated():
             writer = aside_engine(self._url, busy_s=busy_s).connect()
             try:
@@ -68,7 +71,13 @@ class SqlMemoryIndex:
             self._writer = writer
 
     def mark(self) -> Mark:
-        """How far the index has followed the log."""
+        """How far the index has followed the log. Asks for no row where nobody but this process wrote it."""
+        with self._translated(), self._lock:
+            driver = cast(sqlite3.Connection, self._opened().connection.driver_connection)
+            change: int = driver.execute("PRAGMA data_version").fetchone()[0]
+            if change == self._change and self._known is not None:
+                return self._known
+            self._change, self._known = change, None
         rows = self._rows(MARK, ())
         return _mark(rows[0]) if rows else EMPTY
 
@@ -76,6 +85,7 @@ class SqlMemoryIndex:
         """All or nothing. Raises ConcurrencyConflict if the index is not at `after`."""
         with self._translated(), self._lock:
             writer = self._opened()
+            self._known = None
             with _transaction(writer):
                 row = writer.exec_driver_sql(MARK).first()
                 found = _mark(row) if row else EMPTY
@@ -84,11 +94,13 @@ class SqlMemoryIndex:
                 _insert(writer, records)
                 writer.exec_driver_sql("DELETE FROM mark")
                 writer.exec_driver_sql(SET_MARK, msgspec.structs.astuple(upto))
+            self._known = upto
 
     def clear(self) -> None:
         """Forget everything."""
         with self._translated(), self._lock:
             writer = self._opened()
+            self._known = None
             with _transaction(writer):
                 _create(writer)
 

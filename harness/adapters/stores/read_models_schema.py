@@ -66,8 +66,8 @@ def words_of(text: str) -> tuple[str, ...]:
 
 
 def facet_term(name: str, value: str) -> str:
-    """One facet as one term: no word can be mistaken for it."""
-    return f"{name}={_SEPARATORS.sub('-', value.lower())}"
+    """One facet as one term: it begins with a sign that no word holds, so that no word is mistaken for it."""
+    return f"={name}={_SEPARATORS.sub('-', value.lower())}"
 
 
 def page_of(query: ListQuery) -> tuple[str, tuple[Argument, ...]]:

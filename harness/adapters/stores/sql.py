@@ -44,6 +44,7 @@ class SqlEventStore(SqlLog):
     def __init__(self, url: str, *, busy_s: float = 10.0) -> None:
         self._url = file_url(url)
         self._ours: dict[StreamId, int] = {}
+        self._last: Head | None = None
         self._change = -1
         readers, aside = reader_engine(self._url, busy_s=busy_s), aside_engine(self._url, busy_s=busy_s)
         super().__init__(_SQLITE, where=str(self._url.database), readers=readers, aside=aside)
@@ -63,6 +64,11 @@ class SqlEventStore(SqlLog):
         if self._ours.get(stream) == after and not self._others_wrote():
             return []
         return super().load(stream, after)
+
+    def head(self) -> Head:
+        """The end of the log; the genesis head of an empty one."""
+        last = self._last
+        return super().head() if last is None or self._others_wrote() else last
 
     def durability(self) -> dict[str, str | int]:
         """What the writer's connection has in force, as SQLite names it: journal_mode, synchronous (2 is FULL)."""
@@ -111,10 +117,13 @@ class SqlEventStore(SqlLog):
             yield self._writer
 
     def _commit(self, writer: Connection, events: Sequence[StoredEvent], _records: Sequence[Record]) -> None:
+        self._last = None
         for event in events:
             self._ours.pop(event.stream, None)
         writer.exec_driver_sql("COMMIT")
         self._ours.update((event.stream, event.version) for event in events)
+        if events:
+            self._last = Head(position=events[-1].position, digest=events[-1].digest)
 
     def _others_wrote(self) -> bool:
         """Whether another connection committed since this was last asked. SQLite's counter ignores our own commits."""
@@ -125,6 +134,7 @@ class SqlEventStore(SqlLog):
             if change == self._change:
                 return False
             self._change = change
+            self._last = None
             self._ours.clear()
             return True
 

@@ -5,8 +5,10 @@ read: processes queue there, whichever of them comes first. Readers have connect
 """
 
 from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from threading import Lock
 from typing import Any, TypeVar
 
@@ -16,7 +18,7 @@ from sqlalchemy.exc import DBAPIError
 
 from harness.adapters.stores.chain import GENESIS, admit, check, check_record, link
 from harness.adapters.stores.sql_statements import Statements
-from harness.contracts.errors import StoreUnavailable, UnknownName
+from harness.contracts.errors import ConcurrencyConflict, ContractInvalid, StoreUnavailable, UnknownName
 from harness.contracts.ids import Digest, StreamId
 from harness.contracts.ports import Batch, Head, Record, StateSnapshot, StoredEvent
 from harness.contracts.values import Moment
@@ -27,6 +29,18 @@ Arguments = tuple[str | int | bytes, ...]
 
 _LAST_CHARACTER = "\U0010ffff"
 _PAGE = 500
+
+
+@dataclass
+class _Append:
+    """One caller's append, and what became of it."""
+
+    batches: Sequence[Batch]
+    records: Sequence[Record]
+    now: Moment
+    head: Head = GENESIS
+    error: BaseException | None = None
+    done: bool = False
 
 
 class SqlLog(ABC):
@@ -42,22 +56,25 @@ class SqlLog(ABC):
         self._readers = readers
         self._aside = aside
         self._lock = Lock()
+        self._waiting: deque[_Append] = deque()
         self._closed = False
 
     # the port -------------------------------------------------------------------------------------------------------
 
     def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> Head:
-        """All or nothing, synced on return. Raises ConcurrencyConflict, StoreUnavailable, ContractInvalid."""
+        """All or nothing, synced on return. Raises ConcurrencyConflict, StoreUnavailable, ContractInvalid.
+
+        Threads that come while another one's commit reaches the disk share the next commit.
+        """
         admit(batches, records)
-        streams = list(dict.fromkeys(batch.stream for batch in batches))
+        mine = _Append(batches, records, now)
+        self._waiting.append(mine)
         with self._translated(), self._lock:
-            self._check_open()
-            with self._alone() as writer:
-                head, versions = self._ends(writer, streams)
-                events = link(head, versions, batches, now)
-                self._insert(writer, events, records)
-                self._commit(writer, events, records)
-        return Head(position=events[-1].position, digest=events[-1].digest) if events else head
+            if not mine.done:
+                self._write([self._waiting.popleft() for _ in range(len(self._waiting))])
+            if mine.error is not None:
+                raise mine.error
+        return mine.head
 
     def load(self, stream: StreamId, after: int = 0) -> list[StoredEvent]:
         """Events of one stream with version > after, in order."""
@@ -202,6 +219,39 @@ class SqlLog(ABC):
             pass
         self._check_indexes(connection, head)
         return head
+
+    def _write(self, group: Sequence[_Append]) -> None:
+        """Several appends in one transaction: one that does not fit is refused alone, a failing database fails all."""
+        events: list[StoredEvent] = []
+        records: list[Record] = []
+        try:
+            self._check_open()
+            with self._alone() as writer:
+                for one in group:
+                    linked = self._linked(writer, one)
+                    self._insert(writer, linked, one.records if one.error is None else ())
+                    events += linked
+                    records += one.records if one.error is None else ()
+                self._commit(writer, events, records)
+        except BaseException as error:
+            for one in group:
+                one.error = one.error or error
+            raise
+        finally:
+            for one in group:
+                one.done = True
+
+    def _linked(self, writer: Connection, one: _Append) -> list[StoredEvent]:
+        """The append's events behind what the log holds by now; none, and the reason with it, if it does not fit."""
+        streams = list(dict.fromkeys(batch.stream for batch in one.batches))
+        head, versions = self._ends(writer, streams)
+        try:
+            events = link(head, versions, one.batches, one.now)
+        except (ConcurrencyConflict, ContractInvalid) as refusal:
+            one.error = refusal
+            return []
+        one.head = Head(position=events[-1].position, digest=events[-1].digest) if events else head
+        return events
 
     def _ends(self, writer: Connection, streams: Sequence[StreamId]) -> tuple[Head, dict[StreamId, int]]:
         """The log's head, and how many events each of `streams` holds."""

@@ -88,9 +88,10 @@ def agreement_of(evidence: Evidence, effect: Metric) -> Agreement | None:
         return None
     alone = Sources(poses_of(effect, current), current.odometry)
     looked = evidence.context.one("execution") is not None and evidence.execution.verify_only
-    whole = _joined(effect, evidence)
-    if (looked or not alone.moved) and whole.moved_m > alone.moved_m:
-        return whole.since_agreement(departed_s=tracks[0].dispatched_s)
+    if looked or not alone.moved:
+        whole = _joined(effect, evidence)
+        if whole.moved_m > alone.moved_m:
+            return whole.since_agreement(departed_s=tracks[0].dispatched_s)
     if looked:
         return None
     direct, long = alone.before_standstill(), alone.since_agreement(departed_s=current.dispatched_s)

@@ -8,26 +8,39 @@ from harness.verification.predicates.analysis import analysis_of
 from harness.verification.predicates.arrival import arrival
 from harness.verification.predicates.circuit import circuit
 from harness.verification.predicates.delivery import delivered
+from harness.verification.predicates.inside import inside
 from harness.verification.predicates.panorama import panorama
 from harness.verification.predicates.playback import played
 from harness.verification.predicates.relations import in_order, linked, reported
+from harness.verification.predicates.sighted import sighted
+from harness.verification.predicates.stable import stable
 from harness.verification.predicates.static_body import static_body
 from harness.verification.predicates.transcript import transcript
 from harness.verification.reading import Evidence
 
 Predicate = Callable[[AnyEffect, Evidence], Finding]
+
+
+def _stable(effect: AnyEffect, evidence: Evidence) -> Finding:
+    """temporal stable, over whatever predicate its inner effect names."""
+    return stable(effect, evidence, find=predicate_of)
+
+
 PREDICATES: dict[tuple[str, str], Predicate] = {
     ("metric", "arrival"): arrival,
     ("metric", "circuit"): circuit,
     ("relational", "analysis_of"): analysis_of,
+    ("relational", "inside"): inside,
     ("relational", "linked"): linked,
     ("symbolic", "delivered"): delivered,
     ("symbolic", "played"): played,
     ("symbolic", "reported"): reported,
     ("symbolic", "transcript"): transcript,
     ("temporal", "in_order"): in_order,
+    ("temporal", "stable"): _stable,
     ("temporal", "static_body"): static_body,
     ("visual", "panorama"): panorama,
+    ("visual", "sighted"): sighted,
 }
 
 

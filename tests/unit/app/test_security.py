@@ -1,19 +1,42 @@
 """Who may enter, for how long, and from where."""
 
+import re
+from dataclasses import dataclass, field
+
 import pytest
+from argon2 import PasswordHasher
 from starlette.datastructures import Headers
 
-from app.security import Doors, same_origin
+from app.accounts import Accounts
+from app.doors import GRACE_S, ROTATE_S, Doors, Origin
+from app.permissions import Visitor
+from app.security import cookie_line, same_origin
+from harness.adapters.stores.accounts import SqlAccounts
+
+CHEAP = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
+ADMIN = Visitor(name="root", roles=("admin",))
+PASSWORD = "seven green bottles"
 
 
+@dataclass
 class Watch:
     """A clock that moves when told."""
 
-    def __init__(self) -> None:
-        self.now_s = 1000.0
+    now_s: float = 1000.0
 
     def __call__(self) -> float:
         return self.now_s
+
+
+@dataclass
+class Counter:
+    """Fresh strings that differ, and can be told apart in a failure."""
+
+    given: list[str] = field(default_factory=list)
+
+    def __call__(self) -> str:
+        self.given.append(f"fresh-{len(self.given)}-{'x' * 30}")
+        return self.given[-1]
 
 
 @pytest.fixture
@@ -23,20 +46,37 @@ def watch() -> Watch:
 
 @pytest.fixture
 def doors(watch: Watch) -> Doors:
-    return Doors(owner_token="secret", operator="ada", idle_s=60.0, age_s=600.0, clock=watch)
+    fresh = Counter()
+    accounts = Accounts(SqlAccounts(), clock=watch, fresh=fresh, hasher=CHEAP)
+    return Doors(accounts, owner_token="secret", operator="ada", limits=(60.0, 600.0), clock=watch, fresh=fresh)
+
+
+@pytest.fixture
+def patient(watch: Watch) -> Doors:
+    """Doors whose sessions last for hours, with one admin, root."""
+    fresh = Counter()
+    accounts = Accounts(SqlAccounts(), clock=watch, fresh=fresh, hasher=CHEAP)
+    accounts.add("root", roles=["admin"], password=PASSWORD, by=ADMIN)
+    return Doors(accounts, owner_token="", operator="ada", limits=(36000.0, 72000.0), clock=watch, fresh=fresh)
 
 
 def token(doors: Doors) -> str:
     return doors.invite().split("token=")[1]
 
 
-def test_a_link_lets_one_person_in_once(doors: Doors) -> None:
+def signed_in(doors: Doors, name: str = "root") -> str:
+    cookie = doors.sign_in(name, PASSWORD, Origin("10.0.0.1", "browser"))
+    assert isinstance(cookie, str)
+    return cookie
+
+
+def test_a_link_lets_one_person_in_once_as_operator_and_admin(doors: Doors) -> None:
     link = token(doors)
     session = doors.enter(link)
     assert session is not None
-    actor = doors.who(session)
-    assert actor is not None
-    assert (actor.name, actor.role) == ("ada", "operator")
+    visitor = doors.who(session)
+    assert visitor is not None
+    assert (visitor.name, visitor.roles) == ("ada", ("operator", "admin"))
     assert doors.enter(link) is None
 
 
@@ -44,6 +84,14 @@ def test_a_link_is_worth_nothing_after_an_hour(doors: Doors, watch: Watch) -> No
     link = token(doors)
     watch.now_s += 3601
     assert doors.enter(link) is None
+
+
+def test_the_first_account_ends_what_the_first_link_opened(doors: Doors) -> None:
+    session, unused = doors.enter(token(doors)) or "", token(doors)
+    assert doors.who(session) is not None
+    doors.accounts.add("root", roles=["admin"], password=PASSWORD, by=ADMIN)
+    assert doors.who(session) is None
+    assert doors.enter(unused) is None
 
 
 def test_a_made_up_link_or_session_is_nobody(doors: Doors) -> None:
@@ -56,6 +104,15 @@ def test_a_session_ends_when_it_is_idle(doors: Doors, watch: Watch) -> None:
     watch.now_s += 59
     assert doors.who(session) is not None
     watch.now_s += 61
+    assert doors.who(session) is None
+
+
+def test_what_a_page_fetches_by_itself_does_not_keep_a_session_awake(doors: Doors, watch: Watch) -> None:
+    session = doors.enter(token(doors)) or ""
+    for _ in range(3):
+        watch.now_s += 20
+        assert doors.who(session, active=False) is not None
+    watch.now_s += 1
     assert doors.who(session) is None
 
 
@@ -74,15 +131,62 @@ def test_signing_out_ends_the_session(doors: Doors) -> None:
     assert doors.who(session) is None
 
 
+def test_signing_out_everywhere_ends_every_session_of_that_person_alone(patient: Doors) -> None:
+    patient.accounts.add("eve", roles=["viewer"], password=PASSWORD, by=ADMIN)
+    first, second, other = signed_in(patient), signed_in(patient), signed_in(patient, "eve")
+    visitor = patient.who(first)
+    assert visitor is not None
+    assert patient.leave_everywhere(visitor) == 2
+    assert [patient.who(one) is not None for one in (first, second, other)] == [False, False, True]
+
+
+def test_a_session_survives_a_restart_and_is_stored_only_as_a_digest(patient: Doors, watch: Watch) -> None:
+    cookie = signed_in(patient)
+    again = Doors(patient.accounts, owner_token="", operator="ada", limits=(36000.0, 72000.0), clock=watch, fresh=str)
+    assert again.who(cookie) is not None
+    stored = patient.accounts.store.sessions("root")[0]
+    assert cookie not in repr(stored)
+    assert re.fullmatch("[0-9a-f]{64}", stored.digest)
+
+
+def test_a_cookie_is_exchanged_in_time_and_the_old_one_ends_after_the_new_one_was_used(
+    patient: Doors, watch: Watch
+) -> None:
+    old = signed_in(patient)
+    assert patient.rotated(old) is None
+    watch.now_s += ROTATE_S
+    new = patient.rotated(old)
+    assert new is not None
+    assert new != old
+    assert patient.rotated(old) is None
+    watch.now_s += 10 * GRACE_S
+    assert patient.who(old) is not None, "nobody has used the new one yet: its answer may have been lost"
+    assert patient.who(new) is not None
+    watch.now_s += GRACE_S - 1
+    assert patient.who(old) is not None, "a request under way may still carry the old one"
+    watch.now_s += 2
+    assert patient.who(old) is None
+    assert patient.who(new) is not None
+
+
+def test_a_role_that_is_taken_away_is_gone_at_once(patient: Doors) -> None:
+    patient.accounts.add("eve", roles=["operator"], password=PASSWORD, by=ADMIN)
+    cookie = signed_in(patient, "eve")
+    patient.accounts.change("eve", roles=["viewer"], by=ADMIN)
+    assert patient.who(cookie) is None
+    again = patient.who(signed_in(patient, "eve"))
+    assert again is not None
+    assert again.roles == ("viewer",)
+
+
 @pytest.mark.parametrize("header", ["", "Bearer", "Bearer wrong", "Basic secret", "secret"])
 def test_only_the_owners_token_is_the_owner(doors: Doors, header: str) -> None:
-    assert doors.owner(header) is None
-    assert doors.owner("Bearer secret") is not None
+    assert doors.bearer(header, source="") is None
+    assert doors.bearer("Bearer secret", source="") is not None
 
 
-def test_an_installation_without_an_owner_token_has_no_owner(watch: Watch) -> None:
-    doors = Doors(owner_token="", operator="ada", idle_s=60.0, age_s=600.0, clock=watch)
-    assert doors.owner("Bearer ") is None
+def test_an_installation_without_an_owner_token_has_no_owner(patient: Doors) -> None:
+    assert patient.bearer("Bearer ", source="") is None
 
 
 @pytest.mark.parametrize(
@@ -105,3 +209,9 @@ def test_a_command_counts_only_from_our_own_pages(headers: dict[str, str], own: 
 def test_a_socket_must_name_its_origin() -> None:
     assert not same_origin(Headers({"host": "127.0.0.1:8000", "sec-fetch-site": "same-origin"}), websocket=True)
     assert same_origin(Headers({"host": "127.0.0.1:8000", "origin": "http://127.0.0.1:8000"}), websocket=True)
+
+
+def test_a_cookie_says_that_it_is_secure_where_there_is_tls() -> None:
+    assert cookie_line("a", "b", secure=True) == "a=b; Path=/; HttpOnly; SameSite=Strict; Secure"
+    assert "Secure" not in cookie_line("a", "b", secure=False)
+    assert cookie_line("a", "", secure=False).endswith("Max-Age=0")

@@ -22,6 +22,7 @@ from harness.contracts.commands import (
 )
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.ids import RobotId, mission_stream
+from harness.contracts.revision_commands import DisputeCompletion
 from harness.gate.commit import Gate, Request
 from harness.gate.decide import DECIDER
 from harness.projections.mission import Mission
@@ -84,7 +85,7 @@ class GateMachine(RuleBasedStateMachine):
         mission, before = self.mission, self.mission.of(node).attempt
         decision = self.ask(dispatch(mission, node))
         if isinstance(decision, Accepted):
-            assert before == 0 and mission.invocation is None and not mission.vetoes
+            assert before == mission.of(node).begun_at and mission.invocation is None and not mission.vetoes
             assert node == GO or mission.of(GO).status == "committed"
 
     @precondition(lambda self: any(node.failure for node in self.mission.nodes.values()))
@@ -144,7 +145,21 @@ class GateMachine(RuleBasedStateMachine):
         if isinstance(decision, Accepted):
             assert self.earned == {GO, TELL}
         if self.mission.status == "succeeded" and mission.status != "succeeded":
-            assert word == "satisfied"
+            assert word == "satisfied" and not mission.disputed
+        if self.mission.graph_revision > mission.graph_revision:
+            assert word == "violated" or mission.disputed
+            assert self.mission.spent_total == mission.spent_total + 1
+            self.earned -= set(self.mission.nodes) - {
+                node.node_id for node in self.mission.nodes.values() if node.status == "committed"
+            }
+
+    @rule(condition=st.sampled_from(["go.arrival", "tell.told", "nothing"]))
+    def dispute(self, condition: Any) -> None:
+        mission = self.mission
+        decision = self.ask(DisputeCompletion(condition_id=condition, actor=OPERATOR, reason="not so"))
+        assert self.mission.facts == mission.facts and self.mission.status == mission.status
+        if isinstance(decision, Accepted) and decision.events:
+            assert self.mission.false_completions == mission.false_completions + 1
 
     @rule()
     def stop(self) -> None:
@@ -166,6 +181,13 @@ class GateMachine(RuleBasedStateMachine):
         for node in self.mission.nodes.values():
             assert node.spent_total <= LIMITS.total
         assert self.mission.spent_total <= 8
+
+    @invariant()
+    def what_was_committed_stays_on_record(self) -> None:
+        conditions = contract().completion_conditions
+        assert self.mission.contract is not None
+        assert self.mission.contract.completion_conditions == conditions
+        assert all(one.state.status == "superseded" for one in self.mission.history)
 
     @invariant()
     def the_log_is_the_state(self) -> None:

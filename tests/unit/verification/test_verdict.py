@@ -5,16 +5,17 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from harness.contracts.contexts import Context
+from harness.contracts.contexts import Blobs, Context
 from harness.contracts.effects import Symbolic, Visual
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import Digest, PlaceId
 from harness.contracts.tasks import Constraints, EvidencePolicy
-from harness.verification.finding import Undecidable
+from harness.contracts.verdicts import NodeVerdict
+from harness.verification.finding import UNAVAILABLE, Undecidable
 from harness.verification.predicates.registry import PREDICATES, Predicate
 from harness.verification.reading import Evidence
-from harness.verification.verdict import verify
+from harness.verification.verdict import VERIFIER, judged, verify
 from tests.unit.verification.building import (
     STATIC,
     Bench,
@@ -143,20 +144,21 @@ def test_only_a_person_named_by_the_evidence_policy_can_supply_the_missing_sourc
     unnamed = mission(contract(risky))
     by_person, by_planner = (_attestation(bench, packet.collected_s, origin=origin) for origin in ("human", "planner"))
     shared = card("localiser", "odometry")
-    judged = {
+    words = {
         (who, allowed): bench.judged(replace(packet, after=(word,)), state, provider=shared).verdict
         for who, word in (("person", by_person), ("planner", by_planner))
         for allowed, state in (("named", named), ("unnamed", unnamed))
     }
-    assert judged.pop(("person", "named")) == "satisfied"
-    assert set(judged.values()) == {"ambiguous"}
+    assert words.pop(("person", "named")) == "satisfied"
+    assert set(words.values()) == {"ambiguous"}
 
 
 @pytest.mark.parametrize("predicate", PREDICATES.values())
 def test_a_predicate_refuses_an_effect_of_another_kind(bench: Bench, predicate: Predicate) -> None:
     evidence = Evidence(bench.c3(bench.driven(Drive())), bench.blob)
     other = Visual(predicate="other", frames=1, width_px=1, height_px=1)
-    effect = other if predicate is not PREDICATES[("visual", "panorama")] else arrival()
+    visual = [tested for (kind, _), tested in PREDICATES.items() if kind == "visual"]
+    effect = arrival() if predicate in visual else other
     with pytest.raises(Undecidable, match="is a"):
         predicate(effect, evidence)
 
@@ -164,6 +166,30 @@ def test_a_predicate_refuses_an_effect_of_another_kind(bench: Bench, predicate: 
 def test_a_context_without_an_execution_is_refused() -> None:
     with pytest.raises(ContractInvalid, match="execution"):
         verify(empty(), lambda digest: b"")
+    with pytest.raises(ContractInvalid, match="execution"):
+        judged(empty(), lambda digest: b"", verifier=verify)
+
+
+@pytest.mark.ledger("R45", symbol="harness.verification.verdict:judged")
+def test_a_verifier_that_crashes_has_decided_nothing_and_says_why(bench: Bench) -> None:
+    def broken(context: Context, blobs: Blobs) -> NodeVerdict:
+        raise MemoryError("the model did not fit")
+
+    c3 = bench.c3(bench.driven(Drive()))
+    assert judged(c3, bench.blob, verifier=verify).verdict == "satisfied"
+    verdict = judged(c3, bench.blob, verifier=broken)
+    assert (verdict.verdict, verdict.verifier) == ("ambiguous", UNAVAILABLE)
+    assert [one.verdict for one in verdict.results] == ["ambiguous"]
+    assert "MemoryError: the model did not fit" in verdict.reason
+
+
+@pytest.mark.ledger("R45", symbol="harness.verification.verdict:_found")
+def test_a_condition_without_a_predicate_leaves_the_verifier_unavailable(bench: Bench) -> None:
+    unknown = mission(contract(node(arrival(), Symbolic(predicate="nobody_tests_this", arguments={}))))
+    verdict = bench.judged(bench.driven(Drive()), unknown)
+    assert (verdict.verdict, verdict.verifier) == ("ambiguous", UNAVAILABLE)
+    missing = bench.judged(bench.driven(Drive(silent_after_m=0.0)))
+    assert (missing.verdict, missing.verifier) == ("ambiguous", VERIFIER)
 
 
 def empty() -> Context:

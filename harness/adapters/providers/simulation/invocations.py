@@ -20,6 +20,7 @@ from harness.contracts.protocol import (
 
 DEAD_MAN_S = 1.4
 STILL_S = 0.2
+CRUISING_M = 1.5
 Hold = Literal["", "keepalive", "stop", "end"]
 
 
@@ -51,6 +52,11 @@ class Invocation:
     def braking(self) -> bool:
         """Whether something outside the skill holds it."""
         return self._hold != ""
+
+    @property
+    def cruising(self) -> bool:
+        """Whether it is on its way with nothing to decide for a while: far from its end, held by nobody."""
+        return self._hold == "" and self._status == "running" and (self.skill.remaining_m or 0.0) > CRUISING_M
 
     @property
     def held_still(self) -> bool:

@@ -23,7 +23,7 @@ SEARCH_M = 1.5
 SWATH_M = 0.3
 LOOK_S = 0.4
 REJOIN_M = tuple(np.arange(0.6, 3.5, 0.2).tolist())
-"""Where a detour may rejoin the route, metres ahead: early where the route is clear, else as far on as the map shows."""
+"""Where a detour may rejoin the route, metres ahead: early where it is clear, else as far on as the map shows."""
 AHEAD = np.radians(np.linspace(-75.0, 75.0, 51))
 AROUND = np.radians(np.linspace(-180.0, 180.0, 120, endpoint=False))
 

@@ -69,6 +69,7 @@ class World:
         self.reached_m: dict[str, float] = dict(saved.reached_m) if saved else {}
         self._epoch_s = saved.at_s if saved else settings.epoch_s
         self._ticks = 0
+        self._command = Velocity()
         self.at_s = self._epoch_s
         """Mission time, seconds since the Unix epoch."""
         if saved:
@@ -130,15 +131,10 @@ class World:
         """TICK_S of mission time: skills decide, the body moves, sensors read."""
         sensors = self.sensors
         sensors.mode = self.faults.mode(self.at_s)
-        command = Velocity()
-        if invocations:
-            senses = self._senses()
-            for invocation in invocations:
-                wanted = invocation.tick(senses)
-                if invocation.card.moves:
-                    command = wanted
-                self._strike(invocation)
-        self.body.step(Velocity() if self.hardware_stop else command)
+        coarse = self._settings.fidelity == "kinematic" and self._ticks % 2 == 1
+        if not (coarse and invocations and all(one.cruising for one in invocations)):
+            self._command = self._decided(invocations)
+        self.body.step(Velocity() if self.hardware_stop else self._command)
         self._ticks += 1
         at_s = self.at_s = self._epoch_s + self._ticks * TICK_S
         state = self.body.state
@@ -154,6 +150,19 @@ class World:
                 self.note("pose")
             if not still:
                 self.save(durable=False)
+
+    def _decided(self, invocations: Sequence[Invocation]) -> Velocity:
+        """What the skills want the body to do now. At kinematic fidelity a cruising one is asked every second tick."""
+        command = Velocity()
+        if not invocations:
+            return command
+        senses = self._senses()
+        for invocation in invocations:
+            wanted = invocation.tick(senses)
+            if invocation.card.moves:
+                command = wanted
+            self._strike(invocation)
+        return command
 
     def note(self, kind: Literal["pose", "start", "terminal", "struck", "mission"], **facts: str) -> None:
         """One line of truth."""

@@ -1,0 +1,193 @@
+"""The API's own description, OpenAPI 3.1, at /api/v1/openapi.json: shapes come from the contracts themselves."""
+
+from typing import Any
+
+import msgspec
+from fastapi import FastAPI
+from fastapi.openapi.utils import get_openapi
+from starlette.requests import Request
+from starlette.responses import JSONResponse
+
+from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.places import Site
+from harness.contracts.ports import Head
+from harness.contracts.read_models import EvidenceItem
+from harness.contracts.tasks import TaskTemplate
+from harness.projections.handoffs import Handoff
+
+PATH = "/api/v1/openapi.json"
+CONTRACTS = (CapabilityCard, EvidenceItem, Handoff, Head, Site, TaskTemplate)
+TEXT: dict[str, Any] = {"type": "string"}
+NUMBER: dict[str, Any] = {"type": "number"}
+COUNT: dict[str, Any] = {"type": "integer", "minimum": 0}
+FLAG: dict[str, Any] = {"type": "boolean"}
+OBJECT: dict[str, Any] = {"type": "object"}
+SPENT: dict[str, Any] = {
+    "type": "object",
+    "required": ["spent", "remaining"],
+    "properties": {"spent": COUNT, "remaining": COUNT},
+}
+
+
+def _maybe(schema: dict[str, Any]) -> dict[str, Any]:
+    return {"anyOf": [schema, {"type": "null"}]}
+
+
+def _many(schema: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "array", "items": schema}
+
+
+def _record(description: str, **properties: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "type": "object",
+        "description": description,
+        "required": list(properties),
+        "properties": properties,
+        "additionalProperties": False,
+    }
+
+
+MISSION = {"mission_id": TEXT, "robot_id": TEXT, "goal": TEXT, "template": TEXT, "status": TEXT}
+EVENT = {
+    "position": COUNT,
+    "version": COUNT,
+    "kind": TEXT,
+    "mission_s": NUMBER,
+    "recorded_s": NUMBER,
+    "previous": TEXT,
+    "digest": TEXT,
+    "event": OBJECT,
+}
+TOKEN = {
+    "token_id": TEXT,
+    "name": TEXT,
+    "scopes": _many(TEXT),
+    "robot_id": TEXT,
+    "created_by": TEXT,
+    "created_at_s": NUMBER,
+    "expires_at_s": _maybe(NUMBER),
+    "used_at_s": _maybe(NUMBER),
+    "revoked_at_s": _maybe(NUMBER),
+}
+SHAPES: dict[str, dict[str, Any]] = {
+    "Problem": _record(
+        "RFC 9457. `code` is the slug for machines, `do` what can be done now.",
+        type=TEXT,
+        title=TEXT,
+        status=COUNT,
+        detail=TEXT,
+        code=TEXT,
+        do=TEXT,
+    ),
+    "MissionSummary": _record(
+        "One mission in a list. Times are wall seconds since the Unix epoch.",
+        **MISSION,
+        stage=TEXT,
+        goal_verdict=_maybe(TEXT),
+        state_version=COUNT,
+        handoff_id=_maybe(TEXT),
+        began_s=NUMBER,
+        ended_s=_maybe(NUMBER),
+        recovery=SPENT,
+    ),
+    "MissionOutcome": _record(
+        "What became of a mission: declared by providers, measured by the harness, accepted by the gate.",
+        **MISSION,
+        goal_verdict=_maybe(TEXT),
+        reason=TEXT,
+        report=TEXT,
+        state_version=COUNT,
+        configuration=TEXT,
+        seed=COUNT,
+        labels=OBJECT,
+        handoff_id=_maybe(TEXT),
+        stages=_many(OBJECT),
+        segments=_many(OBJECT),
+        images=_many(OBJECT),
+        findings=_many(OBJECT),
+        receipts=_many(OBJECT),
+        recovery=SPENT,
+        dispatches=COUNT,
+        physical_starts=_maybe(COUNT),
+        duplicate_starts=_maybe(COUNT),
+        events=COUNT,
+    )
+    | {"additionalProperties": True},
+    "LogEvent": _record("One event with its place in the hash chain.", **EVENT) | {"additionalProperties": True},
+    "Deed": _record(
+        "One event, and who asked for it.",
+        position=COUNT,
+        at_s=NUMBER,
+        kind=TEXT,
+        stream=TEXT,
+        mission_id=TEXT,
+        actor=TEXT,
+        role=TEXT,
+        channel=TEXT,
+        reason=TEXT,
+        digest=TEXT,
+    ),
+    "TrailEntry": _record(
+        "One line of the access trail, a hash chain of its own.",
+        number=COUNT,
+        at_s=NUMBER,
+        kind=TEXT,
+        actor=TEXT,
+        role=TEXT,
+        subject=TEXT,
+        detail=TEXT,
+        source=TEXT,
+        previous=TEXT,
+        digest=TEXT,
+    ),
+    "Visitor": _record(
+        "Who a caller is.", name=TEXT, roles=_many(TEXT), scopes=_many(TEXT), robot_id=_maybe(TEXT), may=_many(TEXT)
+    ),
+    "Account": _record(
+        "One person.", name=TEXT, roles=_many(TEXT), disabled=FLAG, created_at_s=NUMBER, changed_at_s=NUMBER
+    ),
+    "Token": _record("One token, without its secret.", **TOKEN),
+    "IssuedToken": _record("A new token: `token` is shown this once.", **TOKEN, token=TEXT),
+    "SignInLink": _record("A link that lets one person in once.", url=TEXT),
+}
+
+
+def document(app: FastAPI) -> dict[str, Any]:
+    """The whole description."""
+    described: dict[str, Any] = get_openapi(
+        title="RegenHarness console",
+        version="1",
+        description="Everything the pages can do. Commands go to the gate; failures are problem documents (RFC 9457).",
+        routes=app.routes,
+    )
+    _, contracts = msgspec.json.schema_components(CONTRACTS, ref_template="#/components/schemas/{name}")
+    components = described.setdefault("components", {})
+    components["schemas"] = {**components.get("schemas", {}), **contracts, **SHAPES}
+    components["securitySchemes"] = {"token": {"type": "http", "scheme": "bearer"}}
+    described["security"] = [{"token": []}]
+    for operations in described["paths"].values():
+        for method, operation in operations.items():
+            if method in ("post", "patch", "delete"):
+                operation.setdefault("parameters", []).append(IDEMPOTENCY)
+    return described
+
+
+IDEMPOTENCY = {
+    "name": "Idempotency-Key",
+    "in": "header",
+    "required": False,
+    "description": "The same key with the same request is answered as the first time, and does nothing.",
+    "schema": {"type": "string", "minLength": 1, "maxLength": 200, "pattern": "^[!-~]+$"},
+}
+
+
+def install(app: FastAPI) -> None:
+    """Serve the description to whoever may use the API; it is made once, when it is first asked for."""
+    made: list[dict[str, Any]] = []
+
+    async def describe(request: Request) -> JSONResponse:
+        if not made:
+            made.append(document(app))
+        return JSONResponse(made[0])
+
+    app.add_route(PATH, describe, include_in_schema=False)

@@ -1,0 +1,126 @@
+"""/api/v1: evidence, places, templates, providers, the audit of the log. Reading only."""
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Path, Query, Response
+from starlette.responses import JSONResponse
+
+from app.console import ConsoleDep
+from app.routes.api_words import CHECKED, PROBLEMS, After, Facet, Limit, Order, Words, answers, linked, place, plain
+from app.routes.audit import Before, Filter, newest_first
+from app.routes.evidence import show as verified_blob
+from app.security import VisitorDep
+from app.views.audit import Wanted
+from harness.contracts.memory import KnownCard
+from harness.contracts.read_models import ListQuery
+
+router = APIRouter(
+    prefix="/api/v1", default_response_class=JSONResponse, responses=PROBLEMS, dependencies=CHECKED, tags=["reading"]
+)
+BLOB: dict[int | str, dict[str, Any]] = {
+    200: {
+        "description": "The bytes, verified against their digest as they were read.",
+        "content": {
+            kind: {"schema": {"type": "string", "contentMediaType": kind}}
+            for kind in ("image/jpeg", "image/png", "audio/wav", "application/json", "application/octet-stream")
+        },
+    }
+}
+
+
+@router.get("/evidence", responses=answers("EvidenceItem", many=True))
+def evidence(
+    console: ConsoleDep,
+    response: Response,
+    q: Words = "",
+    mission: Facet = "",
+    kind: Facet = "",
+    verdict: Facet = "",
+    order: Order = "newest",
+    after: After = "",
+    limit: Limit = 50,
+) -> Any:
+    """Evidence with what the verifier and the gate said of its packet, newest first."""
+    facets = {"mission": mission, "kind": kind, "verdict": verdict}
+    query = ListQuery(
+        listing="evidence",
+        facets={name: value for name, value in facets.items() if value},
+        words=tuple(q.split()),
+        order=order,
+        after=place(after),
+        limit=limit,
+    )
+    found = console.lists.evidence(query)
+    linked(response, "/api/v1/evidence", found, q=q, order=order, limit=str(limit), **facets)
+    return [plain(one) for one in found.items]
+
+
+@router.get("/evidence/{digest}", responses=BLOB, response_class=Response)
+def blob(console: ConsoleDep, digest: Annotated[str, Path(pattern="^[0-9a-f]{64}$")]) -> Response:
+    """Blobs by digest, with a type taken from their first bytes. 404 if the bytes do not match."""
+    return verified_blob(console, digest)
+
+
+@router.get("/places", responses=answers("Site"))
+def places(console: ConsoleDep) -> Any:
+    """Places, reference routes, passages and zones of the site."""
+    return plain(console.runtime.site)
+
+
+@router.get("/templates", responses=answers("TaskTemplate", many=True))
+def templates(console: ConsoleDep) -> Any:
+    """Task templates of the present configuration, with their parameters."""
+    return [plain(one) for one in console.runtime.configuration.templates]
+
+
+@router.get("/providers", responses=answers("CapabilityCard", many=True))
+def providers(console: ConsoleDep) -> Any:
+    """Capability cards as missions were shown them; a provider that no mission was offered yet is not here."""
+    console.runtime.memory.catch_up()
+    known = [one.record.knowledge for one in console.runtime.memory.semantic(limit=500)]
+    cards = {one.card.provider_id: one.card for one in known if isinstance(one, KnownCard)}
+    return [plain(cards[name]) for name in sorted(cards)]
+
+
+@router.get("/audit/head", responses=answers("Head"))
+def head(console: ConsoleDep) -> Any:
+    """The end of the log: keep it elsewhere, and the log is tamper-evident up to there."""
+    return plain(console.head())
+
+
+@router.get("/audit/verify", responses=answers("Head"))
+def verify(console: ConsoleDep) -> Any:
+    """Every hash computed again; 500 with `log_damaged` names the first position that does not verify."""
+    return plain(console.runtime.verify())
+
+
+@router.get("/audit/decisions", responses=answers("Deed", many=True))
+def decisions(
+    console: ConsoleDep,
+    response: Response,
+    actor: Filter = "",
+    kind: Filter = "",
+    everything: bool = False,
+    before: Before = 0,
+    limit: Annotated[int, Query(ge=1, le=200)] = 50,
+) -> Any:
+    """Who decided what, when, in which role and by which channel; newest first, below a position."""
+    deeds, scanned = newest_first(console, Wanted(actor, kind, everything), before=before, shown=limit)
+    if scanned > 1:
+        response.headers["Link"] = f'</api/v1/audit/decisions?before={scanned}&limit={limit}>; rel="next"'
+    return [vars(one) for one in deeds]
+
+
+@router.get("/audit/access", responses=answers("TrailEntry", many=True))
+def access(
+    console: ConsoleDep,
+    visitor: VisitorDep,
+    actor: Filter = "",
+    kind: Filter = "",
+    before: Before = 0,
+    limit: Annotated[int, Query(ge=1, le=200)] = 50,
+) -> Any:
+    """Sign-ins, changes of accounts and tokens, and every command with the address it came from; newest first."""
+    visitor.acting("trail")
+    store = console.doors.accounts.store
+    return [plain(one) for one in store.trail(before=before or None, kind=kind, actor=actor, limit=limit)]

@@ -1,0 +1,110 @@
+"""/audit: verify the log, anchor it, and read who decided what when; /audit/access: who came in from where."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Query
+from starlette.responses import HTMLResponse, PlainTextResponse
+
+from app.console import Console, ConsoleDep
+from app.rendering import render
+from app.security import VisitorDep
+from app.views.audit import AccessPage, Deed, Sum, TrailRow, Wanted, audit_page, deed
+from harness.contracts.errors import LogDamaged
+
+router = APIRouter(prefix="/audit")
+SHOWN, WINDOW, SCANNED = 50, 500, 5000
+Filter = Annotated[str, Query(max_length=200)]
+Before = Annotated[int, Query(ge=0, le=2**62)]
+
+
+@router.get("")
+def show(
+    console: ConsoleDep,
+    visitor: VisitorDep,
+    actor: Filter = "",
+    kind: Filter = "",
+    everything: bool = False,
+    before: Before = 0,
+    verify: bool = False,
+) -> HTMLResponse:
+    wanted = Wanted(actor=actor.strip(), kind=kind.strip(), everything=everything)
+    deeds, scanned_from = newest_first(console, wanted, before=before)
+    shell = console.shell("Audit", "audit", visitor.actor)
+    page = audit_page(
+        shell,
+        console.head(),
+        deeds,
+        wanted,
+        scanned_from=scanned_from,
+        keeps_trail=visitor.may("trail"),
+        found=_log_sum(console) if verify else Sum(),
+    )
+    return render("audit/index.html", page)
+
+
+@router.get("/anchor.txt")
+def anchor(console: ConsoleDep) -> PlainTextResponse:
+    """The head of the log, to be kept elsewhere: the log is tamper-evident up to the last anchor kept."""
+    head = console.head()
+    return PlainTextResponse(
+        f"{head.position} {head.digest}\n",
+        headers={"Content-Disposition": f'attachment; filename="anchor-{head.position}.txt"'},
+    )
+
+
+@router.get("/access")
+def access(
+    console: ConsoleDep,
+    visitor: VisitorDep,
+    actor: Filter = "",
+    kind: Filter = "",
+    before: Before = 0,
+    verify: bool = False,
+) -> HTMLResponse:
+    visitor.acting("trail")
+    store = console.doors.accounts.store
+    entries = store.trail(before=before or None, kind=kind.strip(), actor=actor.strip(), limit=SHOWN)
+    found = _trail_sum(console) if verify else Sum()
+    page = AccessPage(
+        shell=console.shell("Access", "audit", visitor.actor),
+        rows=tuple(TrailRow(e.number, e.at_s, e.kind, e.actor, e.role, e.subject, e.detail, e.source) for e in entries),
+        actor=actor,
+        kind=kind,
+        older=entries[-1].number if len(entries) == SHOWN else 0,
+        verified=found.verified,
+        damage=found.damage,
+    )
+    return render("audit/access.html", page)
+
+
+def newest_first(console: Console, wanted: Wanted, *, before: int, shown: int = SHOWN) -> tuple[list[Deed], int]:
+    """Fitting deeds below a position (0: from the head), and the lowest position looked at. Reads at most SCANNED."""
+    upto = before - 1 if before else console.head().position
+    floor = max(0, upto - SCANNED)
+    found: list[Deed] = []
+    while upto > floor and len(found) < shown:
+        after = max(floor, upto - WINDOW)
+        for stored in reversed(console.runtime.log(after, upto - after)):
+            one = deed(stored)
+            if wanted.fits(one):
+                found.append(one)
+                if len(found) == shown:
+                    return found, one.position
+        upto = after
+    return found, upto + 1
+
+
+def _log_sum(console: Console) -> Sum:
+    try:
+        head = console.runtime.verify()
+    except LogDamaged as error:
+        return Sum(damage=str(error))
+    return Sum(verified=f"Every hash of the log and of its records was computed again: {head.position} events, intact.")
+
+
+def _trail_sum(console: Console) -> Sum:
+    try:
+        entries = console.doors.accounts.store.verify_trail()
+    except LogDamaged as error:
+        return Sum(damage=str(error))
+    return Sum(verified=f"Every hash of the trail was computed again: {entries} entries, intact.")

@@ -1,0 +1,40 @@
+"""/metrics for Prometheus, /readyz for whoever decides where requests go."""
+
+from fastapi import APIRouter
+from starlette.responses import PlainTextResponse
+
+from app.console import Console, ConsoleDep
+from harness.contracts.errors import HarnessError
+
+router = APIRouter()
+FORMAT = "text/plain; version=0.0.4; charset=utf-8"
+
+
+@router.get("/metrics")
+def metrics(console: ConsoleDep) -> PlainTextResponse:
+    """Gauges that are read at this instant; nothing is counted beside the log."""
+    lines = []
+    for name, meaning, value in gauges(console):
+        lines += [f"# HELP {name} {meaning}", f"# TYPE {name} gauge", f"{name} {value}"]
+    return PlainTextResponse("\n".join(lines) + "\n", media_type=FORMAT)
+
+
+def gauges(console: Console) -> list[tuple[str, str, int]]:
+    """(name, meaning, value)."""
+    return [
+        ("regen_log_position", "Events in the log.", console.head().position),
+        ("regen_missions_open", "Missions that have not ended.", len(console.open_missions())),
+        ("regen_handoffs_open", "Handoffs that wait for a person.", len(console.lists.open_handoffs())),
+        ("regen_live_pages", "Open streams of names.", console.broker.watching),
+    ]
+
+
+@router.get("/readyz")
+def readyz(console: ConsoleDep) -> PlainTextResponse:
+    """200 once log and accounts can be read, 503 while they cannot. Says no more: strangers may ask."""
+    try:
+        console.head()
+        console.doors.accounts.store.any_account()
+    except HarnessError:
+        return PlainTextResponse("not ready\n", status_code=503)
+    return PlainTextResponse("ok\n")

@@ -1,0 +1,52 @@
+"""/providers: who can act, by its own word, by the kit's and by the log's."""
+
+from collections.abc import Sequence
+
+from fastapi import APIRouter
+from starlette.responses import HTMLResponse
+
+from app.claims import claimed
+from app.console import ActorDep, ConsoleDep
+from app.rendering import render
+from app.views.providers import providers_page
+from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.ids import ProviderId
+from harness.contracts.memory import KnownCard, MemoryQuery, MemoryRecord
+from harness.runtime import Runtime
+
+router = APIRouter(prefix="/providers")
+COUNTED = 10_000
+
+
+@router.get("")
+def index(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
+    """The cards of the robots that run here, and those of memory for everybody else who ever acted."""
+    cards = {card.provider_id: card for card in (*remembered(console.runtime), *console.cards())}.values()
+    claims = {card.provider_id: claimed(card.provider_id) for card in cards}
+    history: dict[ProviderId, Sequence[MemoryRecord]] = {
+        card.provider_id: [
+            one.record
+            for one in console.runtime.memory.find(
+                MemoryQuery(kinds=("outcome",), provider_id=card.provider_id, limit=COUNTED)
+            )
+        ]
+        for card in cards
+    }
+    page = providers_page(
+        console.shell("Providers", "providers", actor),
+        tuple(cards),
+        conformance={name: claim for name, claim in claims.items() if claim is not None},
+        outcomes=history,
+    )
+    return render("providers/index.html", page)
+
+
+def remembered(runtime: Runtime) -> tuple[CapabilityCard, ...]:
+    """Cards that roles were shown, the newest of each provider."""
+    known = [one.record.knowledge for one in runtime.memory.find(MemoryQuery(kinds=("card",), limit=COUNTED))]
+    newest: dict[str, CapabilityCard] = {}
+    for said in known:
+        if isinstance(said, KnownCard):
+            newest.setdefault(said.card.provider_id, said.card)
+    return tuple(newest.values())
+

@@ -1,0 +1,142 @@
+"""Pure: somebody's own account, and everybody's for an admin."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+from app.permissions import GRANTS, MEANING, ROLES, SCOPES, Visitor
+from app.views.shell import Shell
+
+
+@dataclass(frozen=True)
+class SignInPage:
+    """`let_in`: a link or a cookie was good. `by_password`: there are accounts. `wrong` says why not."""
+
+    let_in: bool
+    by_password: bool
+    link_failed: bool
+    wrong: str
+    name: str
+
+
+@dataclass(frozen=True)
+class OpenSession:
+    """One browser that is signed in."""
+
+    browser: str
+    began_at_s: float
+    seen_at_s: float
+    this: bool
+
+
+@dataclass(frozen=True)
+class Ability:
+    """One thing that can be done here, and whether this person may."""
+
+    meaning: str
+    allowed: bool
+    roles: str
+
+
+@dataclass(frozen=True)
+class AccountPage:
+    """A person's own page. `invited`: came by the first link, and has no account yet."""
+
+    shell: Shell
+    name: str
+    roles: str
+    invited: bool
+    keeps_people: bool
+    abilities: tuple[Ability, ...]
+    sessions: tuple[OpenSession, ...]
+    errors: tuple[str, ...]
+    done: str
+
+
+@dataclass(frozen=True)
+class RoleChoice:
+    """One role to tick."""
+
+    name: str
+    held: bool
+
+
+@dataclass(frozen=True)
+class Person:
+    """One account in the list."""
+
+    name: str
+    roles: tuple[RoleChoice, ...]
+    disabled: bool
+    created_at_s: float
+    last_seen_at_s: float | None
+
+
+@dataclass(frozen=True)
+class TokenRow:
+    """One token in the list. `state` is in use, expired or revoked."""
+
+    token_id: str
+    name: str
+    scopes: str
+    robot_id: str
+    created_by: str
+    created_at_s: float
+    used_at_s: float | None
+    state: str
+
+
+@dataclass(frozen=True)
+class ScopeChoice:
+    """One scope to tick."""
+
+    name: str
+    meaning: str
+
+
+@dataclass(frozen=True)
+class PeoplePage:
+    """Accounts and tokens. `secret` is a token just made: shown on this answer and never again."""
+
+    shell: Shell
+    first: bool
+    people: tuple[Person, ...]
+    roles: tuple[RoleChoice, ...]
+    tokens: tuple[TokenRow, ...]
+    scopes: tuple[ScopeChoice, ...]
+    robots: tuple[str, ...]
+    errors: tuple[str, ...]
+    secret: str
+    typed: str
+
+
+def account_page(
+    shell: Shell,
+    visitor: Visitor,
+    sessions: Sequence[tuple[str, float, float, bool]],
+    *,
+    errors: Sequence[str] = (),
+    done: str = "",
+) -> AccountPage:
+    """`sessions`: (browser, since, last seen, whether it is this one)."""
+    return AccountPage(
+        shell=shell,
+        name=visitor.name,
+        roles=", ".join(visitor.roles),
+        invited=visitor.invited,
+        keeps_people=visitor.may("people"),
+        abilities=tuple(
+            Ability(meaning=MEANING[permission], allowed=visitor.may(permission), roles=", ".join(roles))
+            for permission, roles in GRANTS.items()
+        ),
+        sessions=tuple(OpenSession(*one) for one in sessions),
+        errors=tuple(errors),
+        done=done,
+    )
+
+
+def role_choices(held: Collection[str] = ()) -> tuple[RoleChoice, ...]:
+    return tuple(RoleChoice(name=role, held=role in held) for role in ROLES)
+
+
+def scope_choices() -> tuple[ScopeChoice, ...]:
+    return tuple(ScopeChoice(name=name, meaning=MEANING[name]) for name in GRANTS if name in SCOPES)

@@ -1,0 +1,111 @@
+"""Pure: what the harness remembers beyond one mission, by role, each record with where it came from."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+
+from app.views.shell import Shell
+from harness.contracts.memory import Knowledge, Remembered
+
+ROLES: tuple[tuple[str, str, tuple[str, ...]], ...] = (
+    ("spatial", "where things are", ("map", "place", "region", "relation", "pose", "sighting", "dispute")),
+    ("episodic", "what was tried", ("episode",)),
+    ("operational", "how providers did", ("outcome",)),
+    ("semantic", "contracts and rules", ("card", "rules")),
+)
+LONGEST = 240
+
+
+@dataclass(frozen=True)
+class RoleTab:
+    """One role of memory."""
+
+    value: str
+    title: str
+    chosen: bool
+
+
+@dataclass(frozen=True)
+class RecordRow:
+    """One record. `position` is the event that caused it, 0 for a mission that the record does not name."""
+
+    record_id: str
+    kind: str
+    subject: str
+    standing: str
+    tone: str
+    said: str
+    confidence: float
+    from_s: float
+    until_s: float | None
+    mission_id: str
+    position: int
+    sources: str
+    supersedes: int
+    conflicts: int
+
+
+@dataclass(frozen=True)
+class MemoryPage:
+    """Records of one role, newest first; at most `limit` are shown."""
+
+    shell: Shell
+    tabs: tuple[RoleTab, ...]
+    rows: tuple[RecordRow, ...]
+    subject: str
+    everything: bool
+    limit: int
+    role: str
+
+
+def kinds_of(role: str) -> tuple[str, ...]:
+    """The kinds of records that a role keeps; empty for an unknown role."""
+    return next((kinds for name, _, kinds in ROLES if name == role), ())
+
+
+def memory_page(
+    shell: Shell, role: str, found: Sequence[Remembered], *, subject: str, everything: bool, limit: int
+) -> MemoryPage:
+    """`everything`: superseded records and sides of open conflicts too."""
+    return MemoryPage(
+        shell=shell,
+        tabs=tuple(RoleTab(value=name, title=f"{name}: {title}", chosen=name == role) for name, title, _ in ROLES),
+        rows=tuple(_row(one) for one in found),
+        subject=subject,
+        everything=everything,
+        limit=limit,
+        role=role,
+    )
+
+
+def _row(remembered: Remembered) -> RecordRow:
+    record = remembered.record
+    return RecordRow(
+        record_id=record.record_id,
+        kind=record.kind,
+        subject=record.subject,
+        standing=remembered.standing,
+        tone={"disputed": "bad", "superseded": "plain", "verified": "good"}.get(remembered.standing, "plain"),
+        said=_said(record.knowledge),
+        confidence=record.confidence,
+        from_s=record.valid_from_s,
+        until_s=remembered.until_s,
+        mission_id=record.provenance.mission_id,
+        position=record.provenance.position,
+        sources=", ".join(record.provenance.sources),
+        supersedes=len(record.supersedes),
+        conflicts=len(record.conflicts),
+    )
+
+
+def _said(knowledge: Knowledge) -> str:
+    """What the record says, field by field, cut where nobody reads on."""
+    pairs = msgspec.to_builtins(knowledge)
+    text = ", ".join(f"{name.replace('_', ' ')} {_value(value)}" for name, value in pairs.items() if name != "kind")
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}…"
+
+
+def _value(value: Any) -> str:
+    return value if isinstance(value, str) else msgspec.json.encode(value).decode()

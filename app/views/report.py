@@ -1,0 +1,203 @@
+"""Pure: what became of a mission, for people who were not there: for print, with every word labelled by whose it is."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from app.views.measures import ConditionRow, condition_row
+from app.views.missions import Head, head
+from app.views.shell import Shell
+from app.views.stages import Observed, Stage, stages
+from app.views.timeline import Entry
+from harness.contracts.events import (
+    DispatchIntended,
+    HandoffAnswered,
+    NodeCommitted,
+    PacketRetained,
+    RecoveryAuthorised,
+    StopRequested,
+)
+from harness.contracts.ids import NodeId
+from harness.contracts.protocol import Receipt
+from harness.contracts.revision_events import AttestationRecorded, CompletionDisputed
+from harness.projections.mission import Mission
+
+
+@dataclass(frozen=True)
+class Timing:
+    """One stage in mission time: dispatched first, accepted last, and how many attempts lay between."""
+
+    node_id: str
+    dispatched_s: float | None
+    accepted_s: float | None
+    attempts: int
+    took_s: float | None
+
+
+@dataclass(frozen=True)
+class Shown:
+    """One picture of the report, by the digest of its bytes."""
+
+    blob: str
+    node_id: str
+    at_s: float
+    broken: str
+
+
+@dataclass(frozen=True)
+class Word:
+    """What a service said when it had done something: declared, never measured."""
+
+    kind: str
+    node_id: str
+    text: str
+    source: str
+    receipt_id: str
+    at_s: float
+    blob: str
+
+
+@dataclass(frozen=True)
+class Deed:
+    """What a person did, or what recovery spent."""
+
+    at_s: float
+    who: str
+    text: str
+
+
+@dataclass(frozen=True)
+class ReportPage:
+    """One mission's report as it stands at `position` of the log, whose event has `digest`."""
+
+    shell: Shell
+    mission_id: str
+    head: Head
+    verdict: str
+    reason: str
+    conditions: tuple[ConditionRow, ...]
+    stages: tuple[Stage, ...]
+    timings: tuple[Timing, ...]
+    findings: tuple[Word, ...]
+    receipts: tuple[Word, ...]
+    pictures: tuple[Shown, ...]
+    deeds: tuple[Deed, ...]
+    disputed: int
+    starts: int | None
+    duplicates: int | None
+    position: int
+    digest: str
+
+
+@dataclass(frozen=True)
+class Journal:
+    """What the robot's own journal says: physical starts and repeated ones; None where it cannot be read."""
+
+    starts: int | None
+    duplicates: int | None
+
+
+def report_page(
+    shell: Shell, mission: Mission, entries: Sequence[Entry], journal: Journal, broken: dict[str, str]
+) -> ReportPage:
+    """`broken`: for every picture whose bytes do not match their digest now, why."""
+    said = _words(entries)
+    goal = mission.goal_verdict
+    return ReportPage(
+        shell=shell,
+        mission_id=mission.mission_id,
+        head=head(mission, entries),
+        verdict=goal.verdict if goal else "",
+        reason=goal.reason if goal else "The goal has not been tested.",
+        conditions=tuple(condition_row(result) for result in goal.results) if goal else (),
+        stages=stages(mission, entries, Observed(), selected=""),
+        timings=timings(mission, entries),
+        findings=tuple(word for word in said if word.kind == "analysis"),
+        receipts=tuple(word for word in said if word.kind != "analysis"),
+        pictures=tuple(
+            Shown(blob=blob, node_id=node_id, at_s=at_s, broken=broken.get(blob, ""))
+            for blob, node_id, at_s in pictures(entries)
+        ),
+        deeds=_deeds(entries),
+        disputed=mission.false_completions,
+        starts=journal.starts,
+        duplicates=journal.duplicates,
+        position=entries[-1].position,
+        digest=entries[-1].digest,
+    )
+
+
+def pictures(entries: Sequence[Entry]) -> tuple[tuple[str, str, float], ...]:
+    """(blob, stage, sensor time) of every camera frame, by time."""
+    taken: dict[str, tuple[str, str, float]] = {}
+    for entry in entries:
+        if isinstance(entry.event, PacketRetained):
+            packet = entry.event.packet
+            for one in (*packet.before, *packet.after):
+                if one.kind == "image":
+                    taken.setdefault(one.blob, (one.blob, packet.identity.node_id, one.from_s))
+    return tuple(sorted(taken.values(), key=lambda one: one[2]))
+
+
+def timings(mission: Mission, entries: Sequence[Entry]) -> tuple[Timing, ...]:
+    """One per stage that was dispatched, in that order; an abort-return is none of the stages."""
+    sent: dict[NodeId, float] = {}
+    accepted: dict[NodeId, float] = {}
+    for entry in entries:
+        match entry.event:
+            case DispatchIntended(node_id=node_id):
+                sent.setdefault(node_id, entry.mission_s)
+            case NodeCommitted(node_id=node_id, aborting=False):
+                accepted[node_id] = entry.mission_s
+            case _:
+                continue
+    return tuple(
+        Timing(
+            node_id=node_id,
+            dispatched_s=at_s,
+            accepted_s=accepted.get(node_id),
+            attempts=mission.nodes[node_id].attempt if node_id in mission.nodes else 0,
+            took_s=accepted[node_id] - at_s if node_id in accepted else None,
+        )
+        for node_id, at_s in sent.items()
+    )
+
+
+def _words(entries: Sequence[Entry]) -> tuple[Word, ...]:
+    return tuple(
+        _word(receipt, entry.event.packet.identity.node_id)
+        for entry in entries
+        if isinstance(entry.event, PacketRetained)
+        for receipt in entry.event.packet.receipts
+    )
+
+
+def _word(receipt: Receipt, node_id: str) -> Word:
+    return Word(
+        kind=receipt.kind,
+        node_id=node_id,
+        text=receipt.text,
+        source=receipt.source,
+        receipt_id=receipt.receipt_id,
+        at_s=receipt.at_s,
+        blob=receipt.blob or "",
+    )
+
+
+def _deeds(entries: Sequence[Entry]) -> tuple[Deed, ...]:
+    found: list[Deed] = []
+    for entry in entries:
+        match entry.event:
+            case HandoffAnswered(actor=actor, decision=decision, reason=reason):
+                found.append(Deed(entry.mission_s, f"{actor.name} ({actor.channel})", f"{decision}: {reason}"))
+            case StopRequested(actor=actor, reason=reason):
+                found.append(Deed(entry.mission_s, actor.name, f"asked to stop: {reason}"))
+            case CompletionDisputed(actor=actor, reason=reason):
+                found.append(Deed(entry.mission_s, actor.name, f"disputed an acceptance: {reason}"))
+            case AttestationRecorded(actor=actor, condition_id=condition_id):
+                found.append(Deed(entry.mission_s, actor.name, f"attested {condition_id}"))
+            case RecoveryAuthorised(action=action, failure=failure, cost=cost):
+                said = f"{action} after {failure}, cost {cost}".replace("_", " ")
+                found.append(Deed(entry.mission_s, "recovery policy", said))
+            case _:
+                continue
+    return tuple(found)

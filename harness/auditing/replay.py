@@ -1,0 +1,218 @@
+"""Replay for an auditor: fold again, ask every role again, decide again, and say what differs. Touches no robot (R145).
+
+Randomness has no part in a decision; a model's output is read where it was stored, never sampled again (R146).
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import msgspec
+from msgspec.structs import replace
+
+from harness.auditing.commands import asked
+from harness.auditing.neighbours import asked_of_handoff, asked_of_lease
+from harness.auditing.roles import Roles
+from harness.contracts.decider import Decider
+from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.errors import ContractInvalid, LogDamaged
+from harness.contracts.events import ContractCompiled, MissionEvent
+from harness.contracts.ids import Digest, HandoffId, MissionId, ResourceId, StreamId, sha256
+from harness.contracts.ports import StoredEvent
+from harness.contracts.values import Count, Moment, Value, digest, encode
+from harness.gate.decide import DECIDER
+from harness.gate.handoffs import DECIDER as HANDOFF
+from harness.gate.leases import DECIDER as LEASE
+from harness.projections.mission import Mission
+from harness.runtime import Runtime
+
+UNEQUAL = "the state folded from zero is not, byte for byte, the live one"
+
+
+class ReplayReport(Value):
+    """What was derived again, counted, and every difference with its position. `state`: digest of the folded mission.
+
+    `unanswered` verdicts were given by nobody and cannot be derived; `decisions` are the gate's on the mission,
+    `leases` and `handoffs` those on its resources and questions.
+    """
+
+    mission_id: MissionId
+    events: Count
+    plans: Count
+    routings: Count
+    skills: Count
+    verdicts: Count
+    unanswered: Count
+    recoveries: Count
+    goals: Count
+    decisions: Count
+    leases: Count
+    handoffs: Count
+    k: Count
+    state: Digest
+    differences: tuple[str, ...]
+
+
+@dataclass
+class _Replay:
+    """One mission being derived again."""
+
+    runtime: Runtime
+    differences: list[str] = field(default_factory=list)
+
+    def differ(self, stored: StoredEvent, what: str) -> None:
+        self.differences.append(f"position {stored.position}, {stored.stream}, {stored.kind}: {what}")
+
+
+def replay_mission(runtime: Runtime, mission_id: MissionId) -> ReplayReport:
+    """Reconstruct progress from the log and derive again every decision from what was stored with it.
+
+    Raises UnknownName for a mission that does not exist.
+    """
+    live = runtime.mission(mission_id)
+    replay, roles = _Replay(runtime), Roles(runtime)
+    stored = runtime.events(mission_id)
+    mission, decisions = _mission(replay, roles, stored)
+    if encode(mission) != encode(live):
+        replay.differences.append(
+            f"mission/{mission_id}: the state folded from zero is not, byte for byte, the live one"
+        )
+    leases = sum(_leases(replay, stream, mission_id) for stream in runtime.streams("lease/"))
+    handoffs = sum(_handoff(replay, stream, mission_id) for stream in runtime.streams("handoff/"))
+    return ReplayReport(
+        mission_id=mission_id,
+        events=len(stored),
+        **roles.derived,
+        decisions=decisions,
+        leases=leases,
+        handoffs=handoffs,
+        k=mission.k,
+        state=digest(mission),
+        differences=tuple(replay.differences),
+    )
+
+
+def replay_all(runtime: Runtime) -> Iterator[ReplayReport]:
+    """Every mission of the log, oldest first."""
+    for stream in runtime.streams("mission/"):
+        yield replay_mission(runtime, MissionId(stream.partition("/")[2]))
+
+
+def _mission(replay: _Replay, roles: Roles, stored: Sequence[StoredEvent]) -> tuple[Mission, int]:
+    """The mission folded from zero, and how many of the gate's decisions were made again."""
+    mission, decisions = Mission(), 0
+    events = _decoded(replay, DECIDER, stored)
+    expected: list[MissionEvent] = []
+    differing = False
+    for index, event in enumerate(events):
+        if not expected:
+            expected, differing = _decided(replay, mission, events[index:], stored[index]), False
+            decisions += 1
+        derived = _as_written(expected.pop(0), stored[index]) if expected else None
+        if derived is not None and not differing and encode(derived) != encode(event):
+            replay.differ(stored[index], f"the gate derives {_short(derived)} again, stored is {_short(event)}")
+            differing = True
+        for difference in roles.differences(mission, event):
+            replay.differ(stored[index], difference)
+        mission = DECIDER.apply(mission, event)
+    for left in expected:
+        replay.differ(stored[-1], f"the gate derives {type(left).__name__} after it, which is not stored")
+    return mission, decisions
+
+
+class _Written(msgspec.Struct):
+    contract: msgspec.Raw
+
+
+def _as_written(derived: MissionEvent, stored: StoredEvent) -> MissionEvent:
+    """A contract's digest is of the bytes it was written in: an earlier release may have written fewer fields."""
+    if not isinstance(derived, ContractCompiled) or stored.kind != type(derived).__name__:
+        return derived
+    written = sha256(bytes(msgspec.json.decode(stored.body, type=_Written).contract))
+    return replace(derived, contract_digest=written)
+
+
+def _decided(
+    replay: _Replay, mission: Mission, tail: Sequence[MissionEvent], stored: StoredEvent
+) -> list[MissionEvent]:
+    """The events the gate answers with again to what these events answered."""
+    command = asked(tail)
+    if command is None:
+        replay.differ(stored, "no command leads to this event here")
+        return []
+    now = Moment(mission_s=stored.mission_s, wall_s=stored.recorded_s)
+    try:
+        decision = DECIDER.decide(mission, command, now)
+    except (ContractInvalid, KeyError, ValueError) as error:
+        replay.differ(stored, f"the gate cannot decide {type(command).__name__} again: {error}")
+        return []
+    return _accepted(replay, decision, stored)
+
+
+def _accepted(replay: _Replay, decision: Decision[Any], stored: StoredEvent) -> list[Any]:
+    match decision:
+        case Refused():
+            replay.differ(
+                stored, f"the gate accepted it; derived again it refuses: {decision.rule}, {decision.message}"
+            )
+            return []
+        case Accepted():
+            return list(decision.events)
+
+
+def _leases(replay: _Replay, stream: StreamId, mission_id: MissionId) -> int:
+    """The lease decisions on one resource; counts and reports those about this mission."""
+    lease, decisions = LEASE.initial, 0
+    stored = replay.runtime.stream(stream)
+    for one, event in zip(stored, _decoded(replay, LEASE, stored), strict=False):
+        after = LEASE.apply(lease, event)
+        command = asked_of_lease(event)
+        if after.mission_id == mission_id and command is not None:
+            decisions += 1
+            now = Moment(mission_s=one.mission_s, wall_s=one.recorded_s)
+            _same(replay, _accepted(replay, LEASE.decide(lease, command, now), one), event, one)
+        lease = after
+    if encode(lease) != encode(replay.runtime.lease(ResourceId(stream.partition("/")[2]))):
+        replay.differences.append(f"{stream}: {UNEQUAL}")
+    return decisions
+
+
+def _handoff(replay: _Replay, stream: StreamId, mission_id: MissionId) -> int:
+    """The decisions at one handoff, if it is this mission's."""
+    live = replay.runtime.handoff(HandoffId(stream.partition("/")[2]))
+    if live.opened is None or live.opened.mission_id != mission_id:
+        return 0
+    handoff, decisions = HANDOFF.initial, 0
+    stored = replay.runtime.stream(stream)
+    for one, event in zip(stored, _decoded(replay, HANDOFF, stored), strict=False):
+        found = asked_of_handoff(handoff, event)
+        if found is not None:
+            decisions += 1
+            command, wall_s = found
+            now = Moment(mission_s=one.mission_s, wall_s=one.recorded_s if wall_s is None else wall_s)
+            _same(replay, _accepted(replay, HANDOFF.decide(handoff, command, now), one), event, one)
+        handoff = HANDOFF.apply(handoff, event)
+    if encode(handoff) != encode(live):
+        replay.differences.append(f"{stream}: {UNEQUAL}")
+    return decisions
+
+
+def _same(replay: _Replay, derived: list[Any], event: Any, stored: StoredEvent) -> None:
+    if derived and (len(derived) != 1 or encode(derived[0]) != encode(event)):
+        replay.differ(stored, f"derived again it is {_short(derived[0])}, stored is {_short(event)}")
+
+
+def _decoded(replay: _Replay, decider: Decider[Any, Any, Any], stored: Sequence[StoredEvent]) -> list[Any]:
+    """The events up to the first that cannot be read."""
+    events = []
+    for one in stored:
+        try:
+            events.append(decider.codec.decode(one))
+        except LogDamaged as error:
+            replay.differ(one, str(error))
+            break
+    return events
+
+
+def _short(event: Any) -> str:
+    return encode(event).decode()[:160]

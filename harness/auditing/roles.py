@@ -1,0 +1,153 @@
+"""Which output each role gives again for what it was shown: C1 plan, routing, C2 skill, C3 verdicts, C4 recovery."""
+
+from collections.abc import Callable, Iterator
+from typing import TypeVar
+
+import msgspec
+
+from harness.contracts.contexts import Context
+from harness.contracts.errors import HarnessError
+from harness.contracts.events import (
+    DispatchIntended,
+    GoalVerified,
+    HandoffRequested,
+    MissionEvent,
+    NodeFailed,
+    NodePlanned,
+    RecoveryAuthorised,
+    VerdictRecorded,
+)
+from harness.contracts.ids import Digest, sha256
+from harness.contracts.proposals import CandidateSet, PlanProposal
+from harness.contracts.values import decode, digest, encode
+from harness.contracts.verdicts import NodeVerdict
+from harness.planning.planner import GRAPH_ORDER, plan, plan_refusal
+from harness.planning.skill import propose_skill
+from harness.projections.mission import Mission
+from harness.recovery.ladder import recover
+from harness.routing.question import RoutingQuestion
+from harness.runtime import Runtime
+from harness.verification.finding import UNAVAILABLE
+from harness.verification.verdict import verify, verify_goal
+
+T = TypeVar("T")
+ROLES = ("plans", "routings", "skills", "verdicts", "recoveries", "goals")
+
+
+class Differs(Exception):
+    """What was derived again is not what is stored: the message says how."""
+
+
+class Roles:
+    """Derives again what each event says a role decided. `derived` counts them by kind."""
+
+    def __init__(self, runtime: Runtime) -> None:
+        self._runtime = runtime
+        self.derived = dict.fromkeys((*ROLES, "unanswered"), 0)
+
+    def differences(self, mission: Mission, event: MissionEvent) -> Iterator[str]:
+        """Differences of one event, made on the mission as it was before it."""
+        for check in self._checks(mission, event):
+            try:
+                check()
+            except Differs as difference:
+                yield str(difference)
+            except HarnessError as error:
+                yield f"what was shown cannot be read: {error}"
+
+    def _checks(self, mission: Mission, event: MissionEvent) -> tuple[Callable[[], None], ...]:
+        match event:
+            case NodePlanned():
+                return (lambda: self._plan(mission, event),)
+            case DispatchIntended():
+                return (lambda: self._routing(event), lambda: self._skill(event))
+            case VerdictRecorded():
+                return (lambda: self._verdict(event.verdict),)
+            case GoalVerified():
+                return (lambda: self._goal(event),)
+            case RecoveryAuthorised():
+                return (lambda: self._recovery(event),)
+            case HandoffRequested() | NodeFailed():
+                return (lambda: self._escalation(event),)
+            case _:
+                return ()
+
+    def _plan(self, mission: Mission, event: NodePlanned) -> None:
+        c1 = self._stored(event.context, Context)
+        own = plan(c1)
+        if c1.k != mission.k:
+            raise Differs(f"C1 speaks of state version {c1.k}, the plan was made at {mission.k}")
+        if event.planner == GRAPH_ORDER.name or event.refused:
+            expected = (own.node_id, own.reason)
+        else:
+            said = self._stored(event.proposal, PlanProposal) if event.proposal else own
+            if refused := plan_refusal(said, mission=mission):
+                raise Differs(f"the plan was taken up; derived again it is refused: {refused.message}")
+            expected = (said.node_id, said.reason)
+        self.derived["plans"] += 1
+        if expected != (event.node_id, event.reason):
+            raise Differs(f"C1 led to {event.node_id}; derived again it leads to {expected[0]}")
+
+    def _routing(self, event: DispatchIntended) -> None:
+        if event.question is None or event.candidates is None:
+            return
+        stored = self._stored(event.candidates, CandidateSet)
+        again = self._stored(event.question, RoutingQuestion).answer()
+        self.derived["routings"] += 1
+        if encode(again) != encode(stored):
+            raise Differs(f"routing chose {stored.chosen}; again it chooses {again.chosen} or scores otherwise")
+        if again.chosen != event.provider_id:
+            raise Differs(f"routing chose {again.chosen}; {event.provider_id} was sent")
+
+    def _skill(self, event: DispatchIntended) -> None:
+        again = propose_skill(self._stored(event.context, Context))
+        self.derived["skills"] += 1
+        if (again.provider_id, encode(again.parameters)) != (event.provider_id, encode(event.parameters)):
+            raise Differs(f"C2 led to {event.parameters}; derived again it leads to {again.parameters}")
+
+    def _verdict(self, stored: NodeVerdict) -> None:
+        c3 = self._stored(stored.context, Context)
+        again = verify(c3, self._runtime.blob)
+        if stored.verifier == UNAVAILABLE != again.verifier:
+            self.derived["unanswered"] += 1
+            if stored.verdict != "ambiguous":
+                raise Differs(f"no verifier answered, and yet the verdict is {stored.verdict}")
+            return
+        self.derived["verdicts"] += 1
+        if digest(again) != digest(stored):
+            raise Differs(f"the verdict was {stored.verdict}; derived again it is {again.verdict}")
+
+    def _goal(self, event: GoalVerified) -> None:
+        again = verify_goal(self._stored(event.verdict.context, Context), self._runtime.blob)
+        self.derived["goals"] += 1
+        if digest(again) != digest(event.verdict):
+            raise Differs(f"the goal verdict was {event.verdict.verdict}; derived again it is {again.verdict}")
+
+    def _recovery(self, event: RecoveryAuthorised) -> None:
+        again = recover(self._stored(event.context, Context))
+        self.derived["recoveries"] += 1
+        taken = (event.action, event.failure, event.cost, event.reason)
+        if (again.action, again.failure, again.cost, again.reason) != taken:
+            raise Differs(f"C4 led to {event.action}; derived again it leads to {again.action} ({again.reason})")
+
+    def _escalation(self, event: HandoffRequested | NodeFailed) -> None:
+        """A person, or the end of a stage: C4 proposed it, or what C4 proposed was not possible."""
+        if event.context is None:
+            return
+        again = recover(self._stored(event.context, Context))
+        self.derived["recoveries"] += 1
+        if again.action == "human" and again.reason in event.reason:
+            return
+        if again.action != "human" and again.action in event.reason:
+            return
+        raise Differs(f"C4 led to a person ({event.reason}); derived again it leads to {again.action}")
+
+    def _stored(self, name: Digest, kind: type[T]) -> T:
+        """The record of that digest. Raises Differs if it was changed, UnknownName if it is missing."""
+        body = self._runtime.record(name).body
+        if sha256(body) != name:
+            raise Differs(f"record {name[:12]} was changed: its bytes have the digest {sha256(body)[:12]}")
+        try:
+            return decode(body, kind)
+        except msgspec.MsgspecError as error:
+            raise Differs(f"record {name[:12]} is no {kind.__name__}: {error}") from error

@@ -1,0 +1,76 @@
+"""Pure: may a person's own observation count as evidence? It opens one look and satisfies nothing (D17)."""
+
+from harness.contracts.commands import AuthoriseDispatch
+from harness.contracts.decisions import Refused
+from harness.contracts.events import HandoffAnswered, MissionEvent, OperatorRetryGranted
+from harness.contracts.evidence import EvidenceReference
+from harness.contracts.revision_commands import RecordAttestation
+from harness.contracts.revision_events import AttestationRecorded
+from harness.projections.mission import Mission, required_contract
+
+
+def unattested(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
+    """Why an attestation does not open this invocation, or None: it must look and nothing else."""
+    if command.attestation is None:
+        return None
+    if command.recovery is None or command.recovery.action != "verify_again" or command.recovery.cost:
+        return Refused("not_a_look", "An attestation opens one free look without motion, and nothing else (D17).")
+    if command.intent.node_id != command.attestation.node_id:
+        return Refused("wrong_node", f"The attestation is about {command.attestation.node_id}.")
+    found = attested(mission, command.attestation)
+    return found if isinstance(found, Refused) else None
+
+
+def opened(mission: Mission, command: AuthoriseDispatch) -> tuple[MissionEvent, ...]:
+    """The attestation on record, the question answered by it, and the one attempt it grants."""
+    if command.attestation is None:
+        return ()
+    record = attested(mission, command.attestation)
+    if isinstance(record, Refused):
+        return ()
+    answered = HandoffAnswered(
+        handoff_id=record.handoff_id,
+        decision="attested",
+        actor=record.actor,
+        reason=command.attestation.statement,
+    )
+    granted = OperatorRetryGranted(
+        node_id=record.node_id,
+        attempt=command.intent.attempt,
+        action="verify_again",
+        provider_id=command.intent.provider_id,
+        handoff_id=record.handoff_id,
+    )
+    return (record, answered, granted)
+
+
+def attested(mission: Mission, command: RecordAttestation) -> AttestationRecorded | Refused:
+    """A person's own observation as evidence, only where the node's evidence policy names it."""
+    if mission.status != "awaiting_human" or mission.handoff_id != command.handoff_id:
+        return Refused("not_waiting", f"The mission does not wait for {command.handoff_id}.")
+    node = next((one for one in required_contract(mission).nodes if one.node_id == command.node_id), None)
+    if node is None or not node.evidence.attestation:
+        return Refused("not_attestable", f"The evidence policy of {command.node_id!r} names no attestation.")
+    if command.condition_id not in {one.condition_id for one in node.success_conditions}:
+        return Refused("unknown_condition", f"{command.node_id} has no condition {command.condition_id!r}.")
+    reference = EvidenceReference(
+        kind="attestation",
+        origin="human",
+        source=command.actor.name,
+        from_s=command.seen_s,
+        until_s=command.seen_s,
+        confidence=1.0,
+        blob=command.blob,
+        values={
+            "condition_id": command.condition_id,
+            "statement": command.statement,
+            "handoff_id": command.handoff_id,
+        },
+    )
+    return AttestationRecorded(
+        handoff_id=command.handoff_id,
+        node_id=command.node_id,
+        condition_id=command.condition_id,
+        actor=command.actor,
+        reference=reference,
+    )

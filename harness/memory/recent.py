@@ -1,0 +1,61 @@
+"""Answers about provider outcomes, kept while the log grows: a dispatch asks for the newest hundreds every time.
+
+Pure but for its lock: it holds what the index answered at one mark and adds what the fold says next. Anything else
+than new outcomes, or a mark that it did not follow itself, makes it forget.
+"""
+
+from collections import deque
+from collections.abc import Iterable
+from threading import Lock
+
+from harness.contracts.memory import Mark, MemoryQuery, MemoryRecord, Remembered, labels_of
+
+MOST = 64
+"""So many questions are kept, one for each provider, place and configuration that is asked about."""
+
+
+class Recent:
+    """The newest answers by question, all at one mark. Safe between threads."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._at: Mark | None = None
+        self._answers: dict[MemoryQuery, deque[Remembered]] = {}
+
+    def answer(self, query: MemoryQuery, *, at: Mark) -> list[Remembered] | None:
+        """Newest first; None where the index has to be asked."""
+        with self._lock:
+            kept = self._answers.get(query) if self._at == at else None
+            return None if kept is None else list(kept)
+
+    def keep(self, query: MemoryQuery, found: Iterable[Remembered], *, at: Mark) -> None:
+        """What the index answered at this mark, newest first."""
+        with self._lock:
+            if self._at != at or len(self._answers) >= MOST:
+                self._answers.clear()
+                self._at = at
+            self._answers[query] = deque(found, maxlen=query.limit)
+
+    def follow(self, records: Iterable[MemoryRecord], *, after: Mark, upto: Mark) -> None:
+        """The index went from one mark to the next by adding these records."""
+        fresh = list(records)
+        with self._lock:
+            if self._at != after or any(record.supersedes or record.conflicts for record in fresh):
+                self._answers.clear()
+            self._at = upto
+            for record in fresh:
+                for query, kept in self._answers.items():
+                    if _answers(record, query):
+                        newest = Remembered(record=record, standing=record.verification, until_s=record.valid_until_s)
+                        kept.appendleft(newest)
+
+
+def _answers(record: MemoryRecord, query: MemoryQuery) -> bool:
+    """Whether a record that nothing supersedes or disputes answers a question about outcomes."""
+    if record.kind not in query.kinds or record.verification not in query.standings:
+        return False
+    said = labels_of(record)
+    asked = (query.provider_id, query.capability, query.place, query.configuration)
+    return (said.provider_id, said.capability, said.place, said.configuration) == asked and (
+        not query.verdicts or said.verdict in query.verdicts
+    )

@@ -1,0 +1,55 @@
+"""visual sighted: something was measured in the pictures, by a provider's image analysis with a checksummed result.
+
+No pixel is read here: the report names frames and boxes, and its frames' own headers bound them.
+"""
+
+import msgspec
+
+from harness.contracts.effects import AnyEffect, Visual
+from harness.contracts.ids import Digest
+from harness.verification.finding import RECEIPTS, Finding, Undecidable, ambiguous
+from harness.verification.media import image_size
+from harness.verification.reading import Evidence
+
+
+class _Box(msgspec.Struct, frozen=True):
+    frame: Digest
+    box_px: tuple[int, int, int, int]
+
+
+class _Report(msgspec.Struct, frozen=True):
+    frames: tuple[Digest, ...]
+    findings: tuple[_Box, ...]
+
+
+def sighted(effect: AnyEffect, evidence: Evidence) -> Finding:
+    """At least `frames` accepted pictures of the wanted size hold a finding whose box lies within the picture."""
+    if not isinstance(effect, Visual):
+        raise Undecidable("sighted is a visual effect")
+    digest = next((one.blob for one in reversed(evidence.receipts) if one.kind == "analysis" and one.blob), None)
+    if digest is None:
+        return ambiguous("no analysis receipt names a report")
+    report = evidence.decoded(digest, _Report)
+    accepted = set(evidence.fact("panorama").arguments["frames"])
+    strangers = {one.frame for one in report.findings} - (accepted & set(report.frames))
+    if strangers:
+        return ambiguous(f"{len(strangers)} findings are in pictures that were not accepted")
+    shown = {one.frame for one in report.findings if _within(one, effect, evidence)}
+    beyond = {one.frame for one in report.findings} - shown
+    if beyond:
+        return ambiguous(f"{len(beyond)} pictures are too small or do not hold their finding's box")
+    return Finding(
+        verdict="satisfied" if len(shown) >= effect.frames else "violated",
+        reason=f"{len(report.findings)} findings in {len(shown)} pictures, {effect.frames} wanted",
+        measured={"pictures": float(len(shown)), "findings": float(len(report.findings))},
+        bounds={"pictures": float(effect.frames)},
+        sources=(RECEIPTS,),
+        evidence=(digest, *sorted(shown)),
+    )
+
+
+def _within(found: _Box, effect: Visual, evidence: Evidence) -> bool:
+    width, height = image_size(evidence.bytes_of(found.frame))
+    x, y, wide, high = found.box_px
+    large = width >= effect.width_px and height >= effect.height_px
+    return large and wide > 0 and high > 0 and x >= 0 and y >= 0 and x + wide <= width and y + high <= height

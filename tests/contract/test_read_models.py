@@ -1,0 +1,195 @@
+"""What every store of lists keeps: pages by key, filters that combine, tallies, and nothing half-written."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from harness.adapters.stores.memory_index import EMPTY
+from harness.adapters.stores.read_models import SqlReadModels
+from harness.contracts.errors import ConcurrencyConflict, StoreUnavailable
+from harness.contracts.ids import Digest
+from harness.contracts.memory import Mark
+from harness.contracts.ports import ReadModels
+from harness.contracts.read_models import MANY, ListOrder, ListQuery, ListRow
+
+
+@pytest.fixture(params=["file", "memory"])
+def models(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[ReadModels]:
+    url = f"sqlite:///{tmp_path / 'lists.db'}" if request.param == "file" else "sqlite://"
+    with closing(SqlReadModels(url)) as made:
+        yield made
+
+
+def row(seq: int, *, words: str = "office storage", amount: float = 0.0, **facets: str) -> ListRow:
+    return ListRow(
+        listing="mission",
+        seq=seq,
+        key=f"msn_{seq}",
+        facets=facets,
+        words=words,
+        amount=amount,
+        body=f"body of {seq}".encode(),
+    )
+
+
+def mark(position: int) -> Mark:
+    return Mark(fold="f", position=position, digest=Digest(f"{position:064x}"))
+
+
+def put(models: ReadModels, rows: Sequence[ListRow]) -> None:
+    before = models.mark()
+    models.add(rows, after=before, upto=mark(before.position + 1))
+
+
+def walked(models: ReadModels, query: ListQuery) -> list[str]:
+    """Every body, page by page."""
+    found: list[str] = []
+    while True:
+        page = models.page(query)
+        found += [body.decode() for body in page.bodies]
+        if page.following is None:
+            return found
+        query = ListQuery(
+            listing=query.listing,
+            facets=query.facets,
+            words=query.words,
+            order=query.order,
+            after=page.following,
+            limit=query.limit,
+        )
+
+
+@pytest.mark.parametrize(
+    ("order", "expected"),
+    [
+        ("newest", [9, 8, 7, 6, 5, 4, 3, 2, 1]),
+        ("oldest", [1, 2, 3, 4, 5, 6, 7, 8, 9]),
+        ("largest", [8, 5, 2, 7, 4, 1, 9, 6, 3]),
+    ],
+)
+@pytest.mark.parametrize("facets", [{}, {"status": "ended"}])
+def test_pages_follow_each_other_without_a_gap_or_a_repeat(
+    models: ReadModels, order: ListOrder, expected: list[int], facets: dict[str, str]
+) -> None:
+    put(models, [row(seq, amount=float(seq % 3), status="ended") for seq in range(1, 10)])
+    query = ListQuery(listing="mission", facets=facets, order=order, limit=4)
+    assert walked(models, query) == [f"body of {seq}" for seq in expected]
+
+
+def test_a_page_that_is_exactly_full_is_the_last_one(models: ReadModels) -> None:
+    put(models, [row(seq) for seq in range(1, 5)])
+    assert models.page(ListQuery(listing="mission", limit=4)).following is None
+
+
+def test_filters_and_words_all_have_to_hold(models: ReadModels) -> None:
+    put(
+        models,
+        [
+            row(1, words="check the office storage", status="failed", robot="vbot-1"),
+            row(2, words="check the corridor", status="failed", robot="vbot-2"),
+            row(3, words="CHECK the Office", status="succeeded", robot="vbot-2"),
+        ],
+    )
+
+    def found(*words: str, **facets: str) -> list[str]:
+        return walked(models, ListQuery(listing="mission", words=words, facets=facets))
+
+    assert found(status="failed") == ["body of 2", "body of 1"]
+    assert found(status="failed", robot="vbot-2") == ["body of 2"]
+    assert found("off", "CHECK") == ["body of 3", "body of 1"]
+    assert found("office", status="failed") == ["body of 1"]
+    assert found("ffice") == []
+    assert found(status="fail") == []
+
+
+@pytest.mark.parametrize(
+    "typed",
+    ['office" OR status=failed', "NEAR(office storage)", "office AND", "office NOT x", "'; DROP TABLE tally; office"],
+)
+def test_what_is_typed_is_looked_for_and_never_obeyed(models: ReadModels, typed: str) -> None:
+    put(models, [row(1, status="failed"), row(2, words=f"said {typed} in the storage", status="ended")])
+    assert walked(models, ListQuery(listing="mission", words=tuple(typed.split()))) == ["body of 2"]
+
+
+@pytest.mark.parametrize("typed", ["status", "status=failed", "failed", "="])
+def test_a_word_is_never_taken_for_a_filter(models: ReadModels, typed: str) -> None:
+    put(models, [row(1, status="failed"), row(2, words="it failed in status")])
+    found = walked(models, ListQuery(listing="mission", words=(typed,)))
+    assert found == (["body of 2", "body of 1"] if typed == "=" else ["body of 2"])
+
+
+def test_words_of_other_scripts_are_found_by_their_signs(models: ReadModels) -> None:
+    put(models, [row(1, words="检查办公室仓库"), row(2, words="Geh zum Größenlager")])
+    assert walked(models, ListQuery(listing="mission", words=("仓库",))) == ["body of 1"]
+    assert walked(models, ListQuery(listing="mission", words=("größen",))) == ["body of 2"]
+
+
+def test_a_row_takes_the_place_of_the_one_before_in_pages_filters_and_tallies(models: ReadModels) -> None:
+    put(models, [row(1, status="active"), row(2, status="active")])
+    put(models, [row(1, words="now something else", status="succeeded")])
+    assert walked(models, ListQuery(listing="mission", facets={"status": "active"})) == ["body of 2"]
+    assert walked(models, ListQuery(listing="mission", words=("office",))) == ["body of 2"]
+    assert walked(models, ListQuery(listing="mission", words=("something",))) == ["body of 1"]
+    counts = {(one.facet, one.value): one.count for one in models.tallies("mission")}
+    assert counts == {("", ""): 2, ("status", "active"): 1, ("status", "succeeded"): 1}
+
+
+def test_of_several_rows_with_one_number_the_last_counts(models: ReadModels) -> None:
+    put(models, [row(1, status="active"), row(1, status="failed")])
+    assert [(one.value, one.count) for one in models.tallies("mission")] == [("", 1), ("failed", 1)]
+
+
+def test_an_item_is_found_by_its_key(models: ReadModels) -> None:
+    put(models, [row(7)])
+    assert models.body("mission", "msn_7") == b"body of 7"
+    assert models.body("mission", "msn_8") is None
+    assert models.body("evidence", "msn_7") is None
+
+
+def test_a_count_stops_where_nobody_reads_on(models: ReadModels) -> None:
+    put(models, [row(seq, status="ended") for seq in range(1, MANY + 50)])
+    assert models.count(ListQuery(listing="mission", facets={"status": "ended"})) == MANY + 1
+    assert models.count(ListQuery(listing="mission", facets={"status": "open"})) == 0
+
+
+def test_a_follower_that_stands_elsewhere_writes_nothing(models: ReadModels) -> None:
+    put(models, [row(1)])
+    with pytest.raises(ConcurrencyConflict):
+        models.add([row(2)], after=EMPTY, upto=mark(9))
+    assert models.mark() == mark(1)
+    assert walked(models, ListQuery(listing="mission")) == ["body of 1"]
+
+
+def test_what_is_cleared_holds_nothing_and_begins_anew(models: ReadModels) -> None:
+    put(models, [row(1, status="ended")])
+    models.clear()
+    assert models.mark() == EMPTY
+    assert models.tallies("mission") == []
+    assert walked(models, ListQuery(listing="mission", facets={"status": "ended"})) == []
+    put(models, [row(1, status="ended")])
+    assert walked(models, ListQuery(listing="mission", facets={"status": "ended"})) == ["body of 1"]
+
+
+def test_a_file_keeps_its_rows_and_one_of_another_schema_is_emptied(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'lists.db'}"
+    with closing(SqlReadModels(url)) as models:
+        put(models, [row(1)])
+    with closing(SqlReadModels(url)) as models:
+        assert models.mark() == mark(1)
+        models._opened().exec_driver_sql("PRAGMA user_version=99")
+    with closing(SqlReadModels(url)) as models:
+        assert models.mark() == EMPTY
+
+
+def test_lists_that_cannot_be_used_say_what_to_do(tmp_path: Path) -> None:
+    (tmp_path / "lists.db").write_bytes(b"not a database" * 100)
+    with pytest.raises(StoreUnavailable, match="delete this file"):
+        SqlReadModels(f"sqlite:///{tmp_path / 'lists.db'}")
+
+
+def test_closed_lists_answer_nothing(models: ReadModels) -> None:
+    models.close()
+    with pytest.raises(StoreUnavailable):
+        models.page(ListQuery(listing="mission"))

@@ -1,0 +1,204 @@
+"""A short, seeded slice of every campaign, and the adjudicator itself: it must find what it is there to find."""
+
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+import msgspec
+import pytest
+
+from campaigns.adjudicate import judged
+from campaigns.bounds import incomplete_beta, upper_bound
+from campaigns.kills import Point, killed_twice
+from campaigns.ledgers import read_books
+from campaigns.mission import Played, played
+from campaigns.plan import DISTURBANCES, ROBOT_FAULTS, Disturbance, MissionPlan, mission_plan
+from campaigns.publish import BEGIN, END, with_figures
+from campaigns.races import answer_rounds, append_rounds
+from campaigns.simulate import one_mission, seeds_of
+from campaigns.suspended import suspensions
+from campaigns.tally import Tally, counted, summary, tallied
+from harness.contracts.ports import StoredEvent
+
+MISSIONS = 36
+SEED = 11
+
+
+@contextmanager
+def undisturbed(*, faults: tuple[str, ...] = (), disturbances: tuple[Disturbance, ...] = ()) -> Iterator[Played]:
+    with played(
+        MissionPlan(seed=5, template="circuit", faults=faults, disturbances=disturbances, approvals=0)
+    ) as mission:
+        yield mission
+
+
+def rewritten(mission: Played, kind: str, old: str, new: str) -> Played:
+    """The same mission with a word exchanged in its events of one kind, as a gate without a rule would have left it."""
+
+    def changed(event: StoredEvent) -> StoredEvent:
+        if event.kind != kind:
+            return event
+        return msgspec.structs.replace(event, body=event.body.decode().replace(old, new).encode())
+
+    log = tuple(map(changed, mission.log))
+    assert log != mission.log
+    return replace(mission, log=log)
+
+
+@pytest.fixture(scope="module")
+def tally() -> Tally:
+    return tallied(map(one_mission, seeds_of(SEED, MISSIONS)))
+
+
+@pytest.mark.ledger("R228", symbol="harness.adapters.providers.simulation.faults:FaultPlan.strikes")
+def test_faulted_missions_leave_no_false_completion_no_second_start_and_no_unauthorised_commit(tally: Tally) -> None:
+    assert tally.offences == []
+    assert tally.missions == MISSIONS
+    assert len([name for name in ROBOT_FAULTS if tally.struck[name]]) == len(ROBOT_FAULTS)
+    assert tally.acts["commits"] > MISSIONS and tally.acts["starts"] > MISSIONS
+
+
+def test_a_seed_replays_exactly(tally: Tally) -> None:
+    def told(seed: int) -> list[bytes]:
+        with played(mission_plan(seed)) as mission:
+            return [event.body for event in mission.log]
+
+    for seed in seeds_of(SEED, 3):
+        assert told(seed) == told(seed)
+
+
+def test_a_plan_depends_on_its_seed_alone_and_every_disturbance_is_drawn() -> None:
+    plans = [mission_plan(seed) for seed in range(400)]
+    assert plans == [mission_plan(seed) for seed in range(400)]
+    drawn = Counter(one.name for plan in plans for one in plan.disturbances)
+    assert set(drawn) == set(DISTURBANCES)
+    assert all(plan.faults or plan.disturbances for plan in plans)
+
+
+@pytest.mark.parametrize(
+    ("kind", "old", "new", "found"),
+    [
+        ("VerdictRecorded", '"verdict":"satisfied"', '"verdict":"ambiguous"', "the verdict is ambiguous"),
+        ("PacketRetained", '"k_ctx":1', '"k_ctx":7', "packet of version 7"),
+        ("PacketRetained", '"terminal":"succeeded"', '"terminal":"failed"', "the execution ended failed"),
+        ("PacketRetained", '"attempt":1', '"attempt":2', "the packet is about somebody else"),
+        ("MissionCreated", '"configuration":"', '"configuration":"0', "made under another configuration"),
+        ("GoalVerified", '"verdict":"satisfied"', '"verdict":"violated"', "success on a goal verdict violated"),
+        ("LeaseAcquired", '"token":1', '"token":0', "with token 0 after 0"),
+    ],
+)
+@pytest.mark.ledger("R230", symbol="campaigns.ledgers:_committed")
+def test_the_adjudicator_finds_a_commit_that_nobody_should_have_made(kind: str, old: str, new: str, found: str) -> None:
+    with undisturbed() as mission:
+        assert judged(mission).offences == ()
+        findings = judged(rewritten(mission, kind, old, new))
+        assert any(found in sentence for sentence in (*findings.unauthorised, *findings.breaches)), findings
+
+
+@pytest.mark.ledger("R233", symbol="campaigns.truths:truly_reached")
+def test_a_biased_localiser_is_an_epistemic_false_completion_and_no_contract_one() -> None:
+    with undisturbed(faults=("biased-localiser",)) as mission:
+        findings = judged(mission)
+        assert mission.mission.status == "succeeded"
+        assert len(findings.epistemic_false) == 1
+        assert findings.contract_false == ()
+
+
+@pytest.mark.ledger("R233", symbol="campaigns.truths:contradicted")
+def test_a_completion_against_its_own_evidence_is_a_contract_false_completion() -> None:
+    with undisturbed() as mission:
+        further = rewritten(mission, "ContractCompiled", '"target_m":[0.0,0.0]', '"target_m":[0.9,0.0]')
+        findings = judged(further)
+        assert len(findings.contract_false) == 1
+        assert "the localiser itself says" in findings.contract_false[0]
+
+
+def test_a_start_that_nobody_intended_and_one_that_came_twice_are_found() -> None:
+    with undisturbed() as mission:
+        starts = mission.starts
+        assert starts
+        twice = judged(replace(mission, starts=(*starts, starts[0])))
+        assert len(twice.duplicate_starts) == 2
+        loose = msgspec.structs.replace(starts[0], request_id="0" * 64, attempt=9)
+        assert any("without an intent" in one for one in judged(replace(mission, starts=(*starts, loose))).breaches)
+
+
+def test_an_act_that_never_took_place_is_a_contract_false_completion() -> None:
+    with undisturbed() as mission:
+        assert any("never did it" in one for one in judged(replace(mission, starts=())).contract_false)
+
+
+def test_the_books_know_the_version_that_the_mission_has() -> None:
+    with undisturbed(faults=("early-success",)) as mission:
+        assert read_books(mission.log, mission.commits).k == mission.mission.k > 3
+
+
+@pytest.mark.parametrize("name", ["request-lost", "reply-lost", "late-reply", "duplicated", "reordered"])
+def test_messages_that_are_lost_late_or_doubled_do_no_harm(name: str) -> None:
+    noise = Disturbance(name=name, at_s=3.0, for_s=20.0, share=0.5, size_s=1.0)  # type: ignore[arg-type]
+    with undisturbed(disturbances=(noise,)) as mission:
+        assert mission.struck[name] > 2
+        assert judged(mission).offences == ()
+        assert mission.mission.status == "succeeded"
+
+
+@pytest.mark.ledger("R81", symbol="harness.adapters.providers.simulation.robot:SimulatedRobot.find")
+def test_a_robot_that_dies_on_the_way_is_started_again_and_starts_nothing_twice() -> None:
+    with undisturbed(disturbances=(Disturbance(name="robot-crash", at_s=12.0, for_s=4.0),)) as mission:
+        assert mission.struck == {"robot-crash": 1}
+        assert judged(mission).offences == ()
+        assert mission.mission.status == "succeeded"
+
+
+def test_sixteen_answers_at_once_are_one_answer() -> None:
+    appended, answered = append_rounds(9), answer_rounds(2, seed=SEED)
+    assert (appended.offences, answered.offences) == ((), ())
+    assert (appended.effective, answered.effective) == (9, 2)
+
+
+def test_a_holder_that_was_suspended_past_its_lease_is_refused() -> None:
+    report = suspensions(2)
+    assert (report.refused, report.offences) == (2, ())
+
+
+def test_killed_at_a_commit_and_again_inside_the_recovery_nothing_is_lost_or_doubled() -> None:
+    killed = killed_twice(Point(faults=("early-success",), name="after:CommitRejected#1"))
+    assert killed.first and killed.second
+    assert killed.wrong == ()
+
+
+def test_bounds_are_those_of_the_tables() -> None:
+    assert upper_bound(0, 100_000) == pytest.approx(2.99569e-5, rel=1e-4)
+    assert upper_bound(0, 59) == pytest.approx(0.0495, abs=1e-4)
+    assert upper_bound(1, 100) == pytest.approx(0.046559, abs=1e-5)
+    assert upper_bound(5, 50) == pytest.approx(0.198833, abs=1e-5)
+    assert upper_bound(7, 7) == 1.0
+    assert incomplete_beta(2.0, 3.0, 0.4) == pytest.approx(0.5248, abs=1e-12)
+    with pytest.raises(ValueError, match="3 of 2"):
+        upper_bound(3, 2)
+
+
+def test_a_tally_does_not_depend_on_the_order_of_its_parts(tally: Tally) -> None:
+    parts = [one_mission(seed) for seed in seeds_of(SEED, 4)]
+    assert summary(tallied(parts)) == summary(tallied(reversed(parts)))
+    assert counted(tally, "contract_false") == {"count": 0, "upper_bound": upper_bound(0, MISSIONS)}
+
+
+def test_figures_are_written_between_their_marks_and_nowhere_else(tally: Tally) -> None:
+    result = {
+        "command": "python -m campaigns run",
+        **summary(tally),
+        "kill_campaign": {"points": 2, "kills": 2, "second_kills": 1, "ends": {"awaiting_human": 2}, "offences": []},
+        "races": {"rounds": 3, "responders": 16, "effective": 3, "offences": []},
+        "suspended_holders": {"rounds": 2, "refused": 2, "offences": []},
+        "damage": {"cases": 5, "skipped": ["read-only folder"], "offences": []},
+        "planted_bugs": {"total": 1, "caught": 1, "seen": {"a bug": "what it did"}},
+    }
+    written = with_figures(f"before\n{BEGIN}\nold\n{END}\nafter\n", result)
+    assert written.startswith(f"before\n{BEGIN}\n") and written.endswith(f"{END}\nafter\n")
+    assert "\nold\n" not in written and f"| stale-pose | {tally.struck['stale-pose']} |" in written
+    assert "not to be brought about here: read-only folder" in written
+    assert with_figures(written, result) == written
+    with pytest.raises(ValueError, match="no place for figures"):
+        with_figures("a page without marks", result)

@@ -1,0 +1,69 @@
+"""`regen lease`: what is in quarantine is listed with its reason, and freed by a named person at measured rest."""
+
+from pathlib import Path
+
+import pytest
+
+from harness.bootstrap import open_harness
+from harness.contracts.commands import AcquireLease, QuarantineLease
+from harness.contracts.decisions import Accepted
+from harness.contracts.ids import InvocationId, ResourceId, lease_stream
+from harness.contracts.lease_events import LeaseEvent, LeaseFreed
+from harness.gate.commit import Request
+from harness.gate.leases import DECIDER
+from harness.settings import HarnessSettings
+from tests.builders.missions_run import begin
+from tests.integration.runs import answer, regen
+
+BASE = lease_stream(ResourceId("mobile_base"))
+
+
+@pytest.fixture
+def settings(tmp_path: Path) -> HarnessSettings:
+    """A data folder whose base was left in quarantine by an execution that nobody can account for."""
+    chosen = HarnessSettings(data_folder=tmp_path, speed=0, fidelity="kinematic")
+    with open_harness(chosen) as harness:
+        mission_id = begin(harness, "circuit")
+        lost = InvocationId("inv_lost")
+        acquire = AcquireLease(
+            resource=ResourceId("mobile_base"), mission_id=mission_id, invocation_id=lost, token=1, expires_s=9e9
+        )
+        for command in (acquire, QuarantineLease(invocation_id=lost, reason="the line was cut")):
+            assert isinstance(harness.runtime.commit([Request(BASE, command)]), Accepted)
+    return chosen
+
+
+def events(settings: HarnessSettings) -> list[LeaseEvent]:
+    with open_harness(settings) as harness:
+        return [DECIDER.codec.decode(event) for event in harness.runtime.log(0, 100) if event.stream == BASE]
+
+
+@pytest.mark.ledger("R84", "R86", symbol="app.terminal.leases:free")
+def test_a_quarantined_base_is_listed_and_freed_by_name_on_measured_rest(settings: HarnessSettings) -> None:
+    data = ("--data", settings.data_folder)
+    (listed,) = answer(regen("lease", "list", *data, "--json"))["leases"]
+    assert (listed["resource"], listed["status"], listed["token"]) == ("mobile_base", "quarantined", 1)
+    assert listed["reason"] == "the line was cut"
+    freed = regen(
+        "lease", "free", "mobile_base", "--operator", "ada", "--reason", "beside it", *data, REGEN_FIDELITY="kinematic"
+    )
+    assert freed.returncode == 0, freed.stderr
+    assert "free, by ada" in freed.stdout
+    last = events(settings)[-1]
+    assert isinstance(last, LeaseFreed)
+    assert (last.actor.name, last.actor.role) == ("ada", "operator")
+    assert 0.0 <= last.static["displacement_m"] < 0.02
+    again = regen("lease", "free", "mobile_base", "--reason", "again", *data, REGEN_FIDELITY="kinematic")
+    assert again.returncode == 1
+    assert "not quarantined" in again.stderr
+
+
+def test_an_unknown_resource_and_a_folder_with_an_owner_are_refused(settings: HarnessSettings) -> None:
+    data = ("--data", settings.data_folder)
+    with open_harness(settings):
+        owned = regen("lease", "free", "mobile_base", "--reason", "now", *data)
+    assert owned.returncode == 1
+    assert "owns this data folder" in owned.stderr
+    unknown = regen("lease", "free", "arm", "--reason", "now", *data, REGEN_FIDELITY="kinematic")
+    assert unknown.returncode == 2
+    assert "arm was never leased" in unknown.stderr
