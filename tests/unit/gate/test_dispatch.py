@@ -124,3 +124,10 @@ def test_an_ambiguous_goal_earns_one_more_look_and_then_fails() -> None:
     again = after(mission, JudgeGoal(verdict=goal_verdict(mission, "ambiguous")))
     assert (again.status, again.relooks, again.spent_total) == ("goal_check", 1, 1)
     assert after(again, JudgeGoal(verdict=goal_verdict(again, "ambiguous"))).status == "failed"
+
+
+@pytest.mark.ledger("R171", symbol="harness.recovery.approval:approval_required")
+def test_a_manual_mission_starts_nothing_without_a_person() -> None:
+    mission = created(autonomy="manual")
+    assert refused(mission, dispatch(mission)) == "approval_required"
+    assert after(created(), dispatch(created())).invocation is not None
