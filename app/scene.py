@@ -17,6 +17,7 @@ from harness.contracts.ids import MissionId
 from harness.runtime import Runtime
 
 TICK_S = 0.5
+SOUGHT = 256
 EXPORT_S, EXPORT_STEPS = 30.0, 60
 Form = Literal["viser", "html"]
 _printing = Lock()
@@ -36,6 +37,7 @@ class Scenes:
         self._runtime, self._idle_s, self._limit, self._clock = runtime, idle_s, limit, clock
         self._open: OrderedDict[tuple[MissionId, str], _Seat] = OrderedDict()
         self._feeds: dict[MissionId, Feed] = {}
+        self._sought: OrderedDict[tuple[MissionId, str], float | None] = OrderedDict()
         self._lock, self._stepping = Lock(), Lock()
         self._closing = Event()
         self._thread: Thread | None = None
@@ -48,6 +50,7 @@ class Scenes:
             if seat is None:
                 feed = self._feeds.setdefault(mission_id, Feed(self._runtime, mission_id))
                 seat = self._open[mission_id, view] = _Seat(feed, str(mission_id))
+                seat.view.seek(self._sought.get((mission_id, view)))
                 self._start()
             self._open.move_to_end((mission_id, view))
             seat.seen_s = self._clock()
@@ -63,14 +66,16 @@ class Scenes:
             if (mission_id, view) in self._open:
                 self._open[mission_id, view].seen_s = self._clock()
 
-    def seek(self, mission_id: MissionId, view: str, at_s: float | None) -> bool:
-        """Move one reader's view to an instant of mission time, None for the newest; False if it is not open."""
+    def seek(self, mission_id: MissionId, view: str, at_s: float | None) -> None:
+        """Move one reader's view to an instant of mission time, None for the newest; now, or once it is opened."""
         with self._lock:
+            self._sought[mission_id, view] = at_s
+            self._sought.move_to_end((mission_id, view))
+            while len(self._sought) > SOUGHT:
+                self._sought.popitem(last=False)
             seat = self._open.get((mission_id, view))
-        if seat is None:
-            return False
-        seat.view.seek(at_s)
-        return True
+        if seat is not None:
+            seat.view.seek(at_s)
 
     def note(self, mission_id: MissionId) -> str:
         """What the views of a mission show and what they lack; a blank one says why."""

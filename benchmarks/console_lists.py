@@ -57,13 +57,13 @@ BATCH = 500
 ENDS = ("succeeded",) * 7 + ("failed", "cancelled", "safe_stopped")
 MISSIONS = (
     "/missions", "/missions?status=succeeded", "/missions?status=ended&robot=vbot-3", "/missions?q=storage",
-    "/missions?q=msn_000003", "/missions?q=nowhere", "/missions?order=largest", "/missions?order=oldest",
+    "/missions?q=msn_00000033", "/missions?q=nowhere", "/missions?order=largest", "/missions?order=oldest",
     "/missions?status=waiting", "/missions?q=office+area&status=succeeded&robot=vbot-1", "/",
 )  # fmt: skip
 FILTERED = (
     "/evidence", "/evidence?kind=image", "/evidence?verdict=violated", "/evidence?kind=image&verdict=violated",
     "/evidence?kind=trajectory&node=return&verdict=satisfied", "/evidence?source=camera&order=oldest",
-    "/evidence?kind=image&source=odometry&decision=accepted", "/evidence?q=pkt_0000", "/evidence?decision=refused",
+    "/evidence?kind=image&source=odometry&decision=accepted", "/evidence?q=obsol", "/evidence?decision=refused",
     "/evidence?mission=msn_00000042",
 )  # fmt: skip
 

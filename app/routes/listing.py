@@ -25,7 +25,7 @@ def searching(listing: Listing, *facets: str) -> Callable[[Request], Sought]:
             listing=listing,
             facets=given,
             words=tuple(words.split()),
-            order=order_of(params.get("order", "newest")),
+            order=order_of(params.get("order") or "newest"),
             after=bookmark(after) if after else None,
             limit=SHOWN,
         )

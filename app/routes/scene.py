@@ -45,10 +45,10 @@ def seek(
     view: ViewPath,
     t: Annotated[float | None, Query(ge=0, allow_inf_nan=False)] = None,
 ) -> Response:
-    """Show the view `t` seconds into the mission, or its newest instant. 204; 410 if that view is not open."""
+    """Show the view `t` seconds into the mission, or its newest instant; a view that is not open yet opens there."""
     begin_s = console.histories.of(mission_id)[0].mission_s
-    moved = console.scenes.seek(mission_id, view, None if t is None else begin_s + t)
-    return Response(status_code=204 if moved else 410)
+    console.scenes.seek(mission_id, view, None if t is None else begin_s + t)
+    return Response(status_code=204)
 
 
 @router.websocket("/{view}")

@@ -106,7 +106,9 @@ def attest(
 ) -> None:
     """Say what you saw. It opens one look without motion and satisfies nothing by itself."""
     if owner_api(data) is not None:
-        raise HarnessError("A console owns this data folder", where=str(data), do="stop that process, then attest from here")
+        raise HarnessError(
+            "A console owns this data folder", where=str(data), do="stop that process, then attest from here"
+        )
     with open_harness(settings(data_folder=data, speed=0.0)) as harness:
         handoff = harness.runtime.handoff(HandoffId(handoff_id))
         if handoff.opened is None:

@@ -23,10 +23,11 @@ def addressed(url: str, token: str) -> Iterator[tuple[dict[ProviderId, Stand], t
     with ExitStack() as stack:
         robot = HttpRobot(url.rstrip("/"), token)
         stack.callback(robot.close)
-        clock = _clock(robot)
         cards = tuple(provider.card for provider in robot.providers())
         if len({card.provider_id for card in cards}) != len(cards):
             raise ProviderFailed("Two providers have one name", where=f"{url}/providers", do="give each its own")
+
+        clock = _clock(robot)
 
         def fresh() -> HttpRobot:
             again = HttpRobot(url.rstrip("/"), token)

@@ -75,7 +75,7 @@ class HandoffItem(Value):
 class ListRow(Value):
     """What is stored of one item. `facets` are what it is filtered by, `words` what it is searched by.
 
-    `amount` is what `largest` sorts by. `key` names the item from outside; `body` is its canonical JSON.
+    `ids` are names it is found by whole. `amount` is what `largest` sorts by. `key` names the item from outside; `body` is its canonical JSON.
     """
 
     listing: Listing
@@ -85,6 +85,7 @@ class ListRow(Value):
     words: str
     amount: float
     body: bytes
+    ids: tuple[str, ...] = ()
 
 
 class Bookmark(Value):
@@ -95,7 +96,7 @@ class Bookmark(Value):
 
 
 class ListQuery(Value):
-    """What is asked of a list: rows that carry every facet and a word beginning with each of `words`."""
+    """What is asked of a list: rows with every facet and, for each of `words`, that id or a word that begins so."""
 
     listing: Listing
     facets: dict[str, str] = {}

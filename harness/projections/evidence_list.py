@@ -11,7 +11,8 @@ from harness.contracts.values import encode
 
 PIECES = 4096
 """Numbers kept free for the pieces of one packet: `seq` = position of the packet's event x PIECES + place in it."""
-BLOB_SIGNS = 16
+BLOB_SIGNS, SHORT_SIGNS = 16, 8
+"""By how many first signs of its digest a blob is found: those that identify it, and those that pages show."""
 Placed = tuple[int, MissionEvent]
 """An event with its position in the log."""
 
@@ -110,7 +111,8 @@ def _row(item: EvidenceItem) -> ListRow:
         seq=item.seq,
         key=str(item.seq),
         facets={name: value for name, value in facets.items() if value},
-        words=f"{item.packet_id} {item.blob[:BLOB_SIGNS]} {item.rule}".strip(),
+        words=item.rule,
+        ids=(item.packet_id, *((item.blob[:BLOB_SIGNS], item.blob[:SHORT_SIGNS]) if item.blob else ())),
         amount=item.until_s - item.from_s,
         body=encode(item),
     )

@@ -45,7 +45,8 @@ def mission_row(mission: Mission, *, seq: int, began_s: float, ended_s: float | 
         seq=seq,
         key=item.mission_id,
         facets={name: value for name, value in facets.items() if value},
-        words=" ".join((item.mission_id, item.goal, item.template, item.robot_id, item.status.replace("_", " "))),
+        words=" ".join((item.goal, item.template, item.robot_id, item.status.replace("_", " "))),
+        ids=(item.mission_id,),
         amount=ended_s - began_s if ended_s is not None else 0.0,
         body=encode(item),
     )
@@ -78,7 +79,8 @@ def handoff_row(handoff: Handoff, *, seq: int) -> ListRow | None:
         seq=seq,
         key=item.handoff_id,
         facets=facets,
-        words=" ".join((item.handoff_id, item.mission_id, item.node_id, item.failure.replace("_", " "), opened.reason)),
+        words=" ".join((item.node_id, item.failure.replace("_", " "), opened.reason)),
+        ids=(item.handoff_id, item.mission_id),
         amount=item.deadline_at_s - item.opened_at_s,
         body=encode(item),
     )

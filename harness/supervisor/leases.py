@@ -115,11 +115,9 @@ def freed(runtime: Runtime, crew: Crew, order: FreeOrder) -> Accepted[AnyEvent] 
     stop, as the robot reports it, stands for rest. Nothing is started or re-armed. Raises ProviderUnreachable if the
     robot does not answer.
     """
-    stopped, static = _halt(runtime, crew, runtime.lease(order.resource)), _static(crew)
-    if stopped or not static:
-        crew.clock.wait_until(crew.clock.now().mission_s + WINDOW_S + LOOK_S)
-        static = _static(crew)
-    command = FreeLease(actor=order.actor, static=static, reason=order.reason)
+    _halt(runtime, crew, runtime.lease(order.resource))
+    crew.clock.wait_until(crew.clock.now().mission_s + WINDOW_S + LOOK_S)
+    command = FreeLease(actor=order.actor, static=_static(crew), reason=order.reason)
     return runtime.commit([Request(lease_stream(order.resource), command)])
 
 
@@ -132,8 +130,8 @@ def _static(crew: Crew) -> dict[str, float]:
     return at_rest(samples, crew.clock.now().mission_s).measured | stopped
 
 
-def _halt(runtime: Runtime, crew: Crew, lease: Lease) -> bool:
-    """Stop the execution that a lease was quarantined for; False where nothing of it runs or can be reached."""
+def _halt(runtime: Runtime, crew: Crew, lease: Lease) -> None:
+    """Stop the execution that a lease was quarantined for, where it still runs and can be reached."""
     mission = runtime.mission(lease.mission_id)
     attempts = ((node.node_id, number) for node in mission.nodes.values() for number in range(1, node.attempt + 1))
     requests = [request_id(mission.mission_id, node_id, number) for node_id, number in attempts]
@@ -146,7 +144,5 @@ def _halt(runtime: Runtime, crew: Crew, lease: Lease) -> bool:
             his = found is not None and found.identity.provider_id == provider.card.provider_id
             if found is not None and his and found.status not in TERMINAL:
                 provider.stop(found.handle)
-                return True
         except ProviderFailed:
             continue
-    return False

@@ -16,7 +16,7 @@ from harness.supervisor.roles import Roles
 LAYER = "robot"
 SAMPLES = 3
 BEYOND_M = 0.2
-"""A state fact is contradicted by poses this far beyond its tolerance, so that noise at the bound is no contradiction."""
+"""Poses this far beyond its tolerance contradict a state fact, so that noise at the bound does not."""
 
 
 class Watchdog:

@@ -99,7 +99,7 @@ function begin() {
       const now = wanted;
       wanted = null;
       try {
-        await window.htmx.ajax("GET", `${base}/instant${now}`, { source: "#dock", target: "#dock", swap: "none" });
+        await window.htmx.ajax("GET", `${base}/instant${now}`, { source: "#loader", target: "#loader", swap: "none" });
       } catch { /* the live stream says when the console is gone */ }
     }
     loading = false;
@@ -181,6 +181,15 @@ function begin() {
     seek(second, ["t", Math.min(Math.max(second, 0), total()).toFixed(1)]);
   });
 
+  // A stage chosen while the regions still load keeps the instant that the dock stands at.
+  document.addEventListener("click", (event) => {
+    const link = event.target.closest?.("main a[href*='node=']");
+    if (!link || new URL(link.href, location.href).pathname !== base) return;
+    const to = new URL(link.href, location.href), here = new URLSearchParams(location.search);
+    for (const name of ["at", "t"]) { to.searchParams.delete(name); if (here.has(name)) to.searchParams.set(name, here.get(name)); }
+    link.href = to.pathname + to.search + to.hash;
+  }, true);
+
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
     const on = event.target;
@@ -203,7 +212,7 @@ function begin() {
     const list = marks();
     const newest = document.getElementById("plots")?.dataset.total;
     const until = Math.max(newest ? Number(newest) : 0, list.length ? list[list.length - 1].t : 0);
-    if (Math.abs(until - total()) > 0.05) slider.max = until.toFixed(1);
+    if (Math.abs(until - total()) > 0.05) slider.max = (Math.ceil(until * 10) / 10).toFixed(1);
     if (live) { t = total(); shownPlace = list.length; draw(list.length, list.length); }
   });
 
@@ -212,5 +221,5 @@ function begin() {
   const named = new URLSearchParams(location.search).get("at");
   if (named) shownPlace = Math.max(marks().findIndex((one) => one.position === named) + 1, 1);
   draw(shownPlace, marks().length);
-  for (const frame of document.querySelectorAll(".scene iframe")) frame.addEventListener("load", () => { if (!live) setTimeout(() => scene(t), 300); });
+  if (!live) scene(t);
 }

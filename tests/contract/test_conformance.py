@@ -5,11 +5,14 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace as reissued
+from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
+from threading import Thread
 
 import msgspec
 import pytest
 
+from harness.adapters.providers.simulation.cards import OBSERVER
 from harness.adapters.providers.simulation.child import RobotProcess, RobotSettings
 from harness.conformance.address import addressed
 from harness.conformance.crew import fresh_name, installed, installed_cards, protocol
@@ -196,6 +199,40 @@ def waiter() -> Iterator[str]:
         assert process.stdout is not None
         yield process.stdout.readline().strip()
         process.kill()
+
+
+class Twins(BaseHTTPRequestHandler):
+    """A robot that serves one provider twice and nothing else."""
+
+    def do_GET(self) -> None:
+        card = json.loads(msgspec.json.encode(OBSERVER))
+        body = json.dumps(
+            [card, card] if self.path == "/providers" else {"code": "unknown_name", "what": "no"}
+        ).encode()
+        self.send_response(200 if self.path == "/providers" else 404)
+        self.send_header("Content-Length", str(len(body)))
+        self.end_headers()
+        self.wfile.write(body)
+
+    def do_POST(self) -> None:
+        self.do_GET()
+
+    def log_message(self, *words: object) -> None:
+        """Quiet."""
+
+
+@pytest.mark.ledger("R187", symbol="harness.conformance.address:addressed")
+def test_a_robot_with_two_providers_of_one_name_is_refused() -> None:
+    with HTTPServer(("127.0.0.1", 0), Twins) as server:
+        thread = Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
+        thread.start()
+        try:
+            named = pytest.raises(ProviderFailed, match="one name")
+            with named, addressed(f"http://127.0.0.1:{server.server_port}", "x"):
+                raise AssertionError("twins came in")
+        finally:
+            server.shutdown()
+            thread.join()
 
 
 @pytest.mark.ledger("R187", symbol="harness.conformance.address:addressed")

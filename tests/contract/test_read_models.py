@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from harness.adapters.stores.memory_index import EMPTY
@@ -193,3 +194,18 @@ def test_closed_lists_answer_nothing(models: ReadModels) -> None:
     models.close()
     with pytest.raises(StoreUnavailable):
         models.page(ListQuery(listing="mission"))
+
+
+def test_an_id_is_found_whole_and_a_digest_by_its_first_signs(models: ReadModels) -> None:
+    digest = "0123456789abcdef" * 4
+    named = msgspec.structs.replace(row(1), ids=("pkt_12ab", digest[:16], digest[:8]))
+    put(models, [named, row(2)])
+    for typed in ("pkt_12ab", "PKT_12AB", digest, digest[:16], digest[:8]):
+        assert walked(models, ListQuery(listing="mission", words=(typed,))) == ["body of 1"], typed
+    assert walked(models, ListQuery(listing="mission", words=("pkt_12",))) == []
+
+
+def test_a_beginning_that_many_words_share_still_finds_them_all(models: ReadModels) -> None:
+    put(models, [row(seq, words=f"crate{seq:04d}") for seq in range(1, 302)])
+    assert models.count(ListQuery(listing="mission", words=("crate",))) == 301
+    assert models.count(ListQuery(listing="mission", words=("crate00",))) == 99

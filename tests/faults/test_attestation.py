@@ -65,6 +65,7 @@ def asked() -> Iterator[Asked]:
 
 
 @pytest.mark.ledger("R107", symbol="harness.gate.attestation:opened")
+@pytest.mark.ledger("R107", symbol="harness.gate.attestation:attested")
 def test_an_attestation_supplies_the_missing_source_by_one_free_look(asked: Asked) -> None:
     before = asked.ran.mission
     assert "independence 1, required 2" in before.of(NodeId("circuit")).verdicts[-1].reason

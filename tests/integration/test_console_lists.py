@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import create_engine
 
-from app.lists import Lists
+from app.lists import FOLD, Lists
 from harness.adapters.stores.memory_index import EMPTY
 from harness.adapters.stores.read_models import SqlReadModels
 from harness.contracts.actors import Actor
@@ -133,7 +133,7 @@ def test_lists_of_another_fold_or_another_log_are_made_anew(
     stand: Stand, missions: tuple[Mission, Mission], tmp_path: Path, fold: str
 ) -> None:
     with closing(SqlReadModels(f"sqlite:///{tmp_path / 'lists.db'}")) as models:
-        foreign = Mark(fold=fold or "lists-1", position=3, digest=Digest("ab" * 32))
+        foreign = Mark(fold=fold or FOLD, position=3, digest=Digest("ab" * 32))
         models.add([], after=EMPTY, upto=foreign)
         follower = Lists(stand.harness.runtime, models)
         assert follower.catch_up().position == stand.harness.runtime.head().position

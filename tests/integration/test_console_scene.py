@@ -165,7 +165,13 @@ def test_two_readers_look_at_two_instants_of_one_mission(stand: Stand, scenes: S
     ]
     assert shown[0] == set()
     assert shown[1]
-    assert not scenes.seek(mission_id, "three", begin_s)
+    scenes.seek(mission_id, "three", begin_s - 1.0)
+    scenes.port(mission_id, "three")
+    scenes.step()
+    third = scenes._open[mission_id, "three"].view._drawing
+    assert third is not None
+    assert third._robot is not None
+    assert not third._robot.visible
 
 
 def test_what_is_drawn_up_to_an_instant_was_measured_by_then(scenes: Scenes, mission_id: MissionId) -> None:
@@ -219,7 +225,7 @@ def test_far_from_the_origin_points_are_still_exact() -> None:
 
 def test_a_reader_moves_their_own_view_only_from_our_own_pages(stand: Stand, mission_id: MissionId) -> None:
     operator = stand.operator()
-    assert operator.post(f"/missions/{mission_id}/scene/mine/instant?t=1").status_code == 410
+    assert operator.post("/missions/msn_none/scene/mine/instant?t=1").status_code == 404
     operator.get(f"/missions/{mission_id}/scene/mine/")
     assert operator.post(f"/missions/{mission_id}/scene/mine/instant?t=1").status_code == 204
     assert operator.post(f"/missions/{mission_id}/scene/mine/instant").status_code == 204

@@ -20,7 +20,9 @@ class Guard:
 EVENT_STORE = Guard(
     methods=frozenset({"append"}),
     receiver=re.compile(r"(^|[._])(event_?)?store(\(\))?$|(^|[._])event_?log(\(\))?$", re.IGNORECASE),
-    types=frozenset({"EventStore", "SqlLog", "SqlEventStore", "PostgresEventStore", "MemoryEventStore", "FailpointStore"}),
+    types=frozenset(
+        {"EventStore", "SqlLog", "SqlEventStore", "PostgresEventStore", "MemoryEventStore", "FailpointStore"}
+    ),
 )
 PROVIDER = Guard(
     methods=frozenset({"start", "stop", "resume", "keepalive"}),

@@ -17,18 +17,23 @@ from sqlalchemy.pool import StaticPool
 
 from harness.adapters.stores.memory_index import EMPTY, moved
 from harness.adapters.stores.read_models_schema import (
+    ADD_WORD,
+    BEGINNING,
     CREATE,
     DROP,
     MARK,
     SCHEMA_VERSION,
     SET_MARK,
+    SPELLINGS,
     TABLES,
     TALLIES,
     TALLY,
     TERMS,
     Argument,
     count_of,
+    matching,
     page_of,
+    spoken,
     terms_of,
 )
 from harness.adapters.stores.sql_engine import aside_engine, enter_wal, file_url, reader_engine
@@ -37,6 +42,7 @@ from harness.contracts.memory import Mark
 from harness.contracts.read_models import MANY, Bookmark, Listing, ListPage, ListQuery, ListRow, Tally
 
 MEMORY = "sqlite://"
+LAST_SIGN = "\U0010ffff"
 AnyRow = Row[*tuple[Any, ...]]
 Tallies = Counter[tuple[str, str, str]]
 _facets = msgspec.json.Decoder(dict[str, str])
@@ -94,7 +100,7 @@ class SqlReadModels:
 
     def page(self, query: ListQuery) -> ListPage:
         """One page, in the order asked for."""
-        rows = self._rows(*page_of(query))
+        rows = self._rows(*page_of(query, self._match(query)))
         shown = rows[: query.limit]
         last = shown[-1] if len(rows) > query.limit else None
         return ListPage(
@@ -104,7 +110,7 @@ class SqlReadModels:
 
     def count(self, query: ListQuery) -> int:
         """How many rows answer the query, counted up to MANY + 1."""
-        return int(self._rows(*count_of(query, limit=MANY + 1))[0][0])
+        return int(self._rows(*count_of(query, self._match(query), limit=MANY + 1))[0][0])
 
     def tallies(self, listing: Listing) -> list[Tally]:
         """Every value of every facet with its count, by facet and value."""
@@ -123,6 +129,13 @@ class SqlReadModels:
                 self._writer.close()
                 self._writer = None
         self._readers.dispose()
+
+    def _match(self, query: ListQuery) -> str:
+        def spellings(word: str) -> list[str]:
+            asked = (query.listing, word, word + LAST_SIGN, SPELLINGS + 1)
+            return [row[0] for row in self._rows(BEGINNING, asked)]
+
+        return matching(query, spellings)
 
     def _rows(self, statement: str, arguments: tuple[Argument, ...]) -> Sequence[AnyRow]:
         writer = self._opened()
@@ -204,6 +217,9 @@ def _put_listing(writer: Connection, listing: Listing, rows: dict[int, ListRow],
     ]
     writer.exec_driver_sql(f"INSERT OR REPLACE INTO {table} VALUES (?, ?, ?, ?, ?, ?)", stored)
     writer.exec_driver_sql(f"INSERT INTO {terms} (rowid, terms) VALUES (?, ?)", [(one[0], one[4]) for one in stored])
+    writer.exec_driver_sql(
+        ADD_WORD, sorted({(listing, word) for row in rows.values() for word in spoken(row)} or {(listing, "")})
+    )
     for row in rows.values():
         _tally(tallies, listing, row.facets, 1)
 

@@ -5,20 +5,27 @@ of filters costs what its rarest term costs, and pages are read in the order of 
 """
 
 import re
+from collections.abc import Callable, Sequence
 
-from harness.contracts.read_models import LISTINGS, Listing, ListQuery, ListRow
+from harness.contracts.read_models import LISTINGS, ListQuery, ListRow
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 LONGEST_WORD = 64
+SPELLINGS = 200
+"""A typed word stands for at most so many words that begin with it; one that stands for more is looked up slowly."""
 FIRST_IDEOGRAPH = "⺀"
 TABLES = {listing: f"list_{listing}" for listing in LISTINGS}
 TERMS = {listing: f"terms_{listing}" for listing in LISTINGS}
 Argument = str | int | float
 _SEPARATORS = re.compile(r"[^\w.]+", re.UNICODE)
 _INNER = re.compile(r"[_.]+")
+_DIGEST = re.compile(r"[0-9a-f]{17,}")
+DIGEST_SIGNS = 16
+Spellings = Callable[[str], Sequence[str]]
 
 DROP = (
     *(f"DROP TABLE IF EXISTS {table}" for table in (*TABLES.values(), *TERMS.values())),
+    "DROP TABLE IF EXISTS word",
     "DROP TABLE IF EXISTS tally",
     "DROP TABLE IF EXISTS mark",
 )
@@ -31,13 +38,16 @@ CREATE = (
     *(f"CREATE INDEX {table}_amount ON {table} (amount, seq)" for table in TABLES.values()),
     *(
         f"CREATE VIRTUAL TABLE {terms} USING fts5(terms, content='', detail=none, columnsize=0, "
-        "tokenize=\"unicode61 remove_diacritics 2 tokenchars '_.=-'\")"
+        "tokenize=\"unicode61 remove_diacritics 2 tokenchars '_.=#-'\")"
         for terms in TERMS.values()
     ),
+    "CREATE TABLE word (listing TEXT, word TEXT, PRIMARY KEY (listing, word)) WITHOUT ROWID",
     "CREATE TABLE tally (listing TEXT, facet TEXT, value TEXT, count INTEGER NOT NULL, "
     "PRIMARY KEY (listing, facet, value)) WITHOUT ROWID",
     "CREATE TABLE mark (fold TEXT NOT NULL, position INTEGER NOT NULL, digest TEXT NOT NULL)",
 )
+ADD_WORD = "INSERT OR IGNORE INTO word VALUES (?, ?)"
+BEGINNING = "SELECT word FROM word WHERE listing = ? AND word >= ? AND word < ? LIMIT ?"
 MARK = "SELECT fold, position, digest FROM mark"
 SET_MARK = "INSERT INTO mark VALUES (?, ?, ?)"
 TALLY = (
@@ -48,10 +58,20 @@ TALLIES = "SELECT facet, value, count FROM tally WHERE listing = ? AND count > 0
 
 
 def terms_of(row: ListRow) -> str:
-    """Everything a row is found by: its facets whole, its words whole and in parts, ideographs one by one."""
+    """Everything a row is found by: its facets and ids whole, its words whole and in parts, ideographs one by one."""
     whole = [facet_term(name, value) for name, value in row.facets.items()]
-    said = set(words_of(row.words)) | {part for word in words_of(row.words) for part in _INNER.split(word) if part}
-    return " ".join((*whole, *sorted(said)))
+    return " ".join((*whole, *(id_term(one) for one in row.ids), *spoken(row)))
+
+
+def spoken(row: ListRow) -> list[str]:
+    """The words of a row, whole and in parts."""
+    words = words_of(row.words)
+    return sorted(set(words) | {part for word in words for part in _INNER.split(word) if part})
+
+
+def id_term(name: str) -> str:
+    """One id as one term, to be found whole."""
+    return f"#{_SEPARATORS.sub('-', name.lower())}"
 
 
 def words_of(text: str) -> tuple[str, ...]:
@@ -70,50 +90,51 @@ def facet_term(name: str, value: str) -> str:
     return f"={name}={_SEPARATORS.sub('-', value.lower())}"
 
 
-def page_of(query: ListQuery) -> tuple[str, tuple[Argument, ...]]:
-    """The statement of one page: seq, amount and body, one row more than asked for."""
-    table = TABLES[query.listing]
-    where, arguments = _matching(query)
+def page_of(query: ListQuery, match: str) -> tuple[str, tuple[Argument, ...]]:
+    """The statement of one page: seq, amount and body, one row more than asked for. `match`: see `matching`."""
+    table, terms = TABLES[query.listing], TERMS[query.listing]
+    where = [f"t.{terms} MATCH ?"] if match else []
+    arguments: list[Argument] = [match] if match else []
     if query.order == "largest":
+        numbered, ordered = "l.seq", "l.amount DESC, l.seq DESC"
         if query.after is not None:
             where.append("(l.amount, l.seq) < (?, ?)")
-            arguments += (query.after.amount, query.after.seq)
-        ordered = "l.amount DESC, l.seq DESC"
+            arguments += [query.after.amount, query.after.seq]
     else:
-        numbered = "t.rowid" if _match(query) else "l.seq"
+        numbered, newest = "t.rowid" if match else "l.seq", query.order == "newest"
+        ordered = f"{numbered} {'DESC' if newest else 'ASC'}"
         if query.after is not None:
-            where.append(f"{numbered} {'<' if query.order == 'newest' else '>'} ?")
-            arguments += (query.after.seq,)
-        ordered = f"{numbered} {'DESC' if query.order == 'newest' else 'ASC'}"
+            where.append(f"{numbered} {'<' if newest else '>'} ?")
+            arguments.append(query.after.seq)
+    source = f"{terms} AS t CROSS JOIN {table} AS l ON l.seq = t.rowid" if match else f"{table} AS l"
     condition = f" WHERE {' AND '.join(where)}" if where else ""
-    return (
-        f"SELECT l.seq, l.amount, l.body FROM {_from(query, table)}{condition} ORDER BY {ordered} LIMIT ?",
-        (*arguments, query.limit + 1),
-    )
+    statement = f"SELECT l.seq, l.amount, l.body FROM {source}{condition} ORDER BY {ordered} LIMIT ?"
+    return statement, (*arguments, query.limit + 1)
 
 
-def count_of(query: ListQuery, *, limit: int) -> tuple[str, tuple[Argument, ...]]:
+def count_of(query: ListQuery, match: str, *, limit: int) -> tuple[str, tuple[Argument, ...]]:
     """The statement that counts what answers the query, up to `limit`."""
-    match = _match(query)
     if not match:
         return f"SELECT count(*) FROM (SELECT 1 FROM {TABLES[query.listing]} LIMIT ?)", (limit,)
     terms = TERMS[query.listing]
     return f"SELECT count(*) FROM (SELECT 1 FROM {terms} WHERE {terms} MATCH ? LIMIT ?)", (match, limit)
 
 
-def _from(query: ListQuery, table: str) -> str:
-    if not _match(query):
-        return f"{table} AS l"
-    return f"{TERMS[query.listing]} AS t CROSS JOIN {table} AS l ON l.seq = t.rowid"
+def matching(query: ListQuery, spellings: Spellings) -> str:
+    """The full-text expression: every term quoted, so that nothing typed is read as an operator.
+
+    `spellings` answers with the known words that begin like a typed one. A typed word means one of them or an id:
+    whole terms are read as far as a page needs them, while a prefix would be collected to its end first.
+    """
+    parts = [f'"{facet_term(name, value)}"' for name, value in sorted(query.facets.items())]
+    for typed in query.words:
+        for word in words_of(typed):
+            known = spellings(word)
+            meant = [f'"{one}"' for one in known] if len(known) <= SPELLINGS else [f'"{word}"*']
+            parts.append(f"({' OR '.join([*meant, _quoted_id(word)])})")
+    return " AND ".join(parts)
 
 
-def _matching(query: ListQuery) -> tuple[list[str], tuple[Argument, ...]]:
-    match = _match(query)
-    return ([f"t.{TERMS[query.listing]} MATCH ?"], (match,)) if match else ([], ())
-
-
-def _match(query: ListQuery) -> str:
-    """The full-text expression: every term quoted, so that nothing typed is read as an operator."""
-    facets = [f'"{facet_term(name, value)}"' for name, value in sorted(query.facets.items())]
-    words = [f'"{part}"*' for word in query.words for part in words_of(word)]
-    return " ".join((*facets, *words))
+def _quoted_id(word: str) -> str:
+    """A digest is found by as many signs as its term holds."""
+    return f'"{id_term(word)}"' if not _DIGEST.fullmatch(word) else f'"{id_term(word[:DIGEST_SIGNS])}"'

@@ -202,7 +202,9 @@ class RecordingNavigator(LocalProvider):
             share = min(1.0, max(0.0, (now_s - segment.dispatched_s) / span))
             return Progress(share=share, text=f"{segment.name}: {max(0.0, ends_s - now_s):.1f} s of recording left")
         if segment.arrived_s is None:
-            return Result(message=f"{segment.name} is over; its recording declares nothing.", drafts=(), declared={}, at_s=ends_s)
+            return Result(
+                message=f"{segment.name} is over; its recording declares nothing.", drafts=(), declared={}, at_s=ends_s
+            )
         distance = segment.declared_distance_m
         declared = {"at_s": segment.arrived_s} | ({"distance_m": distance} if distance is not None else {})
         if segment.departed_s is not None:
@@ -210,7 +212,10 @@ class RecordingNavigator(LocalProvider):
         text = "GOAL REACHED" if distance is None else f"GOAL REACHED, {distance:.2f} m"
         draft = Draft(kind="arrival", text=f"{text}, as the recorded supervisor declared", values=declared)
         return Result(
-            message=f"{segment.name}: the recorded supervisor declared arrival.", drafts=(draft,), declared=declared, at_s=ends_s
+            message=f"{segment.name}: the recorded supervisor declared arrival.",
+            drafts=(draft,),
+            declared=declared,
+            at_s=ends_s,
         )
 
     def _next(self, now_s: float) -> Segment | None:

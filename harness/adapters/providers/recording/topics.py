@@ -27,7 +27,8 @@ class TopicSettings(_Settings):
     `odometry`, `camera` and `cloud` are topic names, "" for none, or None for the only topic of a readable type.
     `clock` says which time becomes sensor time: the message's header stamp or the recorder's log time. `camera_clock`
     is log time as in the paper. `arrival`, `departure` and `closing` are regular expressions over the supervisor's log
-    lines; a group `distance_m` in `arrival` is the declared distance, and a closing ends a leg's evidence. `static_transforms` win over recorded ones.
+    lines; a group `distance_m` in `arrival` is the declared distance, and a closing ends a leg's evidence.
+    `static_transforms` win over recorded ones.
     """
 
     body_pose: str = "/vbot_planner/body_pose"
