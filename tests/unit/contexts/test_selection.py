@@ -121,7 +121,7 @@ def test_a_kind_can_have_a_limit_of_its_own() -> None:
         ("sensor", "after", True),
     ],
 )
-@pytest.mark.ledger("R73", "R76", symbol="harness.contexts.selection:_admissible_evidence")
+@pytest.mark.ledger("R42", "R73", "R76", symbol="harness.contexts.selection:_admissible_evidence")
 def test_c3_refuses_the_planners_conclusions_and_the_providers_prose(origin: str, kind: str, kept: bool) -> None:
     item = Item(record(kind=kind, origin=origin))
     assert len(compiled(item, role="verifier").records) == (1 if kept else 0)
