@@ -49,4 +49,3 @@ def remembered(runtime: Runtime) -> tuple[CapabilityCard, ...]:
         if isinstance(said, KnownCard):
             newest.setdefault(said.card.provider_id, said.card)
     return tuple(newest.values())
-

@@ -73,9 +73,9 @@ class HandoffItem(Value):
 
 
 class ListRow(Value):
-    """What is stored of one item. `facets` are what it is filtered by, `words` what it is searched by.
+    """What is stored of one item. `key` names the item from outside; `body` is its canonical JSON.
 
-    `ids` are names it is found by whole. `amount` is what `largest` sorts by. `key` names the item from outside; `body` is its canonical JSON.
+    It is filtered by `facets`, searched by the beginnings of `words` and by whole `ids`; `largest` sorts by `amount`.
     """
 
     listing: Listing
@@ -99,7 +99,7 @@ class ListQuery(Value):
     """What is asked of a list: rows with every facet and, for each of `words`, that id or a word that begins so."""
 
     listing: Listing
-    facets: dict[str, str] = {}
+    facets: dict[str, str] = msgspec.field(default_factory=dict)
     words: tuple[str, ...] = ()
     order: ListOrder = "newest"
     after: Bookmark | None = None

@@ -201,8 +201,12 @@ def test_events_are_searched_by_word_and_family_and_paged(operator: TestClient, 
     assert "First page" in later
 
 
-def test_places_show_their_names_lengths_and_what_verification_means(operator: TestClient) -> None:
+@pytest.mark.ledger("R191", symbol="app.views.places:_place")
+def test_places_show_their_whole_record_and_what_verification_means(operator: TestClient) -> None:
     text = operator.get("/places").text
+    record = text[text.index("<b>Office storage area") :].split("</tr>")[0]
+    for part in ("office_storage", "11.00 m, 8.56 m", "facing 90°, map site-1", "configured", "surveyed with the map"):
+        assert part in record
     assert "17.62 m" in text
     assert "18.83 m" in text
     assert "the storage, B" in text
