@@ -174,6 +174,7 @@ def test_freeing_a_lease_is_refused_while_the_body_moves_and_never_stops_or_star
         assert base(stage.harness).status == "quarantined"
 
 
+@pytest.mark.ledger("R86", symbol="harness.supervisor.supervisor:Supervisor.free")
 def test_a_resource_that_nobody_had_and_a_robot_that_is_not_there_cannot_be_freed() -> None:
     with staged() as stage:
         with pytest.raises(UnknownName, match="never leased"):
