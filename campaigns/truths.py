@@ -85,7 +85,11 @@ def _moved_m(odometry: Sequence[Odometry]) -> float:
 
 
 def _torn(samples: Trajectory) -> str:
-    """Whether localiser and odometry tell different stories of the two seconds before standstill."""
+    """Whether localiser and odometry tell different stories of the two seconds before standstill.
+
+    Both are read at the same sensor times: where the localiser drops out at the edge of the two seconds, so does the
+    comparison.
+    """
     if not samples.odometry or not samples.poses:
         return "a source is missing"
     end = samples.odometry[-1]
@@ -93,17 +97,13 @@ def _torn(samples: Trajectory) -> str:
     if not moving:
         return ""
     until_s = moving[-1].at_s
-    lengths = []
-    for track in (samples.poses, samples.odometry):
-        window = [one for one in track if until_s - WINDOW_S <= one.at_s <= until_s + 0.4]
-        if len(window) < 4:
-            return "a source is missing before standstill"
-        lengths.append(math.dist(_point(window[0]), _point(window[-1])))
-    return f"localiser and odometry differ by {abs(lengths[0] - lengths[1]):.2f} m" if _apart(lengths) else ""
-
-
-def _apart(lengths: Sequence[float]) -> bool:
-    return abs(lengths[0] - lengths[1]) > 2 * AGREE_M
+    poses = [one for one in samples.poses if until_s - WINDOW_S <= one.at_s <= until_s + 0.4]
+    if len(poses) < 4:
+        return "a source is missing before standstill"
+    first, last = poses[0], poses[-1]
+    moved = [min(samples.odometry, key=lambda one, pose=pose: abs(one.at_s - pose.at_s)) for pose in (first, last)]  # type: ignore[misc]
+    apart_m = abs(math.dist(_point(first), _point(last)) - math.dist(_point(moved[0]), _point(moved[1])))
+    return f"localiser and odometry differ by {apart_m:.2f} m" if apart_m > 2 * AGREE_M else ""
 
 
 def _samples(packet: EvidencePacket, blobs: Blobs, *, kind: str) -> Trajectory:
