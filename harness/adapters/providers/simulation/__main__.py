@@ -74,7 +74,7 @@ def _watch_parent(pace: Pace, server: uvicorn.Server, linger_s: float) -> None:
     while os.getppid() == parent:
         time.sleep(PARENT_POLL_S)
     pace.orphan()
-    while not pace.standing() or pace.silent_s < linger_s:
+    while not pace.retire(after_s=linger_s):
         time.sleep(PARENT_POLL_S)
     server.should_exit = True
 

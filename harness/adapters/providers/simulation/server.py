@@ -13,7 +13,7 @@ from harness.adapters.providers.http.wire import Advance, ClockReading, Done, Mi
 from harness.adapters.providers.simulation.bodies import TICK_S
 from harness.adapters.providers.simulation.faults import parse_faults
 from harness.adapters.providers.simulation.robot import SimulatedRobot
-from harness.contracts.errors import ProviderFailed
+from harness.contracts.errors import ProviderFailed, ProviderUnreachable
 
 FREE_RUN_AFTER_S = 2.0
 SLIP_S = 0.25
@@ -33,6 +33,7 @@ class Pace:
         self._asked_s = time.monotonic()
         self._ended = threading.Event()
         self._orphaned = threading.Event()
+        self._retired = False
         self._thread = threading.Thread(target=self._run, name="pace", daemon=True)
 
     def start(self) -> None:
@@ -52,10 +53,20 @@ class Pace:
         """Wall seconds since the last request."""
         return time.monotonic() - self._asked_s
 
+    def retire(self, *, after_s: float) -> bool:
+        """Take no request any more if the robot stands and nobody asked for `after_s`; whether that is so."""
+        with self._lock:
+            self._retired = not self.robot.moving and self.silent_s >= after_s
+            return self._retired
+
     @contextmanager
     def turn(self) -> Iterator[None]:
-        """One request at a time."""
+        """One request at a time. Raises ProviderUnreachable once retired, so that nobody adopts a robot that ends."""
         with self._lock:
+            if self._retired:
+                raise ProviderUnreachable(
+                    "This robot process is ending", where=self.robot.robot_id, do="start the robot again"
+                )
             self._asked_s = time.monotonic()
             yield
             self._asked_s = time.monotonic()
