@@ -8,12 +8,13 @@ import sys
 
 import typer
 
-from app.terminal import accounts, audit, databases, handoffs, leases, missions, providers, service
+from app.terminal import accounts, audit, databases, dossiers, handoffs, leases, missions, providers, service
 from app.terminal.answers import complain
 from harness.contracts.errors import HarnessError
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, rich_markup_mode=None)
 app.add_typer(missions.app, name="mission")
+missions.app.command("dossier")(dossiers.dossier)
 app.add_typer(handoffs.app, name="handoff")
 app.add_typer(leases.app, name="lease")
 app.add_typer(audit.app, name="audit")
@@ -22,6 +23,7 @@ app.add_typer(providers.app, name="provider")
 app.add_typer(accounts.account, name="account")
 app.add_typer(accounts.token, name="token")
 app.command("up")(service.up)
+app.command("verify")(dossiers.verify)
 app.command("doctor")(service.doctor)
 
 

@@ -3,6 +3,7 @@
 HarnessError                 something went wrong that a person can act on
 ├── ContractInvalid          a task contract, template, place or parameter breaks a rule
 ├── UnknownName              no template, place, provider, mission or handoff of that name
+├── ConfigurationMissing     a configuration version is not stored here, or this release cannot read it
 ├── ConcurrencyConflict      somebody else appended to the stream first
 ├── StoreUnavailable         the data folder or database cannot be used as it is
 │   ├── StoreOwned           another supervisor owns the data folder
@@ -13,6 +14,7 @@ HarnessError                 something went wrong that a person can act on
 ├── ProviderFailed           a provider refused or broke the protocol
 │   ├── ProviderUnreachable  no answer: the request may or may not have arrived
 │   └── FencingRefused       the provider saw a newer fencing token
+├── DossierInvalid           a dossier's signature, a file in it or its chain does not verify
 └── RecordingInvalid         a recording cannot be read: truncated, empty, of another encoding
 
 A refusal is not an error: it is a value (`decisions.Refused`).
@@ -35,6 +37,10 @@ class ContractInvalid(HarnessError):
 
 class UnknownName(HarnessError):
     code = "unknown_name"
+
+
+class ConfigurationMissing(HarnessError):
+    code = "configuration_missing"
 
 
 class ConcurrencyConflict(HarnessError):
@@ -75,6 +81,10 @@ class ProviderUnreachable(ProviderFailed):
 
 class FencingRefused(ProviderFailed):
     code = "fencing_refused"
+
+
+class DossierInvalid(HarnessError):
+    code = "dossier_invalid"
 
 
 class RecordingInvalid(HarnessError):

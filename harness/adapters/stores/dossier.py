@@ -1,0 +1,221 @@
+"""Dossiers as files: a ZIP archive whose contents list is signed with the installation's Ed25519 key."""
+
+import os
+import zipfile
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+from cryptography.exceptions import InvalidSignature
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
+
+from harness.adapters.stores.chain import check_record, damaged, event_digest
+from harness.contracts.dossier import CONTENTS, EVENTS, FORMAT, RECORDS, SIGNATURE, DossierContents, DossierSignature
+from harness.contracts.errors import BlobDamaged, ContractInvalid, DossierInvalid, StoreUnavailable, UnknownName
+from harness.contracts.ids import Digest, StreamId, sha256
+from harness.contracts.ports import Batch, Head, Record, StoredEvent
+from harness.contracts.values import Moment, decode, encode
+
+T = TypeVar("T")
+ALGORITHM = "ed25519"
+LARGEST_BYTES = 2 * 2**30
+MOST_FILES = 200_000
+
+
+def signing_key(folder: Path) -> Ed25519PrivateKey:
+    """The installation's key below the data folder, made at its first use and readable by its owner alone."""
+    path = folder / "keys" / "dossier.ed25519"
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        if not path.exists():
+            descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+            with os.fdopen(descriptor, "wb") as file:
+                file.write(Ed25519PrivateKey.generate().private_bytes_raw())
+        return Ed25519PrivateKey.from_private_bytes(path.read_bytes())
+    except (OSError, ValueError) as error:
+        raise StoreUnavailable(
+            f"The signing key cannot be used: {error}", where=str(path), do="make the data folder writable"
+        ) from error
+
+
+def public_key(key: Ed25519PrivateKey) -> str:
+    """In hexadecimal: what a recipient compares with the key they were told."""
+    return key.public_key().public_bytes_raw().hex()
+
+
+def write_dossier(path: Path, contents: DossierContents, files: Mapping[str, bytes], key: Ed25519PrivateKey) -> None:
+    """Under another name first, then renamed: there is all of it or nothing. Raises StoreUnavailable."""
+    signed = encode(contents)
+    signature = DossierSignature(algorithm=ALGORITHM, public_key=public_key(key), signature=key.sign(signed).hex())
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name, body in ((CONTENTS, signed), (SIGNATURE, encode(signature)), *sorted(files.items())):
+                archive.writestr(name, body)
+        partial.replace(path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise StoreUnavailable(
+            f"The dossier cannot be written: {error.strerror or error}", where=str(path), do="name another file"
+        ) from error
+
+
+class DossierBlobs:
+    """The blobs of a dossier, read when asked for. Nothing can be put."""
+
+    def __init__(self, archive: zipfile.ZipFile, contents: DossierContents) -> None:
+        self._archive = archive
+        self._names = {name.removeprefix("blobs/") for name in contents.files if name.startswith("blobs/")}
+
+    def put(self, body: bytes) -> Digest:
+        raise ContractInvalid("A dossier is never written to", where="blobs", do="work on the data folder itself")
+
+    def get(self, digest: Digest) -> bytes:
+        """Raises BlobDamaged if it is not in the dossier."""
+        if digest not in self._names:
+            raise BlobDamaged(f"Blob {digest} is not in the dossier", where="blobs", do="ask who exported it")
+        return self._archive.read(f"blobs/{digest}")
+
+    def has(self, digest: Digest) -> bool:
+        return digest in self._names
+
+    def digests(self) -> Iterator[Digest]:
+        """All digests, in ascending order."""
+        yield from (Digest(name) for name in sorted(self._names))
+
+
+class DossierLog:
+    """The events and records of a dossier behind the log's port. Nothing can be appended."""
+
+    def __init__(self, events: Sequence[StoredEvent], records: Sequence[Record], head: Head) -> None:
+        self._log = list(events)
+        self._records = {record.digest: record for record in records}
+        self._head = head
+        self._by_stream: dict[StreamId, list[StoredEvent]] = {}
+        for event in self._log:
+            self._by_stream.setdefault(event.stream, []).append(event)
+
+    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> Head:
+        raise ContractInvalid("A dossier is never written to", where="log", do="work on the data folder itself")
+
+    def load(self, stream: StreamId, after: int = 0) -> list[StoredEvent]:
+        return self._by_stream.get(stream, [])[after:]
+
+    def read(self, after: int = 0, limit: int = 1000) -> list[StoredEvent]:
+        return [event for event in self._log if event.position > after][:limit]
+
+    def streams(self, prefix: str) -> list[StreamId]:
+        return [stream for stream in self._by_stream if stream.startswith(prefix)]
+
+    def record(self, digest: Digest) -> Record:
+        """Raises UnknownName."""
+        if digest not in self._records:
+            raise UnknownName(f"The dossier holds no record {digest}", where="records")
+        return self._records[digest]
+
+    def head(self) -> Head:
+        """Of the log that the dossier was taken from."""
+        return self._head
+
+    def verify(self) -> Head:
+        """Every event's own digest, its stream's numbering, and the chain where two neighbours are both here."""
+        before: StoredEvent | None = None
+        at: dict[StreamId, int] = {}
+        for event in self._log:
+            if event.digest != event_digest(event):
+                raise damaged(event.position, "its digest does not match its content")
+            if event.version != at.get(event.stream, 0) + 1:
+                raise damaged(event.position, f"{event.stream} goes on at version {event.version}")
+            if before is not None and event.position <= before.position:
+                raise damaged(event.position, "the events are not in the log's order")
+            if before is not None and event.position == before.position + 1 and event.previous != before.digest:
+                raise damaged(event.position, "it does not name the digest of the event before it")
+            at[event.stream] = event.version
+            before = event
+        for record in self._records.values():
+            check_record(record)
+        return self._head
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+
+@dataclass(frozen=True)
+class Dossier:
+    """An opened dossier whose signature and files hold. `public_key` in hexadecimal."""
+
+    contents: DossierContents
+    public_key: str
+    log: DossierLog
+    blobs: DossierBlobs
+
+
+def open_dossier(archive: zipfile.ZipFile, *, where: str) -> Dossier:
+    """Check the signature, then every file against the list it covers, then the chain; needs nothing but the file.
+
+    Raises DossierInvalid or LogDamaged that name the first part that does not hold.
+    """
+    _bounded(archive, where)
+    signed = _member(archive, CONTENTS, where)
+    try:
+        contents = decode(signed, DossierContents)
+        signature = decode(_member(archive, SIGNATURE, where), DossierSignature)
+    except msgspec.MsgspecError as error:
+        raise _invalid(f"its contents list or signature cannot be read ({error})", where) from error
+    _signed(signed, signature, where)
+    if contents.format != FORMAT:
+        raise _invalid(f"it is of format {contents.format}, this release reads {FORMAT}", where)
+    _listed(archive, contents, where)
+    try:
+        events = _lines(_member(archive, EVENTS, where), StoredEvent)
+        records = _lines(_member(archive, RECORDS, where), Record)
+    except msgspec.MsgspecError as error:
+        raise _invalid(f"an event or record cannot be read ({error})", where) from error
+    log = DossierLog(events, records, contents.head)
+    log.verify()
+    return Dossier(contents=contents, public_key=signature.public_key, log=log, blobs=DossierBlobs(archive, contents))
+
+
+def _bounded(archive: zipfile.ZipFile, where: str) -> None:
+    members = archive.infolist()
+    if len(members) > MOST_FILES or sum(one.file_size for one in members) > LARGEST_BYTES:
+        raise _invalid(f"it unpacks to more than {LARGEST_BYTES} bytes or {MOST_FILES} files", where)
+
+
+def _signed(signed: bytes, signature: DossierSignature, where: str) -> None:
+    if signature.algorithm != ALGORITHM:
+        raise _invalid(f"it is signed with {signature.algorithm!r}, this release knows {ALGORITHM}", where)
+    try:
+        known = Ed25519PublicKey.from_public_bytes(bytes.fromhex(signature.public_key))
+        known.verify(bytes.fromhex(signature.signature), signed)
+    except (InvalidSignature, ValueError) as error:
+        raise _invalid("the signature does not match its contents list", where) from error
+
+
+def _listed(archive: zipfile.ZipFile, contents: DossierContents, where: str) -> None:
+    names = {one.filename for one in archive.infolist()} - {CONTENTS, SIGNATURE}
+    if strange := sorted(names - set(contents.files)):
+        raise _invalid(f"{strange[0]} is in it and was not signed", where)
+    for name, expected in contents.files.items():
+        if sha256(_member(archive, name, where)) != expected:
+            raise _invalid(f"{name} does not match its signed digest", where)
+        if name.startswith("blobs/") and name != f"blobs/{expected}":
+            raise _invalid(f"{name} is not named by its digest", where)
+
+
+def _member(archive: zipfile.ZipFile, name: str, where: str) -> bytes:
+    try:
+        return archive.read(name)
+    except (KeyError, zipfile.BadZipFile, zlib.error, OSError, EOFError, RuntimeError, ValueError) as error:
+        raise _invalid(f"{name} is missing or damaged ({error})", where) from error
+
+
+def _lines(body: bytes, kind: type[T]) -> list[T]:
+    return [msgspec.json.decode(line, type=kind) for line in body.splitlines()]
+
+
+def _invalid(why: str, where: str) -> DossierInvalid:
+    return DossierInvalid(f"The dossier does not verify: {why}", where=where, do="ask who exported it for a new one")

@@ -1,0 +1,146 @@
+"""Collects a mission's dossier from the log, and judges one that was opened. Reads no file, signs nothing."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from harness.auditing.replay import ReplayReport, replay_mission
+from harness.contracts.dossier import EVENTS, FORMAT, RECORDS, DossierContents
+from harness.contracts.errors import BlobDamaged, UnknownName
+from harness.contracts.ids import Digest, MissionId, StreamId, mission_stream, sha256
+from harness.contracts.ports import Record
+from harness.contracts.values import Value, encode
+from harness.projections.mission import Mission
+from harness.runtime import Runtime
+
+_DIGEST = re.compile(rb"[0-9a-f]{64}")
+_EVIDENCE = re.compile(rb'"blob":"([0-9a-f]{64})"')
+
+
+@dataclass(frozen=True)
+class Collected:
+    """The contents to sign and the files they name."""
+
+    contents: DossierContents
+    files: Mapping[str, bytes]
+
+
+class DossierVerdict(Value):
+    """What an offline check found. `differences` of the replay are empty for a sound dossier."""
+
+    mission_id: MissionId
+    status: str
+    events: int
+    records: int
+    blobs: int
+    absent: tuple[Digest, ...]
+    public_key: str
+    trusted: bool
+    head_position: int
+    head_digest: Digest
+    differences: tuple[str, ...]
+
+
+def collect(runtime: Runtime, mission_id: MissionId, *, exported_by: str, exported_at_s: float) -> Collected:
+    """Events of the mission and its handoffs, every record and blob they cite, directly or through a record.
+
+    Raises UnknownName for a mission that does not exist.
+    """
+    mission = runtime.mission(mission_id)
+    events = sorted(
+        (event for stream in _streams(runtime, mission) for event in runtime.stream(stream)),
+        key=lambda event: event.position,
+    )
+    bodies = b"\n".join(event.body for event in events)
+    records, files = _resolved(runtime, _cited(bodies) | {mission.configuration})
+    needed = {Digest(found.decode()) for found in _EVIDENCE.findall(bodies)}
+    files[EVENTS] = b"".join(encode(event) + b"\n" for event in events)
+    files[RECORDS] = b"".join(encode(record) + b"\n" for record in records)
+    contents = DossierContents(
+        format=FORMAT,
+        mission_id=mission_id,
+        robot_id=mission.robot_id,
+        goal=mission.goal,
+        status=mission.status,
+        configuration=mission.configuration,
+        exported_by=exported_by,
+        exported_at_s=exported_at_s,
+        head=runtime.head(),
+        events=len(events),
+        records=len(records),
+        files={name: sha256(body) for name, body in sorted(files.items())},
+        absent=tuple(sorted(digest for digest in needed if f"blobs/{digest}" not in files)),
+    )
+    return Collected(contents=contents, files=files)
+
+
+def judge(runtime: Runtime, contents: DossierContents, *, public_key: str, trusted: bool) -> DossierVerdict:
+    """Fold and derive again what the dossier holds, and compare it with what it says of itself."""
+    mission = runtime.mission(contents.mission_id)
+    report: ReplayReport = replay_mission(runtime, contents.mission_id)
+    differences = list(report.differences)
+    if mission.status != contents.status:
+        differences.append(f"the dossier says {contents.status}, its events fold to {mission.status}")
+    return DossierVerdict(
+        mission_id=contents.mission_id,
+        status=mission.status,
+        events=contents.events,
+        records=contents.records,
+        blobs=sum(name.startswith("blobs/") for name in contents.files),
+        absent=contents.absent,
+        public_key=public_key,
+        trusted=trusted,
+        head_position=contents.head.position,
+        head_digest=contents.head.digest,
+        differences=tuple(differences),
+    )
+
+
+def _streams(runtime: Runtime, mission: Mission) -> list[StreamId]:
+    handoffs = [
+        stream
+        for stream in runtime.streams("handoff/")
+        if (opened := runtime.fold(stream).opened) is not None and opened.mission_id == mission.mission_id
+    ]
+    return [mission_stream(mission.mission_id), *_lease_streams(runtime, mission), *handoffs]
+
+
+def _lease_streams(runtime: Runtime, mission: Mission) -> list[StreamId]:
+    """Leases are shared with other missions; their streams are needed whole to decide again what was decided."""
+    body = b"\n".join(event.body for event in runtime.events(mission.mission_id))
+    return [stream for stream in runtime.streams("lease/") if stream.removeprefix("lease/").encode() in body]
+
+
+def _cited(body: bytes) -> set[Digest]:
+    return {Digest(found.decode()) for found in _DIGEST.findall(body)}
+
+
+def _resolved(runtime: Runtime, cited: set[Digest]) -> tuple[list[Record], dict[str, bytes]]:
+    """Records and blobs among these digests, and among those that the records cite in turn."""
+    records: list[Record] = []
+    blobs: dict[str, bytes] = {}
+    seen: set[Digest] = set()
+    while cited:
+        digest = cited.pop()
+        if digest in seen:
+            continue
+        seen.add(digest)
+        try:
+            record = runtime.record(digest)
+        except UnknownName:
+            if _sound(runtime, digest):
+                blobs[f"blobs/{digest}"] = runtime.blob(digest)
+        else:
+            records.append(record)
+            cited |= _cited(record.body)
+    return sorted(records, key=lambda one: one.digest), blobs
+
+
+def _sound(runtime: Runtime, digest: Digest) -> bool:
+    if not runtime.has_blob(digest):
+        return False
+    try:
+        runtime.blob(digest)
+    except BlobDamaged:
+        return False
+    return True

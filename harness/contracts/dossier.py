@@ -1,0 +1,38 @@
+"""A mission's dossier: everything that was decided about it and on what, in one signed file (console.md, row 8)."""
+
+from harness.contracts.ids import Digest, MissionId, RobotId
+from harness.contracts.ports import Head
+from harness.contracts.values import Count, Value
+
+FORMAT = "regenharness-dossier/1"
+CONTENTS, SIGNATURE, EVENTS, RECORDS = "dossier.json", "signature.json", "events.jsonl", "records.jsonl"
+
+
+class DossierContents(Value):
+    """What the signature covers. `files` maps every other name in the file to its SHA-256.
+
+    `absent` is evidence that packets cite and that was missing or damaged when it was written: a dossier says what
+    it lacks. `head` is the log's head then: the anchor to compare with one kept elsewhere.
+    """
+
+    format: str
+    mission_id: MissionId
+    robot_id: RobotId
+    goal: str
+    status: str
+    configuration: Digest
+    exported_by: str
+    exported_at_s: float
+    head: Head
+    events: Count
+    records: Count
+    files: dict[str, Digest]
+    absent: tuple[Digest, ...]
+
+
+class DossierSignature(Value):
+    """Ed25519 over the bytes of `dossier.json`. Keys and signatures in hexadecimal."""
+
+    algorithm: str
+    public_key: str
+    signature: str

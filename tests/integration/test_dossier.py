@@ -1,0 +1,121 @@
+"""A dossier verifies with nothing but the file, and says what does not hold when somebody touched it."""
+
+import zipfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+
+from harness.adapters.stores.dossier import signing_key, write_dossier
+from harness.auditing.dossier import collect
+from harness.contracts.dossier import CONTENTS, EVENTS, DossierContents
+from harness.contracts.errors import DossierInvalid, HarnessError, LogDamaged
+from harness.contracts.ids import MissionId, sha256
+from harness.contracts.values import decode
+from harness.dossiers import export_dossier, verify_dossier
+from tests.builders.missions_run import ran
+
+Members = dict[str, bytes]
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    folder = tmp_path_factory.mktemp("dossier")
+    with ran("circuit", "stale-pose", seed=3) as run:
+        export_dossier(
+            run.harness.runtime, MissionId(run.mission.mission_id), folder / "whole.zip", data=folder, exported_by="ana"
+        )
+        yield folder / "whole.zip"
+
+
+def members(file: Path) -> Members:
+    with zipfile.ZipFile(file) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+def rewritten(exported: Path, folder: Path, change: Callable[[Members], None]) -> Path:
+    inside = members(exported)
+    change(inside)
+    target = folder / "changed.zip"
+    with zipfile.ZipFile(target, "w") as archive:
+        for name, body in inside.items():
+            archive.writestr(name, body)
+    return target
+
+
+def test_an_untouched_dossier_verifies_and_every_decision_is_derived_again(exported: Path) -> None:
+    found = verify_dossier(exported)
+    assert found.status == "succeeded"
+    assert found.differences == ()
+    assert found.absent == ()
+    assert found.events > 20
+    assert found.blobs > 3
+    assert not found.trusted
+
+
+def test_a_dossier_signed_by_another_key_is_not_taken_for_one_of_the_named_key(exported: Path) -> None:
+    assert verify_dossier(exported, key=verify_dossier(exported).public_key).trusted
+    with pytest.raises(DossierInvalid, match="not by the key you named"):
+        verify_dossier(exported, key="ab" * 32)
+
+
+def test_changed_evidence_is_named(exported: Path, tmp_path: Path) -> None:
+    def change(inside: Members) -> None:
+        name = next(name for name in inside if name.startswith("blobs/"))
+        inside[name] = inside[name][:-1] + bytes([inside[name][-1] ^ 1])
+
+    with pytest.raises(DossierInvalid, match=r"blobs/[0-9a-f]{64} does not match its signed digest"):
+        verify_dossier(rewritten(exported, tmp_path, change))
+
+
+def test_a_contents_list_with_another_ending_does_not_match_the_signature(exported: Path, tmp_path: Path) -> None:
+    def change(inside: Members) -> None:
+        inside[CONTENTS] = inside[CONTENTS].replace(b'"succeeded"', b'"failed"')
+
+    with pytest.raises(DossierInvalid, match="signature"):
+        verify_dossier(rewritten(exported, tmp_path, change))
+
+
+def test_a_file_that_nobody_signed_is_refused(exported: Path, tmp_path: Path) -> None:
+    with pytest.raises(DossierInvalid, match="was not signed"):
+        verify_dossier(rewritten(exported, tmp_path, lambda inside: inside.update({"blobs/extra": b"x"})))
+
+
+@pytest.mark.parametrize("cut", [0, 10, 2000])
+def test_a_truncated_dossier_is_no_dossier(exported: Path, tmp_path: Path, cut: int) -> None:
+    (tmp_path / "cut.zip").write_bytes(exported.read_bytes()[:cut])
+    with pytest.raises(DossierInvalid, match="no dossier"):
+        verify_dossier(tmp_path / "cut.zip")
+
+
+def test_events_forged_and_signed_anew_break_their_own_chain(exported: Path, tmp_path: Path) -> None:
+    inside = members(exported)
+    contents = decode(inside[CONTENTS], DossierContents)
+    forged = inside[EVENTS].replace(b'"mission_s":', b'"mission_s":1', 1)
+    files = {name: inside[name] for name in contents.files} | {EVENTS: forged}
+    signed = replace(contents, files={**contents.files, EVENTS: sha256(forged)})
+    write_dossier(tmp_path / "forged.zip", signed, files, signing_key(tmp_path))
+    with pytest.raises(LogDamaged, match="digest does not match"):
+        verify_dossier(tmp_path / "forged.zip")
+
+
+def test_a_dossier_that_claims_another_end_than_its_events_is_reported(tmp_path: Path) -> None:
+    with ran("circuit", "blocked-passage:persistent", seed=4) as run:
+        collected = collect(run.harness.runtime, run.mission.mission_id, exported_by="ana", exported_at_s=0.0)
+    claimed = replace(collected.contents, status="succeeded")
+    write_dossier(tmp_path / "claimed.zip", claimed, collected.files, signing_key(tmp_path))
+    assert any("the dossier says succeeded" in one for one in verify_dossier(tmp_path / "claimed.zip").differences)
+
+
+def test_the_signing_key_is_its_owners_alone_and_stays_the_same(tmp_path: Path) -> None:
+    first = signing_key(tmp_path).private_bytes_raw()
+    assert (tmp_path / "keys" / "dossier.ed25519").stat().st_mode & 0o077 == 0
+    assert signing_key(tmp_path).private_bytes_raw() == first
+
+
+def test_a_folder_that_cannot_be_written_gives_a_typed_error(exported: Path, tmp_path: Path) -> None:
+    with ran("circuit", seed=5) as run, pytest.raises(HarnessError, match="cannot be written"):
+        export_dossier(
+            run.harness.runtime, run.mission.mission_id, tmp_path / "none" / "x.zip", data=tmp_path, exported_by="ana"
+        )
