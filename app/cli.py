@@ -8,7 +8,21 @@ import sys
 
 import typer
 
-from app.terminal import accounts, audit, databases, dossiers, handoffs, leases, missions, providers, service
+from app.terminal import (
+    accounts,
+    audit,
+    databases,
+    dossiers,
+    evaluate,
+    handoffs,
+    leases,
+    maps,
+    missions,
+    providers,
+    releases,
+    robots,
+    service,
+)
 from app.terminal.answers import complain
 from harness.contracts.errors import HarnessError
 
@@ -17,6 +31,9 @@ app.add_typer(missions.app, name="mission")
 missions.app.command("dossier")(dossiers.dossier)
 app.add_typer(handoffs.app, name="handoff")
 app.add_typer(leases.app, name="lease")
+app.add_typer(releases.app, name="rsi")
+app.add_typer(robots.app, name="robot")
+app.add_typer(maps.app, name="map")
 app.add_typer(audit.app, name="audit")
 app.add_typer(databases.app, name="data")
 app.add_typer(providers.app, name="provider")
@@ -24,6 +41,7 @@ app.add_typer(accounts.account, name="account")
 app.add_typer(accounts.token, name="token")
 app.command("up")(service.up)
 app.command("verify")(dossiers.verify)
+app.command("evaluate")(evaluate.evaluate)
 app.command("doctor")(service.doctor)
 
 

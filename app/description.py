@@ -9,14 +9,16 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse
 
 from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.maps import MapCloud
 from harness.contracts.places import Site
 from harness.contracts.ports import Head
+from harness.contracts.protocol import DriveReport, RobotStatus
 from harness.contracts.read_models import EvidenceItem
 from harness.contracts.tasks import TaskTemplate
 from harness.projections.handoffs import Handoff
 
 PATH = "/api/v1/openapi.json"
-CONTRACTS = (CapabilityCard, EvidenceItem, Handoff, Head, Site, TaskTemplate)
+CONTRACTS = (CapabilityCard, EvidenceItem, Handoff, Head, MapCloud, Site, TaskTemplate, DriveReport, RobotStatus)
 TEXT: dict[str, Any] = {"type": "string"}
 NUMBER: dict[str, Any] = {"type": "number"}
 COUNT: dict[str, Any] = {"type": "integer", "minimum": 0}
@@ -47,6 +49,11 @@ def _record(description: str, **properties: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+def _besides(record: dict[str, Any], **optional: dict[str, Any]) -> dict[str, Any]:
+    """The record with properties that may be missing."""
+    return record | {"properties": record["properties"] | optional}
+
+
 MISSION = {"mission_id": TEXT, "robot_id": TEXT, "goal": TEXT, "template": TEXT, "status": TEXT}
 EVENT = {
     "position": COUNT,
@@ -70,14 +77,17 @@ TOKEN = {
     "revoked_at_s": _maybe(NUMBER),
 }
 SHAPES: dict[str, dict[str, Any]] = {
-    "Problem": _record(
-        "RFC 9457. `code` is the slug for machines, `do` what can be done now.",
-        type=TEXT,
-        title=TEXT,
-        status=COUNT,
-        detail=TEXT,
-        code=TEXT,
-        do=TEXT,
+    "Problem": _besides(
+        _record(
+            "RFC 9457. `code` is the slug for machines, `do` what can be done now; `changes` since what was answered.",
+            type=TEXT,
+            title=TEXT,
+            status=COUNT,
+            detail=TEXT,
+            code=TEXT,
+            do=TEXT,
+        ),
+        changes=_many(_record("What is not as it was shown.", name=TEXT, was=TEXT, now=TEXT)),
     ),
     "MissionSummary": _record(
         "One mission in a list. Times are wall seconds since the Unix epoch.",
@@ -148,6 +158,27 @@ SHAPES: dict[str, dict[str, Any]] = {
     ),
     "Token": _record("One token, without its secret.", **TOKEN),
     "IssuedToken": _record("A new token: `token` is shown this once.", **TOKEN, token=TEXT),
+    "Robot": _record(
+        "One robot: what it declares of itself with the age of its word, its mission, and who is in control.",
+        robot_id=TEXT,
+        status=_maybe({"$ref": "#/components/schemas/RobotStatus"}),
+        link_age_s=_maybe(NUMBER),
+        trouble=TEXT,
+        mission_id=_maybe(TEXT),
+        mission_status=_maybe(TEXT),
+        handoff_id=_maybe(TEXT),
+        autonomy=_maybe(TEXT),
+        queued=COUNT,
+        driver=_maybe(TEXT),
+        watchers=_many(TEXT),
+    ),
+    "HouseControl": _record(
+        "The limit of autonomy that holds for every mission.", autonomy=TEXT, limited_by=_maybe(TEXT), reason=TEXT
+    ),
+    "StopsAsked": _record(
+        "Missions that were asked to stop; `refused` says why others were not.", asked=_many(TEXT), refused=_many(TEXT)
+    ),
+    "WheelSession": _record("Who drives a robot by hand.", robot_id=TEXT, session=TEXT, driver=TEXT, device=TEXT),
     "SignInLink": _record("A link that lets one person in once.", url=TEXT),
 }
 

@@ -9,6 +9,7 @@ import viser
 from numpy.typing import NDArray
 
 from app.cloud import Floats, Stand, by_height
+from harness.contracts.maps import MapCloud
 
 ROUTE = (150, 158, 168)
 ANCHOR = (176, 132, 235)
@@ -100,6 +101,21 @@ class Drawing:
         """A cloud in the local frame, coloured by height unless a colour is given."""
         colours = by_height(points) if colour is None else np.full((len(points), 3), colour, dtype=np.uint8)
         self._nodes[name] = self._scene.add_point_cloud(name, points, colours, point_size=size_m, precision="float32")
+
+    def map_part(self, name: str, points: Floats, *, cloud: MapCloud, size_m: float) -> None:
+        """Part of a map's cloud, relative to the cloud's own origin, coloured over its height."""
+        x, y = self._local((cloud.origin_m[0], cloud.origin_m[1]))
+        z = cloud.origin_m[2]
+        colours = by_height(points, low_m=cloud.low_m[2] - z, high_m=max(cloud.high_m[2], cloud.low_m[2] + 1.0) - z)
+        self._nodes[name] = self._scene.add_point_cloud(
+            name, points, colours, point_size=size_m, precision="float32", position=(x, y, z)
+        )
+
+    def resize(self, name: str, *, size_m: float) -> None:
+        """Draw the points of a cloud that is there at another size."""
+        node = self._nodes.get(name)
+        if isinstance(node, viser.PointCloudHandle) and node.point_size != size_m:
+            node.point_size = size_m
 
     def frame(self, name: str, stand: Stand, image: NDArray[np.uint8] | None, *, fov_rad: float) -> None:
         """One camera frame where it was taken; x of the body is forward, the camera looks along its z."""

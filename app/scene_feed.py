@@ -15,12 +15,14 @@ from numpy.typing import NDArray
 
 from app.cloud import Cloud, Floats, Stand, Track, placed, sweep
 from app.history import Histories
+from app.map_view import MapView
 from app.views.timeline import Entry
 from harness.contracts.effects import Metric
 from harness.contracts.errors import BlobDamaged
 from harness.contracts.events import PacketRetained
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import Digest, MissionId
+from harness.contracts.maps import MapCloud, map_stream
 from harness.contracts.observations import AnySample, Pose, Scan, Trajectory
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import decode
@@ -64,6 +66,7 @@ class Feed:
         self._histories = Histories(runtime)
         self.track, self.cloud = Track(), Cloud(voxel_m=VOXEL_M, limit=POINTS)
         self.plan: Plan | None = None
+        self.map: MapCloud | None = None
         self.shots: list[Shot] = []
         self.sweeps: list[tuple[float, Digest]] = []
         self._waiting: dict[Digest, float] = {}
@@ -71,6 +74,10 @@ class Feed:
         self._packets: set[str] = set()
         self._frames: list[EvidenceReference] = []
         self._missing = 0
+
+    def map_view(self, *, whole: bool) -> MapView:
+        """A drawer of the map's cloud for one reader."""
+        return MapView(self._runtime, whole=whole)
 
     def note(self) -> str:
         """One sentence for people who cannot see the picture, or see a blank one."""
@@ -81,6 +88,7 @@ class Feed:
         parts = [f"{self.cloud.count:,} points from {len(self._drawn)} lidar sweeps".replace(",", " ")]
         parts += [f"{len(self._waiting)} sweeps wait for a pose"] if self._waiting else []
         parts += [f"{self._missing} sweeps could not be read"] if self._missing else []
+        parts += [f"map cloud {self.map.source}: {self.map.points:,} points".replace(",", " ")] if self.map else []
         parts += [f"thinned to {VOXEL_M * 100:.0f} cm, at most {POINTS:,} points".replace(",", " ")]
         return "; ".join(parts) + "."
 
@@ -93,6 +101,7 @@ class Feed:
         mission = self._runtime.mission(self._mission_id)
         if self.plan is None and mission.contract is not None:
             self.plan = self._planned(mission.contract)
+            self.map = self._runtime.fold(map_stream(mission.contract.map_version)).cloud
         for entry in self._histories.of(self._mission_id):
             self._take_packet(entry)
         live = self._runtime.observations(self._mission_id)

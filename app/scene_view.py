@@ -24,6 +24,7 @@ class SceneView:
     def __init__(self, server: viser.ViserServer, feed: Feed, *, whole: bool = False) -> None:
         """`whole`: draw everything in one step, for an export."""
         self._server, self._feed, self._whole = server, feed, whole
+        self._map = feed.map_view(whole=whole)
         self._drawing: Drawing | None = None
         self._lock = Lock()
         self._at_s = EVER
@@ -47,6 +48,7 @@ class SceneView:
                 return
             drawing = self._drawing or self._begun(plan)
             with drawing.at_once():
+                self._map.draw(drawing, self._feed.map)
                 self._draw_track(drawing)
                 self._draw_cloud(drawing)
                 self._draw_shots(drawing)

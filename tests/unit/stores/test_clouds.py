@@ -1,0 +1,84 @@
+"""Point cloud files: what is read is all there, in metres; what is not a cloud says so."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pypcd4.pypcd4 import PointCloud
+
+from harness.adapters.cloud_levels import LEVELS_M, chunks, origin_of
+from harness.adapters.clouds import read_cloud
+from harness.contracts.errors import CloudInvalid
+
+UTM = np.array([512_700.125, 5_403_547.25, 295.5])
+
+
+def scatter(count: int, *, reach_m: float = 8.0, seed: int = 1) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(-reach_m, reach_m, size=(count, 3))
+
+
+def pcd(folder: Path, points: np.ndarray) -> Path:
+    file = folder / "cloud.pcd"
+    PointCloud.from_xyz_points(points.astype(np.float32)).save(file)
+    return file
+
+
+def test_a_pcd_file_is_read_point_by_point_and_broken_points_are_counted(tmp_path: Path) -> None:
+    points = scatter(500)
+    points[7] = np.nan
+    read, dropped = read_cloud(pcd(tmp_path, points))
+    assert dropped == 1
+    assert np.allclose(read, np.delete(points, 7, axis=0), atol=1e-5)
+
+
+def test_millimetres_become_metres(tmp_path: Path) -> None:
+    points = scatter(50) * 1000.0
+    read, _ = read_cloud(pcd(tmp_path, points), metres_per_unit=0.001)
+    assert np.allclose(read, points / 1000.0, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("name", "body", "why"),
+    [
+        ("cloud.las", b"LASF", "no format"),
+        ("cloud.pcd", b"", "hold together"),
+        ("cloud.pcd", b"x,y,z\n1,2,3\n", "hold together"),
+        ("cloud.ply", b"plx\n", "hold together"),
+        ("cloud.ply", b"ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nend_header\n1\n", "hold"),
+        ("cloud.pcd", b"VERSION 0.7\nPOINTS 99999999999\n", "larger than"),
+    ],
+)
+def test_what_is_no_cloud_says_what_and_where(tmp_path: Path, name: str, body: bytes, why: str) -> None:
+    (tmp_path / name).write_bytes(body)
+    with pytest.raises(CloudInvalid, match=why) as caught:
+        read_cloud(tmp_path / name)
+    assert name in caught.value.where
+
+
+def test_a_file_that_was_cut_off_is_refused(tmp_path: Path) -> None:
+    whole = pcd(tmp_path, scatter(500))
+    whole.write_bytes(whole.read_bytes()[:-600])
+    with pytest.raises(CloudInvalid):
+        read_cloud(whole)
+
+
+@settings(max_examples=25, deadline=None)
+@given(count=st.integers(1, 400), seed=st.integers(0, 50))
+def test_every_point_is_in_one_chunk_and_levels_only_get_finer(count: int, seed: int) -> None:
+    points = scatter(count, seed=seed) + UTM
+    origin_m = origin_of(points)
+    parts = list(chunks(points, origin_m))
+    back = np.concatenate([part.points.astype(np.float64) for part in parts]) + np.asarray(origin_m)
+    assert np.allclose(np.sort(back, axis=0), np.sort(points, axis=0), atol=1e-5)
+    sizes = [part.voxel_m for part in parts]
+    assert sizes == sorted(sizes, reverse=True)
+
+
+def test_the_coarsest_level_alone_fills_every_voxel_that_the_cloud_fills() -> None:
+    points = scatter(5000)
+    first = next(iter(chunks(points, (0.0, 0.0, 0.0))))
+    coarse = {tuple(cell) for cell in np.floor(first.points / LEVELS_M[0]).astype(int)}
+    assert coarse == {tuple(cell) for cell in np.floor(points.astype(np.float32) / LEVELS_M[0]).astype(int)}
+    assert len(first.points) == len(coarse)
