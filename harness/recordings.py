@@ -1,7 +1,7 @@
 """Recordings at the top floor: run the ordinary agent loop on one, and write a mission as one."""
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from harness.adapters.providers.recording.writer import Leg, Written, record_mis
 from harness.adapters.providers.recording.writer import Mission as Recorded
 from harness.adapters.stores.blobs import FileBlobStore
 from harness.adapters.stores.folder import prepare
+from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
 from harness.adapters.stores.opening import open_log
 from harness.adapters.stores.owner import OwnerLock
 from harness.adapters.stores.spool import FileSpool
@@ -50,9 +51,8 @@ class Replayer:
 
     def run(self, actor: Actor, *, watch: Callable[[Mission], None]) -> tuple[Mission, dict[str, Any]]:
         """Run the navigation mission on the recording, and what the harness measured on its own (D38)."""
-        template = drive_template(
-            by_name("recording", self.harness.runtime.configuration.templates), self.robot.segments
-        )
+        templates = self.harness.runtime.current_configuration(RobotId("recording")).templates
+        template = drive_template(by_name("recording", templates), self.robot.segments)
         last = self.robot.segments[-1]
         arguments: dict[str, str | float] = {
             "target_x_m": last.target_m[0],
@@ -125,6 +125,7 @@ def replayed(
             ids=ids,
             clock=robot,
             signals=Unheard(),
+            index=stack.enter_context(closing(SqlMemoryIndex(f"sqlite:///{folder.root / 'memory.db'}"))),
         )
         recorded = settings.model_copy(update={"robot_id": "recording", "speed": 0.0})
         harness = assemble(stack, recorded, parts, robot=robot, local=(), configure=lambda _: None)

@@ -6,14 +6,16 @@ Persons and the supervisor enter here; every change goes on to the gate, which a
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from threading import Lock
+from typing import Any
 
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
-from harness.contracts.commands import CreateMission, MissionCommand, PersonCommand
+from harness.contracts.commands import CreateMission, MissionCommand, PauseMission
 from harness.contracts.configuration import Configuration
-from harness.contracts.decisions import Accepted, Decision, Refused
-from harness.contracts.errors import UnknownName
-from harness.contracts.events import Autonomy
+from harness.contracts.control import Autonomy
+from harness.contracts.decisions import Accepted, Authority, Decision, Refused
+from harness.contracts.errors import ConfigurationMissing, UnknownName
+from harness.contracts.handoff_commands import PersonCommand
 from harness.contracts.ids import (
     Digest,
     HandoffId,
@@ -27,7 +29,7 @@ from harness.contracts.ids import (
 )
 from harness.contracts.observations import AnySample
 from harness.contracts.places import Site
-from harness.contracts.ports import BlobStore, EventStore, Head, Ids, Record, Signals, StoredEvent
+from harness.contracts.ports import BlobStore, Configurations, EventStore, Head, Ids, Record, Signals, StoredEvent
 from harness.contracts.protocol import InvocationReport, RobotStatus
 from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import Value
@@ -48,6 +50,15 @@ class Live(Value):
     report: InvocationReport | None = None
     status: RobotStatus | None = None
     samples: tuple[AnySample, ...] = ()
+
+
+class Unreadable(Value):
+    """An unfinished mission whose pinned configuration this release cannot read, and why: it is not run (D35)."""
+
+    mission_id: MissionId
+    robot_id: RobotId
+    configuration: Digest
+    reason: str
 
 
 @dataclass(frozen=True)
@@ -76,7 +87,7 @@ class Runtime:
         blobs: BlobStore,
         ids: Ids,
         signals: Signals,
-        configuration: Configuration,
+        configurations: Configurations,
         site: Site,
         memory: MemoryFabric,
     ) -> None:
@@ -85,7 +96,7 @@ class Runtime:
         self._blobs = blobs
         self._ids = ids
         self._signals = signals
-        self.configuration = configuration
+        self._configurations = configurations
         self.site = site
         self.memory = memory
         self._live: dict[MissionId, Live] = {}
@@ -98,9 +109,12 @@ class Runtime:
         """Compile the goal to a contract and create the mission; the first event names it.
 
         `template` replaces the configuration's own, for a replay whose legs are known only from its recording.
-        Raises UnknownName (template, place) or ContractInvalid; nothing is written then.
+        The mission is pinned to its robot's current configuration, which is stored with it (D35, R163).
+        Raises UnknownName (template, place), ContractInvalid or ConfigurationMissing; nothing is written then.
         """
-        templates = self.configuration.templates
+        pinned = self._configurations.current_id(start.robot_id)
+        configuration = self._configurations.get(pinned)
+        templates = configuration.templates
         template = template or (by_name(start.template, templates) if start.template else select(start.goal, templates))
         contract = compile_contract(
             goal=start.goal or template.goal, template=template, arguments=start.arguments or {}, site=self.site
@@ -112,15 +126,16 @@ class Runtime:
             goal=contract.goal.text,
             template=template.name,
             requested_by=start.actor,
-            configuration=self.configuration.configuration_id,
+            configuration=pinned,
             contract=contract,
-            policy=self.configuration.recovery,
+            policy=configuration.recovery,
             seed=start.seed,
             labels=start.labels or {},
             autonomy=start.autonomy,
             replay=start.replay,
         )
-        return self.commit([Request(mission_stream(mission_id), create)])
+        version = self._configurations.record(pinned)
+        return self.commit([Request(mission_stream(mission_id), create)], records=(version,))
 
     def submit(
         self, mission_id: MissionId, command: MissionCommand, *, records: Sequence[Record] = ()
@@ -138,6 +153,10 @@ class Runtime:
     def open_desk(self, desk: Callable[[PersonCommand], Decision[AnyEvent]]) -> None:
         self._desk = desk
 
+    def obey(self, authority: Authority) -> None:
+        """From now on the gate asks, in every round of every commit, whether whoever commands still may."""
+        self._gate.obey(authority)
+
     def commit(self, requests: Sequence[Request], *, records: Sequence[Record] = ()) -> Accepted[AnyEvent] | Refused:
         """All requests or none, then wake whoever watches."""
         decision = self._gate.commit(requests, records=records)
@@ -146,7 +165,71 @@ class Runtime:
                 self._signals.changed(request.stream)
         return decision
 
+    def decide(
+        self, requests: Sequence[tuple[StreamId, Any]], records: Sequence[Record] = ()
+    ) -> Accepted[Any] | Refused:
+        """Commands for streams of any family that a decider was given for, through the one gate: all or none."""
+        return self.commit([Request(stream, command) for stream, command in requests], records=records)
+
+    # configurations -------------------------------------------------------------------------------------------------
+
+    def current_configuration_id(self, robot_id: RobotId) -> Digest:
+        """The version that a new mission of this robot is pinned to."""
+        return self._configurations.current_id(robot_id)
+
+    def current_configuration(self, robot_id: RobotId) -> Configuration:
+        """Raises ConfigurationMissing."""
+        return self._configurations.current(robot_id)
+
+    def configuration_of(self, mission: Mission) -> Configuration:
+        """What this mission is pinned to, whatever is current now (D35). Raises ConfigurationMissing."""
+        return self._configurations.get(mission.configuration)
+
+    def stored_configuration(self, configuration_id: Digest) -> Configuration:
+        """Any version by its id. Raises ConfigurationMissing."""
+        return self._configurations.get(configuration_id)
+
+    def configuration_record(self, configuration_id: Digest) -> Record:
+        """The version's bytes, to be stored with a decision that names it. Raises ConfigurationMissing."""
+        return self._configurations.record(configuration_id)
+
+    def unreadable(self) -> tuple[Unreadable, ...]:
+        """Unfinished missions that this release must not run, newest first: their version cannot be read here."""
+        found = []
+        for mission in self.missions():
+            try:
+                if not mission.ended:
+                    self.configuration_of(mission)
+            except ConfigurationMissing as error:
+                found.append(
+                    Unreadable(
+                        mission_id=mission.mission_id,
+                        robot_id=mission.robot_id,
+                        configuration=mission.configuration,
+                        reason=str(error),
+                    )
+                )
+        return tuple(found)
+
+    def pinned_to(self, configuration_id: Digest) -> list[Mission]:
+        """D_j, newest first: every mission under this version with its packets, failures and spends (R155)."""
+        return [mission for mission in self.missions() if mission.configuration == configuration_id]
+
+    def pause_pinned(self, configuration_id: Digest, *, actor: Actor, reason: str) -> tuple[MissionId, ...]:
+        """Pause what runs under a version that was revoked for safety; a person decides on each, nothing is swapped.
+
+        A mission that has not begun is not paused: it is compiled again under the current version when it begins (D35).
+        """
+        pinned = [one for one in self.pinned_to(configuration_id) if not one.ended]
+        pausing = PauseMission(actor=actor, reason=reason)
+        decided = [(one.mission_id, self.submit(one.mission_id, pausing)) for one in pinned]
+        return tuple(mission_id for mission_id, decision in decided if isinstance(decision, Accepted))
+
     # states ---------------------------------------------------------------------------------------------------------
+
+    def fold(self, stream: StreamId) -> Any:
+        """The state of any stream, of the type its family's decider folds to; its initial one if nothing is there."""
+        return self._gate.state(stream)
 
     def mission(self, mission_id: MissionId) -> Mission:
         mission: Mission = self._gate.state(mission_stream(mission_id))

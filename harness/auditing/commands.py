@@ -21,6 +21,7 @@ from harness.contracts.commands import (
     MissionCommand,
     PauseMission,
     RaiseVeto,
+    RecompileContract,
     RecordObservation,
     RefusePrecondition,
     ReportFailure,
@@ -29,8 +30,10 @@ from harness.contracts.commands import (
     StopInvocation,
     StopMission,
 )
+from harness.contracts.control import AutonomySet, SetAutonomy
 from harness.contracts.events import (
     ContractCompiled,
+    ContractRecompiled,
     DispatchIntended,
     EpochChanged,
     FailureClassified,
@@ -97,6 +100,8 @@ def _started(tail: Tail) -> MissionCommand | None:
                 autonomy=created.autonomy,
                 replay=created.replay,
             )
+        case [ContractRecompiled() as again, *_]:
+            return RecompileContract(configuration=again.configuration, contract=again.contract, policy=again.policy)
         case [MissionActivated(), *_]:
             return ActivateMission()
         case _:
@@ -165,6 +170,7 @@ def _dispatched(tail: Tail) -> MissionCommand | None:
         approval=answered.handoff_id if answered and seen is None else None,
         attestation=_attestation(seen) if seen else None,
         approver=answered.actor if answered else None,
+        handed_back=answered is not None and answered.decision == "handed_back",
         reason=answered.reason if answered else "",
     )
 
@@ -234,10 +240,12 @@ def _spoken(tail: Tail) -> MissionCommand | None:
                 reason=requested.reason,
                 context=requested.context,
             )
-        case [HandoffAnswered(decision="rejected" | "expired" | "superseded" as decision) as answered, *_]:
+        case [HandoffAnswered(decision="rejected" | "expired" | "superseded" | "closed" as decision) as answered, *_]:
             return AnswerMission(
                 handoff_id=answered.handoff_id, decision=decision, actor=answered.actor, reason=answered.reason
             )
+        case [AutonomySet() as said, *_]:
+            return SetAutonomy(autonomy=said.autonomy, scope=said.scope, actor=said.actor, reason=said.reason)
         case [MissionPaused() as paused, *_]:
             return PauseMission(actor=paused.actor, reason=paused.reason)
         case [MissionResumed() as resumed, *_]:

@@ -8,6 +8,8 @@ import msgspec
 from harness.contracts.contexts import Context
 from harness.contracts.errors import HarnessError
 from harness.contracts.events import (
+    ContractCompiled,
+    ContractRecompiled,
     DispatchIntended,
     GoalVerified,
     HandoffRequested,
@@ -60,7 +62,11 @@ class Roles:
             case NodePlanned():
                 return (lambda: self._plan(mission, event),)
             case DispatchIntended():
-                return (lambda: self._routing(event), lambda: self._skill(event))
+                return (lambda: self._routing(mission, event), lambda: self._skill(event))
+            case ContractCompiled():
+                return (lambda: self._policy(mission.configuration, event),)
+            case ContractRecompiled():
+                return (lambda: self._policy(event.configuration, event),)
             case VerdictRecorded():
                 return (lambda: self._verdict(event.verdict),)
             case GoalVerified():
@@ -88,11 +94,20 @@ class Roles:
         if expected != (event.node_id, event.reason):
             raise Differs(f"C1 led to {event.node_id}; derived again it leads to {expected[0]}")
 
-    def _routing(self, event: DispatchIntended) -> None:
+    def _policy(self, pinned: Digest, event: ContractCompiled | ContractRecompiled) -> None:
+        if event.policy != self._runtime.stored_configuration(pinned).recovery:
+            raise Differs(
+                f"the recovery policy is not that of configuration {pinned[:12]}, which the mission is pinned to"
+            )
+
+    def _routing(self, mission: Mission, event: DispatchIntended) -> None:
         if event.question is None or event.candidates is None:
             return
         stored = self._stored(event.candidates, CandidateSet)
-        again = self._stored(event.question, RoutingQuestion).answer()
+        question = self._stored(event.question, RoutingQuestion)
+        if question.preferences != self._runtime.configuration_of(mission).routing:
+            raise Differs(f"it was not routed under configuration {mission.configuration[:12]}, the mission's own")
+        again = question.answer()
         self.derived["routings"] += 1
         if encode(again) != encode(stored):
             raise Differs(f"routing chose {stored.chosen}; again it chooses {again.chosen} or scores otherwise")
@@ -124,6 +139,9 @@ class Roles:
             raise Differs(f"the goal verdict was {event.verdict.verdict}; derived again it is {again.verdict}")
 
     def _recovery(self, event: RecoveryAuthorised) -> None:
+        """What C4 proposed; a rung that a person chose at a handoff is theirs."""
+        if event.handoff_id is not None:
+            return
         again = recover(self._stored(event.context, Context))
         self.derived["recoveries"] += 1
         taken = (event.action, event.failure, event.cost, event.reason)

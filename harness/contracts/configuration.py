@@ -1,6 +1,8 @@
 """Configuration H_j: four sections and nothing else (R154). Its id is its digest; the gate is not in it."""
 
-from typing import Literal
+from typing import Annotated, Literal
+
+from msgspec import Meta
 
 from harness.contracts.ids import Digest
 from harness.contracts.tasks import TaskTemplate
@@ -18,37 +20,64 @@ RecoveryAction = Literal[
 SPENDING: tuple[RecoveryAction, ...] = ("re_perceive", "adjust_view", "retry", "local_replan", "switch_skill")
 
 
+RECORDS = {"unit": "records"}
+SECONDS = {"unit": "s"}
+SHARE = {"unit": "share"}
+WEIGHT = {"unit": "weight"}
+
+
 class ContextRules(Value):
     """Item budgets per role, and what may enter a context (D22)."""
 
-    c1_items: Count
-    c2_items: Count
-    c2_examples: Count
-    c3_items: Count
-    c4_items: Count
-    minimum_confidence: Share
-    pose_age_s: Positive
-    image_age_s: Positive
+    c1_items: Annotated[Count, Meta(description="Records the planner is shown at most", extra=RECORDS)]
+    c2_items: Annotated[Count, Meta(description="Records a skill is shown at most", extra=RECORDS)]
+    c2_examples: Annotated[Count, Meta(description="Verified examples a skill is shown at most", extra=RECORDS)]
+    c3_items: Annotated[Count, Meta(description="Records the verifier is shown at most", extra=RECORDS)]
+    c4_items: Annotated[Count, Meta(description="Records recovery is shown at most", extra=RECORDS)]
+    minimum_confidence: Annotated[
+        Share, Meta(description="Confidence below which a record is withheld from every role", extra=SHARE)
+    ]
+    pose_age_s: Annotated[Positive, Meta(description="Age beyond which a pose is withheld as stale", extra=SECONDS)]
+    image_age_s: Annotated[
+        Positive, Meta(description="Age beyond which an image or an analysis is withheld as stale", extra=SECONDS)
+    ]
 
 
 class RoutingPreferences(Value):
     """Non-negative weights of the score (R59) and the Beta prior of the history penalty (D23)."""
 
-    success: NonNegative
-    risk: NonNegative
-    uncertainty: NonNegative
-    latency: NonNegative
-    cost: NonNegative
-    history: NonNegative
-    history_half_life: Positive
+    success: Annotated[NonNegative, Meta(description="How much a declared chance of success counts", extra=WEIGHT)]
+    risk: Annotated[NonNegative, Meta(description="How much declared risk counts against a provider", extra=WEIGHT)]
+    uncertainty: Annotated[
+        NonNegative, Meta(description="How much declared uncertainty counts against a provider", extra=WEIGHT)
+    ]
+    latency: Annotated[
+        NonNegative, Meta(description="How much expected time over the stage's timeout counts against", extra=WEIGHT)
+    ]
+    cost: Annotated[
+        NonNegative, Meta(description="How much cost relative to the dearest candidate counts against", extra=WEIGHT)
+    ]
+    history: Annotated[
+        NonNegative, Meta(description="How much verified failures in the same setting count against", extra=WEIGHT)
+    ]
+    history_half_life: Annotated[
+        Positive, Meta(description="Newer outcomes after which an outcome counts half", extra={"unit": "outcomes"})
+    ]
 
 
 class RecoveryPolicy(Value):
     """Ladders by failure class. Every ladder ends in `human`; limits are the contract's."""
 
-    ladders: dict[FailureClass, tuple[RecoveryAction, ...]]
-    approval_share: Share
-    wait_s: Positive
+    ladders: Annotated[
+        dict[FailureClass, tuple[RecoveryAction, ...]],
+        Meta(description="What is tried after a failure of this class, in order", extra={"unit": "rungs"}),
+    ]
+    approval_share: Annotated[
+        Share, Meta(description="Part of a stage's recovery budget that is spent without asking a person", extra=SHARE)
+    ]
+    wait_s: Annotated[
+        Positive, Meta(description="How long a free rung waits, and a spending one may stay impossible", extra=SECONDS)
+    ]
 
 
 class Configuration(Value):
@@ -61,4 +90,5 @@ class Configuration(Value):
 
     @property
     def configuration_id(self) -> Digest:
+        """SHA-256 of the canonical JSON. A version read back from the log keeps the id it is stored under."""
         return digest(self)

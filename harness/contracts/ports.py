@@ -4,10 +4,21 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Protocol, TypeVar
 
 from harness.contracts.capabilities import CapabilityCard
-from harness.contracts.ids import Digest, InvocationId, MissionId, RequestId, StreamId
+from harness.contracts.configuration import Configuration
+from harness.contracts.ids import Digest, InvocationId, MissionId, RequestId, RobotId, StreamId
 from harness.contracts.memory import Mark, MemoryQuery, MemoryRecord, Remembered
 from harness.contracts.observations import AnySample
-from harness.contracts.protocol import InvocationReport, Observations, PhysicalStart, RobotStatus, StartRequest
+from harness.contracts.protocol import (
+    DriveOrder,
+    DriveReport,
+    InvocationReport,
+    Observations,
+    PhysicalStart,
+    Picture,
+    PostureOrder,
+    RobotStatus,
+    StartRequest,
+)
 from harness.contracts.read_models import Listing, ListPage, ListQuery, ListRow, Tally
 from harness.contracts.values import Moment, Value
 
@@ -85,6 +96,22 @@ class EventStore(Protocol):
         """Recompute the chain and every record's digest; raises LogDamaged that names the first bad position."""
 
     def close(self) -> None: ...
+
+
+class Configurations(Protocol):
+    """Every configuration version this log knows, and which one a robot's new missions are pinned to (R155, D35)."""
+
+    def current_id(self, robot_id: RobotId) -> Digest:
+        """The version a new mission of this robot is pinned to."""
+
+    def current(self, robot_id: RobotId) -> Configuration:
+        """Raises ConfigurationMissing as `get` does."""
+
+    def get(self, configuration_id: Digest) -> Configuration:
+        """A version by its id. Raises ConfigurationMissing if it is not here or this release cannot read it."""
+
+    def record(self, configuration_id: Digest) -> Record:
+        """The version's bytes as they are stored beside the decision that first names it. Raises as `get` does."""
 
 
 class StateSnapshot(Value):
@@ -185,6 +212,26 @@ class Robot(Protocol):
 
     def starts(self) -> Sequence[PhysicalStart]:
         """The robot's own start journal."""
+
+
+class LiveCamera(Protocol):
+    """A robot's camera as people look through it; what it shows is never evidence."""
+
+    def picture(self) -> Picture:
+        """What it sees now, at most half a second old. Raises ProviderFailed where there is no camera."""
+
+
+class HandDriven(Protocol):
+    """A robot that a person may drive by hand, where nothing else moves it."""
+
+    def drive(self, order: DriveOrder) -> DriveReport:
+        """Hold this velocity until the next order. Raises FencingRefused; ProviderFailed while something moves it."""
+
+    def release(self, session: RequestId) -> DriveReport:
+        """End the session; `ended` once the body stands."""
+
+    def rest(self, order: PostureOrder) -> RobotStatus:
+        """Lie down or stand up. Raises FencingRefused, or ProviderFailed while something moves it."""
 
 
 class MessageOutbox(Protocol):

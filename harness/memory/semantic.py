@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 import msgspec
 
 from harness.contracts.capabilities import CapabilityCard
-from harness.contracts.events import ContractCompiled, DispatchIntended
+from harness.contracts.events import ContractCompiled, ContractRecompiled, DispatchIntended
 from harness.contracts.ids import Digest
 from harness.contracts.memory import KnownCard, KnownRules
 from harness.memory.draft import Draft, Told, configured, provenance
@@ -32,14 +32,15 @@ _card = msgspec.json.Decoder(CapabilityCard)
 def semantic(told: Told, *, read: ReadRecord) -> Iterator[Draft]:
     """What one event adds to semantic memory."""
     match told.event:
-        case ContractCompiled() as event:
+        case ContractCompiled() | ContractRecompiled() as event:
+            pinned = event.configuration if isinstance(event, ContractRecompiled) else told.before.configuration
             rules = KnownRules(
-                configuration=told.before.configuration,
+                configuration=pinned,
                 template=event.contract.template,
                 recovery=event.policy,
                 constraints=event.contract.constraints,
             )
-            subject = f"rules/{event.contract.template}/{told.before.configuration[:16]}"
+            subject = f"rules/{event.contract.template}/{pinned[:16]}"
             yield configured(told, role="semantic", subject=subject, knowledge=rules)
         case DispatchIntended() as event:
             card = shown_card(read(event.context))

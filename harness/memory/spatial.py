@@ -7,6 +7,7 @@ import msgspec
 
 from harness.contracts.events import (
     ContractCompiled,
+    ContractRecompiled,
     DispatchIntended,
     EpochChanged,
     NodeCommitted,
@@ -40,7 +41,7 @@ BINDING = ("frames", "foreign")
 def spatial(told: Told) -> Iterator[Draft]:
     """What one event adds to spatial memory."""
     match told.event:
-        case ContractCompiled() as event:
+        case ContractCompiled() | ContractRecompiled() as event:
             yield from _configured(told, event.contract)
         case EpochChanged() as event:
             yield from _epoch(told, event)

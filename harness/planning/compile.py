@@ -56,6 +56,22 @@ def compile_contract(
     return contract
 
 
+def compile_again(contract: TaskContract, *, template: TaskTemplate, site: Site) -> TaskContract:
+    """The request behind a contract under another version of its template, with what its person chose (D35).
+
+    Raises as `compile_contract` does.
+    """
+    named = (parameter.name for parameter in template.parameters if parameter.name in contract.bindings)
+    chosen = {name: _said(contract.bindings[name]) for name in named}
+    return compile_contract(goal=contract.goal.text, template=template, arguments=chosen, site=site)
+
+
+def _said(bound: Any) -> Argument:
+    """A place was bound to its record; whatever else was chosen stands as it was given."""
+    said: Argument = bound["place_id"] if isinstance(bound, Mapping) else bound
+    return said
+
+
 def _arguments(template: TaskTemplate, arguments: Mapping[str, Argument]) -> dict[str, Argument]:
     parameters = {parameter.name: parameter for parameter in template.parameters}
     for name in arguments:

@@ -22,6 +22,7 @@ from harness.contracts.contexts import Context
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.events import DispatchIntended, NodePlanned
 from harness.contracts.evidence import EvidenceReference
+from harness.contracts.handoff_commands import ReturnControl
 from harness.contracts.ids import (
     Digest,
     HandoffId,
@@ -29,6 +30,7 @@ from harness.contracts.ids import (
     ProviderId,
     handoff_stream,
     invocation_id,
+    leased,
     mission_stream,
     request_id,
 )
@@ -58,10 +60,11 @@ LOOK: Parameters = {"duration_s": LOOK_S, "frames": 1.0}
 
 @dataclass(frozen=True)
 class Approval:
-    """A person's word that opens one dispatch in the same transaction: an approval (D28), or an attestation (D17)."""
+    """A person's word that opens one dispatch in the same transaction: an approval (D28), an attestation (D17), or
+    the robot handed back."""
 
     handoff_id: HandoffId
-    command: ApproveHandoff | AttestHandoff
+    command: ApproveHandoff | AttestHandoff | ReturnControl
     attestation: RecordAttestation | None = None
 
 
@@ -150,7 +153,8 @@ class Dispatcher:
         node = required_contract(mission).node(node_id)
         cards = [card for card in self._crew.cards if card.capability in node.capabilities]
         wanted = dict.fromkeys((*node.resources, *(one for card in cards for one in card.resources)))
-        held = [lease for one in wanted if (lease := self._runtime.lease(one)).status != "free"]
+        leases = [self._runtime.lease(leased(mission.robot_id, one)) for one in wanted]
+        held = [lease for lease in leases if lease.status != "free"]
         return "; ".join(f"{one.resource} is {one.status} for {one.invocation_id}" for one in held)
 
     def prepare(self, mission: Mission, attempt: Attempt) -> Prepared | Refused:
@@ -206,7 +210,8 @@ class Dispatcher:
             place=self._roles.place(mission, attempt.node_id),
             history=self._roles.history(mission, attempt.node_id, able),
         )
-        return RoutingQuestion(need=need, cards=tuple(cards), preferences=self._runtime.configuration.routing)
+        preferences = self._runtime.configuration_of(mission).routing
+        return RoutingQuestion(need=need, cards=tuple(cards), preferences=preferences)
 
     def _intent(
         self, mission: Mission, attempt: Attempt, *, card: CapabilityCard, skill: SkillProposal, c2: Context
@@ -226,7 +231,7 @@ class Dispatcher:
             provider_version=card.version,
             capability=card.capability,
             parameters=skill.parameters,
-            resources=tokens(self._runtime, card.resources),
+            resources=tokens(self._runtime, mission.robot_id, card.resources),
             k_ctx=mission.k,
             deadline_s=now_s + timeout_s,
             dispatched_s=now_s,
@@ -258,6 +263,7 @@ class Dispatcher:
             approval=approval.handoff_id if approval and approval.attestation is None else None,
             approver=approval.command.actor if approval else None,
             attestation=approval.attestation if approval else None,
+            handed_back=approval is not None and isinstance(approval.command, ReturnControl),
             reason=approval.command.reason if approval else "",
         )
 
@@ -267,7 +273,7 @@ class Dispatcher:
         """The intent, its leases and the approval that pays for it: all or none."""
         requests = [
             Request(mission_stream(mission.mission_id), command),
-            *acquire(mission.mission_id, command.intent),
+            *acquire(mission, command.intent),
         ]
         if attempt.approval is not None:
             requests.insert(0, Request(handoff_stream(attempt.approval.handoff_id), attempt.approval.command))

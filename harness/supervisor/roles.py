@@ -1,7 +1,7 @@
 """The state each role is shown, compiled from one state version, and the records of what it was shown."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from harness.contexts.view import StateView
@@ -11,9 +11,10 @@ from harness.contracts.ids import NodeId
 from harness.contracts.memory import ProviderOutcome
 from harness.contracts.ports import Record
 from harness.contracts.values import digest, encode
+from harness.contracts.verdicts import Verdict
 from harness.projections.memory import place_of
 from harness.projections.mission import Mission, required_contract, required_policy
-from harness.routing.history import History, Outcome
+from harness.routing.history import History, Series, judged
 from harness.runtime import Runtime
 from harness.supervisor.crew import Crew
 from harness.supervisor.senses import Senses
@@ -44,7 +45,7 @@ class Roles:
         return StateView(
             mission=mission,
             at_s=self.crew.clock.now().mission_s,
-            rules=self.runtime.configuration.context_rules,
+            rules=self.runtime.configuration_of(mission).context_rules,
             site=self.runtime.site,
             status=self.senses.status,
             recent=self.senses.recent,
@@ -57,19 +58,30 @@ class Roles:
 
     def history(self, mission: Mission, node_id: NodeId, cards: Sequence[CapabilityCard]) -> History:
         """What memory holds of these providers in the node's setting: verified outcomes only (R60, D23)."""
-        half_life = self.runtime.configuration.routing.history_half_life
-        records = (
-            record.knowledge
-            for card in cards
-            for record in self.runtime.memory.outcomes(
-                card.provider_id,
-                capability=card.capability,
-                place=self.place(mission, node_id),
-                configuration=mission.configuration,
-                limit=math.ceil(HALF_LIVES * half_life),
+        half_life = self.runtime.configuration_of(mission).routing.history_half_life
+        place = self.place(mission, node_id)
+        return History(
+            series=tuple(
+                Series(
+                    provider_id=card.provider_id,
+                    capability=card.capability,
+                    place=place,
+                    configuration=mission.configuration,
+                    judged=judged(self._outcomes(card, mission, place=place, most=math.ceil(HALF_LIVES * half_life))),
+                )
+                for card in cards
             )
         )
-        return History(outcomes=tuple(_outcome(said) for said in records if isinstance(said, ProviderOutcome)))
+
+    def _outcomes(
+        self, card: CapabilityCard, mission: Mission, *, place: str, most: int
+    ) -> Iterator[tuple[Verdict, float]]:
+        found = self.runtime.memory.outcomes(
+            card.provider_id, capability=card.capability, place=place, configuration=mission.configuration, limit=most
+        )
+        for said in (record.knowledge for record in found):
+            if isinstance(said, ProviderOutcome):
+                yield said.verdict, said.residual
 
     def examples(self, mission: Mission, node_id: NodeId, card: CapabilityCard) -> tuple[ContextRecord, ...]:
         """Verified operational examples for C2, newest first (R139)."""
@@ -77,16 +89,5 @@ class Roles:
             card,
             place=self.place(mission, node_id),
             configuration=mission.configuration,
-            limit=self.runtime.configuration.context_rules.c2_examples,
+            limit=self.runtime.configuration_of(mission).context_rules.c2_examples,
         )
-
-
-def _outcome(said: ProviderOutcome) -> Outcome:
-    return Outcome(
-        provider_id=said.provider_id,
-        capability=said.capability,
-        place=said.place,
-        configuration=said.configuration,
-        verdict=said.verdict,
-        residual=said.residual,
-    )

@@ -10,8 +10,9 @@ import pytest
 
 from harness.auditing.replay import ReplayReport, replay_all, replay_mission
 from harness.bootstrap import read_harness
-from harness.contracts.commands import DecideHandoff, LookAgain, PauseMission, ResumeMission, StopMission
+from harness.contracts.commands import PauseMission, ResumeMission, StopMission
 from harness.contracts.decisions import Accepted
+from harness.contracts.handoff_commands import DecideHandoff, LookAgain
 from harness.contracts.ids import Digest, MissionId
 from harness.contracts.ports import StoredEvent
 from harness.projections.mission import all_required_committed
@@ -93,6 +94,11 @@ CHANGES: dict[str, tuple[str, int, Callable[[Body], Body | None]]] = {
     "the success report was rewritten": ("CompletionReported", 0, lambda e: changed(e, "Goal met twice", "text")),
     "a fencing token was reused": ("LeaseAcquired", 1, lambda e: changed(e, 1, "token")),
     "a release is of another invocation": ("LeaseReleased", 0, lambda e: changed(e, "inv_other", "invocation_id")),
+    "the recovery policy is another version's": (
+        "ContractCompiled",
+        0,
+        lambda e: changed(e, 1.0, "policy", "approval_share"),
+    ),
     "the contract asks for less": (
         "ContractCompiled",
         0,

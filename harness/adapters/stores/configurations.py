@@ -1,0 +1,89 @@
+"""Configuration versions by their digest: those this release ships, and every record of one in the log (R155)."""
+
+from collections.abc import Callable, Iterable
+
+import msgspec
+
+from harness.contracts.configuration import Configuration
+from harness.contracts.errors import ConfigurationMissing, LogDamaged, UnknownName
+from harness.contracts.ids import Digest, RobotId
+from harness.contracts.ports import EventStore, Record
+from harness.contracts.values import decode
+from harness.contracts.versions import configuration_record
+
+
+def nothing_selected(robot_id: RobotId) -> Digest | None:
+    """No release moved the pointer: every robot works under the configuration it was started with."""
+    return None
+
+
+class StoredConfigurations:
+    """Versions are immutable, so each is read and decoded once.
+
+    `first` is what robots work under until `selected` names another version; `shipped` are known without the log.
+    """
+
+    def __init__(
+        self,
+        store: EventStore,
+        *,
+        first: Configuration,
+        shipped: Iterable[Configuration] = (),
+        selected: Callable[[RobotId], Digest | None] = nothing_selected,
+    ) -> None:
+        self._store = store
+        self._first = first.configuration_id
+        self._selected = selected
+        self._shipped = {one.configuration_id: one for one in (first, *shipped)}
+        self._read: dict[Digest, Configuration] = {}
+
+    def current_id(self, robot_id: RobotId) -> Digest:
+        """What a release pointed this robot at, else the first version."""
+        return self._selected(robot_id) or self._first
+
+    def current(self, robot_id: RobotId) -> Configuration:
+        """Raises ConfigurationMissing as `get` does."""
+        return self.get(self.current_id(robot_id))
+
+    def get(self, configuration_id: Digest) -> Configuration:
+        """The version as this release reads it. Fields that a newer release added have their defaults.
+
+        Raises ConfigurationMissing if it is not stored, was changed, or cannot be read by this release.
+        """
+        found = self._shipped.get(configuration_id) or self._read.get(configuration_id)
+        if found is None:
+            found = self._read[configuration_id] = _readable(self._stored(configuration_id))
+        return found
+
+    def record(self, configuration_id: Digest) -> Record:
+        """The bytes whose digest is the id. Raises ConfigurationMissing."""
+        if configuration_id in self._shipped:
+            return configuration_record(self._shipped[configuration_id])
+        return self._stored(configuration_id)
+
+    def _stored(self, configuration_id: Digest) -> Record:
+        try:
+            return self._store.record(configuration_id)
+        except UnknownName as error:
+            raise ConfigurationMissing(
+                f"Configuration {configuration_id[:12]} is not in this log",
+                where=f"record {configuration_id}",
+                do="install the release that shipped it, or stop the missions that are pinned to it",
+            ) from error
+        except LogDamaged as error:
+            raise ConfigurationMissing(
+                f"Configuration {configuration_id[:12]} was changed after it was stored: {error}",
+                where=f"record {configuration_id}",
+                do="run `regen audit verify` and restore the log from a copy",
+            ) from error
+
+
+def _readable(record: Record) -> Configuration:
+    try:
+        return decode(record.body, Configuration)
+    except msgspec.DecodeError as error:
+        raise ConfigurationMissing(
+            f"Configuration {record.digest[:12]} cannot be read by this release: {error}",
+            where=f"record {record.digest} of kind {record.kind}",
+            do="install the release that wrote it, or stop the missions that are pinned to it",
+        ) from error

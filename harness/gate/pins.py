@@ -1,0 +1,33 @@
+"""Pure: may a mission change the configuration it is pinned to? Only before it is active, by compiling again (D35)."""
+
+from harness.contracts.commands import RecompileContract
+from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.events import ContractRecompiled, MissionEvent
+from harness.contracts.tasks import check
+from harness.contracts.values import digest
+from harness.projections.mission import Mission, required_contract
+
+BEFORE_ACTIVE = ("compiled", "awaiting_approval")
+
+
+def recompile(mission: Mission, command: RecompileContract) -> Decision[MissionEvent]:
+    """The same goal under another version. What was approved for the old contract no longer counts: k advances.
+
+    Raises ContractInvalid for a broken contract.
+    """
+    if mission.status not in BEFORE_ACTIVE or mission.replay:
+        pinned = mission.configuration[:12]
+        return Refused("pinned", f"The mission is {mission.status}, so it keeps the configuration {pinned} to its end.")
+    if command.configuration == mission.configuration:
+        return Accepted(())
+    if command.contract.goal != required_contract(mission).goal:
+        return Refused("another_goal", "A mission is compiled again for the goal it was asked for, and no other.")
+    check(command.contract)
+    again = ContractRecompiled(
+        configuration=command.configuration,
+        replaces=mission.configuration,
+        contract=command.contract,
+        contract_digest=digest(command.contract),
+        policy=command.policy,
+    )
+    return Accepted((again,))

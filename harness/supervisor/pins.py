@@ -1,0 +1,66 @@
+"""The pin at work: a mission begins under the current configuration, and runs only where its own can be read (D35)."""
+
+import logging
+
+from harness.contracts.any_events import AnyEvent
+from harness.contracts.commands import ActivateMission, EndMission, RecompileContract
+from harness.contracts.decisions import Accepted, Refused
+from harness.contracts.errors import ConfigurationMissing, ContractInvalid, UnknownName
+from harness.contracts.ids import Digest
+from harness.planning.compile import compile_again
+from harness.planning.templates import by_name
+from harness.projections.mission import Mission, required_contract
+from harness.runtime import Runtime
+
+LOG = logging.getLogger("regen.supervisor")
+
+
+def begin(runtime: Runtime, mission: Mission) -> Accepted[AnyEvent] | Refused:
+    """Activate, or first compile again if another configuration became current since (R163, D35).
+
+    A goal that the current configuration cannot serve ends the mission before anything moved. A replay keeps its pin.
+    Raises ConfigurationMissing if the current version cannot be read.
+    """
+    current = runtime.current_configuration_id(mission.robot_id)
+    if mission.replay or mission.configuration == current:
+        return runtime.submit(mission.mission_id, ActivateMission())
+    try:
+        return _again(runtime, mission, current)
+    except (ContractInvalid, UnknownName) as error:
+        why = f"It cannot be compiled under the configuration {current[:12]}, which is current now: {error}"
+        return runtime.submit(mission.mission_id, EndMission(status="failed", reason=why))
+
+
+def _again(runtime: Runtime, mission: Mission, current: Digest) -> Accepted[AnyEvent] | Refused:
+    configuration = runtime.stored_configuration(current)
+    template = by_name(mission.template, configuration.templates)
+    command = RecompileContract(
+        configuration=current,
+        contract=compile_again(required_contract(mission), template=template, site=runtime.site),
+        policy=configuration.recovery,
+    )
+    return runtime.submit(mission.mission_id, command, records=(runtime.configuration_record(current),))
+
+
+def check_readable(runtime: Runtime, mission: Mission) -> None:
+    """Raise ConfigurationMissing if this release cannot read what the mission is pinned to; it is not run then.
+
+    A stop is carried out whatever the mission is pinned to.
+    """
+    if not mission.ended and mission.status != "stopping":
+        runtime.configuration_of(mission)
+
+
+def tell_unreadable(runtime: Runtime) -> None:
+    """Every unfinished mission that is not run here, with its reason, where operators look after a start."""
+    for one in runtime.unreadable():
+        LOG.warning("not_run_here mission=%s robot=%s %s", one.mission_id, one.robot_id, one.reason)
+
+
+def readable(runtime: Runtime, mission: Mission) -> bool:
+    """Whether this release may go on with the mission."""
+    try:
+        check_readable(runtime, mission)
+    except ConfigurationMissing:
+        return False
+    return True
