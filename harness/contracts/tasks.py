@@ -7,7 +7,7 @@ import msgspec
 
 from harness.contracts.capabilities import Capability, Risk
 from harness.contracts.effects import Condition, Metric, Precondition, Temporal
-from harness.contracts.errors import ContractInvalid
+from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import Digest, NodeId, PlaceId, ResourceId
 from harness.contracts.protocol import Parameters
 from harness.contracts.values import Count, Name, Positive, Value
@@ -83,7 +83,11 @@ class TaskContract(Value):
     bindings: dict[str, Any] = msgspec.field(default_factory=dict)
 
     def node(self, node_id: NodeId) -> Node:
-        return next(node for node in self.nodes if node.node_id == node_id)
+        """Raises UnknownName."""
+        found = next((node for node in self.nodes if node.node_id == node_id), None)
+        if found is None:
+            raise UnknownName(f"The contract has no node {node_id}", where="contract", do="compare the node's name")
+        return found
 
 
 class TemplateParameter(Value):

@@ -2,30 +2,29 @@
 
 from typing import Literal
 
-from harness.contexts.verifier import verifier_context
 from harness.contracts.commands import (
     AcceptInvocation,
     CompleteNode,
     EndInvocation,
-    MarkDispatched,
     RecordEffect,
     ReportFailure,
     ResumeInvocation,
     StopInvocation,
 )
-from harness.contracts.decisions import Accepted
-from harness.contracts.errors import ProviderFailed, ProviderUnreachable
+from harness.contracts.decisions import Accepted, Refused
+from harness.contracts.errors import ContextOverflow, ProviderFailed, ProviderUnreachable
 from harness.contracts.events import DispatchIntended, NodeCommitted
 from harness.contracts.ids import InvocationId, handoff_stream, mission_stream
 from harness.contracts.protocol import KEEPALIVE_LOST, TERMINAL, Identity, InvocationReport, StartRequest
 from harness.gate.commit import Request
 from harness.projections.mission import Invocation, Mission
 from harness.runtime import Live
-from harness.supervisor.leases import give_back, holds
+from harness.supervisor.approvals import clear_to_send, withdraw
+from harness.supervisor.judging import judgement
+from harness.supervisor.leases import Held, give_back, holds
 from harness.supervisor.packets import build_packet
 from harness.supervisor.rest import at_rest
 from harness.supervisor.roles import Roles, context_record
-from harness.verification.verdict import judged
 
 POLL_S = 0.5
 SETTLE_S = 1.6
@@ -68,6 +67,9 @@ class Attendant:
         try:
             report = self._report(mission, invocation)
             self._silent_since = None
+            if isinstance(report, Refused):
+                withdraw(self._runtime, self._crew, mission, intent=invocation.intent, reason=report.message)
+                return now_s
             self._publish(mission, report)
             if report.status in TERMINAL:
                 return self._finish(mission, invocation, report, now_s)
@@ -85,21 +87,24 @@ class Attendant:
         askable = self._crew.provider(intent.provider_id).card.reattach == "by_request"
         return intent.invocation_id in self._sent and known is None and not askable
 
-    def _report(self, mission: Mission, invocation: Invocation) -> InvocationReport:
-        """The provider's word; reattach by handle, else by request id, else send the request (D13)."""
+    def _report(self, mission: Mission, invocation: Invocation) -> InvocationReport | Refused:
+        """The provider's word; reattach by handle, else by request id, else send the request (D13).
+
+        Refused where what authorised it no longer holds: then nothing was sent. Raises ProviderUnreachable for an
+        answer about another request: that is none.
+        """
         intent = invocation.intent
         provider = self._crew.provider(intent.provider_id)
         handle = self._handles.get(intent.invocation_id) or invocation.handle
         if handle is not None:
-            return provider.report(handle)
+            return _own(provider.report(handle), intent)
         known = provider.find(intent.request_id) if provider.card.reattach == "by_request" else None
         if known is not None:
             self._roles.senses.catch_up(self._crew.spool.samples(intent.invocation_id))
+        if known is None and (refused := clear_to_send(self._runtime, mission, invocation)):
+            return refused
         self._sent.add(intent.invocation_id)
-        if intent.handoff_id is not None:
-            dispatched = MarkDispatched(invocation_id=intent.invocation_id)
-            self._runtime.commit([Request(handoff_stream(intent.handoff_id), dispatched)])
-        report = known or provider.start(_request(mission, intent))
+        report = _own(known or provider.start(_request(mission, intent)), intent)
         self._accepted(mission, intent, report)
         return report
 
@@ -151,7 +156,7 @@ class Attendant:
         """The dead man stood the robot still, nobody watched: go on where card and leases allow, else stop (D12)."""
         intent = invocation.intent
         provider = self._crew.provider(intent.provider_id)
-        if not holds(self._runtime, intent):
+        if not holds(self._runtime, self._crew.robot_id, intent):
             self.stop(mission, invocation, reason="its lease was quarantined while nobody watched")
         elif provider.card.resumable and not self._resumed:
             self._runtime.submit(mission.mission_id, ResumeInvocation(invocation_id=intent.invocation_id))
@@ -182,13 +187,19 @@ class Attendant:
         packet = build_packet(
             mission, invocation, report=report, samples=samples, senses=self._roles.senses, collected_s=until_s
         )
-        card = self._crew.provider(intent.provider_id).card
-        c3 = verifier_context(self._roles.view(mission), packet, card)
-        verdict = judged(c3, self._runtime.blob, verifier=self._crew.verifier)
+        try:
+            card = self._crew.provider(intent.provider_id).card
+            c3, verdict = judgement(self._roles, mission, packet, card=card)
+        except ContextOverflow as error:
+            self._abandon(mission, invocation, failure="verifier_unavailable", reason=str(error))
+            return now_s
         requests = [
             Request(mission_stream(mission.mission_id), CompleteNode(packet=packet, verdict=verdict)),
             *give_back(
-                self._runtime, intent, at_rest=rest.static, reason=f"{report.status}; {rest.reason or 'at rest'}"
+                self._runtime,
+                Held(self._crew.robot_id, intent),
+                at_rest=rest.static,
+                reason=f"{report.status}; {rest.reason or 'at rest'}",
             ),
         ]
         decision = self._runtime.commit(requests, records=[context_record(c3)])
@@ -228,11 +239,11 @@ class Attendant:
             reason=reason,
             at_s=self._crew.clock.now().mission_s,
         )
-        settled = rest.static and failure == "provider_unavailable"
+        settled = rest.static and failure in ("provider_unavailable", "verifier_unavailable")
         self._runtime.commit(
             [
                 Request(mission_stream(mission.mission_id), ended),
-                *give_back(self._runtime, intent, at_rest=settled, reason=reason),
+                *give_back(self._runtime, Held(self._crew.robot_id, intent), at_rest=settled, reason=reason),
             ]
         )
         self._close(intent, "unknown" if unknown else "failed")
@@ -246,6 +257,16 @@ class Attendant:
             samples=self._roles.senses.recent,
         )
         self._runtime.publish(live)
+
+
+def _own(report: InvocationReport, intent: DispatchIntended) -> InvocationReport:
+    if report.identity.request_id != intent.request_id:
+        raise ProviderUnreachable(
+            f"{intent.provider_id} answered about request {report.identity.request_id[:12]}",
+            where=f"invocation {intent.invocation_id}",
+            do="look at the connection: answers of another mission arrive on it",
+        )
+    return report
 
 
 def _request(mission: Mission, intent: DispatchIntended) -> StartRequest:

@@ -3,6 +3,7 @@
 from msgspec.structs import replace
 
 from harness.contexts.verifier import verifier_context
+from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.contexts import Blobs, Context
 from harness.contracts.errors import ContextOverflow
 from harness.contracts.evidence import EvidencePacket
@@ -12,14 +13,16 @@ from harness.supervisor.roles import Roles
 from harness.verification.verdict import Verifier, judged
 
 
-def judgement(roles: Roles, mission: Mission, packet: EvidencePacket) -> tuple[Context, NodeVerdict]:
-    """The packet's C3 and what the verifier makes of it.
+def judgement(
+    roles: Roles, mission: Mission, packet: EvidencePacket, *, card: CapabilityCard
+) -> tuple[Context, NodeVerdict]:
+    """The packet's C3 and what the verifier makes of it. `card` is of the provider that was asked, whoever replied.
 
     After many attempts at one stage the executions a packet cites can exceed C3's budget. Then the packet is shown
     alone and nobody judges it: on half of the evidence there is no verdict, so it is ambiguous and a person is asked.
     Raises ContextOverflow if not even the packet alone fits.
     """
-    view, card = roles.view(mission), roles.crew.provider(packet.identity.provider_id).card
+    view = roles.view(mission)
     try:
         whole = verifier_context(view, packet, card)
     except ContextOverflow as error:

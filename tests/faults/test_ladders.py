@@ -18,7 +18,7 @@ from harness.verification.verdict import verify
 from tests.builders.crews import Failing, Stage, Wrapped, only, staged
 from tests.builders.missions_run import Ran
 
-BASE = ResourceId("mobile_base")
+BASE = ResourceId("vbot-1/mobile_base")
 OTHER = InvocationId("inv_other")
 
 
@@ -89,6 +89,20 @@ class Stranger(Wrapped):
         if said.status != "succeeded" or handle != self.first:
             return said
         return replace(said, identity=replace(said.identity, provider_id="somebody-else"))
+
+
+class Crossed(Wrapped):
+    """Answers of somebody else's request arrive on its connection a few times."""
+
+    left = 3
+
+    def report(self, handle: str) -> InvocationReport:
+        said = self.inner.report(handle)
+        if not self.left:
+            return said
+        self.left -= 1
+        other = replace(said.identity, request_id=RequestId("ab" * 32), node_id=NodeId("elsewhere"))
+        return replace(said, identity=other, status="succeeded")
 
 
 def rungs(ran: Ran) -> list[str]:
@@ -267,3 +281,11 @@ def test_a_result_in_another_name_is_rejected_and_the_place_is_looked_at_again()
         sound(ran)
         assert classes(ran)[0] == "commit_rejected" and rungs(ran)[0] == "re_perceive"
         assert ran.mission.of(NodeId("circuit")).rejections[0] == "wrong_identity"
+
+
+def test_answers_about_somebody_elses_request_are_none_and_the_mission_goes_on() -> None:
+    with staged(wrap=only("navigate", Crossed)) as stage:
+        ran = stage.run(stage.begin("circuit"))
+        sound(ran)
+        assert ran.mission.status == "succeeded"
+        assert classes(ran) == []

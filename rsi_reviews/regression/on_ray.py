@@ -1,0 +1,70 @@
+"""Runs cases on a Ray cluster: the same jobs, the same results for the same seeds. Needs the extra `ray`."""
+
+import socket
+from collections.abc import Sequence
+
+import msgspec
+import ray
+
+from harness.contracts.values import encode
+from rsi_reviews.contracts import CaseResult
+from rsi_reviews.regression.errors import WorkersLost
+from rsi_reviews.regression.executors import CHUNK, LONGEST_CASE_S, Job, Running, run_job
+
+LOCAL = "local"
+KNOCK_S = 5.0
+
+
+def answered(body: bytes) -> bytes:
+    """One job as JSON in, its results as JSON out: what a remote worker runs."""
+    return encode(run_job(msgspec.json.decode(body, type=Job)))
+
+
+class RayCluster:
+    """`address`: `local` starts a cluster of its own on `cpus` cores and ends it; else one that is there is joined."""
+
+    def __init__(self, address: str, *, cpus: int = 2, longest_s: float = LONGEST_CASE_S) -> None:
+        self._address, self._cpus, self._longest_s = address, cpus, longest_s
+
+    def run(self, jobs: Sequence[Job]) -> Running:
+        """Results as tasks finish, in no order. Raises WorkersLost if the cluster cannot be reached or loses tasks."""
+        parts = [
+            Job(configuration=job.configuration, cases=job.cases[begin : begin + CHUNK])
+            for job in jobs
+            for begin in range(0, len(job.cases), CHUNK)
+        ]
+        self._join()
+        try:
+            task = ray.remote(answered).options(max_retries=2)
+            running = [task.remote(encode(part)) for part in parts]
+            while running:
+                done, running = ray.wait(running, num_returns=1, timeout=self._longest_s * CHUNK)
+                if not done:
+                    raise WorkersLost("The cluster is silent", where=self._address, do="look at `ray status`; resume")
+                yield msgspec.json.decode(ray.get(done[0]), type=tuple[CaseResult, ...])
+        except ray.exceptions.RayError as error:
+            raise WorkersLost(f"The cluster lost a task: {error}", where=self._address, do="resume") from error
+        finally:
+            ray.shutdown()
+
+    def _join(self) -> None:
+        own = self._address == LOCAL
+        try:
+            self._knock()
+            ray.init(
+                address=self._address,
+                num_cpus=self._cpus if own else None,
+                include_dashboard=False if own else None,
+                log_to_driver=False,
+                configure_logging=False,
+            )
+        except (ConnectionError, RuntimeError, ValueError, OSError) as error:
+            raise WorkersLost(
+                f"Ray could not be reached: {error}", where=self._address, do="start it with `ray start --head`"
+            ) from error
+
+    def _knock(self) -> None:
+        """Ray waits two minutes for a cluster that is not there; a closed port is known at once."""
+        host, _, port = self._address.removeprefix("ray://").rpartition(":")
+        if host and port.isdigit():
+            socket.create_connection((host, int(port)), timeout=KNOCK_S).close()

@@ -1,0 +1,105 @@
+"""Results that outlive a crash: one JSON line per case and configuration, written as soon as it is known."""
+
+import os
+from collections.abc import Iterable, Iterator
+from functools import lru_cache
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+
+from harness.contracts.ids import Digest, sha256
+from harness.contracts.values import Value, encode
+from rsi_reviews.contracts import CaseResult
+from rsi_reviews.regression.errors import ResultsDamaged
+
+T = TypeVar("T")
+Key = tuple[Digest, Digest]
+"""Case and configuration."""
+
+
+class Heading(Value):
+    """The first line: which evaluator measured what follows. Results of two evaluators never stand in one file."""
+
+    evaluator: str
+
+
+class Kept:
+    """The results of one evaluator in one file; only finished ones are kept, so what failed is run again.
+
+    A last line that a crash cut short is dropped. Raises ResultsDamaged for any other unreadable line, or for a file
+    of another evaluator.
+    """
+
+    def __init__(self, path: Path, *, evaluator: str) -> None:
+        self.path = path
+        self._results: dict[Key, CaseResult] = {}
+        path.parent.mkdir(parents=True, exist_ok=True)
+        sound = self._read(path.read_bytes(), evaluator) if path.exists() else 0
+        if sound:
+            os.truncate(path, sound)
+        else:
+            path.write_bytes(encode(Heading(evaluator=evaluator)) + b"\n")
+
+    def get(self, key: Key) -> CaseResult | None:
+        """The finished result of a case under a configuration."""
+        return self._results.get(key)
+
+    def add(self, results: Iterable[CaseResult]) -> None:
+        """Keep what is finished and not yet kept; on the disk when this returns."""
+        new = {(one.case, one.configuration): one for one in results if one.outcome == "finished"}
+        new = {key: one for key, one in new.items() if key not in self._results}
+        self._results |= new
+        with self.path.open("ab") as file:
+            file.writelines(encode(one) + b"\n" for one in new.values())
+            file.flush()
+            os.fsync(file.fileno())
+
+    def __len__(self) -> int:
+        return len(self._results)
+
+    def _read(self, body: bytes, evaluator: str) -> int:
+        """Take in every whole line; the number of bytes that hold."""
+        lines = body.split(b"\n")
+        whole = lines[:-1]
+        if not whole:
+            return 0
+        heading = self._line(whole[0], Heading, 1)
+        if heading.evaluator != evaluator:
+            raise ResultsDamaged(
+                f"They were measured by {heading.evaluator}, this is {evaluator}",
+                where=str(self.path),
+                do="name another file, so that nothing is compared across evaluators",
+            )
+        for number, line in enumerate(whole[1:], start=2):
+            result = self._line(line, CaseResult, number)
+            self._results[result.case, result.configuration] = result
+        return len(body) - len(lines[-1])
+
+    def _line(self, line: bytes, kind: type[T], number: int) -> T:
+        try:
+            return msgspec.json.decode(line, type=kind)
+        except msgspec.MsgspecError as error:
+            raise ResultsDamaged(
+                f"Line {number} cannot be read: {error}", where=str(self.path), do="remove the file and run again"
+            ) from error
+
+
+@lru_cache(maxsize=1)
+def evaluator_version() -> str:
+    """Names the program that measures, by its sources: what can change a result changes this, the harness included."""
+    reviews, harness = files("rsi_reviews"), files("harness")
+    judging = [reviews.joinpath("evaluation", name) for name in ("adjudicator.py", "story.py", "witnesses.py")]
+    texts = [*_texts(harness), *_texts(reviews.joinpath("regression")), *(one.read_bytes() for one in judging)]
+    return f"regression-1+{sha256(b''.join(texts))[:16]}"
+
+
+def _texts(folder: Traversable) -> Iterator[bytes]:
+    """Name and contents of every source and shipped text under a folder, in order of their names."""
+    for entry in sorted(folder.iterdir(), key=lambda one: one.name):
+        if entry.is_dir():
+            yield from _texts(entry)
+        elif entry.name.endswith((".py", ".yaml")):
+            yield entry.name.encode() + b"\n" + entry.read_bytes()

@@ -1,0 +1,103 @@
+"""Suites as they ship and grow: versioned YAML, registered by digest, append-only (R158)."""
+
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from itertools import pairwise
+
+import msgspec
+import yaml
+
+from harness.baseline.load import read_yaml
+from harness.contracts.ids import Digest
+from harness.contracts.values import Value
+from rsi_reviews.regression.cases import Case, Group, Suite, cases_of
+from rsi_reviews.regression.errors import SuiteEdited, SuiteInvalid, SuiteShrunk
+
+REGISTER = "register.yaml"
+
+
+class Registered(Value):
+    """One line of the register: a version of a suite and the digest it must have."""
+
+    name: str
+    version: int
+    digest: Digest
+
+
+class Register(Value):
+    """register.yaml: every version that was ever current, oldest first."""
+
+    versions: tuple[Registered, ...]
+
+
+def shipped(name: str) -> Suite:
+    """The newest shipped version of a suite. Raises SuiteInvalid, SuiteEdited or SuiteShrunk."""
+    return newest(files("rsi_reviews").joinpath("suites"), name)
+
+
+def newest(folder: Traversable, name: str) -> Suite:
+    """The newest registered version in a folder, after every version was read, matched and found grown."""
+    register = read_yaml(folder.joinpath(REGISTER).read_text(encoding="utf-8"), Register, where=REGISTER)
+    lines = sorted((one for one in register.versions if one.name == name), key=lambda one: one.version)
+    if not lines:
+        raise SuiteInvalid(f"No suite {name} is registered", where=REGISTER, do="name a registered suite")
+    if [one.version for one in lines] != list(range(1, len(lines) + 1)):
+        raise SuiteInvalid(f"The versions of {name} are not 1 to {len(lines)}", where=REGISTER, do="register each once")
+    suites = [_read(folder, line) for line in lines]
+    for older, newer in pairwise(suites):
+        check_grown(older, newer)
+    return suites[-1]
+
+
+def check_grown(older: Suite, newer: Suite) -> None:
+    """Raise SuiteShrunk unless the newer suite holds every case of the older one and has the next version."""
+    lost = set(cases_of(older)) - set(cases_of(newer))
+    if lost or newer.name != older.name:
+        raise SuiteShrunk(
+            f"{newer.name} {newer.version} lacks {len(lost)} cases of {older.name} {older.version}",
+            where=file_name(newer),
+            do="keep every group of the older version and add to it",
+        )
+    if newer.version != older.version + 1:
+        raise SuiteInvalid(
+            f"{newer.name} {newer.version} follows {older.version}", where=file_name(newer), do="count versions by one"
+        )
+
+
+def grown(suite: Suite, *additions: Group) -> Suite:
+    """The next version: every case there was, and what a person adds (a disputed mission, a new fault)."""
+    newer = msgspec.structs.replace(suite, version=suite.version + 1, groups=(*suite.groups, *additions))
+    check_grown(suite, newer)
+    return newer
+
+
+def written(suite: Suite) -> str:
+    """A suite as the YAML that reads back to the same digest."""
+    return yaml.safe_dump(msgspec.to_builtins(suite), sort_keys=False, allow_unicode=True, width=120)
+
+
+def file_name(suite: Suite) -> str:
+    """Where a version of a suite lies in its folder."""
+    return f"{suite.name}-{suite.version}.yaml"
+
+
+def one_case(suite: Suite, case_id: Digest) -> Case:
+    """The case of that digest. Raises SuiteInvalid if the suite does not hold it."""
+    found = next((case for case in cases_of(suite) if case.case_id == case_id), None)
+    if found is None:
+        raise SuiteInvalid(f"There is no case {case_id[:12]}", where=file_name(suite), do="name a case of this suite")
+    return found
+
+
+def _read(folder: Traversable, line: Registered) -> Suite:
+    name = f"{line.name}-{line.version}.yaml"
+    suite = read_yaml(folder.joinpath(name).read_text(encoding="utf-8"), Suite, where=name)
+    if (suite.name, suite.version) != (line.name, line.version):
+        raise SuiteInvalid(f"It calls itself {suite.name} {suite.version}", where=name, do="name the file as its suite")
+    if suite.suite_id != line.digest:
+        raise SuiteEdited(
+            f"Its digest is {suite.suite_id[:12]}, registered is {line.digest[:12]}",
+            where=name,
+            do="restore it, and add what is new as the next version",
+        )
+    return suite

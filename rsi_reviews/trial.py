@@ -1,0 +1,164 @@
+"""One evaluation from its terms to its report: what will be run is fixed first, then run, then judged."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import msgspec
+
+from harness.contracts.configuration import Configuration
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.values import digest
+from rsi_reviews.acceptance import Evaluation, accepted, predicate_digest
+from rsi_reviews.contracts import AcceptanceReport, Candidate, CaseResult, EvaluationTerms, HeldOutAnswer, ResultSet
+from rsi_reviews.held_out import PER_FAMILY, Looks, Secret, answered, held_out_cases
+from rsi_reviews.regression.cases import Case, Suite, cases_of, seeds_digest, spread
+from rsi_reviews.regression.executors import Executor
+from rsi_reviews.regression.results import Kept, evaluator_version
+from rsi_reviews.regression.runner import Watch, measured, unwatched
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What will be run for one candidate. `terms` are recorded before anything runs."""
+
+    candidate: Candidate
+    baseline: Configuration
+    regression: tuple[Case, ...]
+    safety: tuple[Case, ...]
+    terms: EvaluationTerms
+
+    @property
+    def cases(self) -> tuple[Case, ...]:
+        """Every case once, those of the regression suite first."""
+        return tuple(dict.fromkeys((*self.regression, *self.safety)))
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """The evaluator's own: its secret, its book of looks, and how many cases of each family a look has."""
+
+    secret: Secret
+    looks: Looks
+    per_family: int = PER_FAMILY
+
+
+@dataclass(frozen=True)
+class Means:
+    """What a trial runs with. `now_s` is a clock that only rises; without `held_out` no look is taken."""
+
+    executor: Executor
+    now_s: Callable[[], float]
+    kept: Kept | None = None
+    held_out: HeldOut | None = None
+    watch: Watch = unwatched
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What was measured and what the predicate made of it."""
+
+    results: ResultSet
+    report: AcceptanceReport
+
+
+def prepared(
+    candidate: Candidate,
+    baseline: Configuration,
+    suites: tuple[Suite, Suite],
+    *,
+    launched_by: tuple[str, ...],
+    most: int | None = None,
+) -> Trial:
+    """The trial of a candidate on the regression and the safety suite.
+
+    `most` cases of each give a quick look, whose report can never pass. Raises ContractInvalid for another baseline.
+    """
+    if baseline.configuration_id != candidate.baseline:
+        raise ContractInvalid(
+            f"The candidate was made against {candidate.baseline[:12]}, not {baseline.configuration_id[:12]}",
+            where="baseline",
+            do="propose it again on the current baseline",
+        )
+    regression, safety = (cases_of(suite) for suite in suites)
+    if most is not None:
+        regression, safety = spread(regression, most), spread(safety, most)
+    cases = tuple(dict.fromkeys((*regression, *safety)))
+    terms = EvaluationTerms(
+        candidate=candidate.candidate_id,
+        configuration=candidate.configuration.configuration_id,
+        manifest=digest(candidate.manifest),
+        baseline=candidate.baseline,
+        predicate=predicate_digest(),
+        suite=digest([suite.suite_id for suite in suites]),
+        suite_version=", ".join(f"{suite.name} {suite.version}" for suite in suites),
+        seeds=seeds_digest(cases),
+        evaluator=evaluator_version(),
+        cases=len(cases),
+        launched_by=launched_by,
+    )
+    return Trial(candidate=candidate, baseline=baseline, regression=regression, safety=safety, terms=terms)
+
+
+def carried_out(trial: Trial, means: Means) -> Outcome:
+    """Run every case under both configurations, take the held-out look if all else stands, and judge.
+
+    Raises WorkersLost or LookTaken; finished cases are kept, so that the next call goes on where this one ended.
+    """
+    begun_s = means.now_s()
+    sides = (trial.baseline, trial.candidate.configuration)
+    results = measured(trial.cases, sides, executor=means.executor, kept=means.kept, watch=means.watch)
+    found = ResultSet(
+        terms=digest(trial.terms), results=exercised(results, trial.baseline), seconds=means.now_s() - begun_s
+    )
+    whole = _looked(trial, found, means)
+    return Outcome(results=whole, report=_judged(trial, whole))
+
+
+def exercised(results: Sequence[CaseResult], baseline: Configuration) -> tuple[CaseResult, ...]:
+    """The results, each with whether the change took a part in it: its mission went another way than the baseline's."""
+    name = baseline.configuration_id
+    courses = {one.case: one.trace for one in results if one.configuration == name}
+    return tuple(
+        msgspec.structs.replace(one, exercised=one.configuration != name and one.trace != courses.get(one.case))
+        for one in results
+    )
+
+
+def _looked(trial: Trial, found: ResultSet, means: Means) -> ResultSet:
+    """The results with the held-out answer, where only that is missing: a look is not spent on what fails anyway."""
+    if means.held_out is None:
+        return found
+    hoped = HeldOutAnswer(answer="pass", look=1, alpha=0.0, cases=1)
+    if _judged(trial, msgspec.structs.replace(found, held_out=hoped)).answer != "pass":
+        return found
+    return msgspec.structs.replace(found, held_out=_look(trial, means, means.held_out))
+
+
+def _look(trial: Trial, means: Means, held_out: HeldOut) -> HeldOutAnswer:
+    """This candidate's look, or the answer it got. Its cases and results stay with the evaluator: nothing is kept."""
+    candidate, manifest = trial.candidate, trial.candidate.manifest
+    before = held_out.looks.taken(candidate.candidate_id)
+    if before is not None:
+        return before
+    look = held_out.looks.open(candidate.candidate_id, trial.terms.manifest)
+    cases = held_out_cases(held_out.secret, candidate.candidate_id, per_family=held_out.per_family)
+    sides = (trial.baseline, candidate.configuration)
+    results = measured(cases, sides, executor=means.executor)
+    answer = answered(look, manifest, cases, results, candidate.configuration.configuration_id)
+    held_out.looks.close(look, answer)
+    return answer
+
+
+def _judged(trial: Trial, results: ResultSet) -> AcceptanceReport:
+    return accepted(judged_on(trial, results))
+
+
+def judged_on(trial: Trial, results: ResultSet) -> Evaluation:
+    """What the acceptance predicate is asked about, for whoever judges it again."""
+    return Evaluation(
+        terms=trial.terms,
+        manifest=trial.candidate.manifest,
+        regression=trial.regression,
+        safety=trial.safety,
+        results=results,
+    )

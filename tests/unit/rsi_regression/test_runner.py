@@ -1,0 +1,170 @@
+"""Running cases: kept results are not run again, lost workers cost their case, seeds tell the same story anywhere."""
+
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from multiprocessing import active_children
+from pathlib import Path
+
+import pytest
+
+from harness.contracts.ids import Digest
+from rsi_reviews.contracts import CaseResult
+from rsi_reviews.regression.cases import Case, Situation, cases_of, spread
+from rsi_reviews.regression.errors import ResultsDamaged, WorkersLost
+from rsi_reviews.regression.executors import Here, Job, Processes, Running, failed, run_job
+from rsi_reviews.regression.on_ray import RayCluster
+from rsi_reviews.regression.results import Kept, evaluator_version
+from rsi_reviews.regression.runner import Advance, measured
+from rsi_reviews.regression.suite import shipped
+from tests.builders.evaluations import BASELINE, patient
+
+CASES = spread(tuple(c for c in cases_of(shipped("regression")) if c.situation.template == "circuit"), 6)
+NINE = spread(cases_of(shipped("safety")), 9)
+
+
+class Counting:
+    """Runs in this process, counts what it was given, and breaks off after `most` parts."""
+
+    def __init__(self, most: int = 10_000) -> None:
+        self.ran: list[tuple[Digest, Digest]] = []
+        self._most = most
+
+    def run(self, jobs: Sequence[Job]) -> Running:
+        for done, job in enumerate(_single(jobs)):
+            if done == self._most:
+                raise KeyboardInterrupt
+            self.ran += [(case.case_id, job.configuration.configuration_id) for case in job.cases]
+            yield run_job(job)
+
+
+def _single(jobs: Sequence[Job]) -> Iterator[Job]:
+    for job in jobs:
+        yield from (Job(configuration=job.configuration, cases=(case,)) for case in job.cases)
+
+
+@pytest.fixture(scope="module")
+def here() -> tuple[CaseResult, ...]:
+    return measured(CASES, (BASELINE,), executor=Here())
+
+
+@pytest.mark.ledger("R157", symbol="rsi_reviews.regression.runner:measured")
+def test_every_case_runs_under_both_configurations_on_the_same_seeds() -> None:
+    results = measured(CASES[:2], (BASELINE, patient()), executor=Here())
+    assert [(one.case, one.configuration) for one in results] == [
+        (case.case_id, side.configuration_id) for case in CASES[:2] for side in (BASELINE, patient())
+    ]
+    assert {one.outcome for one in results} == {"finished"}
+    assert results[0].trace == results[1].trace
+
+
+def test_the_same_seed_tells_the_same_story(here: tuple[CaseResult, ...]) -> None:
+    assert measured(CASES, (BASELINE,), executor=Here()) == here
+
+
+def test_local_processes_give_the_same_results(here: tuple[CaseResult, ...]) -> None:
+    assert measured(CASES, (BASELINE,), executor=Processes(1)) == here
+
+
+def test_ray_gives_the_same_results(here: tuple[CaseResult, ...]) -> None:
+    assert measured(CASES, (BASELINE,), executor=RayCluster("local", cpus=1)) == here
+
+
+def test_a_cluster_that_is_not_there_is_a_sentence() -> None:
+    with pytest.raises(WorkersLost, match="Ray could not be reached"):
+        measured(CASES[:1], (BASELINE,), executor=RayCluster("127.0.0.1:1"))
+
+
+def test_a_run_that_is_cut_short_goes_on_where_it_ended(tmp_path: Path, here: tuple[CaseResult, ...]) -> None:
+    path = tmp_path / "results.jsonl"
+    kept = Kept(path, evaluator="e")
+    with pytest.raises(KeyboardInterrupt):
+        measured(CASES, (BASELINE,), executor=Counting(most=4), kept=kept)
+    body = path.read_bytes()
+    path.write_bytes(body[:-20])
+    again, rest = Kept(path, evaluator="e"), Counting()
+    assert len(again) == 3
+    assert measured(CASES, (BASELINE,), executor=rest, kept=again) == here
+    assert len(rest.ran) == 3
+    assert len(Kept(path, evaluator="e")) == 6
+
+
+def test_results_of_another_evaluator_are_not_mixed_in(tmp_path: Path) -> None:
+    Kept(tmp_path / "r.jsonl", evaluator="one")
+    with pytest.raises(ResultsDamaged, match="measured by one"):
+        Kept(tmp_path / "r.jsonl", evaluator="two")
+
+
+def test_a_line_in_the_middle_that_cannot_be_read_stops_the_run(tmp_path: Path) -> None:
+    path = tmp_path / "r.jsonl"
+    Kept(path, evaluator="e")
+    path.write_bytes(path.read_bytes() + b'{"case": NaN}\n')
+    with pytest.raises(ResultsDamaged, match="Line 2"):
+        Kept(path, evaluator="e")
+
+
+def test_the_evaluator_is_named_by_its_sources() -> None:
+    assert evaluator_version() == evaluator_version()
+    assert evaluator_version().startswith("regression-1+")
+
+
+def test_a_case_that_crashed_is_not_kept(tmp_path: Path) -> None:
+    kept = Kept(tmp_path / "r.jsonl", evaluator="e")
+    unknown = Case(situation=Situation(family="nominal", template="no such template"), seed=1)
+    (result,) = measured((unknown,), (BASELINE,), executor=Here(), kept=kept)
+    assert result.outcome == "crashed"
+    assert "no such template" in result.note
+    assert len(kept) == 0
+
+
+def test_progress_counts_what_was_there_and_what_is_bad() -> None:
+    seen: list[Advance] = []
+    unknown = Case(situation=Situation(family="nominal", template="no such template"), seed=1)
+    measured((CASES[0], unknown), (BASELINE,), executor=Here(), watch=seen.append)
+    assert (seen[0].done, seen[-1].done, seen[-1].of, seen[-1].bad) == (0, 2, 2, 1)
+
+
+def test_a_result_that_never_came_back_is_no_measurement() -> None:
+    class Silent:
+        def run(self, jobs: Sequence[Job]) -> Running:
+            yield ()
+
+    (result,) = measured(CASES[:1], (BASELINE,), executor=Silent())
+    assert result.outcome == "crashed"
+
+
+def test_a_worker_that_cannot_import_is_a_typed_error_and_no_hang() -> None:
+    """The program is started from a text that a new interpreter cannot import again."""
+    words = "from tests.unit.rsi_regression.test_runner import start_a_worker; start_a_worker()"
+    run = subprocess.run([sys.executable, "-"], input=words, capture_output=True, text=True, timeout=60, check=False)
+    assert "WorkersLost: A worker ended before it could begin" in run.stderr
+
+
+def start_a_worker() -> None:
+    measured(CASES[:1], (BASELINE,), executor=Processes(1))
+
+
+def test_a_worker_that_is_silent_costs_its_case() -> None:
+    (result,) = measured(CASES[:1], (BASELINE,), executor=Processes(1, longest_s=1e-6))
+    assert result.outcome == "timed_out"
+
+
+def test_a_worker_that_dies_costs_its_case_and_no_other() -> None:
+    def kill(advance: Advance) -> None:
+        if advance.done == 8:
+            active_children()[0].kill()
+
+    results = measured(NINE, (BASELINE,), executor=Processes(1), watch=kill)
+    assert Counter(one.outcome for one in results) == {"finished": 8, "crashed": 1}
+
+
+def test_a_job_runs_each_of_its_cases_even_after_one_that_crashed() -> None:
+    unknown = Case(situation=Situation(family="nominal", template="no such template"), seed=1)
+    results = run_job(Job(configuration=BASELINE, cases=(unknown, CASES[0])))
+    assert [one.outcome for one in results] == ["crashed", "finished"]
+
+
+def test_a_failed_case_says_which_case_it_was() -> None:
+    result = failed(CASES[0], BASELINE, outcome="timed_out", note="x" * 900)
+    assert (result.case, result.outcome, len(result.note)) == (CASES[0].case_id, "timed_out", 500)
