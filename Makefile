@@ -21,8 +21,8 @@ install-test: ## the same with what the tests need, a Chromium included
 	@tools/install.sh requirements-test.lock
 	@$(BIN)/python -m tools.browser
 
-run: install ## start the console, the runtime and a simulated robot, with a warehouse inspection under way
-	@$(BIN)/regen up --start warehouse-inspection
+run: install ## start the console, the runtime and two simulated robots, with an inspection under way and a second robot that waits for a person
+	@$(BIN)/regen up --robots vbot-1,vbot-2 --start warehouse-inspection --fault vbot-2=blocked-passage:persistent
 
 test: install-test ## all tests (WORKERS=2 processes)
 	@$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup --maxschedchunk 1

@@ -10,6 +10,7 @@ import typer
 
 from app.terminal import (
     accounts,
+    alerts,
     audit,
     databases,
     dossiers,
@@ -21,6 +22,8 @@ from app.terminal import (
     providers,
     releases,
     robots,
+    rsi_evaluate,
+    rsi_recursion,
     service,
 )
 from app.terminal.answers import complain
@@ -31,7 +34,12 @@ app.add_typer(missions.app, name="mission")
 missions.app.command("dossier")(dossiers.dossier)
 app.add_typer(handoffs.app, name="handoff")
 app.add_typer(leases.app, name="lease")
+app.add_typer(alerts.app, name="alert")
 app.add_typer(releases.app, name="rsi")
+releases.app.command("evaluate")(rsi_evaluate.evaluate)
+releases.app.command("recursion")(rsi_recursion.recursion)
+releases.app.command("counterfactual")(rsi_recursion.replayed)
+releases.app.command("generate")(rsi_recursion.generate)
 app.add_typer(robots.app, name="robot")
 app.add_typer(maps.app, name="map")
 app.add_typer(audit.app, name="audit")

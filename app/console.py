@@ -3,37 +3,61 @@
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from threading import Lock
-from typing import Annotated, TypeVar
+from typing import Annotated, Protocol, TypeVar
 
 import msgspec
 from fastapi import Depends, Request
 
+from app.alerts import Alerts
 from app.doors import Doors
+from app.fleet import Fleet, no_fleet
 from app.history import Histories
 from app.lists import Lists
 from app.live import SignalBroker
 from app.measured import Measurements
+from app.presence import Presence
 from app.scene import Scenes
 from app.security import actor_of
 from app.settings import ConsoleSettings
 from app.views.shell import Shell, Surroundings, shell
 from harness.contracts.actors import Actor
+from harness.contracts.any_events import AnyEvent
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.contexts import Context
+from harness.contracts.control import CONTROL, Posture
+from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import BlobDamaged, UnknownName
-from harness.contracts.ids import Digest, MissionId
+from harness.contracts.ids import Digest, MissionId, RequestId, RobotId
 from harness.contracts.ports import Head
 from harness.contracts.proposals import CandidateSet
-from harness.contracts.protocol import PhysicalStart
+from harness.contracts.protocol import DriveReport, PhysicalStart
+from harness.projections.control import Control
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 
 Cards = Callable[[], Iterable[CapabilityCard]]
+Dossier = Callable[[MissionId, Path, str], object]
+"""Writes a mission's signed dossier to a file, on behalf of somebody."""
 Starts = Callable[[MissionId], Sequence[PhysicalStart] | None]
 T = TypeVar("T")
 SPENT_KEYS = 1024
+
+
+class Wheel(Protocol):
+    """How people drive a robot by hand and have it lie down; see harness/supervisor/wheel.py."""
+
+    def take(self, robot_id: RobotId, *, actor: Actor, device: str, reason: str) -> Accepted[AnyEvent] | Refused: ...
+
+    def turn(self, robot_id: RobotId, session: RequestId, *, v_mps: float, w_radps: float) -> DriveReport: ...
+
+    def give_back(self, robot_id: RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused: ...
+
+    def rest(
+        self, robot_id: RobotId, *, posture: Posture, actor: Actor, reason: str
+    ) -> Accepted[AnyEvent] | Refused: ...
 
 
 def no_journal(mission_id: MissionId) -> None:
@@ -74,10 +98,15 @@ class Console:
     histories: Histories
     lists: Lists
     measurements: Measurements
+    alerts: Alerts
     clock: Callable[[], float]
     starts: Starts = no_journal
     cards: Cards = no_cards
     keys: OneUse = field(default_factory=OneUse)
+    fleet: Fleet = field(default_factory=no_fleet)
+    presence: Presence = field(default_factory=Presence)
+    wheel: Wheel | None = None
+    dossier: Dossier | None = None
 
     def head(self) -> Head:
         return self.runtime.head()
@@ -90,7 +119,14 @@ class Console:
             actor=actor,
             position=self.runtime.head().position,
             now_s=self.clock(),
+            present=self.presence.people(),
+            alerts=self.alerts.waiting(self.clock()),
         )
+
+    def control(self) -> Control:
+        """The house's limit on autonomy, and who drives what by hand."""
+        control: Control = self.runtime.fold(CONTROL)
+        return control
 
     def shell(self, title: str, section: str, actor: Actor, *, topics: Sequence[str] = ()) -> Shell:
         return shell(title, section, self.surroundings(actor), topics=topics)

@@ -76,6 +76,22 @@ TOKEN = {
     "used_at_s": _maybe(NUMBER),
     "revoked_at_s": _maybe(NUMBER),
 }
+ALERT = {
+    "alert_id": TEXT,
+    "title": TEXT,
+    "text": TEXT,
+    "kind": TEXT,
+    "state": TEXT,
+    "priority": TEXT,
+    "count": COUNT,
+    "total": COUNT,
+    "first_s": NUMBER,
+    "last_s": NUMBER,
+    "assignee": TEXT,
+    "put_away": TEXT,
+    "shelved_until_s": _maybe(NUMBER),
+    "link": TEXT,
+}
 SHAPES: dict[str, dict[str, Any]] = {
     "Problem": _besides(
         _record(
@@ -179,6 +195,13 @@ SHAPES: dict[str, dict[str, Any]] = {
         "Missions that were asked to stop; `refused` says why others were not.", asked=_many(TEXT), refused=_many(TEXT)
     ),
     "WheelSession": _record("Who drives a robot by hand.", robot_id=TEXT, session=TEXT, driver=TEXT, device=TEXT),
+    "AlertSummary": _record("One alert: everything with one cause. Times are wall seconds.", **ALERT),
+    "Alert": _record(
+        "One alert with what lasts and its history, newest first.",
+        **ALERT,
+        conditions=_many(TEXT),
+        history=_many(_record("One line of its history.", at_s=NUMBER, text=TEXT, position=COUNT)),
+    ),
     "SignInLink": _record("A link that lets one person in once.", url=TEXT),
 }
 

@@ -1,9 +1,10 @@
 """The console as one ASGI application, and how it is served: on loopback, by one process."""
 
 import secrets
+import shutil
 import socket
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 from types import FrameType
@@ -15,10 +16,14 @@ from starlette.staticfiles import StaticFiles
 
 from app import description, errors
 from app.accounts import Accounts
-from app.console import Cards, Console, Starts, no_cards, no_journal
+from app.alert_watch import AlertWatch, Watched
+from app.alerts import Alerts
+from app.authority import authority
+from app.console import Cards, Console, Dossier, Starts, Wheel, no_cards, no_journal
 from app.doors import Doors
 from app.errors import PortBusy
 from app.exposure import check_exposure
+from app.fleet import Fleet, no_fleet
 from app.guard import GuardedRuntime
 from app.history import Histories
 from app.idempotency import Idempotency
@@ -28,12 +33,17 @@ from app.live import SignalBroker
 from app.measured import Measurements
 from app.routes import (
     account,
+    alerts,
     api,
+    api_alerts,
     api_events,
     api_handoffs,
+    api_maps,
     api_people,
     api_reading,
+    api_robots,
     audit,
+    driving,
     evidence,
     handoffs,
     live,
@@ -43,7 +53,9 @@ from app.routes import (
     overview,
     places,
     providers,
+    queue,
     report,
+    robots,
     scene,
     watch,
 )
@@ -52,6 +64,8 @@ from app.security import Doorkeeper, Threshold
 from app.settings import ConsoleSettings
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.bootstrap import open_lists
+from harness.contracts.ids import MissionId
+from harness.dossiers import export_dossier
 from harness.runtime import Runtime
 
 GRACE_S = 3
@@ -66,8 +80,12 @@ def create_app(
     starts: Starts = no_journal,
     cards: Cards = no_cards,
     folder: Path | None = None,
+    fleet: Fleet | None = None,
+    wheel: Wheel | None = None,
 ) -> FastAPI:
     """The console over a runtime. `starts` reads the robots' journals, `cards` what they can do.
+
+    `fleet` shows what robots say of themselves, `wheel` lets people drive them; both are ended with the console.
 
     Sign-in links come from `app.state.doors`. Its lists are kept in `folder`, or in memory without one, and have
     caught up with the log on return.
@@ -76,17 +94,25 @@ def create_app(
     lists.catch_up()
     store = SqlAccounts(folder / "accounts.db" if folder else None)
     doors = _doors(store, settings)
+    runtime.obey(authority(doors.accounts))
+    inbox = Alerts(runtime)
+    watched = Watched(fleet=fleet or no_fleet(), starts=starts, free_bytes=_free(folder), clock=time.time)
+    alert_watch = AlertWatch(runtime, inbox, watched)
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         yield
         broker.close()
+        alert_watch.close()
+        if fleet is not None:
+            fleet.close()
         scenes.close()
         lists.close()
         store.close()
 
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, lifespan=lifespan)
     app.state.doors = doors
+    app.state.alert_watch = alert_watch
     app.state.console = Console(
         runtime=GuardedRuntime(runtime, doors.accounts.told),
         settings=settings,
@@ -96,21 +122,29 @@ def create_app(
         histories=Histories(runtime),
         lists=lists,
         measurements=Measurements(runtime),
+        alerts=inbox,
         clock=time.time,
         starts=starts,
         cards=cards,
+        fleet=fleet or no_fleet(),
+        wheel=wheel,
+        dossier=_dossiers(runtime, folder),
     )
     app.mount("/static", StaticFiles(directory=settings.static), name="static")
     for room in (
         overview,
+        robots,
+        driving,
         scene,
         missions,
+        queue,
         report,
         watch,
         places,
         providers,
         memory,
         handoffs,
+        alerts,
         evidence,
         account,
         audit,
@@ -118,13 +152,28 @@ def create_app(
         metrics,
     ):
         app.include_router(room.router, include_in_schema=False)
-    for room in (api, api_handoffs, api_reading, api_people, api_events):
+    for room in (api, api_handoffs, api_alerts, api_maps, api_reading, api_robots, api_people, api_events):
         app.include_router(room.router)
     description.install(app)
     errors.install(app)
     app.add_middleware(Idempotency, store=store, clock=time.time)
     app.add_middleware(Doorkeeper, doors=doors, threshold=_threshold(settings))
     return app
+
+
+def _free(folder: Path | None) -> Callable[[], int | None]:
+    return lambda: shutil.disk_usage(folder).free if folder is not None else None
+
+
+def _dossiers(runtime: Runtime, folder: Path | None) -> Dossier | None:
+    """Signed with the key of the data folder; without one there is no key."""
+    if folder is None:
+        return None
+
+    def export(mission_id: MissionId, file: Path, by: str) -> object:
+        return export_dossier(runtime, mission_id, file, data=folder, exported_by=by)
+
+    return export
 
 
 def _doors(store: SqlAccounts, settings: ConsoleSettings) -> Doors:

@@ -9,8 +9,9 @@ from harness.contracts.errors import HarnessError
 
 Role = Literal["viewer", "operator", "reviewer", "releaser", "admin"]
 Permission = Literal[
-    "read", "export", "drive", "stop", "observe", "decide", "dispute", "attest", "review", "release", "trail", "people"
-]
+    "read", "export", "drive", "stop", "observe", "decide", "dispute", "attest", "alerts", "review", "release", "trail",
+    "people",
+]  # fmt: skip
 ROLES: tuple[str, ...] = get_args(Role)
 GRANTS: Mapping[Permission, tuple[Role, ...]] = {
     "read": ("viewer", "operator", "reviewer", "releaser", "admin"),
@@ -21,6 +22,7 @@ GRANTS: Mapping[Permission, tuple[Role, ...]] = {
     "decide": ("operator",),
     "dispute": ("operator", "reviewer"),
     "attest": ("operator",),
+    "alerts": ("operator", "admin"),
     "review": ("reviewer",),
     "release": ("releaser",),
     "trail": ("reviewer", "releaser", "admin"),
@@ -29,15 +31,31 @@ GRANTS: Mapping[Permission, tuple[Role, ...]] = {
 COMMANDS: Mapping[str, Permission] = {
     "CreateMission": "drive",
     "StopMission": "stop",
+    "WithdrawMission": "stop",
     "PauseMission": "stop",
     "ResumeMission": "drive",
     "DisputeCompletion": "dispute",
     "FreeLease": "drive",
+    "SetAutonomy": "drive",
+    "LimitAutonomy": "drive",
+    "AttachCloud": "drive",
     "RaiseVeto": "stop",
     "TightenConstraints": "stop",
     "LookAgain": "observe",
     "DecideHandoff": "decide",
+    "ClaimHandoff": "decide",
+    "ReleaseHandoff": "decide",
+    "OnMyWay": "decide",
+    "ChooseAction": "decide",
+    "TakeOver": "decide",
+    "HandBack": "decide",
+    "CloseHandoff": "decide",
     "AttestCondition": "attest",
+    "AcknowledgeAlert": "alerts",
+    "ShelveAlert": "alerts",
+    "SuppressAlert": "alerts",
+    "RestoreAlert": "alerts",
+    "AssignAlert": "alerts",
 }
 """What a person's command needs, by its name. One that is not here comes from the supervisor alone."""
 
@@ -53,6 +71,7 @@ MEANING: Mapping[Permission, str] = {
     "decide": "answer a handoff",
     "dispute": "dispute an accepted completion",
     "attest": "attest to what was seen",
+    "alerts": "acknowledge, shelve, suppress and assign alerts",
     "review": "review candidates",
     "release": "release and roll back configurations",
     "trail": "read who signed in and who commanded what",

@@ -37,8 +37,14 @@ class ConsoleSettings(BaseSettings):
     session_age_s: Annotated[float, Field(gt=0)] = 24 * 3600.0
     scene_idle_s: Annotated[float, Field(gt=0)] = 600.0
     scenes: Annotated[int, Field(ge=1)] = 8
+    notify: dict[str, SecretStr] = {}
     static: Path = ROOT / "static"
     templates: Path = ROOT / "templates"
+
+    @property
+    def services(self) -> tuple[str, ...]:
+        """Names of the services outside that are told of alerts; their addresses are secrets and stand nowhere."""
+        return tuple(self.notify)
 
     @property
     def hosts(self) -> frozenset[str]:

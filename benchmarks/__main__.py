@@ -8,7 +8,17 @@ import sys
 import time
 from collections.abc import Callable
 
-from benchmarks import approve, first_page, opening, overhead, rebuild, replaying, suite
+from benchmarks import (
+    approve,
+    console_lists,
+    first_page,
+    first_pixels,
+    opening,
+    overhead,
+    rebuild,
+    replaying,
+    suite,
+)
 from benchmarks.arms import load
 from benchmarks.records import Figure, keep, table
 
@@ -26,6 +36,8 @@ def whole() -> dict[str, Measure]:
         "opening": lambda: opening.measure(events=10_000, count=9),
         "replaying": lambda: replaying.measure(files=replaying.recordings(), count=5),
         "suite": lambda: suite.measure(missions=1000),
+        "console_lists": lambda: console_lists.measure(missions=console_lists.SIZES, count=20),
+        "first_pixels": lambda: first_pixels.measure(points=10_000_000, count=2),
         "first_page": lambda: first_page.measure(count=2),
     }
 
@@ -39,6 +51,8 @@ def quick() -> dict[str, Measure]:
         "opening": lambda: opening.measure(events=1000, count=2),
         "replaying": lambda: replaying.measure(files=replaying.recordings()[:1], count=1),
         "suite": lambda: suite.measure(missions=40),
+        "console_lists": lambda: console_lists.measure(missions=(200,), count=2),
+        "first_pixels": lambda: first_pixels.measure(points=200_000, count=1),
     }
 
 

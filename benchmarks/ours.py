@@ -11,9 +11,9 @@ from typing import Any
 from benchmarks.noop import OPERATOR, NoopHarness, noop_harness, template
 from benchmarks.turns import Turn, mission_turns, serve
 from harness.adapters.stores.sql import SqlEventStore
-from harness.contracts.commands import DecideHandoff
 from harness.contracts.decider import Decider
 from harness.contracts.decisions import Refused
+from harness.contracts.handoff_commands import DecideHandoff
 from harness.contracts.ids import MissionId, RobotId, StreamId, mission_stream
 from harness.contracts.ports import Batch, NewEvent
 from harness.contracts.values import Moment

@@ -8,22 +8,23 @@ import argparse
 import os
 import shlex
 import sys
+from collections.abc import Callable
 from typing import Any
 
 import msgspec
 
 from campaigns.adjudicate import judged
-from campaigns.damage import damages
-from campaigns.kills import kill_campaign
+from campaigns.damage import DamageReport, damages
+from campaigns.kills import KillReport, kill_campaign
 from campaigns.mission import played
 from campaigns.plan import mission_plan
-from campaigns.planted import RED, planted_bugs
+from campaigns.planted import RED, PlantedReport, planted_bugs
 from campaigns.publish import publish
-from campaigns.races import races
+from campaigns.races import RaceReport, races
 from campaigns.regen import ROOT
 from campaigns.simulate import one_mission, seeds_of, simulated_campaign
-from campaigns.suspended import suspensions
-from campaigns.tally import Tally, summary
+from campaigns.suspended import SuspensionReport, suspensions
+from campaigns.tally import summary
 from harness.contracts.ids import sha256
 
 MISSIONS, SEED = 100_000, 1
@@ -31,6 +32,7 @@ PROCESSES = 2
 FULL = {"answers": 200, "appends": 1000, "suspensions": 100, "planted": 400}
 SMALLEST = {"answers": 3, "appends": 24, "suspensions": 3, "planted": 250}
 QUICK = 24
+PARTS = ("planted", "races", "suspended", "damage", "kills", "simulation")
 
 
 def main() -> None:
@@ -42,6 +44,7 @@ def main() -> None:
     whole.add_argument("--seed", type=int, default=int(os.environ.get("CAMPAIGN_SEED", SEED)))
     whole.add_argument("--minutes", type=float, default=None, help="simulate no longer than this")
     whole.add_argument("--processes", type=int, default=PROCESSES)
+    whole.add_argument("--only", default="", choices=("", *PARTS), help="one campaign; what is published else, stays")
     whole.add_argument("--publish", action="store_true", help="write docs/ although the run is smaller")
     again = commands.add_parser("replay", help="one mission of a simulation, with all that happened")
     again.add_argument("seed", type=int)
@@ -61,42 +64,64 @@ def main() -> None:
 
 def _run(asked: argparse.Namespace) -> None:
     share = min(1.0, asked.missions / MISSIONS)
-    sizes = {name: max(SMALLEST[name], round(FULL[name] * share)) for name in FULL}
     full = asked.missions >= MISSIONS and asked.minutes is None
-    points = None if full or asked.publish else max(4, round(40 * share))
-    bugs = planted_bugs(missions=sizes["planted"], seed=asked.seed)
-    raced = races(answers=sizes["answers"], appends=sizes["appends"], seed=asked.seed)
-    suspended = suspensions(sizes["suspensions"])
-    damaged = damages()
-    killed = kill_campaign(most=points, seed=asked.seed)
-    tally = simulated_campaign(seeds_of(asked.seed, asked.missions), processes=asked.processes, minutes=asked.minutes)
-    result: dict[str, Any] = {
-        "seed": asked.seed,
-        "command": _command(asked),
-        "code": _code(),
-        **summary(tally),
-        "planted_bugs": {"total": bugs.total, "caught": bugs.caught, "seen": bugs.seen},
-        "kills": killed.kills + killed.second_kills,
-        "kill_campaign": msgspec.to_builtins(killed),
-        "races": msgspec.to_builtins(raced),
-        "suspended_holders": msgspec.to_builtins(suspended),
-        "damage": msgspec.to_builtins(damaged),
-    }
+    found = _found(asked, share=1.0 if full or asked.publish else share)
+    made = {"command": _command(asked), "code": _code()}
+    result: dict[str, Any] = {"seed": asked.seed, "command": made["command"]}
+    for figures, _ in found.values():
+        result |= figures
+    result["made_by"] = dict.fromkeys(found, made)
     print(msgspec.json.format(msgspec.json.encode(result), indent=2).decode())
-    offences = [*raced.offences, *suspended.offences, *damaged.offences, *killed.offences]
-    offences += [f"planted and missed: {name}" for name in bugs.missed]
-    _tell(tally)
+    offences = [offence for _, offences in found.values() for offence in offences]
     for offence in offences:
         print(offence, file=sys.stderr)
     if full or asked.publish:
         publish(result)
-    if offences or not tally.clean:
+    if offences:
         raise SystemExit(1)
+
+
+def _found(asked: argparse.Namespace, *, share: float) -> dict[str, tuple[dict[str, Any], list[str]]]:
+    """Of each campaign that was asked for: its figures, and what must not be."""
+    sizes = {name: max(SMALLEST[name], round(FULL[name] * share)) for name in FULL}
+    points = None if share >= 1.0 else max(4, round(40 * share))
+    parts: dict[str, Callable[[], tuple[dict[str, Any], list[str]]]] = {
+        "planted": lambda: _planted(planted_bugs(missions=sizes["planted"], seed=asked.seed)),
+        "races": lambda: _plain("races", races(answers=sizes["answers"], appends=sizes["appends"], seed=asked.seed)),
+        "suspended": lambda: _plain("suspended_holders", suspensions(sizes["suspensions"])),
+        "damage": lambda: _plain("damage", damages()),
+        "kills": lambda: _killed(kill_campaign(most=points, seed=asked.seed)),
+        "simulation": lambda: _simulated(asked),
+    }
+    return {name: part() for name, part in parts.items() if asked.only in ("", name)}
+
+
+def _planted(bugs: PlantedReport) -> tuple[dict[str, Any], list[str]]:
+    figures = {"total": bugs.total, "caught": bugs.caught, "seen": bugs.seen}
+    return {"planted_bugs": figures}, [f"planted and missed: {name}" for name in bugs.missed]
+
+
+def _killed(killed: KillReport) -> tuple[dict[str, Any], list[str]]:
+    figures, offences = _plain("kill_campaign", killed)
+    return {"kills": killed.kills + killed.second_kills, **figures}, offences
+
+
+def _plain(
+    name: str, report: RaceReport | SuspensionReport | DamageReport | KillReport
+) -> tuple[dict[str, Any], list[str]]:
+    return {name: msgspec.to_builtins(report)}, list(report.offences)
+
+
+def _simulated(asked: argparse.Namespace) -> tuple[dict[str, Any], list[str]]:
+    seeds = seeds_of(asked.seed, asked.missions)
+    tally = simulated_campaign(seeds, processes=asked.processes, minutes=asked.minutes)
+    return summary(tally), [f"{offence}\n    python -m campaigns replay {seed}" for seed, offence in tally.offences]
 
 
 def _command(asked: argparse.Namespace) -> str:
     words = ["python", "-m", "campaigns", "run", "--missions", str(asked.missions), "--seed", str(asked.seed)]
     words += ["--processes", str(asked.processes)]
+    words += ["--only", asked.only] if asked.only else []
     words += ["--minutes", f"{asked.minutes:g}"] if asked.minutes is not None else []
     return shlex.join([*words, *(["--publish"] if asked.publish else [])])
 
@@ -105,11 +130,6 @@ def _code() -> str:
     """Which code was tried: the SHA-256 of the sources of the harness and the campaigns, in order of their paths."""
     files = sorted(path for folder in ("campaigns", "harness") for path in (ROOT / folder).rglob("*.py"))
     return sha256(b"".join(path.read_bytes() for path in files))
-
-
-def _tell(tally: Tally) -> None:
-    for seed, offence in tally.offences:
-        print(f"{offence}\n    python -m campaigns replay {seed}", file=sys.stderr)
 
 
 def _replay(seed: int) -> None:

@@ -110,7 +110,7 @@ def _prompted(mission: Played, books: Books) -> Iterator[str]:
     view = StateView(
         mission=final,
         at_s=0.0,
-        rules=runtime.configuration.context_rules,
+        rules=runtime.configuration_of(final).context_rules,
         site=runtime.site,
         proposals=(claim,),
         recovery=final.policy,

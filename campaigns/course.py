@@ -7,21 +7,14 @@ from campaigns.plan import Disturbance, MissionPlan
 from campaigns.wire import SteppedClock
 from harness.bootstrap import Harness
 from harness.contracts.actors import Actor
-from harness.contracts.commands import (
-    AcquireLease,
-    ChangeEpoch,
-    ClearVeto,
-    DecideHandoff,
-    MissionCommand,
-    RaiseVeto,
-    ReleaseLease,
-)
+from harness.contracts.commands import AcquireLease, ChangeEpoch, ClearVeto, MissionCommand, RaiseVeto, ReleaseLease
 from harness.contracts.decisions import Accepted
+from harness.contracts.handoff_commands import DecideHandoff
 from harness.contracts.ids import InvocationId, MissionId, ResourceId, lease_stream
 from harness.gate.commit import Request
 
 OPERATORS = (Actor(name="ada", role="operator"), Actor(name="ben", role="operator"))
-BASE = ResourceId("mobile_base")
+BASE = ResourceId("vbot-1/mobile_base")
 FOREIGN = InvocationId("inv_of_somebody_else")
 ELSEWHERE = MissionId("mis_of_somebody_else")
 MOST_STEPS = 6000

@@ -14,6 +14,7 @@ from harness.contracts.any_events import AnyEvent
 from harness.contracts.events import (
     CommitRejected,
     ContractCompiled,
+    ContractRecompiled,
     DispatchIntended,
     EpochChanged,
     GoalVerified,
@@ -97,6 +98,9 @@ def _fold(books: Books, together: Sequence[AnyEvent]) -> None:
                 books.created = event
             case ContractCompiled():
                 books.contract = event.contract
+            case ContractRecompiled():
+                books.contract = event.contract
+                books.k += 1
             case DispatchIntended():
                 books.breaches.extend(_dispatched(books, event, together))
                 books.intents[event.invocation_id] = event
@@ -214,8 +218,9 @@ def _dispatched(books: Books, intent: DispatchIntended, together: Sequence[AnyEv
     """Why this dispatch should not have been."""
     taken = {event.resource: event.token for event in together if isinstance(event, LeaseAcquired)}
     where = f"dispatch of {intent.node_id}, attempt {intent.attempt}"
-    if {str(resource): token for resource, token in taken.items()} != intent.resources:
-        yield f"{where}: leases {taken} for resources {intent.resources}"
+    robot_id = books.created.robot_id if books.created else ""
+    if taken != {f"{robot_id}/{resource}": token for resource, token in intent.resources.items()}:
+        yield f"{where}: leases {taken} for resources {intent.resources} of {robot_id}"
     if books.vetoes:
         yield f"{where}: under a veto"
     paid = any(isinstance(event, RecoveryAuthorised | OperatorRetryGranted) for event in together)

@@ -38,6 +38,8 @@ from harness.runtime import Start
 from harness.settings import HarnessSettings
 
 ROBOT = RobotId("vbot-1")
+MEMORY = Path("/dev/shm")
+"""Where a file system lives in memory: what a robot saves outlives it there, and no disk is waited for."""
 ASKING = Actor(name="ada", role="operator")
 
 
@@ -91,7 +93,7 @@ def played(plan: MissionPlan) -> Iterator[Played]:
     """Run the mission until it ends or nobody answers any more. Everything is kept in memory while the block lasts."""
     struck: Counter[str] = Counter()
     with ExitStack() as stack:
-        folder = Path(stack.enter_context(TemporaryDirectory(prefix="campaign-"))) if plan.needs_folder else None
+        folder = Path(stack.enter_context(_in_memory())) if plan.needs_folder else None
         host = RobotHost(plan, folder, struck)
         stack.callback(host.close)
         clock = SteppedClock(LockstepClock(host.advance, at_s=host.at_s, wall=lambda: host.at_s), plan, struck)
@@ -131,6 +133,11 @@ def played(plan: MissionPlan) -> Iterator[Played]:
         )
 
 
+def _in_memory() -> TemporaryDirectory[str]:
+    """A folder that outlives the robot and not the mission; on the disk where there is none in memory."""
+    return TemporaryDirectory(prefix="campaign-", dir=MEMORY if MEMORY.is_dir() else None)
+
+
 def _begun(harness: Harness, plan: MissionPlan) -> MissionId:
     start = Start(actor=ASKING, robot_id=ROBOT, template=plan.template, seed=plan.seed % 2**31)
     decision = harness.runtime.start(start, template=_template(harness, plan) if plan.unpaid else None)
@@ -141,7 +148,7 @@ def _begun(harness: Harness, plan: MissionPlan) -> MissionId:
 
 def _template(harness: Harness, plan: MissionPlan) -> TaskTemplate:
     """The configured template with nothing to spend on some recovery actions."""
-    template = next(one for one in harness.runtime.configuration.templates if one.name == plan.template)
+    template = next(one for one in harness.runtime.current_configuration(ROBOT).templates if one.name == plan.template)
     nodes = tuple(node | {"recovery": node["recovery"] | dict.fromkeys(plan.unpaid, 0)} for node in template.nodes)
     return replace(template, nodes=nodes)
 

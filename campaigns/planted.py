@@ -97,7 +97,7 @@ BUGS: tuple[Bug, ...] = (
         edits=(
             Edit(
                 file="harness/adapters/providers/simulation/robot.py",
-                function="SimulatedRobot._check",
+                function="SimulatedRobot.admit",
                 old="if token < newest:",
                 new="if False:",
             ),

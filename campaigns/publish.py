@@ -1,5 +1,6 @@
 """Writes what a campaign found to docs/: figures as JSON, and the pages' tables from them."""
 
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -19,11 +20,20 @@ COUNTS = {
 }
 
 
-def publish(result: dict[str, Any]) -> None:
-    """Replace the JSON file, and the part of the page between its two marks. Raises ValueError without the marks."""
-    RESULTS.parent.mkdir(parents=True, exist_ok=True)
-    RESULTS.write_bytes(msgspec.json.format(msgspec.json.encode(result), indent=2) + b"\n")
-    PAGE.write_text(with_figures(PAGE.read_text(encoding="utf-8"), result), encoding="utf-8")
+def publish(result: dict[str, Any], *, page: Path = PAGE, results: Path = RESULTS) -> None:
+    """Replace the JSON file, and the part of the page between its two marks. Raises ValueError without the marks.
+
+    Of a run of one campaign only, the others' figures stay as they were; `made_by` says of each which run made it,
+    and `command` how the simulation's figures came about.
+    """
+    results.parent.mkdir(parents=True, exist_ok=True)
+    before = msgspec.json.decode(results.read_bytes()) if results.exists() else {}
+    made_by = {**before.get("made_by", {}), **result["made_by"]}
+    result = {**before, **result, "made_by": made_by}
+    if "simulation" in made_by:
+        result["command"] = made_by["simulation"]["command"]
+    results.write_bytes(msgspec.json.format(msgspec.json.encode(result), indent=2) + b"\n")
+    page.write_text(with_figures(page.read_text(encoding="utf-8"), result), encoding="utf-8")
 
 
 def with_figures(page: str, result: dict[str, Any]) -> str:
@@ -36,17 +46,22 @@ def with_figures(page: str, result: dict[str, Any]) -> str:
 
 
 def figures(result: dict[str, Any]) -> str:
-    """The tables in Markdown."""
-    lines = [
-        "",
-        f"`{result['command']}`: {result['missions']:,} simulated missions, {result['dispatches']:,} dispatches, "
+    """The tables in Markdown, one for each campaign that was run."""
+    return "\n".join(["", *_simulated(result), *_others(result), *_bugs(result), *_made_by(result), ""])
+
+
+def _simulated(result: dict[str, Any]) -> list[str]:
+    if "faults_struck" not in result:
+        return []
+    return [
+        f"{result['missions']:,} simulated missions, {result['dispatches']:,} dispatches, "
         f"{result['starts']:,} physical starts, {result['commits']:,} commits, {result['rejections']:,} rejections. "
         f"In {result['missions_without_a_strike']:,} of them nothing that was planned came to strike.",
         "",
         "| found in the simulation | count | at most this share of missions (95 %) |",
         "|---|---|---|",
         *(
-            f"| {title} | {result[name]['count']} | {result[name]['upper_bound']:.2e} |"
+            f"| {title} | {result[name]['count']:,} | {result[name]['upper_bound']:.2e} |"
             for name, title in COUNTS.items()
         ),
         "",
@@ -57,32 +72,57 @@ def figures(result: dict[str, Any]) -> str:
             for name, times in result["faults_struck"].items()
         ),
         "",
-        *_others(result),
-        "",
     ]
-    return "\n".join(lines)
 
 
 def _others(result: dict[str, Any]) -> list[str]:
-    killed, raced = result["kill_campaign"], result["races"]
-    held, damaged, bugs = result["suspended_holders"], result["damage"], result["planted_bugs"]
+    rows = [row for name, told in CAMPAIGNS.items() if (found := result.get(name)) is not None for row in told(found)]
+    return [*(["| other campaigns | |", "|---|---|"] if rows else []), *(f"| {a} | {b} |" for a, b in rows), ""]
+
+
+def _kills(killed: dict[str, Any]) -> list[tuple[str, str]]:
     ends = ", ".join(f"{count} {end.replace('_', ' ')}" for end, count in sorted(killed["ends"].items()))
-    rows = [
-        (
-            "fail-points with SIGKILL",
-            f"{killed['points']}, {killed['kills']} kills, {killed['second_kills']} second ones",
-        ),
-        ("how those missions ended", ends),
-        ("races", f"{raced['rounds']} rounds of {raced['responders']}, {raced['effective']} with a winner"),
-        ("suspended lease holders", f"{held['rounds']} rounds, {held['refused']} old tokens refused"),
-        ("damaged folders and disks", f"{damaged['cases']} cases" + _skipped(damaged["skipped"])),
-        ("planted bugs", f"{bugs['total']}, {bugs['caught']} caught"),
-    ]
-    offences = sum(len(one["offences"]) for one in (killed, raced, held, damaged))
-    rows.append(("offences in all of these", str(offences)))
-    table = ["| other campaigns | |", "|---|---|", *(f"| {name} | {text} |" for name, text in rows), ""]
+    struck = f"{killed['points']}, {killed['kills']} kills, {killed['second_kills']} second ones{_offences(killed)}"
+    return [("fail-points with SIGKILL", struck), ("how those missions ended", ends)]
+
+
+def _races(raced: dict[str, Any]) -> list[tuple[str, str]]:
+    rounds = f"{raced['rounds']:,} rounds of {raced['responders']}, {raced['effective']:,} with a winner"
+    return [("races", rounds + _offences(raced))]
+
+
+def _suspended(held: dict[str, Any]) -> list[tuple[str, str]]:
+    refused = f"{held['rounds']} rounds, {held['refused']} old tokens refused{_offences(held)}"
+    return [("suspended lease holders", refused)]
+
+
+def _damage(damaged: dict[str, Any]) -> list[tuple[str, str]]:
+    cases = f"{damaged['cases']} cases{_skipped(damaged['skipped'])}{_offences(damaged)}"
+    return [("damaged folders and disks", cases)]
+
+
+CAMPAIGNS = {"kill_campaign": _kills, "races": _races, "suspended_holders": _suspended, "damage": _damage}
+
+
+def _offences(found: dict[str, Any]) -> str:
+    count = len(found["offences"])
+    return f", {count} offences" if count else ", no offence"
+
+
+def _bugs(result: dict[str, Any]) -> list[str]:
+    bugs = result.get("planted_bugs")
+    if bugs is None:
+        return []
     seen = [f"| {name} | {text} |" for name, text in bugs["seen"].items()]
-    return [*table, "| planted bug | what gave it away |", "|---|---|", *seen]
+    title = f"| {bugs['caught']} of {bugs['total']} planted bugs caught | what gave it away |"
+    return [title, "|---|---|", *seen, ""]
+
+
+def _made_by(result: dict[str, Any]) -> list[str]:
+    """Which run made which figures: a campaign may have been run by itself."""
+    made = result.get("made_by", {})
+    lines = [f"| {name} | `{by['command']}` | `{by['code'][:12]}` |" for name, by in made.items()]
+    return [*(["| campaign | made by | on code |", "|---|---|---|"] if lines else []), *lines]
 
 
 def _skipped(names: list[str]) -> str:

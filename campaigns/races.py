@@ -8,6 +8,7 @@ would: only the log's expected version keeps them apart.
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
@@ -18,8 +19,9 @@ from harness.adapters.clock import LockstepClock
 from harness.adapters.stores.sql import SqlEventStore
 from harness.bootstrap import DECIDERS, Harness, simulated
 from harness.contracts.actors import Actor
-from harness.contracts.commands import ApproveHandoff, DecideHandoff, HandoffCommand, OpenHandoff, RefreshHandoff
+from harness.contracts.commands import ApproveHandoff, HandoffCommand, OpenHandoff, RefreshHandoff
 from harness.contracts.decisions import Accepted, Refused
+from harness.contracts.handoff_commands import DecideHandoff
 from harness.contracts.handoff_events import ProposedAction, Snapshot
 from harness.contracts.ids import Digest, HandoffId, MissionId, NodeId, ProviderId, RobotId, handoff_stream
 from harness.contracts.values import Value, digest
@@ -83,12 +85,7 @@ def append_rounds(rounds: int) -> RaceReport:
     effective = 0
     with ExitStack() as stack:
         folder = Path(stack.enter_context(TemporaryDirectory(prefix="races-")))
-        gates = []
-        for _ in range(RESPONDERS):
-            store = SqlEventStore(f"sqlite:///{folder / 'log.db'}")
-            stack.callback(store.close)
-            clock = LockstepClock(lambda until_s: until_s, at_s=NOW_S, wall=lambda: NOW_S)
-            gates.append(Gate(store=store, clock=clock, deciders=DECIDERS))
+        gates = opened_gates(stack, folder)
         for number in range(rounds):
             wrong, taken = _appended(gates, number)
             effective += taken
@@ -96,9 +93,29 @@ def append_rounds(rounds: int) -> RaceReport:
     return RaceReport(rounds=rounds, effective=effective, responders=RESPONDERS, offences=tuple(offences))
 
 
+def opened_gates(stack: ExitStack, folder: Path, *, wall_s: Sequence[float] = (NOW_S,)) -> list[Gate]:
+    """One gate with a connection of its own for every responder, as separate processes would have.
+
+    `wall_s`: what their clocks say, in turn.
+    """
+    gates = []
+    for number in range(RESPONDERS):
+        store = SqlEventStore(f"sqlite:///{folder / 'log.db'}")
+        stack.callback(store.close)
+        now_s = wall_s[number % len(wall_s)]
+        clock = LockstepClock(lambda until_s: until_s, at_s=now_s, wall=partial(_same, now_s))
+        gates.append(Gate(store=store, clock=clock, deciders=DECIDERS))
+    return gates
+
+
+def _same(now_s: float) -> float:
+    """A clock that stands."""
+    return now_s
+
+
 def _begun(harness: Harness, seed: int) -> MissionId:
     start = Start(
-        actor=_person(0), robot_id=RobotId("vbot-1"), template="circuit", seed=seed, labels={"faults": PERSISTENT}
+        actor=person(0), robot_id=RobotId("vbot-1"), template="circuit", seed=seed, labels={"faults": PERSISTENT}
     )
     decision = harness.runtime.start(start)
     if isinstance(decision, Refused):
@@ -120,7 +137,7 @@ def _answered(harness: Harness, mission_id: MissionId) -> tuple[list[str], bool]
             DecideHandoff(
                 handoff_id=handoff.handoff_id,
                 decision="approve",
-                actor=_person(number),
+                actor=person(number),
                 reason="go on",
                 key=f"key-{number}",
                 cycle=handoff.cycle,
@@ -151,17 +168,15 @@ def _recovery_starts(harness: Harness, mission_id: MissionId, before: int) -> in
 
 def _appended(gates: Sequence[Gate], number: int) -> tuple[list[str], bool]:
     handoff_id = HandoffId(f"hof_race_{number}")
-    opening = _opening(handoff_id)
-    gates[0].commit([Request(handoff_stream(handoff_id), opening)])
+    asked = opening(handoff_id)
+    gates[0].commit([Request(handoff_stream(handoff_id), asked)])
     if number % 3 == 0:
-        again = RefreshHandoff(
-            k=opening.k, proposal=opening.proposal, snapshot=opening.snapshot, evidence=opening.evidence
-        )
+        again = RefreshHandoff(k=asked.k, proposal=asked.proposal, snapshot=asked.snapshot, evidence=asked.evidence)
         gates[1].commit([Request(handoff_stream(handoff_id), again)])
 
     def approve(responder: int) -> Any:
         old = number % 3 == 0 and responder % 2 == 0
-        command = _approval(opening, responder, cycle=1 if number % 3 or old else 2)
+        command = approval(asked, responder, cycle=1 if number % 3 or old else 2)
         return gates[responder].commit([Request(handoff_stream(handoff_id), command)])
 
     decisions = together(approve)
@@ -197,11 +212,13 @@ def together(act: Callable[[int], T]) -> list[T]:
     return [got[number] for number in range(RESPONDERS)]
 
 
-def _person(number: int) -> Actor:
+def person(number: int) -> Actor:
+    """One of those who answer."""
     return Actor(name=f"responder-{number}", role="operator")
 
 
-def _opening(handoff_id: HandoffId) -> OpenHandoff:
+def opening(handoff_id: HandoffId) -> OpenHandoff:
+    """A question that could be any."""
     mission_id, node_id = MissionId("mis_race"), NodeId("go")
     proposal = ProposedAction(
         mission_id=mission_id,
@@ -236,14 +253,15 @@ def _opening(handoff_id: HandoffId) -> OpenHandoff:
     )
 
 
-def _approval(opening: OpenHandoff, responder: int, *, cycle: int) -> HandoffCommand:
+def approval(asked: OpenHandoff, responder: int, *, cycle: int) -> HandoffCommand:
+    """This responder's approval of what was asked, on what was shown in that cycle."""
     return ApproveHandoff(
-        actor=_person(responder),
+        actor=person(responder),
         reason="go on",
         key=f"key-{responder}",
         cycle=cycle,
-        subject=digest(opening.proposal),
-        evidence=opening.evidence,
-        k=opening.k,
-        fresh=replace(opening.snapshot),
+        subject=digest(asked.proposal),
+        evidence=asked.evidence,
+        k=asked.k,
+        fresh=replace(asked.snapshot),
     )

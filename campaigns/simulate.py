@@ -4,16 +4,27 @@ import gc
 import multiprocessing
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 
 from campaigns.adjudicate import judged
 from campaigns.chance import uniform
 from campaigns.mission import played
 from campaigns.plan import mission_plan
 from campaigns.tally import Tally
+from harness.contracts.errors import HarnessError
 
 CHUNK = 20
 TELL_S = 10.0
+SILENT_S = 300.0
+Chunk = Callable[[list[int]], Tally]
+
+
+class WorkersLost(HarnessError):
+    """Worker processes that died, or from which nothing came for long: the campaign has counted nothing since."""
+
+    code = "workers_lost"
 
 
 def mission_seed(campaign_seed: int, number: int) -> int:
@@ -53,17 +64,55 @@ def simulated_campaign(seeds: list[int], *, processes: int, minutes: float | Non
 def _chunks(seeds: list[int], *, processes: int) -> Iterator[Tally]:
     chunks = [seeds[start : start + CHUNK] for start in range(0, len(seeds), CHUNK)]
     if processes < 2 or len(chunks) < 2:
-        yield from map(_chunk, chunks)
+        yield from map(played_and_judged, chunks)
         return
-    with multiprocessing.get_context("spawn").Pool(processes) as pool:
-        yield from pool.imap_unordered(_chunk, chunks)
+    yield from spread(chunks, processes=processes)
 
 
-def _chunk(seeds: list[int]) -> Tally:
+def spread(
+    chunks: list[list[int]], *, processes: int, silent_s: float = SILENT_S, work: Chunk | None = None
+) -> Iterator[Tally]:
+    """The chunks' tallies as they come from worker processes, which end with this generator.
+
+    Raises WorkersLost where a worker dies (it cannot import the code, or memory is short), or after `silent_s` without
+    any result.
+    """
+    others = set(multiprocessing.active_children())
+    pool = ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn"))
+    try:
+        open_: set[Future[Tally]] = {pool.submit(work or played_and_judged, chunk) for chunk in chunks}
+        while open_:
+            done, open_ = wait(open_, timeout=silent_s, return_when=FIRST_COMPLETED)
+            if not done:
+                raise WorkersLost(
+                    f"No worker answered for {silent_s:.0f} s",
+                    where=f"{processes} processes, {len(open_)} chunks left",
+                    do="run with --processes 1 to see where it stands",
+                )
+            yield from (one.result() for one in done)
+    except BrokenProcessPool as error:
+        raise WorkersLost(
+            f"A worker process died ({error})",
+            where=f"{processes} processes",
+            do="run with --processes 1 to see why: code that cannot be imported, or too little memory",
+        ) from error
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for child in set(multiprocessing.active_children()) - others:
+            child.terminate()
+            child.join()
+
+
+def played_and_judged(seeds: list[int]) -> Tally:
+    """One chunk. Garbage is collected after it and not in it: a mission leaves few cycles and much that stays."""
     whole = Tally()
-    for seed in seeds:
-        whole.join(one_mission(seed))
-    gc.collect()
+    gc.disable()
+    try:
+        for seed in seeds:
+            whole.join(one_mission(seed))
+    finally:
+        gc.enable()
+        gc.collect()
     return whole
 
 

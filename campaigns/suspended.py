@@ -38,7 +38,7 @@ from harness.contracts.protocol import TERMINAL, Identity, StartRequest
 from harness.contracts.values import Value
 from harness.gate.commit import Gate, Request
 
-BASE = ResourceId("mobile_base")
+BASE = ResourceId("vbot-1/mobile_base")
 HELD_S = 5.0
 ANSWER_S = 30.0
 ENGINEER = Actor(name="ada", role="operator")
@@ -198,5 +198,5 @@ def _start(identity: Identity, token: int, now_s: float) -> StartRequest:
         k_ctx=1,
         configuration=Digest("0" * 64),
         deadline_s=now_s + 60.0,
-        fencing={BASE: token},
+        fencing={BASE.partition("/")[2]: token},
     )

@@ -70,7 +70,7 @@ def contradicted(effect: Metric, packet: EvidencePacket, blobs: Blobs, *, whole:
     moved_m = _moved_m(tail.odometry)
     if moved_m >= REST_M + 0.005:
         return f"odometry says that the body moved {moved_m:.3f} m in its last second"
-    return _torn(_samples(packet, blobs, kind="trajectory")) if whole and not packet.verify_only else ""
+    return torn(_samples(packet, blobs, kind="trajectory")) if whole and not packet.verify_only else ""
 
 
 def _moved_m(odometry: Sequence[Odometry]) -> float:
@@ -84,7 +84,7 @@ def _moved_m(odometry: Sequence[Odometry]) -> float:
     return 1.5 * math.dist(*ends)
 
 
-def _torn(samples: Trajectory) -> str:
+def torn(samples: Trajectory) -> str:
     """Whether localiser and odometry tell different stories of the two seconds before standstill.
 
     Both are read at the same sensor times: where the localiser drops out at the edge of the two seconds, so does the
@@ -101,9 +101,13 @@ def _torn(samples: Trajectory) -> str:
     if len(poses) < 4:
         return "a source is missing before standstill"
     first, last = poses[0], poses[-1]
-    moved = [min(samples.odometry, key=lambda one, pose=pose: abs(one.at_s - pose.at_s)) for pose in (first, last)]  # type: ignore[misc]
-    apart_m = abs(math.dist(_point(first), _point(last)) - math.dist(_point(moved[0]), _point(moved[1])))
+    by_odometry_m = math.dist(*(_point(_nearest(samples.odometry, pose.at_s)) for pose in (first, last)))
+    apart_m = abs(math.dist(_point(first), _point(last)) - by_odometry_m)
     return f"localiser and odometry differ by {apart_m:.2f} m" if apart_m > 2 * AGREE_M else ""
+
+
+def _nearest(odometry: Sequence[Odometry], at_s: float) -> Odometry:
+    return min(odometry, key=lambda one: abs(one.at_s - at_s))
 
 
 def _samples(packet: EvidencePacket, blobs: Blobs, *, kind: str) -> Trajectory:

@@ -31,7 +31,7 @@ from harness.contracts.observations import AnySample
 from harness.contracts.places import Site
 from harness.contracts.ports import BlobStore, Configurations, EventStore, Head, Ids, Record, Signals, StoredEvent
 from harness.contracts.protocol import InvocationReport, RobotStatus
-from harness.contracts.tasks import TaskTemplate
+from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.contracts.values import Value
 from harness.gate.commit import Gate, Request
 from harness.memory.fabric import MemoryFabric
@@ -114,11 +114,8 @@ class Runtime:
         """
         pinned = self._configurations.current_id(start.robot_id)
         configuration = self._configurations.get(pinned)
-        templates = configuration.templates
-        template = template or (by_name(start.template, templates) if start.template else select(start.goal, templates))
-        contract = compile_contract(
-            goal=start.goal or template.goal, template=template, arguments=start.arguments or {}, site=self.site
-        )
+        template = template or _chosen(start, configuration)
+        contract = self._compiled(start, template)
         mission_id = self._ids.mission()
         create = CreateMission(
             mission_id=mission_id,
@@ -136,6 +133,16 @@ class Runtime:
         )
         version = self._configurations.record(pinned)
         return self.commit([Request(mission_stream(mission_id), create)], records=(version,))
+
+    def draft(self, start: Start) -> TaskContract:
+        """The contract that `start` would create now; nothing is written. Raises as `start` does."""
+        configuration = self._configurations.get(self._configurations.current_id(start.robot_id))
+        return self._compiled(start, _chosen(start, configuration))
+
+    def _compiled(self, start: Start, template: TaskTemplate) -> TaskContract:
+        return compile_contract(
+            goal=start.goal or template.goal, template=template, arguments=start.arguments or {}, site=self.site
+        )
 
     def submit(
         self, mission_id: MissionId, command: MissionCommand, *, records: Sequence[Record] = ()
@@ -303,3 +310,9 @@ class Runtime:
     def observations(self, mission_id: MissionId) -> Live | None:
         with self._live_lock:
             return self._live.get(mission_id)
+
+
+def _chosen(start: Start, configuration: Configuration) -> TaskTemplate:
+    """The template that is named, else the one that the goal's words match."""
+    templates = configuration.templates
+    return by_name(start.template, templates) if start.template else select(start.goal, templates)

@@ -6,6 +6,8 @@ it must be noticed by them or by any cheap test that imports from the same room.
 """
 
 import argparse
+import compileall
+import json
 import os
 import random
 import shutil
@@ -15,15 +17,15 @@ import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
+from py_compile import PycInvalidationMode
 from typing import Any
 
 import pytest
 
-from tools.marks import ROOT, Mark, collected, complaint, module_file, pytest_report
+from tools.marks import ROOT, Mark, collected, complaint, module_file
 from tools.mutations import BLUNT, OPERATORS, mutated, planted
 
 LEFT_BEHIND = (
@@ -40,6 +42,7 @@ LEFT_BEHIND = (
 )
 CHEAP = ("tests/unit", "tests/contract", "tests/replay")
 RUN_TIMEOUT_S = 300
+CHOSEN = ("-x", "--timeout=30", "-m", "not mujoco")
 
 
 @dataclass(frozen=True)
@@ -79,9 +82,11 @@ def main() -> None:
         tree = Path(folder) / "tree"
         shutil.copytree(ROOT, tree, ignore=shutil.ignore_patterns(*LEFT_BEHIND))
         _refuse_foreign_imports(tree)
+        compileall.compile_dir(tree, quiet=1, invalidation_mode=PycInvalidationMode.CHECKED_HASH)
         sample = _sample(_mutants(marks, tree=tree), count=chosen.count, seed=chosen.seed)
-        idle = _tests_that_pass_unbroken(sample, tree=tree)
-        survivors = _survivors(sample, tree=tree, idle=idle)
+        with closing(Runs(tree, _environment(tree))) as runs:
+            idle = _tests_that_pass_unbroken(sample, runs=runs)
+            survivors = _survivors(sample, runs=runs, idle=idle)
     if survivors:
         print(f"\n{len(survivors)} of {len(sample)} mutants survived: their tests do not prove all that they claim")
         for mutant in survivors:
@@ -143,25 +148,67 @@ def _sample(mutants: list[Mutant], *, count: str, seed: int) -> list[Mutant]:
     return random.Random(seed).sample(mutants, int(count))
 
 
-def _tests_that_pass_unbroken(sample: Sequence[Mutant], *, tree: Path) -> set[str]:
+class Runs:
+    """Runs of pytest in the copy, forked from one process that has imported the libraries already."""
+
+    def __init__(self, tree: Path, environment: Mapping[str, str]) -> None:
+        self.tree = tree
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "tools.forking"],
+            cwd=tree,
+            env={**os.environ, **environment},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
+
+    def report(self, *arguments: str, timeout_s: float = RUN_TIMEOUT_S) -> dict[str, Any]:
+        """{"code", "output", "marks", "outcomes"} of one run; a run that hangs has the code -1.
+
+        Raises SystemExit where the process itself is gone.
+        """
+        if self._process.stdin is None or self._process.stdout is None:
+            raise SystemExit("The runs have no pipes")
+        with tempfile.TemporaryDirectory() as folder:
+            answer = Path(folder) / "report.json"
+            options = ["-q", "--assert=plain", "-p", "no:cacheprovider", "-p", "tools.reporting"]
+            words = [*options, f"--report-to={answer}", *arguments]
+            order = {"arguments": words, "folder": folder, "timeout_s": timeout_s}
+            self._process.stdin.write(json.dumps(order) + "\n")
+            self._process.stdin.flush()
+            line = self._process.stdout.readline()
+            if not line:
+                raise SystemExit(f"The process that runs the tests ended with {self._process.wait()}")
+            told = Path(folder) / "output"
+            output = told.read_text(encoding="utf-8", errors="replace") if told.is_file() else ""
+            report = json.loads(answer.read_text()) if answer.is_file() else {"marks": [], "outcomes": {}}
+        return {**json.loads(line), "output": output, **report}
+
+    def close(self) -> None:
+        """Let the process end."""
+        self._process.communicate()
+
+
+def _tests_that_pass_unbroken(sample: Sequence[Mutant], *, runs: Runs) -> set[str]:
     """Run every marked test once without any mutant; returns those that were skipped here."""
     tests = sorted({test for mutant in sample for test in mutant.tests})
     print(f"{len(sample)} mutants, {len(tests)} tests; first all of them unbroken", flush=True)
-    report = pytest_report(*tests, root=tree, environment=_environment(tree), timeout_s=3 * RUN_TIMEOUT_S)
-    if report["code"] != pytest.ExitCode.OK:
-        raise SystemExit(f"Red without any mutant:\n{report['output'][-3000:]}")
+    report = _green(runs, *tests, timeout_s=6 * RUN_TIMEOUT_S)
+    _green(runs, tests[0])  # once more, now that the process has imported the libraries
     return {test for test, outcome in report["outcomes"].items() if outcome == "skipped"}
 
 
-def _survivors(sample: Sequence[Mutant], *, tree: Path, idle: set[str]) -> list[Mutant]:
+def _survivors(sample: Sequence[Mutant], *, runs: Runs, idle: set[str]) -> list[Mutant]:
     survivors = []
+    rooms: dict[str, tuple[str, ...]] = {}
     for number, mutant in enumerate(sample, start=1):
         tests = [test for test in mutant.tests if test not in idle]
         if not tests:
             print(f"{number:4d} not run    {mutant.operator}: {mutant.place} (its tests were skipped here)", flush=True)
             continue
         started = time.monotonic()
-        red = _turns_red(mutant, tests, tree=tree)
+        red = _turns_red(mutant, tests, runs=runs, rooms=rooms)
         took = f"{time.monotonic() - started:5.1f} s"
         print(f"{number:4d} {'red     ' if red else 'SURVIVED'} {took} {mutant.operator}: {mutant.place}", flush=True)
         if not red:
@@ -169,14 +216,16 @@ def _survivors(sample: Sequence[Mutant], *, tree: Path, idle: set[str]) -> list[
     return survivors
 
 
-def _turns_red(mutant: Mutant, tests: Sequence[str], *, tree: Path) -> bool:
+def _turns_red(mutant: Mutant, tests: Sequence[str], *, runs: Runs, rooms: dict[str, tuple[str, ...]]) -> bool:
     with _broken(mutant):
-        red = bool(_run(tests, tree=tree)["code"] != pytest.ExitCode.OK)
+        red = bool(_run(tests, runs=runs)["code"] != pytest.ExitCode.OK)
     if red or not mutant.is_fine:
         return red
-    room = _tests_of_the_room(tree, mutant.package)
+    if mutant.package not in rooms:
+        rooms[mutant.package] = _tests_of_the_room(mutant.package, runs=runs)
+    room = rooms[mutant.package]
     with _broken(mutant):
-        return bool(room and _run(room, tree=tree)["code"] != pytest.ExitCode.OK)
+        return bool(room and _run(room, runs=runs)["code"] != pytest.ExitCode.OK)
 
 
 @contextmanager
@@ -189,20 +238,26 @@ def _broken(mutant: Mutant) -> Iterator[None]:
         mutant.path.write_text(original, encoding="utf-8")
 
 
-@cache
-def _tests_of_the_room(tree: Path, package: str) -> tuple[str, ...]:
+def _tests_of_the_room(package: str, *, runs: Runs) -> tuple[str, ...]:
     """Cheap test files that import from the package; they must pass unbroken."""
-    files = sorted(path for folder in CHEAP for path in (tree / folder).rglob("test_*.py"))
-    tests = [path.relative_to(tree).as_posix() for path in files if package in path.read_text(encoding="utf-8")]
-    report = _run(tests, tree=tree)
-    if tests and report["code"] != pytest.ExitCode.OK:
-        raise SystemExit(f"Red without any mutant:\n{report['output'][-3000:]}")
+    files = sorted(path for folder in CHEAP for path in (runs.tree / folder).rglob("test_*.py"))
+    tests = [path.relative_to(runs.tree).as_posix() for path in files if package in path.read_text(encoding="utf-8")]
+    if not tests:
+        return ()
+    _green(runs, *CHOSEN, *tests)
     return tuple(tests)
 
 
-def _run(tests: Sequence[str], *, tree: Path) -> dict[str, Any]:
-    arguments = ("-x", "--timeout=60", "-m", "not mujoco", *tests)
-    return pytest_report(*arguments, root=tree, environment=_environment(tree), timeout_s=RUN_TIMEOUT_S)
+def _run(tests: Sequence[str], *, runs: Runs) -> dict[str, Any]:
+    return runs.report(*CHOSEN, *tests)
+
+
+def _green(runs: Runs, *arguments: str, timeout_s: float = RUN_TIMEOUT_S) -> dict[str, Any]:
+    """The report of a run without any mutant. Raises SystemExit if it is red: then red proves nothing."""
+    report = runs.report(*arguments, timeout_s=timeout_s)
+    if report["code"] != pytest.ExitCode.OK:
+        raise SystemExit(f"Red without any mutant:\n{report['output'][-3000:]}")
+    return report
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ from harness.contracts.decisions import Refused
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import ConditionId, MissionId, RobotId
 from harness.contracts.read_models import ListQuery, MissionItem
-from harness.contracts.revision_commands import DisputeCompletion
+from harness.contracts.revision_commands import DisputeCompletion, WithdrawMission
 from harness.runtime import Start
 
 router = APIRouter(
@@ -93,6 +93,12 @@ def start(console: ConsoleDep, actor: ActorDep, body: StartBody) -> Any:
 def stop(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: ReasonBody) -> Any:
     """Ask for standstill: the status is `stopping` until it is acknowledged and the body is static."""
     return _told(console, mission_id, StopMission(actor=actor, reason=body.reason))
+
+
+@router.post("/missions/{mission_id}/withdraw", responses=answers("MissionOutcome"))
+def withdraw(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: ReasonBody) -> Any:
+    """Take back a mission that waits for its robot: it ends cancelled at once. Refused once it has begun."""
+    return _told(console, mission_id, WithdrawMission(actor=actor, reason=body.reason))
 
 
 @router.post("/missions/{mission_id}/pause", responses=answers("MissionOutcome"))
@@ -165,7 +171,7 @@ def outcome(console: Console, mission_id: MissionId) -> dict[str, Any]:
 def _told(
     console: Console,
     mission_id: MissionId,
-    command: StopMission | PauseMission | ResumeMission | DisputeCompletion,
+    command: StopMission | PauseMission | ResumeMission | WithdrawMission | DisputeCompletion,
 ) -> Any:
     decision = console.runtime.submit(mission_id, command)
     return refusal(decision) if isinstance(decision, Refused) else outcome(console, mission_id)

@@ -11,6 +11,7 @@ from app.routes.audit import Before, Filter, newest_first
 from app.routes.evidence import show as verified_blob
 from app.security import VisitorDep
 from app.views.audit import Wanted
+from harness.contracts.ids import RobotId
 from harness.contracts.memory import KnownCard
 from harness.contracts.read_models import ListQuery
 
@@ -68,9 +69,10 @@ def places(console: ConsoleDep) -> Any:
 
 
 @router.get("/templates", responses=answers("TaskTemplate", many=True))
-def templates(console: ConsoleDep) -> Any:
-    """Task templates of the present configuration, with their parameters."""
-    return [plain(one) for one in console.runtime.configuration.templates]
+def templates(console: ConsoleDep, robot_id: RobotId | None = None) -> Any:
+    """Task templates of the configuration a new mission of this robot is pinned to, with their parameters."""
+    chosen = robot_id or RobotId(console.settings.robots[0])
+    return [plain(one) for one in console.runtime.current_configuration(chosen).templates]
 
 
 @router.get("/providers", responses=answers("CapabilityCard", many=True))

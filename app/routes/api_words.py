@@ -10,9 +10,9 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 from app.errors import problem
 from app.lists import Slice
 from app.routes.listing import bookmark
+from harness.contracts.control import Autonomy
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid
-from harness.contracts.events import Autonomy
 from harness.contracts.read_models import Bookmark, ListOrder
 
 Text = Annotated[str, StringConstraints(max_length=200)]
@@ -74,6 +74,7 @@ class DecisionBody(Body):
     cycle: Annotated[int, Field(ge=0, le=2**53)]
     subject: Sha256
     evidence: Sha256
+    claim: Text = ""
 
 
 def known_parameters(request: Request) -> None:

@@ -1,31 +1,54 @@
 """/handoffs: questions to a person, and their answers."""
 
-from fastapi import APIRouter
+from typing import Annotated
+
+from fastapi import APIRouter, Depends
+from msgspec.structs import replace
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.rendering import render
-from app.views import forms, handoffs, missions
-from app.views.handoffs import HandoffPage, Surface
+from app.routes import handoff_words as words
+from app.routes.handoff_page import Left, kept_question, page_of, unlike
+from app.routes.listing import searching
+from app.views import forms, handoff_list
+from app.views.handoff_list import HandoffsPage
+from app.views.listing import Sought
+from app.views.missions import Counted
 from harness.contracts.actors import Actor
-from harness.contracts.commands import DecideHandoff, LookAgain
 from harness.contracts.decisions import Refused
-from harness.contracts.errors import ContractInvalid
-from harness.contracts.ids import Digest, HandoffId
+from harness.contracts.errors import UnknownName
+from harness.contracts.handoff_commands import LookAgain, PersonCommand
+from harness.contracts.ids import HandoffId
 
 router = APIRouter(prefix="/handoffs")
+SoughtDep = Annotated[Sought, Depends(searching("handoff", "status", "robot", "failure", "mission"))]
 
 
 @router.get("")
-def index(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
-    rows = [handoffs.row(one, console.mission_of(one)) for one in console.runtime.handoffs()]
-    return render("handoffs/index.html", handoffs.handoffs_page(console.shell("Handoffs", "handoffs", actor), rows))
+def index(console: ConsoleDep, actor: ActorDep, sought: SoughtDep) -> HTMLResponse:
+    return render("handoffs/index.html", listed(console, actor, sought))
 
 
 @router.get("/list")
-def listing(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
-    rows = [handoffs.row(one, console.mission_of(one)) for one in console.runtime.handoffs()]
-    return render("handoffs/_list.html", handoffs.handoffs_page(console.shell("", "handoffs", actor), rows))
+def listing(console: ConsoleDep, actor: ActorDep, sought: SoughtDep) -> HTMLResponse:
+    return render("handoffs/_list.html", listed(console, actor, sought))
+
+
+def listed(console: Console, actor: Actor, sought: Sought) -> HandoffsPage:
+    """One page of the list, with what its tabs would show."""
+    group = sought.given.get("status", "")
+    facets = {name: value for name, value in sought.query.facets.items() if name != "status"}
+    queries = {value: replace(sought.query, facets=facets | stands_for) for value, _, stands_for in handoff_list.GROUPS}
+    if group not in queries:
+        raise UnknownName(f"There is no group of handoffs called {group}", do="choose one of the tabs of the list")
+    found = console.lists.handoffs(queries[group])
+    counted = Counted(
+        groups={value: console.lists.count(one) for value, one in queries.items()},
+        tallies=console.lists.tallies("handoff"),
+    )
+    shell = console.shell("Handoffs", "handoffs", actor)
+    return handoff_list.handoffs_page(shell, sought, found.items, found.following, counted)
 
 
 @router.get("/{handoff_id}")
@@ -38,72 +61,85 @@ def question(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId) -> HTM
     return render("handoffs/_question.html", page_of(console, actor, handoff_id))
 
 
+@router.get("/{handoff_id}/shown")
+def shown(console: ConsoleDep, handoff_id: HandoffId) -> HTMLResponse:
+    """Subject and evidence as they stand now: the bytes whose digest a decision on the page carries."""
+    return HTMLResponse(kept_question(console, handoff_id))
+
+
 @router.post("/{handoff_id}/decision")
 def decide(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, typed: FormDep) -> Response:
-    command = decision_of(handoff_id, actor, typed)
-    wrong = forms.wrong_reason(command.reason)
-    if wrong:
-        return _again(console, actor, handoff_id, typed, refused=" ".join(wrong), status=422)
-    decision = console.runtime.answer(command)
-    if isinstance(decision, Refused):
-        return _again(console, actor, handoff_id, typed, refused=decision.message, status=409)
-    return RedirectResponse(f"/handoffs/{handoff_id}", status_code=303)
+    command = words.decision_of(handoff_id, actor, typed)
+    unseen = unlike(console, command) if not forms.wrong_reason(command.reason) else ""
+    if unseen:
+        return _again(console, actor, handoff_id, typed, refused=unseen, status=409)
+    return _said(console, actor, command, typed, reason=command.reason)
 
 
 @router.post("/{handoff_id}/look")
 def look_again(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, typed: FormDep) -> Response:
-    decision = console.runtime.answer(LookAgain(handoff_id=handoff_id, actor=actor))
+    return _said(console, actor, LookAgain(handoff_id=handoff_id, actor=actor), typed)
+
+
+@router.post("/{handoff_id}/claim")
+def claim(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, typed: FormDep) -> Response:
+    return _said(console, actor, words.claim_of(handoff_id, actor, typed), typed)
+
+
+@router.post("/{handoff_id}/release")
+def release(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, typed: FormDep) -> Response:
+    return _said(console, actor, words.release_of(handoff_id, actor, typed), typed)
+
+
+@router.post("/{handoff_id}/on-my-way")
+def on_my_way(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, typed: FormDep) -> Response:
+    return _said(console, actor, words.on_my_way_of(handoff_id, actor, typed), typed)
+
+
+@router.post("/{handoff_id}/choose")
+def choose(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, typed: FormDep) -> Response:
+    return _said(console, actor, words.choice_of(handoff_id, actor, typed), typed)
+
+
+@router.post("/{handoff_id}/attest")
+def attest(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, typed: FormDep) -> Response:
+    command = words.attestation_of(handoff_id, actor, typed)
+    return _said(console, actor, command, typed, reason=command.statement)
+
+
+@router.post("/{handoff_id}/take-over")
+def take_over(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, typed: FormDep) -> Response:
+    command = words.take_over_of(handoff_id, actor, typed)
+    return _said(console, actor, command, typed, reason=command.reason)
+
+
+@router.post("/{handoff_id}/hand-back")
+def hand_back(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, typed: FormDep) -> Response:
+    command = words.hand_back_of(handoff_id, actor, typed)
+    return _said(console, actor, command, typed, reason=command.reason)
+
+
+@router.post("/{handoff_id}/close")
+def close(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, typed: FormDep) -> Response:
+    command = words.closing_of(handoff_id, actor, typed)
+    return _said(console, actor, command, typed, reason=command.reason)
+
+
+def _said(
+    console: Console, actor: Actor, command: PersonCommand, typed: dict[str, str], *, reason: str | None = None
+) -> Response:
+    """Refused with a reason and the question as it is now, or back to its page. `reason` is checked where given."""
+    wrong = forms.wrong_reason(reason) if reason is not None else ()
+    if wrong:
+        return _again(console, actor, command.handoff_id, typed, refused=" ".join(wrong), status=422)
+    decision = console.runtime.answer(command)
     if isinstance(decision, Refused):
-        return _again(console, actor, handoff_id, typed, refused=decision.message, status=409)
-    return RedirectResponse(f"/handoffs/{handoff_id}", status_code=303)
-
-
-def decision_of(handoff_id: HandoffId, actor: Actor, typed: dict[str, str]) -> DecideHandoff:
-    """The person's answer, bound to what their page showed; raises ContractInvalid for a form that is not ours."""
-    try:
-        decision = typed["decision"]
-        if decision not in ("approve", "reject"):
-            raise ValueError(f"decision is {decision[:40]!r}")
-        return DecideHandoff(
-            handoff_id=handoff_id,
-            decision="approve" if decision == "approve" else "reject",
-            actor=actor,
-            reason=typed.get("reason", "").strip(),
-            key=typed["key"],
-            cycle=int(typed["cycle"]),
-            subject=Digest(typed["subject"]),
-            evidence=Digest(typed["evidence"]),
-        )
-    except (KeyError, ValueError) as error:
-        raise ContractInvalid(
-            "The answer is not bound to what was shown",
-            where=f"form field {error}",
-            do="open the handoff again and decide on its page",
-        ) from error
-
-
-def page_of(
-    console: Console, actor: Actor, handoff_id: HandoffId, *, typed: str = "", refused: str = ""
-) -> HandoffPage:
-    """The page as it is now, with a fresh key; raises UnknownName."""
-    handoff = console.runtime.handoff(handoff_id)
-    mission = console.runtime.mission(handoffs.required(handoff).mission_id)
-    live = console.runtime.observations(mission.mission_id)
-    topics = (f"handoff/{handoff_id}", f"mission/{mission.mission_id}", f"live/{mission.mission_id}")
-    surface = Surface(
-        now_s=console.clock(),
-        robot=missions.robot_strip(live.status, live.at_s) if live else None,
-        earlier=console.runtime.handoffs(),
-        key=console.doors.key(),
-        typed=typed,
-        refused=refused,
-    )
-    shell = console.shell(handoffs.title(handoff, mission), "handoffs", actor, topics=topics)
-    return handoffs.handoff_page(shell, handoff, mission, surface)
+        return _again(console, actor, command.handoff_id, typed, refused=decision.message, status=409)
+    return RedirectResponse(f"/handoffs/{command.handoff_id}", status_code=303)
 
 
 def _again(
     console: Console, actor: Actor, handoff_id: HandoffId, typed: dict[str, str], *, refused: str, status: int
 ) -> HTMLResponse:
-    page = page_of(console, actor, handoff_id, typed=typed.get("reason", ""), refused=refused)
-    return render("handoffs/detail.html", page, status=status)
+    left = Left(typed=typed.get("reason", ""), refused=refused, cycle=typed.get("cycle", ""))
+    return render("handoffs/detail.html", page_of(console, actor, handoff_id, left), status=status)

@@ -6,18 +6,27 @@ from typing import Annotated
 from fastapi import APIRouter, Query
 from starlette.responses import PlainTextResponse, StreamingResponse
 
-from app.console import Console, ConsoleDep
+from app.console import ActorDep, Console, ConsoleDep
 
 router = APIRouter()
 TOPICS = 40
 
 
 @router.get("/live")
-async def live(console: ConsoleDep, topic: Annotated[list[str], Query(max_length=TOPICS)]) -> StreamingResponse:
+async def live(
+    console: ConsoleDep, actor: ActorDep, topic: Annotated[list[str], Query(max_length=TOPICS)]
+) -> StreamingResponse:
     """Server-sent events: `hello` with the log's position, then `changed` with a name, and `beat` in between."""
     return StreamingResponse(
-        stream(console, tuple(topic)), media_type="text/event-stream", headers={"X-Accel-Buffering": "no"}
+        present(console, actor.name, tuple(topic)), media_type="text/event-stream", headers={"X-Accel-Buffering": "no"}
     )
+
+
+async def present(console: Console, name: str, topics: tuple[str, ...]) -> AsyncIterator[str]:
+    """The stream of one page; as long as it runs, its reader counts as present."""
+    with console.presence.here(name, topics):
+        async for frame in stream(console, topics):
+            yield frame
 
 
 async def stream(console: Console, topics: tuple[str, ...]) -> AsyncIterator[str]:

@@ -1,5 +1,6 @@
 """/missions: list them, watch one, start one, stop one."""
 
+from collections.abc import Sequence
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request
@@ -10,15 +11,19 @@ from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.rendering import render
 from app.routes.listing import searching
 from app.views import events, forms, missions
-from app.views.forms import StopPage
+from app.views import preview as previews
+from app.views.forms import Again, Before, Offer, StopPage, Wrong
 from app.views.listing import Sought
 from app.views.missions import Counted, MissionsPage
+from app.views.preview import Preview
 from harness.contracts.actors import Actor
 from harness.contracts.commands import StopMission
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.events import MissionCreated
 from harness.contracts.ids import MissionId, RobotId
+from harness.contracts.tasks import TaskTemplate
+from harness.projections.mission import Mission
 from harness.runtime import Start
 
 router = APIRouter(prefix="/missions")
@@ -56,27 +61,35 @@ def listed(console: Console, actor: Actor, sought: Sought) -> MissionsPage:
 
 
 @router.get("/new")
-def new(request: Request, console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
-    return _form(console, actor, dict(request.query_params))
+def new(request: Request, console: ConsoleDep, actor: ActorDep, rerun_of: str = "") -> HTMLResponse:
+    typed = dict(request.query_params)
+    if rerun_of:
+        typed = _as_before(console, MissionId(rerun_of)) | typed
+    return _form(console, actor, typed)
+
+
+@router.post("/preview")
+def preview(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> HTMLResponse:
+    """The form with the contract it would be compiled to; nothing is written."""
+    order, wrong = _order(console, actor, typed)
+    if order is None:
+        return _form(console, actor, typed, wrong=wrong)
+    try:
+        drafted = console.runtime.draft(order)
+    except (UnknownName, ContractInvalid) as error:
+        return _form(console, actor, typed, wrong=[_beside(console, typed, error)])
+    return _form(console, actor, typed, shown=previews.preview(drafted, console.runtime.site))
 
 
 @router.post("")
 def start(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
-    template = next((one for one in console.runtime.configuration.templates if one.name == typed.get("template")), None)
-    wrong = forms.wrong_start(typed, template, console.settings.robots)
-    if wrong or template is None:
-        return _form(console, actor, typed, errors=wrong)
-    order = Start(
-        actor=actor,
-        robot_id=RobotId(typed["robot_id"]),
-        template=template.name,
-        goal=typed["goal"].strip(),
-        arguments=forms.arguments(typed, template),
-    )
+    order, wrong = _order(console, actor, typed)
+    if order is None:
+        return _form(console, actor, typed, wrong=wrong)
     try:
         mission_id = console.keys.once(typed.get("key", ""), lambda: started(console, order))
     except (UnknownName, ContractInvalid) as error:
-        return _form(console, actor, typed, errors=[str(error)])
+        return _form(console, actor, typed, wrong=[_beside(console, typed, error)])
     return RedirectResponse(f"/missions/{mission_id}", status_code=303)
 
 
@@ -113,17 +126,91 @@ def event(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, position:
     return render("missions/event.html", events.event_page(shell, mission_id, entries, position=position))
 
 
-def _form(console: Console, actor: Actor, typed: dict[str, str], *, errors: list[str] | None = None) -> HTMLResponse:
+def _offered(console: Console, typed: dict[str, str]) -> tuple[TaskTemplate, ...]:
+    """Templates of the configuration that a new mission of the chosen robot would be pinned to."""
+    robot_id = RobotId(typed.get("robot_id") or console.settings.robots[0])
+    return console.runtime.current_configuration(robot_id).templates
+
+
+def _template(console: Console, typed: dict[str, str]) -> TaskTemplate | None:
+    return next((one for one in _offered(console, typed) if one.name == typed.get("template")), None)
+
+
+def _order(console: Console, actor: Actor, typed: dict[str, str]) -> tuple[Start | None, list[Wrong]]:
+    """What the form asks for, or what is wrong with it."""
+    template = _template(console, typed)
+    wrong = forms.wrong_start(typed, template, console.settings.robots)
+    if wrong or template is None:
+        return None, wrong
+    again = typed.get("rerun_of", "")
+    if again:
+        console.runtime.mission(MissionId(again))
+    order = Start(
+        actor=actor,
+        robot_id=RobotId(typed["robot_id"]),
+        template=template.name,
+        goal=typed["goal"].strip(),
+        arguments=forms.arguments(typed, template),
+        labels={"rerun_of": again} if again else {},
+    )
+    return order, []
+
+
+def _beside(console: Console, typed: dict[str, str], error: UnknownName | ContractInvalid) -> Wrong:
+    template = _template(console, typed)
+    return forms.about_field(error, typed, template) if template else Wrong("", str(error))
+
+
+def _as_before(console: Console, mission_id: MissionId) -> dict[str, str]:
+    """The form as it was filled in for a mission; parameters that its template has lost since are left out."""
+    mission = console.runtime.mission(mission_id)
+    typed = {"robot_id": str(mission.robot_id), "template": mission.template, "goal": mission.goal}
+    template = _template(console, typed)
+    if template is None or mission.contract is None:
+        return typed
+    return typed | forms.chosen_before(mission.contract, template)
+
+
+def _again(console: Console, typed: dict[str, str]) -> Again | None:
+    if not typed.get("rerun_of"):
+        return None
+    mission = console.runtime.mission(MissionId(typed["rerun_of"]))
+    done = ("committed", "superseded")
+    return Again(
+        mission_id=mission.mission_id,
+        goal=mission.goal,
+        status=mission.status,
+        unaccepted=tuple(name for name, node in mission.nodes.items() if node.status not in done),
+    )
+
+
+def _form(
+    console: Console,
+    actor: Actor,
+    typed: dict[str, str],
+    *,
+    wrong: Sequence[Wrong] = (),
+    shown: Preview | None = None,
+) -> HTMLResponse:
+    robots = console.settings.robots
+    robot_id = typed.get("robot_id") or robots[0]
     page = forms.start_page(
         console.shell("Start a mission", "missions", actor),
-        console.runtime.configuration.templates,
-        console.runtime.site.places,
-        robots=console.settings.robots,
-        typed=typed,
+        Offer(_offered(console, typed), console.runtime.site.places, robots),
+        typed,
         key=typed.get("key") or console.doors.key(),
-        errors=errors or (),
+        wrong=wrong,
+        again=_again(console, typed),
+        ahead=[Before(one.mission_id, one.goal, one.status) for one in waiting_line(console, robot_id)],
+        preview=shown,
     )
-    return render("missions/new.html", page, status=422 if errors else 200)
+    return render("missions/new.html", page, status=422 if wrong else 200)
+
+
+def waiting_line(console: Console, robot_id: str) -> list[Mission]:
+    """Missions of a robot that are not over, in the order in which it does them: oldest first."""
+    mine = (one for one in console.open_missions() if one.robot_id == robot_id and not one.replay)
+    return list(reversed(list(mine)))
 
 
 def _stop_page(console: Console, actor: Actor, mission_id: MissionId, *, errors: tuple[str, ...]) -> StopPage:

@@ -1,16 +1,29 @@
-"""/missions/{id}/report: what became of a mission, to print or as JSON; /log: its events; /facts: one, to its root."""
+"""/missions/{id}/report: what became of a mission, for print, PDF, JSON; its dossier; its log; each fact."""
 
+from collections.abc import Sequence
+from pathlib import Path
+from shutil import rmtree
+from tempfile import mkdtemp
 from typing import Annotated, Any
+from urllib.parse import quote
 
 from fastapi import APIRouter, Query
-from starlette.responses import HTMLResponse, JSONResponse
+from starlette.background import BackgroundTask
+from starlette.responses import FileResponse, HTMLResponse, JSONResponse, RedirectResponse, Response
 
-from app.console import ActorDep, Console, ConsoleDep
+from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.rendering import render
-from app.views import events, facts, report
+from app.report_pdf import report_pdf
+from app.security import VisitorDep
+from app.views import events, facts, forms, report
+from app.views.facts import FactPage
 from app.views.outcome import mission_outcome
-from app.views.report import Journal
-from harness.contracts.ids import Digest, MissionId
+from app.views.report import Journal, ReportPage
+from harness.contracts.actors import Actor
+from harness.contracts.decisions import Refused
+from harness.contracts.errors import HarnessError, UnknownName
+from harness.contracts.ids import ConditionId, Digest, MissionId
+from harness.contracts.revision_commands import DisputeCompletion
 
 router = APIRouter(prefix="/missions/{mission_id}")
 LONGEST = 200
@@ -18,12 +31,45 @@ LONGEST = 200
 
 @router.get("/report")
 def printable(console: ConsoleDep, actor: ActorDep, mission_id: MissionId) -> HTMLResponse:
+    return render("missions/report.html", page_of(console, actor, mission_id))
+
+
+@router.get("/report.pdf")
+def portable(console: ConsoleDep, actor: ActorDep, mission_id: MissionId) -> Response:
+    """The printable report as one file with its pictures; only those whose bytes verify now."""
+    page = page_of(console, actor, mission_id)
+    pictures = {one.blob: console.runtime.blob(Digest(one.blob)) for one in page.pictures if not one.broken}
+    fonts = console.settings.static / "vendor" / "dejavu-2.37"
+    body = report_pdf(page, pictures, fonts=fonts, made_s=console.clock())
+    name = f'attachment; filename="{mission_id}.pdf"'
+    return Response(body, media_type="application/pdf", headers={"Content-Disposition": name})
+
+
+@router.get("/dossier")
+def dossier(console: ConsoleDep, visitor: VisitorDep, mission_id: MissionId) -> Response:
+    """Events, verdicts, decisions and evidence in one signed file, which `regen verify` checks offline."""
+    actor = visitor.acting("export")
+    console.runtime.mission(mission_id)
+    if console.dossier is None:
+        raise UnknownName("This console has no data folder, so it has no key to sign with", do="start it with --data")
+    folder = Path(mkdtemp(prefix="dossier-"))
+    file = folder / f"{mission_id}.dossier.zip"
+    try:
+        console.dossier(mission_id, file, actor.name)
+    except HarnessError:
+        rmtree(folder, ignore_errors=True)
+        raise
+    left = BackgroundTask(rmtree, folder, ignore_errors=True)
+    return FileResponse(file, media_type="application/zip", filename=file.name, background=left)
+
+
+def page_of(console: Console, actor: Actor, mission_id: MissionId, errors: Sequence[str] = ()) -> ReportPage:
+    """The report as it stands now; every picture's bytes are read and hashed."""
     entries = console.histories.of(mission_id)
     mission = console.runtime.mission(mission_id)
     broken = {blob: console.check(Digest(blob)) for blob, _, _ in report.pictures(entries)}
     shell = console.shell(f"Report: {mission.goal}", "missions", actor)
-    page = report.report_page(shell, mission, entries, _journal(console, mission_id), broken)
-    return render("missions/report.html", page)
+    return report.report_page(shell, mission, entries, _journal(console, mission_id), broken, errors=errors)
 
 
 @router.get("/report.json")
@@ -58,11 +104,44 @@ def fact(
     console: ConsoleDep, actor: ActorDep, mission_id: MissionId, packet_id: str, condition_id: str
 ) -> HTMLResponse:
     """One accepted fact, down to blobs that are read and hashed now."""
+    return render("missions/fact.html", _fact(console, actor, mission_id, (packet_id, condition_id)))
+
+
+@router.post("/facts/{packet_id}/{condition_id}/dispute")
+def dispute(
+    console: ConsoleDep, actor: ActorDep, mission_id: MissionId, packet_id: str, condition_id: str, typed: FormDep
+) -> Response:
+    """Say that this acceptance is wrong (D21). `from` says which page it was said on, to go back to it."""
+    wrong = tuple(forms.wrong_reason(typed.get("reason", "")))
+    status = 422
+    if not wrong:
+        mission = console.runtime.mission(mission_id)
+        if any((one.packet_id, one.condition_id) == (packet_id, condition_id) for one in mission.facts):
+            asked = DisputeCompletion(
+                condition_id=ConditionId(condition_id), actor=actor, reason=typed["reason"].strip()
+            )
+            decision = console.runtime.submit(mission_id, asked)
+            wrong = (decision.message,) if isinstance(decision, Refused) else ()
+        else:
+            wrong = ("This acceptance does not stand any more: the stage was opened again since.",)
+        status = 409
+    reported = typed.get("from") == "report"
+    if wrong and reported:
+        return render("missions/report.html", page_of(console, actor, mission_id, wrong), status=status)
+    if wrong:
+        page = _fact(console, actor, mission_id, (packet_id, condition_id), wrong)
+        return render("missions/fact.html", page, status=status)
+    back = "report#facts-title" if reported else f"facts/{quote(packet_id)}/{quote(condition_id)}"
+    return RedirectResponse(f"/missions/{mission_id}/{back}", status_code=303)
+
+
+def _fact(
+    console: Console, actor: Actor, mission_id: MissionId, named: tuple[str, str], errors: Sequence[str] = ()
+) -> FactPage:
     entries = console.histories.of(mission_id)
     mission = console.runtime.mission(mission_id)
-    shell = console.shell(f"Fact {condition_id}", "missions", actor)
-    page = facts.fact_page(shell, mission, entries, (packet_id, condition_id), check=console.check)
-    return render("missions/fact.html", page)
+    shell = console.shell(f"Fact {named[1]}", "missions", actor)
+    return facts.fact_page(shell, mission, entries, named, check=console.check, errors=errors)
 
 
 def _journal(console: Console, mission_id: MissionId) -> Journal:

@@ -9,15 +9,16 @@ import typer
 
 from app.history import Histories
 from app.terminal.answers import DEFAULT_DATA, Data, Json, Progress, exit_code, settings, show, table
+from app.terminal.opening import running
 from app.terminal.owner import owner_api
 from app.views.outcome import mission_outcome
-from harness.bootstrap import Harness, check_faults, open_harness, read_harness
+from harness.bootstrap import Harness, check_faults, read_harness
 from harness.contracts.actors import Actor
 from harness.contracts.commands import StopMission
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import ConditionId, MissionId, RobotId
-from harness.contracts.revision_commands import DisputeCompletion
+from harness.contracts.revision_commands import DisputeCompletion, WithdrawMission
 from harness.projections.mission import Mission
 from harness.recordings import replayed, write_recording
 from harness.runtime import Start
@@ -57,7 +58,7 @@ def run(
         outcome = api.follow(api.post("/missions", body)["mission_id"], lambda _: None)
     else:
         chosen = settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity)
-        with open_harness(chosen) as harness:
+        with running(chosen) as harness:
             outcome = _run(harness, template, _arguments(argument), seed=seed, faults=faults)
             if record_to is not None:
                 write_recording(harness.runtime, MissionId(outcome["mission_id"]), record_to)
@@ -72,7 +73,7 @@ def _run(
     for unfinished in harness.supervisor.unfinished(robot_id):
         typer.echo(f"Going on with {unfinished.mission_id} first: {unfinished.goal}", err=True)
         harness.supervisor.run(unfinished.mission_id, watch=Progress())
-    known = {known.name for known in harness.runtime.configuration.templates}
+    known = {known.name for known in harness.runtime.current_configuration(robot_id).templates}
     start = Start(
         actor=me(),
         robot_id=robot_id,
@@ -103,7 +104,7 @@ def resume(
     if api is not None:
         outcome = api.follow(mission_id, lambda _: None)
     else:
-        with open_harness(settings(data_folder=data, speed=speed, fidelity=fidelity)) as harness:
+        with running(settings(data_folder=data, speed=speed, fidelity=fidelity)) as harness:
             mission = harness.supervisor.run(MissionId(mission_id), watch=Progress())
             outcome = _outcome(harness, mission)
     show(outcome, as_json=as_json, lines=_summary(outcome))
@@ -247,7 +248,7 @@ def stop(
         api.post(f"/missions/{mission_id}/stop", {"reason": reason})
         outcome = api.follow(mission_id, lambda _: None)
     else:
-        with open_harness(settings(data_folder=data, speed=0.0)) as harness:
+        with running(settings(data_folder=data, speed=0.0)) as harness:
             mission = harness.runtime.mission(MissionId(mission_id))
             decision = harness.runtime.submit(mission.mission_id, StopMission(actor=me(), reason=reason))
             if isinstance(decision, Refused):
@@ -256,6 +257,26 @@ def stop(
             outcome = mission_outcome(
                 mission, Histories(harness.runtime).of(mission.mission_id), harness.starts(mission.mission_id)
             )
+    show(outcome, as_json=as_json, lines=_summary(outcome))
+
+
+@app.command()
+def withdraw(
+    mission_id: str,
+    reason: Annotated[str, typer.Option(help="Why; it stands in the log.")],
+    data: Data = DEFAULT_DATA,
+    as_json: Json = False,
+) -> None:
+    """Take back a mission that waits for its robot and has not begun."""
+    api = owner_api(data)
+    if api is not None:
+        outcome = api.post(f"/missions/{mission_id}/withdraw", {"reason": reason})
+    else:
+        with running(settings(data_folder=data, speed=0.0)) as harness:
+            decision = harness.runtime.submit(MissionId(mission_id), WithdrawMission(actor=me(), reason=reason))
+            if isinstance(decision, Refused):
+                raise ContractInvalid(decision.message)
+            outcome = _outcome(harness, harness.runtime.mission(MissionId(mission_id)))
     show(outcome, as_json=as_json, lines=_summary(outcome))
 
 
@@ -272,7 +293,7 @@ def dispute(
     if api is not None:
         outcome = api.post(f"/missions/{mission_id}/facts/{condition}/dispute", {"reason": reason})
     else:
-        with open_harness(settings(data_folder=data, speed=0.0)) as harness:
+        with running(settings(data_folder=data, speed=0.0)) as harness:
             asked = DisputeCompletion(condition_id=ConditionId(condition), actor=me(), reason=reason)
             decision = harness.runtime.submit(MissionId(mission_id), asked)
             if isinstance(decision, Refused):

@@ -20,9 +20,7 @@ class OwnerApi:
     """A client of the console that owns a data folder."""
 
     def __init__(self, url: str, token: str) -> None:
-        self._client = httpx.Client(
-            base_url=f"{url}/api/v1", headers={"Authorization": f"Bearer {token}"}, timeout=30.0, trust_env=False
-        )
+        self._base, self._headers = f"{url}/api/v1", {"Authorization": f"Bearer {token}"}
 
     def get(self, path: str) -> Any:
         """Decoded JSON; raises UnknownName for 404 and HarnessError for any other refusal."""
@@ -46,11 +44,12 @@ class OwnerApi:
 
     def _answer(self, method: str, path: str, **options: Any) -> Any:
         try:
-            response = self._client.request(method, path, **options)
+            with httpx.Client(headers=self._headers, timeout=30.0, trust_env=False) as client:
+                response = client.request(method, f"{self._base}{path}", **options)
         except httpx.HTTPError as error:
             raise HarnessError(
                 f"The owner of this data folder does not answer ({type(error).__name__})",
-                where=str(self._client.base_url),
+                where=self._base,
                 do="stop that process, or wait until it answers",
             ) from error
         if response.is_success:

@@ -1,6 +1,8 @@
 """regen up: the console with the runtime and the simulated robot. regen doctor: what is wrong with a data folder."""
 
 import sys
+import time
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,17 +11,18 @@ import typer
 from pydantic import SecretStr
 
 from app.exposure import check_exposure
+from app.fleet import Fleet
 from app.live import SignalBroker
 from app.main import bind, create_app, serve
 from app.scene import Scenes
 from app.settings import ConsoleSettings
+from app.starting import starting
 from app.terminal.accounts import opened
 from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show
-from harness.bootstrap import Harness, open_harness, owner_of, read_harness
+from harness.bootstrap import Harness, check_faults, open_harness, owner_of, read_harness
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, HarnessError, StoreUnavailable
-from harness.contracts.ids import RobotId
 from harness.runtime import Start
 
 
@@ -30,10 +33,19 @@ def up(
     start: Annotated[str | None, typer.Option(help="Begin with this task template.")] = None,
     seed: Annotated[int, typer.Option(min=0)] = 1,
     fidelity: Annotated[str | None, typer.Option(help="mujoco or kinematic.")] = None,
+    robots: Annotated[str | None, typer.Option(help="Names of the simulated robots: vbot-1,vbot-2.")] = None,
+    fault: Annotated[
+        list[str] | None, typer.Option(help="ROBOT=NAME[:persistent], for the missions that --start begins.")
+    ] = None,
 ) -> None:
-    """Start the console and everything behind it; prints one sign-in link."""
+    """Start the console and everything behind it; prints one sign-in link.
+
+    With --start, every robot that has no mission under way begins one.
+    """
     console = ConsoleSettings() if port is None else ConsoleSettings(port=port)
-    chosen = settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity)
+    named = tuple(name.strip() for name in robots.split(",") if name.strip()) if robots else None
+    chosen = settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity, robots=named)
+    faults = _faults(fault or [], chosen.fleet)
     if chosen.speed == 0:
         raise typer.BadParameter("a console shows missions at a speed above 0", param_hint="--speed")
     with opened(chosen.data_folder) as accounts:
@@ -42,8 +54,9 @@ def up(
         listener = stack.enter_context(bind(console.port, console.host))
         console = console.model_copy(update={"port": listener.getsockname()[1]})
         broker = SignalBroker()
-        sys.stderr.write(f"Opening {chosen.data_folder} and starting {chosen.robot_id} ...\n")
-        harness = stack.enter_context(open_harness(chosen, signals=broker, url=console.local_address))
+        sys.stderr.write(f"Opening {chosen.data_folder} and starting {', '.join(chosen.fleet)} ...\n")
+        with starting(console, listener, chosen.fleet):
+            harness = stack.enter_context(open_harness(chosen, signals=broker, url=console.local_address))
         console = console.model_copy(
             update={
                 "speed": chosen.speed,
@@ -51,8 +64,12 @@ def up(
                 "owner_token": SecretStr(harness.token),
             }
         )
-        _begin(harness, start, seed=seed)
+        _begin(harness, start, seed=seed, faults=faults)
         harness.supervisor.serve()
+        harness.wheel.watch()
+        stack.callback(harness.wheel.close)
+        fleet = Fleet(harness.robots, harness.cameras, time.time)
+        fleet.watch()
         app = create_app(
             harness.runtime,
             console,
@@ -61,7 +78,10 @@ def up(
             starts=harness.starts,
             cards=lambda: (one.card for robot in harness.robots.values() for one in robot.providers()),
             folder=chosen.data_folder,
+            fleet=fleet,
+            wheel=harness.wheel,
         )
+        app.state.alert_watch.watch()
         doors = app.state.doors
         link = "" if doors.has_accounts else f"{console.address}{doors.invite()}"
         way_in = f"Sign in once: {link}" if link else "Sign in with your account."
@@ -69,19 +89,36 @@ def up(
         serve(app, listener)
 
 
-def _begin(harness: Harness, template: str | None, *, seed: int) -> None:
-    """Start a mission of this template unless one is still under way from last time."""
-    if template is None or any(not mission.ended for mission in harness.runtime.missions()):
-        return
-    start = Start(
-        actor=Actor(name="regen up", role="operator"),
-        robot_id=RobotId(next(iter(harness.robots))),
-        template=template,
-        seed=seed,
-    )
-    begun = harness.runtime.start(start)
-    if isinstance(begun, Refused):
-        raise ContractInvalid(begun.message)
+def _begin(harness: Harness, template: str | None, *, seed: int, faults: Mapping[str, str]) -> None:
+    """Start a mission of this template on every robot that has none under way from last time."""
+    busy = {mission.robot_id for mission in harness.runtime.missions() if not mission.ended}
+    for index, robot_id in enumerate(harness.robots if template is not None else ()):
+        if robot_id in busy:
+            continue
+        start = Start(
+            actor=Actor(name="regen up", role="operator"),
+            robot_id=robot_id,
+            template=template or "",
+            seed=seed + index,
+            labels={"faults": faults[robot_id]} if robot_id in faults else {},
+        )
+        begun = harness.runtime.start(start)
+        if isinstance(begun, Refused):
+            raise ContractInvalid(begun.message)
+
+
+def _faults(given: Sequence[str], fleet: Sequence[str]) -> dict[str, str]:
+    """Faults by robot. Raises BadParameter for a robot that does not start, UnknownName for an unknown fault."""
+    found: dict[str, list[str]] = {}
+    for text in given:
+        robot_id, _, name = text.partition("=")
+        if robot_id not in fleet or not name:
+            raise typer.BadParameter(
+                f"{text!r} is not ROBOT=NAME with a robot of {', '.join(fleet)}", param_hint="--fault"
+            )
+        check_faults([name])
+        found.setdefault(robot_id, []).append(name)
+    return {robot_id: ",".join(names) for robot_id, names in found.items()}
 
 
 def doctor(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
@@ -107,6 +144,7 @@ def _examine(data: Path, found: dict[str, Any]) -> None:
         missions = runtime.missions()
         found["missions"] = len(missions)
         found["open_missions"] = [mission.mission_id for mission in missions if not mission.ended]
+        found["problems"] += [f"{one.mission_id} is not run here: {one.reason}" for one in runtime.unreadable()]
         for digest in runtime.blob_digests():
             try:
                 runtime.blob(digest)

@@ -43,6 +43,8 @@ class FactPage:
     packet_event: int
     gate_event: int
     digest: str
+    disputes: tuple[str, ...]
+    errors: tuple[str, ...]
 
 
 def facts(mission: Mission, entries: Sequence[Entry]) -> tuple[FactRow, ...]:
@@ -60,6 +62,7 @@ def fact_page(
     named: tuple[str, str],
     *,
     check: Callable[[Digest], str],
+    errors: Sequence[str] = (),
 ) -> FactPage:
     """`named`: packet and condition. Raises UnknownName for a fact that was never accepted from that packet."""
     packet_id, condition_id = named
@@ -84,6 +87,12 @@ def fact_page(
         packet_event=kept.position,
         gate_event=gate.position,
         digest=gate.digest,
+        disputes=tuple(
+            f"{one.actor.name}{'' if one.root else ', about what this builds on'}: {one.reason}"
+            for one in mission.disputes
+            if (one.condition_id, one.packet_id) == (condition_id, packet_id)
+        ),
+        errors=tuple(errors),
     )
 
 

@@ -3,11 +3,14 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from app.views.preview import Preview
 from app.views.shell import Shell
+from harness.contracts.errors import HarnessError
 from harness.contracts.places import Place
-from harness.contracts.tasks import TaskTemplate
+from harness.contracts.tasks import TaskContract, TaskTemplate
 
 REASON_SIGNS = 200
+GOAL_SIGNS = 2000
 STOP_REASONS = ("unexpected motion", "person in the way", "wrong mission", "no longer needed")
 
 
@@ -22,26 +25,72 @@ class Choice:
 
 @dataclass(frozen=True)
 class ParameterField:
-    """One thing a template lets the person choose. `places` is empty for text and numbers."""
+    """One thing a template lets the person choose. `places` is empty for text and numbers; `wrong` says what to mend."""
 
     name: str
     title: str
     type: str
     value: str
+    needed: bool
+    wrong: str
     places: tuple[Choice, ...]
 
 
 @dataclass(frozen=True)
+class Again:
+    """The mission that a new one repeats, and the stages it did not get accepted."""
+
+    mission_id: str
+    goal: str
+    status: str
+    unaccepted: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Before:
+    """A mission that the chosen robot does first."""
+
+    mission_id: str
+    goal: str
+    status: str
+
+
+@dataclass(frozen=True)
+class Wrong:
+    """What is wrong with a field of the form; `field` is empty for the form as a whole."""
+
+    field: str
+    text: str
+
+
+@dataclass(frozen=True)
 class StartPage:
-    """The form that starts a mission; `errors` are shown above it and take the focus."""
+    """The form that starts a mission; `errors` are shown above it and take the focus, `wrong` beside their fields.
+
+    `ahead` are the missions of the chosen robot that are done first, oldest first. `preview` is a compiled contract.
+    """
 
     shell: Shell
     templates: tuple[Choice, ...]
     robots: tuple[Choice, ...]
     fields: tuple[ParameterField, ...]
     goal: str
+    goal_wrong: str
+    robot_wrong: str
     key: str
     errors: tuple[str, ...]
+    again: Again | None
+    ahead: tuple[Before, ...]
+    preview: Preview | None
+
+
+@dataclass(frozen=True)
+class Offer:
+    """What may be chosen: templates, places and robots."""
+
+    templates: Sequence[TaskTemplate]
+    places: Sequence[Place]
+    robots: Sequence[str]
 
 
 @dataclass(frozen=True)
@@ -59,42 +108,73 @@ class StopPage:
 
 def start_page(
     shell: Shell,
-    templates: Sequence[TaskTemplate],
-    places: Sequence[Place],
-    *,
-    robots: Sequence[str],
+    offer: Offer,
     typed: Mapping[str, str],
+    *,
     key: str,
-    errors: Sequence[str] = (),
+    wrong: Sequence[Wrong] = (),
+    again: Again | None = None,
+    ahead: Sequence[Before] = (),
+    preview: Preview | None = None,
 ) -> StartPage:
     """The form as the person left it; the first template is chosen before anything was typed."""
+    templates = offer.templates
     wanted = typed.get("template", "") or (templates[0].name if templates else "")
     template = next((one for one in templates if one.name == wanted), None)
+    beside = {one.field: one.text for one in wrong if one.field}
     return StartPage(
         shell=shell,
         templates=tuple(Choice(one.name, one.title, one.name == wanted) for one in templates),
-        robots=tuple(Choice(one, one, one == typed.get("robot_id", "")) for one in robots),
-        fields=_fields(template, places, typed) if template else (),
+        robots=tuple(Choice(one, one, one == typed.get("robot_id", "")) for one in offer.robots),
+        fields=_fields(template, offer.places, typed, beside) if template else (),
         goal=typed.get("goal", template.goal if template else ""),
+        goal_wrong=beside.get("goal", ""),
+        robot_wrong=beside.get("robot_id", ""),
         key=key,
-        errors=tuple(errors),
+        errors=tuple(one.text for one in wrong),
+        again=again,
+        ahead=tuple(ahead),
+        preview=preview,
     )
 
 
-def wrong_start(typed: Mapping[str, str], template: TaskTemplate | None, robots: Sequence[str]) -> list[str]:
+def wrong_start(typed: Mapping[str, str], template: TaskTemplate | None, robots: Sequence[str]) -> list[Wrong]:
     """What a person must mend before a mission can be compiled."""
-    wrong = [] if template else ["Choose what to do: there is no such template."]
+    wrong = [] if template else [Wrong("template", "Choose what to do: there is no such template.")]
     if typed.get("robot_id", "") not in robots:
-        wrong.append("Choose a robot that this installation has.")
-    if not typed.get("goal", "").strip():
-        wrong.append("Say the goal in your own words.")
+        wrong.append(Wrong("robot_id", "Choose a robot that this installation has."))
+    goal = typed.get("goal", "").strip()
+    if not goal:
+        wrong.append(Wrong("goal", "Say the goal in your own words."))
+    if len(goal) > GOAL_SIGNS:
+        wrong.append(Wrong("goal", f"Keep the goal below {GOAL_SIGNS} signs."))
     for parameter in template.parameters if template else ():
         value = typed.get(parameter.name, "").strip()
         if not value and parameter.default is None:
-            wrong.append(f"{parameter.title} is missing.")
+            wrong.append(Wrong(parameter.name, f"{parameter.title} is missing."))
         if value and parameter.type == "number" and not _is_number(value):
-            wrong.append(f"{parameter.title} must be a number, not “{value[:40]}”.")
+            wrong.append(Wrong(parameter.name, f"{parameter.title} must be a number, not “{value[:40]}”."))
     return wrong
+
+
+def about_field(error: HarnessError, typed: Mapping[str, str], template: TaskTemplate) -> Wrong:
+    """An error of the compiler beside the field it is about: the one it names, or whose value it quotes."""
+    said = str(error)
+    for parameter in template.parameters:
+        value = typed.get(parameter.name, "").strip()
+        if f"argument {parameter.name}" in error.where or (value and repr(value[:80]) in said):
+            return Wrong(parameter.name, said)
+    return Wrong("", said)
+
+
+def chosen_before(contract: TaskContract, template: TaskTemplate) -> dict[str, str]:
+    """What a person had chosen for the template's parameters, as the form's fields take it."""
+    found = {}
+    for parameter in template.parameters:
+        bound = contract.bindings.get(parameter.name)
+        if bound is not None:
+            found[parameter.name] = str(bound["place_id"] if isinstance(bound, Mapping) else bound)
+    return found
 
 
 def arguments(typed: Mapping[str, str], template: TaskTemplate) -> dict[str, str | float]:
@@ -109,13 +189,17 @@ def wrong_reason(reason: str) -> list[str]:
     return [f"Keep the reason below {REASON_SIGNS} signs."] if len(reason.strip()) > REASON_SIGNS else []
 
 
-def _fields(template: TaskTemplate, places: Sequence[Place], typed: Mapping[str, str]) -> tuple[ParameterField, ...]:
+def _fields(
+    template: TaskTemplate, places: Sequence[Place], typed: Mapping[str, str], wrong: Mapping[str, str]
+) -> tuple[ParameterField, ...]:
     return tuple(
         ParameterField(
             name=one.name,
             title=one.title,
             type=one.type,
             value=(value := typed.get(one.name, "" if one.default is None else str(one.default))),
+            needed=one.default is None,
+            wrong=wrong.get(one.name, ""),
             places=tuple(Choice(place.place_id, place.name, place.place_id == value) for place in places)
             if one.type == "place"
             else (),

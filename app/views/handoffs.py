@@ -1,17 +1,16 @@
-"""Pure: handoffs as a list, and one question to a person: what happens without an answer first, the action last."""
+"""Pure: one question to a person: what happens without an answer first, then what to decide."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
-from app.views.budgets import Budget, budget
-from app.views.measures import ConditionRow, condition_row, quantity
-from app.views.missions import RobotStrip
+from app.views.handoff_shown import ACTIONS, Difference, ShownQuestion, shown_question
+from app.views.handoff_steps import Line, Similar, Step, Told, history, similar, steps
+from app.views.places import SiteMap
+from app.views.robots import CameraView, RobotWord
 from app.views.shell import Shell
-from harness.contracts.handoff_events import HandoffOpened, ProposedAction
-from harness.contracts.ids import sha256
-from harness.contracts.values import encode
+from harness.contracts.handoff_events import HandoffOpened
+from harness.contracts.read_models import HandoffItem
+from harness.contracts.values import Point
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
 
@@ -22,115 +21,122 @@ NO_ANSWER = {
     "lie_down": "the robot lies down where it is",
     "retreat": "the robot goes back the way that was authorised before",
 }
-ACTIONS = {
-    "re_perceive": "Look again with its own sensors",
-    "adjust_view": "Turn a little and look again",
-    "retry": "Try the same stage again",
-    "local_replan": "Plan a way round and go on",
-    "switch_skill": "Let another provider do the stage",
-}
 
 
 @dataclass(frozen=True)
 class HandoffRow:
-    """One question in a list."""
+    """One question in a list. `waits`: nobody has decided yet."""
 
     handoff_id: str
     mission_id: str
+    robot_id: str
     title: str
     failure: str
     status: str
+    waits: bool
+    holder: str
     opened_at_s: float
     deadline_at_s: float
     answered: str
 
 
 @dataclass(frozen=True)
-class HandoffsPage:
-    """Open questions first, then how earlier ones ended."""
-
-    shell: Shell
-    waiting: tuple[HandoffRow, ...]
-    ended: tuple[HandoffRow, ...]
-
-
-@dataclass(frozen=True)
-class Step:
-    """One of the facts that follow a decision: each stands for itself, none is assumed."""
+class RobotMark:
+    """Where the robot stands on the map, by its own localiser, in the map's drawing: y grows downwards."""
 
     name: str
-    state: str
-    text: str
-
-
-@dataclass(frozen=True)
-class ActionView:
-    """What would run, read back from the very bytes whose digest is approved. `sound` is false if they differ."""
-
-    title: str
-    rows: tuple[tuple[str, str], ...]
-    parameters: tuple[tuple[str, str], ...]
-    limits: tuple[tuple[str, str], ...]
-    digest: str
-    body: str
-    sound: bool
-
-
-@dataclass(frozen=True)
-class SnapshotView:
-    """The robot as it stood when it was looked at; the picture is evidence by digest."""
-
-    taken_at_s: float
-    x_m: float
-    y_m: float
+    x: float
+    y: float
     yaw_deg: float
-    static: bool
-    image: str
+    live: bool
 
 
 @dataclass(frozen=True)
-class Similar:
-    """How earlier questions of this kind at this stage ended."""
+class Choice:
+    """Another action that could be proposed instead."""
 
-    total: int
+    action: str
+    title: str
+    chosen: bool
+
+
+@dataclass(frozen=True)
+class Attestable:
+    """A condition that a person may attest to, where the stage's evidence policy names them."""
+
+    condition_id: str
     text: str
+
+
+@dataclass(frozen=True)
+class Holding:
+    """Whose question it is. `mine`: this person's; `token` is theirs, or a fresh one to claim with."""
+
+    name: str
+    mine: bool
+    until_at_s: float
+    token: str
+    device: str
+    taken_over: bool
+    can_extend: bool
+    extended_by: str
 
 
 @dataclass(frozen=True)
 class HandoffPage:
-    """Everything a person needs to answer, and exactly what the answer is bound to."""
+    """Everything a person needs to answer, and exactly what the answer is bound to. `shown` is what they saw."""
 
     shell: Shell
     handoff_id: str
     mission_id: str
-    node_id: str
+    robot_id: str
     title: str
     status: str
-    open: bool
-    cycle: int
-    k: int
-    subject: str
-    evidence: str
-    failure: str
-    reason: str
-    risk: str
+    waits: bool
+    answerable: bool
     no_answer: str
-    opened_at_s: float
     deadline_at_s: float
     now_s: float
     fresh_until_s: float
-    snapshot: SnapshotView
-    robot: RobotStrip | None
-    conditions: tuple[ConditionRow, ...]
-    verdict: str
-    budget: Budget
-    action: ActionView | None
+    shown: str
+    question: ShownQuestion
+    robot: RobotWord | None
+    camera: CameraView | None
+    map: SiteMap
+    marks: tuple[RobotMark, ...]
+    hold: Holding
+    viewers: tuple[str, ...]
+    escalated: tuple[str, ...]
+    choices: tuple[Choice, ...]
+    attestable: tuple[Attestable, ...]
     steps: tuple[Step, ...]
-    similar: Similar
+    similar: tuple[Similar, ...]
+    lines: tuple[Line, ...]
     reasons: tuple[str, ...]
     typed: str
     key: str
     refused: str
+    changes: tuple[Difference, ...]
+
+
+@dataclass(frozen=True)
+class Surface:
+    """What the page needs beside the handoff and its mission: the instant, the robot, the person, the form as left."""
+
+    now_s: float
+    person: str
+    key: str
+    shown: str
+    told: Told
+    earlier: Sequence[HandoffItem]
+    map: SiteMap
+    robot: RobotWord | None = None
+    camera: CameraView | None = None
+    live_at: tuple[float, float, float] | None = None
+    viewers: tuple[str, ...] = ()
+    typed: str = ""
+    refused: str = ""
+    changes: tuple[Difference, ...] = ()
 
 
 def title(handoff: Handoff, mission: Mission | None) -> str:
@@ -141,81 +147,61 @@ def title(handoff: Handoff, mission: Mission | None) -> str:
     stage = opened.node_id.replace("_", " ")
     if mission is not None and mission.contract is not None and opened.node_id in mission.nodes:
         stage = mission.contract.node(opened.node_id).subgoal
-    verb = "asked about" if handoff.status != "open" else "cannot finish"
-    return f"{opened.robot_id} {verb} “{stage}”" + (" and asks you" if handoff.status == "open" else "")
+    verb = "cannot finish" if handoff.waits else "asked about"
+    return f"{opened.robot_id} {verb} “{stage}”" + (" and asks you" if handoff.waits else "")
 
 
 def row(handoff: Handoff, mission: Mission | None) -> HandoffRow:
-    opened = required(handoff)
-    answer = handoff.answer
+    opened, answer = required(handoff), handoff.answer
     return HandoffRow(
         handoff_id=handoff.handoff_id,
         mission_id=opened.mission_id,
+        robot_id=opened.robot_id,
         title=title(handoff, mission),
         failure=opened.failure,
         status=handoff.status,
+        waits=handoff.waits,
+        holder=handoff.claim.actor.name if handoff.claim and handoff.waits else "",
         opened_at_s=opened.opened_at_s,
         deadline_at_s=opened.deadline_at_s,
         answered=f"{answer.actor.name}: {answer.reason}" if answer else handoff.outcome,
     )
 
 
-def handoffs_page(shell: Shell, rows: Sequence[HandoffRow]) -> HandoffsPage:
-    return HandoffsPage(
-        shell=shell,
-        waiting=tuple(one for one in rows if one.status == "open"),
-        ended=tuple(one for one in rows if one.status != "open"),
-    )
-
-
-@dataclass(frozen=True)
-class Surface:
-    """What the page needs beside the handoff and its mission: the instant, the robot, the form as it was left."""
-
-    now_s: float
-    robot: RobotStrip | None
-    earlier: Sequence[Handoff]
-    key: str
-    typed: str = ""
-    refused: str = ""
-
-
 def handoff_page(shell: Shell, handoff: Handoff, mission: Mission, surface: Surface) -> HandoffPage:
     opened = required(handoff)
-    state = mission.nodes.get(opened.node_id)
-    verdict = state.verdicts[-1] if state and state.verdicts else None
     return HandoffPage(
         shell=shell,
         handoff_id=handoff.handoff_id,
         mission_id=opened.mission_id,
-        node_id=opened.node_id,
+        robot_id=opened.robot_id,
         title=title(handoff, mission),
         status=handoff.status,
-        open=handoff.status == "open",
-        cycle=handoff.cycle,
-        k=opened.k,
-        subject=opened.subject,
-        evidence=opened.evidence,
-        failure=opened.failure,
-        reason=opened.reason,
-        risk=opened.risk,
+        waits=handoff.waits,
+        answerable=handoff.answerable,
         no_answer=NO_ANSWER[opened.no_answer],
-        opened_at_s=opened.opened_at_s,
         deadline_at_s=opened.deadline_at_s,
         now_s=surface.now_s,
         fresh_until_s=opened.snapshot.taken_at_s + FRESH_S,
-        snapshot=_snapshot(opened),
+        shown=surface.shown,
+        question=shown_question(opened, mission),
         robot=surface.robot,
-        conditions=tuple(condition_row(result) for result in verdict.results) if verdict else (),
-        verdict=verdict.verdict if verdict else "",
-        budget=budget(mission, opened.node_id),
-        action=action_view(opened.proposal, subject=opened.subject),
-        steps=_steps(handoff, mission),
-        similar=similar(handoff, surface.earlier),
+        camera=surface.camera,
+        map=surface.map,
+        marks=_marks(opened, surface.live_at),
+        hold=_holding(handoff, surface),
+        viewers=tuple(name for name in surface.viewers if name != surface.person),
+        escalated=tuple(level.replace("_", " ") for level in handoff.escalated),
+        choices=_choices(opened),
+        attestable=_attestable(opened, mission),
+        steps=steps(handoff, mission, surface.told),
+        similar=similar(surface.earlier, handoff),
+        lines=history(surface.told),
         reasons=REASONS,
         typed=surface.typed,
         key=surface.key,
         refused=surface.refused,
+        changes=surface.changes,
     )
 
 
@@ -226,87 +212,47 @@ def required(handoff: Handoff) -> HandoffOpened:
     return handoff.opened
 
 
-def action_view(proposal: ProposedAction | None, *, subject: str) -> ActionView | None:
-    """Rows come from the canonical bytes, so that nothing can be shown that is not digested."""
-    if proposal is None:
-        return None
-    body = encode(proposal)
-    said: dict[str, Any] = json.loads(body)
-    action, parameters, limits = said.pop("action"), said.pop("parameters"), said.pop("limits")
-    return ActionView(
-        title=ACTIONS.get(action, action.replace("_", " ")),
-        rows=(("action", action), *((name.replace("_", " "), _shown(value)) for name, value in said.items())),
-        parameters=tuple((quantity(name, "")[0], _valued(name, value)) for name, value in parameters.items()),
-        limits=tuple(quantity(name, value) for name, value in limits.items()),
-        digest=sha256(body),
-        body=body.decode(),
-        sound=sha256(body) == subject,
-    )
-
-
-def similar(handoff: Handoff, earlier: Sequence[Handoff]) -> Similar:
-    """Questions about the same stage for the same reason, this one not counted."""
+def _holding(handoff: Handoff, surface: Surface) -> Holding:
+    claim = handoff.claim if handoff.claim and handoff.claim.until_at_s > surface.now_s else None
+    mine = claim is not None and claim.actor.name == surface.person
     opened = required(handoff)
-    alike = [
-        one
-        for one in earlier
-        if one.opened is not None
-        and one.handoff_id != handoff.handoff_id
-        and (one.opened.node_id, one.opened.failure) == (opened.node_id, opened.failure)
-    ]
-    ends: dict[str, int] = {}
-    for one in alike:
-        ends[one.status] = ends.get(one.status, 0) + 1
-    return Similar(total=len(alike), text=", ".join(f"{many} {status}" for status, many in sorted(ends.items())))
+    limit_s = opened.limit_at_s or opened.deadline_at_s
+    return Holding(
+        name=claim.actor.name if claim else "",
+        mine=mine,
+        until_at_s=claim.until_at_s if claim else 0.0,
+        token=claim.claim if claim and mine else surface.key,
+        device=handoff.control.device if handoff.control else "",
+        taken_over=handoff.status == "taken_over",
+        can_extend=handoff.extended_by is None and limit_s > opened.deadline_at_s + 1.0,
+        extended_by=handoff.extended_by.name if handoff.extended_by else "",
+    )
 
 
-def _snapshot(opened: HandoffOpened) -> SnapshotView:
+def _marks(opened: HandoffOpened, live: tuple[float, float, float] | None) -> tuple[RobotMark, ...]:
     seen = opened.snapshot
-    return SnapshotView(
-        taken_at_s=seen.taken_at_s,
-        x_m=seen.x_m,
-        y_m=seen.y_m,
-        yaw_deg=seen.yaw_rad * 57.29578,
-        static=seen.static,
-        image=seen.image or "",
-    )
+    found = [_mark("when it was looked at", (seen.x_m, seen.y_m), seen.yaw_rad, live=False)]
+    if live is not None:
+        found.append(_mark(f"{opened.robot_id} now", (live[0], live[1]), live[2], live=True))
+    return tuple(found)
 
 
-def _steps(handoff: Handoff, mission: Mission) -> tuple[Step, ...]:
-    """Approved, dispatched, moving, verified: after a decision only."""
-    answer = handoff.answer
-    if handoff.status == "open":
+def _mark(name: str, at: Point, yaw_rad: float, *, live: bool) -> RobotMark:
+    return RobotMark(name=name, x=round(at[0], 2), y=round(-at[1], 2), yaw_deg=round(-yaw_rad * 57.29578, 1), live=live)
+
+
+def _choices(opened: HandoffOpened) -> tuple[Choice, ...]:
+    now = opened.proposal.action if opened.proposal else ""
+    return tuple(Choice(action=one, title=ACTIONS[one], chosen=one == now) for one in opened.choices)
+
+
+def _attestable(opened: HandoffOpened, mission: Mission) -> tuple[Attestable, ...]:
+    contract = mission.contract
+    if (
+        contract is None
+        or opened.node_id not in mission.nodes
+        or not contract.node(opened.node_id).evidence.attestation
+    ):
         return ()
-    if handoff.status in ("rejected", "expired", "superseded") or answer is None:
-        who = f"{answer.actor.name}: {answer.reason}" if answer else handoff.outcome or "nobody answered in time"
-        ended = "done" if mission.ended else "pending"
-        return (
-            Step(name=handoff.status, state="done", text=who),
-            Step(name="mission", state=ended, text=f"{mission.status.replace('_', ' ')}. {mission.reason}".strip()),
-        )
-    sent = handoff.invocation_id is not None
-    open_now = mission.invocation is not None and mission.invocation.intent.invocation_id == handoff.invocation_id
-    moving = "current" if open_now else "done" if sent else "pending"
-    known = handoff.status in ("confirmed", "failed", "unknown")
-    return (
-        Step(name="approved", state="done", text=f"{answer.actor.name}: {answer.reason}"),
-        Step(name="dispatched", state="done" if sent else "pending", text=handoff.invocation_id or "not yet"),
-        Step(name="moving", state=moving, text="under way" if open_now else "ended" if sent else "not yet"),
-        Step(
-            name="verified",
-            state="done" if handoff.status == "confirmed" else "bad" if known else "pending",
-            text=f"{handoff.status}: {handoff.outcome}" if known else "the harness has not confirmed an effect yet",
-        ),
-    )
-
-
-def _shown(value: Any) -> str:
-    return value if isinstance(value, str) else json.dumps(value)
-
-
-def _valued(name: str, value: Any) -> str:
-    if isinstance(value, float | int) and not isinstance(value, bool):
-        return quantity(name, value)[1]
-    if isinstance(value, list) and len(value) > 6:
-        return f"{len(value)} points, from {_shown(value[0])} to {_shown(value[-1])}"
-    return _shown(value)
+    conditions = contract.node(opened.node_id).success_conditions
+    return tuple(Attestable(condition_id=one.condition_id, text=one.text) for one in conditions)

@@ -97,6 +97,8 @@ class Head:
     sentence: str
     ended: bool
     labels: str
+    disputed: int
+    rerun_of: str
 
 
 @dataclass(frozen=True)
@@ -196,7 +198,9 @@ def head(mission: Mission, entries: Sequence[Entry]) -> Head:
         handoff_id=mission.handoff_id or "",
         sentence=sentence(mission),
         ended=any(isinstance(entry.event, MissionEnded) for entry in entries),
-        labels=", ".join(f"{name} {value}" for name, value in mission.labels.items()),
+        labels=", ".join(f"{name} {value}" for name, value in mission.labels.items() if name != "rerun_of"),
+        disputed=mission.false_completions,
+        rerun_of=mission.labels.get("rerun_of", ""),
     )
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from app.views.facts import FactRow, facts
 from app.views.measures import ConditionRow, condition_row
 from app.views.missions import Head, head
 from app.views.shell import Shell
@@ -81,7 +82,10 @@ class ReportPage:
     receipts: tuple[Word, ...]
     pictures: tuple[Shown, ...]
     deeds: tuple[Deed, ...]
-    disputed: int
+    disputes: tuple[Deed, ...]
+    facts: tuple[FactRow, ...]
+    unaccepted: tuple[str, ...]
+    errors: tuple[str, ...]
     starts: int | None
     duplicates: int | None
     position: int
@@ -97,7 +101,13 @@ class Journal:
 
 
 def report_page(
-    shell: Shell, mission: Mission, entries: Sequence[Entry], journal: Journal, broken: dict[str, str]
+    shell: Shell,
+    mission: Mission,
+    entries: Sequence[Entry],
+    journal: Journal,
+    broken: dict[str, str],
+    *,
+    errors: Sequence[str] = (),
 ) -> ReportPage:
     """`broken`: for every picture whose bytes do not match their digest now, why."""
     said = _words(entries)
@@ -118,7 +128,16 @@ def report_page(
             for blob, node_id, at_s in pictures(entries)
         ),
         deeds=_deeds(entries),
-        disputed=mission.false_completions,
+        disputes=tuple(
+            Deed(entry.mission_s, entry.event.actor.name, f"{entry.event.condition_id}: {entry.event.reason}")
+            for entry in entries
+            if isinstance(entry.event, CompletionDisputed)
+        ),
+        facts=facts(mission, entries),
+        unaccepted=tuple(
+            name for name, node in mission.nodes.items() if node.status not in ("committed", "superseded")
+        ),
+        errors=tuple(errors),
         starts=journal.starts,
         duplicates=journal.duplicates,
         position=entries[-1].position,
@@ -188,7 +207,9 @@ def _deeds(entries: Sequence[Entry]) -> tuple[Deed, ...]:
     for entry in entries:
         match entry.event:
             case HandoffAnswered(actor=actor, decision=decision, reason=reason):
-                found.append(Deed(entry.mission_s, f"{actor.name} ({actor.channel})", f"{decision}: {reason}"))
+                found.append(
+                    Deed(entry.mission_s, f"{actor.name} ({actor.channel})", f"{decision.replace('_', ' ')}: {reason}")
+                )
             case StopRequested(actor=actor, reason=reason):
                 found.append(Deed(entry.mission_s, actor.name, f"asked to stop: {reason}"))
             case CompletionDisputed(actor=actor, reason=reason):

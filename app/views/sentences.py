@@ -2,10 +2,12 @@
 
 from typing import Literal, assert_never
 
+from harness.contracts.control import AutonomySet
 from harness.contracts.events import (
     CommitRejected,
     CompletionReported,
     ContractCompiled,
+    ContractRecompiled,
     DispatchIntended,
     EpochChanged,
     FailureClassified,
@@ -49,12 +51,14 @@ Tone = Literal["plain", "good", "warn", "bad"]
 
 FAMILY: dict[str, Family] = {
     "MissionCreated": "person", "ContractCompiled": "plan", "MissionActivated": "gate", "NodePlanned": "plan",
+    "ContractRecompiled": "plan",
     "DispatchIntended": "dispatch", "InvocationAccepted": "dispatch", "InvocationStopRequested": "dispatch",
     "InvocationResumed": "dispatch", "InvocationEnded": "dispatch", "PreconditionRefused": "dispatch",
     "PacketRetained": "evidence", "VerdictRecorded": "verify", "NodeCommitted": "gate", "CommitRejected": "gate",
     "ObservationRecorded": "evidence", "EpochChanged": "evidence", "VetoRaised": "gate", "VetoCleared": "gate",
     "FailureClassified": "recovery", "RecoveryAuthorised": "recovery", "NodeFailed": "recovery",
     "HandoffRequested": "person", "HandoffAnswered": "person", "OperatorRetryGranted": "person",
+    "AutonomySet": "person",
     "MissionPaused": "person", "MissionResumed": "person", "StopRequested": "person", "StopAcknowledged": "evidence",
     "GraphRevised": "plan", "ConstraintsTightened": "gate", "AttestationRecorded": "person",
     "CompletionDisputed": "person",
@@ -69,6 +73,8 @@ def sentence(event: MissionEvent) -> str:
             return f"{event.requested_by.name} asked: “{event.goal}”"
         case ContractCompiled():
             return f"Compiled to {len(event.contract.nodes)} stages under {event.contract.template}"
+        case ContractRecompiled():
+            return f"Compiled again: configuration {event.configuration[:12]} became current before it began"
         case MissionActivated():
             return "The mission began"
         case NodePlanned():
@@ -118,13 +124,17 @@ def sentence(event: MissionEvent) -> str:
         case HandoffRequested():
             return f"{event.node_id}: a person is asked, after {_words(event.failure)}. {event.reason}".strip()
         case HandoffAnswered():
-            return f"{event.actor.name} ({event.actor.channel}): {event.decision}. {event.reason}".strip()
+            said = _words(event.decision)
+            return f"{event.actor.name} ({event.actor.channel}): {said}. {event.reason}".strip()
         case OperatorRetryGranted():
             return f"{event.node_id}: one further attempt granted by a person"
         case AttestationRecorded():
             return f"{event.actor.name} attested {event.condition_id} with their own eyes"
         case CompletionDisputed():
             return f"{event.actor.name} disputes {event.condition_id}, which was accepted: {event.reason}"
+        case AutonomySet():
+            bound = "this mission" if event.scope == "mission" else "every mission"
+            return f"{event.actor.name} set autonomy of {bound} to {_words(event.autonomy)}: {event.reason}"
         case MissionPaused():
             return f"{event.actor.name} paused the mission: {event.reason}"
         case MissionResumed():
@@ -157,7 +167,14 @@ def tone(event: MissionEvent) -> Tone:
             return _judged(event)
         case MissionEnded():
             return "good" if event.status == "succeeded" else "bad"
-        case FailureClassified() | RecoveryAuthorised() | HandoffRequested() | PreconditionRefused() | MissionPaused():
+        case (
+            FailureClassified()
+            | RecoveryAuthorised()
+            | HandoffRequested()
+            | PreconditionRefused()
+            | MissionPaused()
+            | AutonomySet()
+        ):
             return "warn"
         case NodeCommitted() | CompletionReported():
             return "good"

@@ -21,7 +21,8 @@ class StopControl:
 class Shell:
     """`topics` are the signal names this page listens to; `position` is the log's end when it was made.
 
-    `may` is what the operator's roles allow: a template hides what would be refused, and decides nothing.
+    `others` are those who have a page open too. `may` is what the operator's roles allow: a template hides what would
+    be refused, and decides nothing.
     """
 
     title: str
@@ -31,10 +32,12 @@ class Shell:
     may: tuple[str, ...]
     running: int
     waiting: int
+    alerts: int
     robots: tuple[StopControl, ...]
     topics: str
     position: int
     now_s: float
+    others: str
 
 
 @dataclass(frozen=True)
@@ -54,6 +57,8 @@ class Surroundings:
     actor: Actor
     position: int
     now_s: float
+    present: Sequence[str] = ()
+    alerts: int = 0
 
 
 def shell(title: str, section: str, around: Surroundings, *, topics: Sequence[str] = ()) -> Shell:
@@ -65,10 +70,12 @@ def shell(title: str, section: str, around: Surroundings, *, topics: Sequence[st
         may=permissions_of(around.actor.role.split("+")),
         running=sum(not mission.ended for mission in around.missions),
         waiting=around.waiting,
+        alerts=around.alerts,
         robots=stop_controls(around.missions, around.robots),
-        topics=" ".join((*topics, "mission/", "handoff/")),
+        topics=" ".join((*topics, "mission/", "handoff/", "alert/")),
         position=around.position,
         now_s=around.now_s,
+        others=", ".join(one for one in around.present if one != around.actor.name),
     )
 
 

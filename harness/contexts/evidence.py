@@ -39,10 +39,14 @@ class Source:
 
 
 def sources_of(view: StateView, packet: EvidencePacket) -> list[Source]:
-    """The packet and those it cites; of several executions, the newest one's frames and receipts count."""
+    """The packet and those it cites; of several executions, the newest one's frames and receipts count.
+
+    Of two that were dispatched at the same instant, the later attempt is the newer.
+    """
     cited = [found for name in packet.cites if (found := view.packet(name)) is not None]
     executed = [one for one in (*cited, packet) if not one.verify_only]
-    newest = max(executed, key=lambda one: one.dispatched_s, default=packet).identity.packet_id
+    latest = max(executed, key=lambda one: (one.dispatched_s, one.identity.attempt), default=packet)
+    newest = latest.identity.packet_id
     return [
         Source(
             one, current=one is packet, replaced="" if one.verify_only or one.identity.packet_id == newest else newest

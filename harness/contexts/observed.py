@@ -7,18 +7,11 @@ from harness.contexts.view import StateView, plain, referenced
 from harness.contracts.contexts import ContextRecord, Withheld
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import NodeId
+from harness.contracts.judging import RecentSamples
 from harness.contracts.observations import AnySample, Image, Pose, Trajectory
-from harness.contracts.values import Value
 
 SLOW_SOURCES = ("battery", "lidar")
 """Sources that speak less than once a second: they age like images."""
-
-
-class RecentSamples(Value):
-    """Samples of the last seconds before a context's instant, by stream; at most `window_s` of them."""
-
-    window_s: float
-    trajectory: Trajectory
 
 
 def newest_samples(view: StateView) -> list[Item]:

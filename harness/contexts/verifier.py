@@ -11,8 +11,6 @@ Of the goal: "goal", "conditions" (as first stored), "policy", "constraints", "f
 and "before": the history on which a circuit is tested.
 """
 
-from typing import Any
-
 from msgspec.structs import replace
 
 from harness.contexts.evidence import (
@@ -31,42 +29,15 @@ from harness.contexts.view import StateView, accepted, configured, plain, refere
 from harness.contracts.capabilities import CapabilityCard, Risk
 from harness.contracts.contexts import Context, ContextRecord
 from harness.contracts.effects import Condition, Metric, Relational, Symbolic
-from harness.contracts.evidence import EvidencePacket, EvidenceReference, PacketIdentity
-from harness.contracts.ids import ConditionId, NodeId, RequestId
+from harness.contracts.evidence import EvidencePacket, EvidenceReference
+from harness.contracts.ids import NodeId
+from harness.contracts.judging import CommittedNode, Execution, SafetyState, VerificationPolicy
 from harness.contracts.tasks import EvidencePolicy, Node, order
-from harness.contracts.values import Value
 
 REQUIRED_INDEPENDENCE: dict[Risk, int] = {"low": 0, "medium": 1, "high": 2}
 WINDOW_S = 3.0
 HISTORIES = ("circuit",)
 """Metric predicates that need a trajectory, not only where the robot is now (R121)."""
-
-
-class VerificationPolicy(Value):
-    """What the evidence must be. `required` is the independence level of each condition (D17)."""
-
-    evidence: EvidencePolicy
-    risk: Risk
-    required: dict[ConditionId, int]
-
-
-class SafetyState(Value):
-    """The contract's constraints with the floor regions they name (metres, contract frame), and standing vetoes."""
-
-    speed_cap_mps: float
-    keep_out_m: dict[str, tuple[tuple[float, float], ...]]
-    vetoes: dict[str, str]
-
-
-class CommittedNode(Value):
-    """One accepted stage: whose packet, which requests it rests on, when it ran, at which version it was accepted."""
-
-    node_id: NodeId
-    identity: PacketIdentity
-    requests: tuple[RequestId, ...]
-    dispatched_s: float
-    terminal_s: float
-    committed_k: int
 
 
 def verifier_context(view: StateView, packet: EvidencePacket, card: CapabilityCard) -> Context:
@@ -121,18 +92,17 @@ def goal_context(view: StateView) -> Context:
     return compile_context(view, items, selection=selection)
 
 
-def _execution(packet: EvidencePacket) -> dict[str, Any]:
-    """The supervisor's own record of one execution, without the provider's words."""
-    return {
-        "identity": packet.identity,
-        "k_ctx": packet.k_ctx,
-        "configuration": packet.configuration,
-        "dispatched_s": packet.dispatched_s,
-        "terminal_s": packet.terminal_s,
-        "collected_s": packet.collected_s,
-        "terminal": packet.terminal,
-        "verify_only": packet.verify_only,
-    }
+def _execution(packet: EvidencePacket) -> Execution:
+    return Execution(
+        identity=packet.identity,
+        k_ctx=packet.k_ctx,
+        configuration=packet.configuration,
+        dispatched_s=packet.dispatched_s,
+        terminal_s=packet.terminal_s,
+        collected_s=packet.collected_s,
+        terminal=packet.terminal,
+        verify_only=packet.verify_only,
+    )
 
 
 def _safety_state(view: StateView) -> SafetyState:

@@ -1,7 +1,10 @@
 """Every event of every stream."""
 
+from harness.contracts.alert_events import AlertEvent
+from harness.contracts.control import ControlEvent
 from harness.contracts.events import MissionEvent
 from harness.contracts.handoff_events import HandoffEvent
 from harness.contracts.lease_events import LeaseEvent
+from harness.contracts.maps import CloudAttached
 
-AnyEvent = MissionEvent | LeaseEvent | HandoffEvent
+AnyEvent = MissionEvent | LeaseEvent | HandoffEvent | ControlEvent | CloudAttached | AlertEvent

@@ -5,11 +5,14 @@ from typing import Literal
 import msgspec
 
 from harness.contracts.actors import Actor, Command
+from harness.contracts.alert_commands import AlertCommand
 from harness.contracts.capabilities import Risk
-from harness.contracts.configuration import FailureClass, RecoveryPolicy
-from harness.contracts.events import Autonomy, DispatchIntended, NodePlanned
+from harness.contracts.configuration import FailureClass, RecoveryAction, RecoveryPolicy
+from harness.contracts.control import Autonomy, ControlCommand, SetAutonomy
+from harness.contracts.events import DispatchIntended, NodePlanned
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
-from harness.contracts.handoff_events import ProposedAction, Snapshot
+from harness.contracts.handoff_commands import HandoffTurn
+from harness.contracts.handoff_events import NoAnswer, ProposedAction, Snapshot
 from harness.contracts.ids import (
     ConditionId,
     Digest,
@@ -20,9 +23,16 @@ from harness.contracts.ids import (
     ResourceId,
     RobotId,
 )
+from harness.contracts.maps import AttachCloud
 from harness.contracts.proposals import RecoveryProposal, Signature
 from harness.contracts.protocol import InvocationStatus
-from harness.contracts.revision_commands import DisputeCompletion, RecordAttestation, ReviseContract, TightenConstraints
+from harness.contracts.revision_commands import (
+    DisputeCompletion,
+    RecordAttestation,
+    ReviseContract,
+    TightenConstraints,
+    WithdrawMission,
+)
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Count, Name
 from harness.contracts.verdicts import GoalVerdict, NodeVerdict
@@ -43,13 +53,21 @@ class CreateMission(Command, tag=True):
     replay: bool = False
 
 
+class RecompileContract(Command, tag=True):
+    """The goal compiled under the configuration that is current now; only before the mission is active (D35)."""
+
+    configuration: Digest
+    contract: TaskContract
+    policy: RecoveryPolicy
+
+
 class ActivateMission(Command, tag=True):
     pass
 
 
 class AuthoriseDispatch(Command, tag=True):
     """One invocation. `recovery` pays for it in the same transaction, or `approval` by a person, or an `attestation`
-    opens it: one look without motion, free (D17)."""
+    opens it: one look without motion, free (D17). `handed_back`: the approval is a hand-back and opens such a look."""
 
     intent: DispatchIntended
     planned: NodePlanned | None = None
@@ -59,6 +77,7 @@ class AuthoriseDispatch(Command, tag=True):
     approval: HandoffId | None = None
     approver: Actor | None = None
     attestation: RecordAttestation | None = None
+    handed_back: bool = False
     reason: str = ""
 
 
@@ -141,7 +160,7 @@ class AnswerMission(Command, tag=True):
     """A handoff's decision carried into the mission; approvals come with AuthoriseDispatch instead."""
 
     handoff_id: HandoffId
-    decision: Literal["rejected", "expired", "superseded"]
+    decision: Literal["rejected", "expired", "superseded", "closed"]
     actor: Actor
     reason: str
 
@@ -201,6 +220,7 @@ class ClearVeto(Command, tag=True):
 
 MissionCommand = (
     CreateMission
+    | RecompileContract
     | ActivateMission
     | AuthoriseDispatch
     | RefusePrecondition
@@ -217,9 +237,11 @@ MissionCommand = (
     | AskPerson
     | DisputeCompletion
     | AnswerMission
+    | SetAutonomy
     | PauseMission
     | ResumeMission
     | StopMission
+    | WithdrawMission
     | AcknowledgeStop
     | JudgeGoal
     | EndMission
@@ -271,8 +293,10 @@ class OpenHandoff(Command, tag=True):
     proposal: ProposedAction | None
     snapshot: Snapshot
     evidence: Digest
-    no_answer: Literal["hold", "lie_down", "retreat"]
+    no_answer: NoAnswer
     deadline_at_s: float
+    limit_at_s: float | None = None
+    choices: tuple[RecoveryAction, ...] = ()
 
 
 class RefreshHandoff(Command, tag=True):
@@ -280,6 +304,8 @@ class RefreshHandoff(Command, tag=True):
     proposal: ProposedAction | None
     snapshot: Snapshot
     evidence: Digest
+    choices: tuple[RecoveryAction, ...] = ()
+    actor: Actor | None = None
 
 
 class ApproveHandoff(Command, tag=True):
@@ -293,6 +319,8 @@ class ApproveHandoff(Command, tag=True):
     evidence: Digest
     k: Count
     fresh: Snapshot
+    shown: Digest | None = None
+    claim: str = ""
 
 
 class RejectHandoff(Command, tag=True):
@@ -301,6 +329,7 @@ class RejectHandoff(Command, tag=True):
     key: Name
     cycle: Count
     subject: Digest
+    claim: str = ""
 
 
 class AttestHandoff(Command, tag=True):
@@ -311,6 +340,7 @@ class AttestHandoff(Command, tag=True):
     key: Name
     cycle: Count
     condition_id: ConditionId
+    claim: str = ""
 
 
 class ExpireHandoff(Command, tag=True):
@@ -322,7 +352,10 @@ class SupersedeHandoff(Command, tag=True):
 
 
 class MarkDispatched(Command, tag=True):
+    """About to be sent. `actor` is whose word it rests on: their role is asked for once more."""
+
     invocation_id: InvocationId
+    actor: Actor | None = None
 
 
 class RecordEffect(Command, tag=True):
@@ -340,40 +373,8 @@ HandoffCommand = (
     | SupersedeHandoff
     | MarkDispatched
     | RecordEffect
+    | HandoffTurn
 )
 
 
-class DecideHandoff(Command, tag=True):
-    """A person's answer at a handoff, on exactly what they saw. The supervisor observes again before it counts."""
-
-    handoff_id: HandoffId
-    decision: Literal["approve", "reject"]
-    actor: Actor
-    reason: Name
-    key: Name
-    cycle: Count
-    subject: Digest
-    evidence: Digest
-
-
-class LookAgain(Command, tag=True):
-    """Observe without motion and show the handoff as it is now."""
-
-    handoff_id: HandoffId
-    actor: Actor
-
-
-class AttestCondition(Command, tag=True):
-    """A person says what they saw of one condition at a handoff; the supervisor then looks without motion (D17)."""
-
-    handoff_id: HandoffId
-    condition_id: ConditionId
-    actor: Actor
-    statement: Name
-    key: Name
-    cycle: Count
-
-
-PersonCommand = DecideHandoff | LookAgain | AttestCondition
-
-AnyCommand = MissionCommand | LeaseCommand | HandoffCommand
+AnyCommand = MissionCommand | LeaseCommand | HandoffCommand | ControlCommand | AttachCloud | AlertCommand

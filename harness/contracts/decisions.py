@@ -1,5 +1,6 @@
 """What a decider answers. A refusal is a value: it names a rule and says why in a sentence."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
@@ -22,3 +23,6 @@ class Refused:
 
 
 Decision = Accepted[E] | Refused
+
+Authority = Callable[[object], Refused | None]
+"""Whether whoever gave a command may still give it: asked anew in every round of a commit."""

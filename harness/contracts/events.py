@@ -9,6 +9,7 @@ import msgspec
 
 from harness.contracts.actors import Actor, Event
 from harness.contracts.configuration import FailureClass, RecoveryAction, RecoveryPolicy
+from harness.contracts.control import Autonomy, AutonomySet
 from harness.contracts.evidence import CommittedFact, EvidencePacket, EvidenceReference
 from harness.contracts.ids import (
     ConditionId,
@@ -34,9 +35,6 @@ from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Count, Name
 from harness.contracts.verdicts import GoalVerdict, NodeVerdict
 
-Autonomy = Literal["manual", "approve_each_motion", "approve_risky", "autonomous"]
-
-
 # mission: start -----------------------------------------------------------------------------------------------------
 
 
@@ -56,6 +54,19 @@ class MissionCreated(Event, tag=True):
 class ContractCompiled(Event, tag=True):
     """From here on the mission is pinned to its configuration (D35)."""
 
+    contract: TaskContract
+    contract_digest: Digest
+    policy: RecoveryPolicy
+
+
+class ContractRecompiled(Event, tag=True):
+    """(k+1) Another configuration became current before the mission was active: compiled and pinned again (D35).
+
+    Whatever was approved for the contract it `replaces` is void.
+    """
+
+    configuration: Digest
+    replaces: Digest
     contract: TaskContract
     contract_digest: Digest
     policy: RecoveryPolicy
@@ -228,7 +239,10 @@ class FailureClassified(Event, tag=True):
 
 
 class RecoveryAuthorised(Event, tag=True):
-    """(k+1 if it costs) One rung. `left_node` and `left_mission` are the total budgets after it."""
+    """(k+1 if it costs) One rung. `left_node` and `left_mission` are the total budgets after it.
+
+    `handoff_id`: a person chose it there, whatever C4 proposed.
+    """
 
     node_id: NodeId
     failure: FailureClass
@@ -242,6 +256,7 @@ class RecoveryAuthorised(Event, tag=True):
     until_s: float | None = None
     left_node: Count | None = None
     left_mission: Count | None = None
+    handoff_id: HandoffId | None = None
 
 
 class NodeFailed(Event, tag=True):
@@ -266,10 +281,10 @@ class HandoffRequested(Event, tag=True):
 
 
 class HandoffAnswered(Event, tag=True):
-    """(k+1 for an approval) The person's decision, as the mission sees it."""
+    """(k+1 for an approval or a hand-back) The person's decision, as the mission sees it."""
 
     handoff_id: HandoffId
-    decision: Literal["approved", "rejected", "expired", "superseded", "attested"]
+    decision: Literal["approved", "rejected", "expired", "superseded", "attested", "handed_back", "closed"]
     actor: Actor
     reason: str
 
@@ -339,6 +354,7 @@ class FailureReported(Event, tag=True):
 MissionEvent = (
     MissionCreated
     | ContractCompiled
+    | ContractRecompiled
     | MissionActivated
     | NodePlanned
     | DispatchIntended
@@ -365,6 +381,7 @@ MissionEvent = (
     | OperatorRetryGranted
     | AttestationRecorded
     | CompletionDisputed
+    | AutonomySet
     | MissionPaused
     | MissionResumed
     | StopRequested

@@ -9,6 +9,9 @@ from harness.contracts.ids import ConditionId, Digest, HandoffId, InvocationId, 
 from harness.contracts.protocol import Parameters
 from harness.contracts.values import Count, Name, Value
 
+NoAnswer = Literal["hold", "lie_down", "retreat"]
+EscalationLevel = Literal["sound", "next_person", "outside"]
+
 
 class ProposedAction(Value):
     """Exactly what an approval would let run, once. Its canonical bytes are what the person sees and digests."""
@@ -40,6 +43,11 @@ class Snapshot(Value):
 
 
 class HandoffOpened(Event, tag=True):
+    """`limit_at_s`: how far "on my way" can move the deadline; None in logs that know no extension.
+
+    `choices`: what else of the ladder could be proposed instead.
+    """
+
     handoff_id: HandoffId
     mission_id: MissionId
     robot_id: RobotId
@@ -53,13 +61,15 @@ class HandoffOpened(Event, tag=True):
     subject: Digest
     snapshot: Snapshot
     evidence: Digest
-    no_answer: Literal["hold", "lie_down", "retreat"]
+    no_answer: NoAnswer
     opened_at_s: float
     deadline_at_s: float
+    limit_at_s: float | None = None
+    choices: tuple[RecoveryAction, ...] = ()
 
 
 class HandoffRefreshed(Event, tag=True):
-    """Observed again (cycle+1): a new snapshot, and the proposal as it would run now."""
+    """Observed again (cycle+1): a new snapshot, and the proposal as it would run now; `actor` asked for it."""
 
     cycle: Count
     k: Count
@@ -67,9 +77,79 @@ class HandoffRefreshed(Event, tag=True):
     subject: Digest
     snapshot: Snapshot
     evidence: Digest
+    choices: tuple[RecoveryAction, ...] = ()
+    actor: Actor | None = None
+
+
+class HandoffClaimed(Event, tag=True):
+    """This person answers it, until `until_at_s`; a renewal is the same token again."""
+
+    actor: Actor
+    claim: Name
+    at_s: float
+    until_at_s: float
+
+
+class HandoffReleased(Event, tag=True):
+    """The claim is gone: given up, or lapsed (channel timeout). `deadline_at_s`: the one that runs on."""
+
+    actor: Actor
+    reason: str
+    at_s: float
+    deadline_at_s: float
+
+
+class HandoffExtended(Event, tag=True):
+    """ "On my way": the one extension."""
+
+    actor: Actor
+    reason: str
+    at_s: float
+    deadline_at_s: float
+
+
+class HandoffEscalated(Event, tag=True):
+    """Still unclaimed: at once a sound, after a minute the next person, after three a channel outside (D27)."""
+
+    level: EscalationLevel
+    at_s: float
+
+
+class HandoffTakenOver(Event, tag=True):
+    """A person drives the robot from `device`. The deadline pauses with `left_s` to go."""
+
+    actor: Actor
+    claim: Name
+    device: str
+    reason: str
+    key: Name
+    left_s: float
+    at_s: float
+
+
+class HandoffHandedBack(Event, tag=True):
+    """The robot is the harness's again, as `fresh` shows it; one look without motion follows."""
+
+    actor: Actor
+    reason: str
+    key: Name
+    k: Count
+    fresh: Snapshot
+    at_s: float
+
+
+class HandoffClosed(Event, tag=True):
+    """A person keeps the robot: the mission ends handed off."""
+
+    actor: Actor
+    reason: str
+    key: Name
+    at_s: float
 
 
 class HandoffApproved(Event, tag=True):
+    """`fresh`: what was observed at that moment and compared with what was seen; `shown`: the bytes on the screen."""
+
     actor: Actor
     reason: str
     key: Name
@@ -77,6 +157,8 @@ class HandoffApproved(Event, tag=True):
     subject: Digest
     evidence: Digest
     at_s: float
+    fresh: Snapshot | None = None
+    shown: Digest | None = None
 
 
 class HandoffRejected(Event, tag=True):
@@ -99,7 +181,24 @@ class HandoffAttested(Event, tag=True):
     at_s: float
 
 
+class HandoffVoided(Event, tag=True):
+    """The approval did not reach its dispatch: something it was bound to changed. Nothing was sent."""
+
+    reason: str
+    at_s: float
+
+
 class HandoffExpired(Event, tag=True):
+    at_s: float
+
+
+class NoAnswerTaken(Event, tag=True):
+    """What the robot did because nobody answered; `done` only where `measured` or its own word shows it."""
+
+    action: NoAnswer
+    done: bool
+    measured: dict[str, float]
+    reason: str
     at_s: float
 
 
@@ -121,10 +220,19 @@ class HandoffEffectObserved(Event, tag=True):
 HandoffEvent = (
     HandoffOpened
     | HandoffRefreshed
+    | HandoffClaimed
+    | HandoffReleased
+    | HandoffExtended
+    | HandoffEscalated
+    | HandoffTakenOver
+    | HandoffHandedBack
+    | HandoffClosed
     | HandoffApproved
     | HandoffRejected
     | HandoffAttested
+    | HandoffVoided
     | HandoffExpired
+    | NoAnswerTaken
     | HandoffSuperseded
     | HandoffDispatched
     | HandoffEffectObserved

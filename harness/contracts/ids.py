@@ -44,6 +44,11 @@ def mission_stream(mission_id: MissionId) -> StreamId:
     return StreamId(f"mission/{mission_id}")
 
 
+def leased(robot_id: RobotId, resource: str) -> ResourceId:
+    """A robot's resource as leases name it: cards and contracts say `mobile_base`, every robot has one."""
+    return ResourceId(f"{robot_id}/{resource}")
+
+
 def lease_stream(resource: ResourceId) -> StreamId:
     return StreamId(f"lease/{resource}")
 

@@ -21,6 +21,8 @@ InvocationStatus = Literal[
     "accepted", "queued", "running", "blocked", "succeeded", "failed", "cancelled", "stopping", "outcome_unknown"
 ]
 KEEPALIVE_LOST = "keepalive_lost"
+DRIVE_DEAD_MAN_S = 0.8
+"""A robot that is driven by hand brakes by itself this long after the last order, by its own clock."""
 TERMINAL: frozenset[str] = frozenset({"succeeded", "failed", "cancelled"})
 
 
@@ -85,7 +87,11 @@ class InvocationReport(Value):
 
 
 class RobotStatus(Value):
-    """The robot's condition, for people and preconditions: all of it declared by the robot."""
+    """The robot's condition, for people and preconditions: all of it declared by the robot.
+
+    `pose_age_s` is how old the robot's newest pose is by its own clock, None if it has none. `driven_by` names the
+    session in which a person drives it by hand, if one does.
+    """
 
     robot_id: Name
     at_s: float
@@ -96,6 +102,49 @@ class RobotStatus(Value):
     localised: bool
     map_version: str
     camera: Camera | None = None
+    pose_age_s: float | None = None
+    driven_by: str = ""
+
+
+class Picture(Value):
+    """What the robot's camera sees now, for people: no evidence. `at_s` is the mission time of the shutter."""
+
+    at_s: float
+    width_px: Count
+    height_px: Count
+    body: bytes
+    media_type: Name = "image/jpeg"
+
+
+class DriveOrder(Value):
+    """One moment of driving by hand: the velocity to hold until the next order, for DRIVE_DEAD_MAN_S at most.
+
+    `session` is who drives, `token` the fencing token of the base. The robot caps both velocities.
+    """
+
+    session: RequestId
+    token: Count
+    v_mps: float = 0.0
+    w_radps: float = 0.0
+    until_s: float = 0.0
+
+
+class DriveReport(Value):
+    """What the robot made of a drive order: whether it may move, and what it does. Declared by the robot."""
+
+    session: RequestId
+    at_s: float
+    status: Literal["driving", "standing", "ended"]
+    v_mps: float = 0.0
+    w_radps: float = 0.0
+    reason: str = ""
+
+
+class PostureOrder(Value):
+    """Lie down, or stand up again; the robot stands still first. `token`: the fencing token of the base."""
+
+    posture: Literal["standing", "lying"]
+    token: Count
 
 
 class Observations(Value):

@@ -60,11 +60,18 @@ class EvidenceItem(Value):
 
 
 class HandoffItem(Value):
-    """One question to a person in a list. `seq` is the position of its first event; wall times."""
+    """One question to a person in a list. `seq` is the position of its first event; wall times.
+
+    `answered` is who decided and why, or how it ended; `holder` who has claimed it or drives the robot.
+    """
 
     seq: Count
     handoff_id: str
     mission_id: str
+    robot_id: str
+    reason: str
+    answered: str
+    holder: str
     node_id: str
     status: str
     failure: str

@@ -31,6 +31,13 @@ class DisputeCompletion(Command, tag=True):
     reason: Name
 
 
+class WithdrawMission(Command, tag=True):
+    """A person takes back a mission that has not begun: it waits for its robot, and nothing of it ever moved."""
+
+    actor: Actor
+    reason: Name
+
+
 class RecordAttestation(Command, tag=True):
     """What a person saw with their own eyes of one condition, at `seen_s` (mission time). Goes with a dispatch."""
 

@@ -1,16 +1,21 @@
 """The single writer: load, decide, append. Nothing else in the house appends an event."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from threading import RLock
 from typing import Any
 
 from harness.contracts.decider import Decider
-from harness.contracts.decisions import Accepted, Refused
+from harness.contracts.decisions import Accepted, Authority, Refused
 from harness.contracts.errors import ConcurrencyConflict
-from harness.contracts.ids import StreamId
+from harness.contracts.ids import RobotId, StreamId
 from harness.contracts.ports import Batch, Clock, EventStore, Record, Snapshots
+from harness.contracts.values import Moment
+
+
+def unquestioned(command: Any) -> Refused | None:
+    """The answer where nobody keeps accounts."""
 
 
 @dataclass(frozen=True)
@@ -24,6 +29,7 @@ class Request:
 class Gate:
     """Folds are kept per stream, so that a commit loads only the tail.
 
+    `clocks` are the robots' own, where there are several: an event bears the mission time of the robot it is about.
     A lock per stream, taken in the order of their names: missions that share no stream wait for the disk together.
     """
 
@@ -34,13 +40,20 @@ class Gate:
         clock: Clock,
         deciders: dict[str, Decider[Any, Any, Any]],
         snapshots: Snapshots | None = None,
+        clocks: Mapping[RobotId, Clock] | None = None,
     ) -> None:
         self._store = store
         self._snapshots = snapshots
         self._clock = clock
+        self._clocks = clocks or {}
         self._deciders = deciders
         self._folds: dict[StreamId, tuple[Any, int]] = {}
         self._locks: dict[StreamId, RLock] = {}
+        self._authority: Authority = unquestioned
+
+    def obey(self, authority: Authority) -> None:
+        """From now on, ask this in every round of every commit."""
+        self._authority = authority
 
     def state(self, stream: StreamId) -> Any:
         """The fold of a stream as the log has it now."""
@@ -58,25 +71,38 @@ class Gate:
         """Decide every request on the newest state and append all their events atomically.
 
         Returns the first refusal, in which case nothing was appended. Somebody else's append in between is
-        answered by deciding again on what they wrote: policy and expiry are tested in every round.
+        answered by deciding again on what they wrote: authority, policy and expiry are tested in every round.
         """
         with self._holding(request.stream for request in requests):
+            clock = self._clock_of(requests)
             while True:
                 decided: list[tuple[Request, int, tuple[Any, ...]]] = []
                 for request in requests:
+                    if revoked := self._authority(request.command):
+                        return revoked
                     state = self.state(request.stream)
                     version = self._folds.get(request.stream, (None, 0))[1]
-                    decision = self._decider(request.stream).decide(state, request.command, self._clock.now())
+                    decision = self._decider(request.stream).decide(state, request.command, clock.now())
                     if isinstance(decision, Refused):
                         return decision
                     decided.append((request, version, decision.events))
                 try:
-                    self._append(decided, records)
+                    self._append(decided, records, clock.now())
                 except ConcurrencyConflict:
                     continue
                 return Accepted(tuple(event for _, _, events in decided for event in events))
 
-    def _append(self, decided: list[tuple[Request, int, tuple[Any, ...]]], records: Sequence[Record]) -> None:
+    def _clock_of(self, requests: Sequence[Request]) -> Clock:
+        """The mission time of the robot that these requests are about; the house's own where they are about none."""
+        for request in requests if len(self._clocks) > 1 else ():
+            clock = self._clocks.get(_robot_of(request, self.state(request.stream)))
+            if clock is not None:
+                return clock
+        return self._clock
+
+    def _append(
+        self, decided: list[tuple[Request, int, tuple[Any, ...]]], records: Sequence[Record], now: Moment
+    ) -> None:
         batches = [
             Batch(
                 stream=request.stream,
@@ -88,7 +114,7 @@ class Gate:
         ]
         if not batches:
             return
-        self._store.append(batches, tuple(records), self._clock.now())
+        self._store.append(batches, tuple(records), now)
         for request, version, events in decided:
             state, _ = self._folds.get(request.stream, (self._decider(request.stream).initial, 0))
             self._advance(request.stream, self._decider(request.stream).fold(state, events), version + len(events))
@@ -110,3 +136,9 @@ class Gate:
 
     def _decider(self, stream: StreamId) -> Decider[Any, Any, Any]:
         return self._deciders[stream.split("/", 1)[0]]
+
+
+def _robot_of(request: Request, state: Any) -> RobotId:
+    """Whom a request is about: named by the command, by the state, or by the question that a handoff asks."""
+    named = getattr(request.command, "robot_id", "") or getattr(state, "robot_id", "")
+    return RobotId(named or getattr(getattr(state, "opened", None), "robot_id", ""))

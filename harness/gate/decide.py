@@ -21,6 +21,7 @@ from harness.contracts.commands import (
     MissionCommand,
     PauseMission,
     RaiseVeto,
+    RecompileContract,
     RecordObservation,
     RefusePrecondition,
     ReportFailure,
@@ -29,6 +30,7 @@ from harness.contracts.commands import (
     StopInvocation,
     StopMission,
 )
+from harness.contracts.control import AutonomySet, SetAutonomy
 from harness.contracts.decider import Codec, Decider
 from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.events import (
@@ -44,13 +46,19 @@ from harness.contracts.events import (
     VetoCleared,
     VetoRaised,
 )
-from harness.contracts.revision_commands import DisputeCompletion, ReviseContract, TightenConstraints
+from harness.contracts.revision_commands import (
+    DisputeCompletion,
+    ReviseContract,
+    TightenConstraints,
+    WithdrawMission,
+)
 from harness.contracts.tasks import check
 from harness.contracts.values import Moment, digest
 from harness.gate.completion import complete
 from harness.gate.dispatch import authorise, wait
-from harness.gate.ends import acknowledge, answer, ask, end, pause, resume, stop, stop_invocation, unfinished
+from harness.gate.ends import acknowledge, answer, ask, end, pause, resume, stop, stop_invocation, unfinished, withdraw
 from harness.gate.goal import judge
+from harness.gate.pins import recompile
 from harness.gate.revisions import dispute, revise, tighten
 from harness.projections.mission import Mission
 from harness.projections.mission_fold import apply
@@ -71,6 +79,8 @@ def _decided(mission: Mission, command: MissionCommand) -> Decision[MissionEvent
     match command:
         case CreateMission():
             return Refused("exists", f"Mission {mission.mission_id} exists.")
+        case RecompileContract():
+            return recompile(mission, command)
         case ActivateMission():
             if mission.status != "compiled":
                 return Refused("not_compiled", f"The mission is {mission.status}.")
@@ -106,12 +116,16 @@ def _decided(mission: Mission, command: MissionCommand) -> Decision[MissionEvent
             return ask(mission, command)
         case AnswerMission():
             return answer(mission, command)
+        case SetAutonomy():
+            return _autonomy(mission, command)
         case PauseMission():
             return pause(mission, command)
         case ResumeMission():
             return resume(mission, command)
         case StopMission():
             return stop(mission, command)
+        case WithdrawMission():
+            return withdraw(mission, command)
         case AcknowledgeStop():
             return acknowledge(mission, command)
         case JudgeGoal():
@@ -144,6 +158,14 @@ def _create(mission: Mission, command: CreateMission) -> Decision[MissionEvent]:
         contract=command.contract, contract_digest=digest(command.contract), policy=command.policy
     )
     return Accepted((created, compiled))
+
+
+def _autonomy(mission: Mission, command: SetAutonomy) -> Decision[MissionEvent]:
+    stands = mission.autonomy if command.scope == "mission" else mission.autonomy_limit
+    if stands == command.autonomy:
+        return Accepted(())
+    said = AutonomySet(autonomy=command.autonomy, scope=command.scope, actor=command.actor, reason=command.reason)
+    return Accepted((said,))
 
 
 def _noted(

@@ -19,7 +19,7 @@ from harness.gate.attestation import opened, unattested
 from harness.projections.mission import Mission, NodeState, eligible, failed, required_contract, required_policy
 from harness.recovery.approval import approval_required
 from harness.recovery.rules import first_broken_recovery
-from harness.recovery.standing import VERIFY_ONLY, left_now
+from harness.recovery.standing import VERIFY_ONLY, cost_of, left_now, over_budget
 
 
 def authorise(mission: Mission, command: AuthoriseDispatch) -> Decision[MissionEvent]:
@@ -140,7 +140,9 @@ def _unpaid(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
     node, intent = mission.of(command.intent.node_id), command.intent
     if command.attestation is not None:
         return None
-    if command.recovery is not None and not (command.approval and command.recovery.cost == 0):
+    if command.approval is not None:
+        return _beyond(mission, command)
+    if command.recovery is not None:
         broken = first_broken_recovery(
             mission,
             node_id=intent.node_id,
@@ -150,10 +152,8 @@ def _unpaid(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
         )
         if broken:
             return broken
-    elif not (node.fresh or waited(node)) and command.approval is None and command.recovery is None:
+    elif not (node.fresh or waited(node)):
         return Refused("not_authorised", "A further attempt needs an authorised recovery action or an operator.")
-    if command.approval is not None:
-        return None
     needed = approval_required(
         mission=mission,
         node=required_contract(mission).node(intent.node_id),
@@ -162,6 +162,19 @@ def _unpaid(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
         share=required_policy(mission).approval_share,
     )
     return Refused("approval_required", needed) if needed else None
+
+
+def _beyond(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
+    """A person may choose any action that the budget pays for, or one retry outside it; a hand-back only looks."""
+    rung = command.recovery
+    if command.handed_back and (rung is None or rung.action != "verify_again"):
+        return Refused("not_a_look", "A hand-back opens one free look without motion, and nothing else.")
+    if rung is None or (rung.action == "retry" and rung.cost == 0):
+        return None
+    if rung.cost != cost_of(rung.action):
+        return Refused("wrong_cost", f"{rung.action} costs {cost_of(rung.action)}; only a retry is free for a person.")
+    slug, _, why = over_budget(mission, command.intent.node_id, rung.action).partition(": ")
+    return Refused(slug, f"{rung.action} is refused: {why}.") if slug else None
 
 
 def waited(node: NodeState) -> bool:
@@ -177,7 +190,10 @@ def _payment(mission: Mission, command: AuthoriseDispatch) -> tuple[MissionEvent
     node = mission.of(command.intent.node_id)
     if command.approval is not None and command.approver is not None:
         answered = HandoffAnswered(
-            handoff_id=command.approval, decision="approved", actor=command.approver, reason=command.reason
+            handoff_id=command.approval,
+            decision="handed_back" if command.handed_back else "approved",
+            actor=command.approver,
+            reason=command.reason,
         )
         events.append(answered)
     if command.recovery is None:
@@ -198,7 +214,8 @@ def _payment(mission: Mission, command: AuthoriseDispatch) -> tuple[MissionEvent
         context=command.recovery_context or command.intent.context,
         until_s=None,
     )
-    return (*events, accounted(mission, replace(paid, signature=command.signature)))
+    chosen = replace(paid, signature=command.signature, handoff_id=command.approval)
+    return (*events, accounted(mission, chosen))
 
 
 def spend(
@@ -232,7 +249,7 @@ def _bumps(event: MissionEvent) -> int:
     match event:
         case RecoveryAuthorised():
             return event.cost
-        case HandoffAnswered(decision="approved") | OperatorRetryGranted() | AttestationRecorded():
+        case HandoffAnswered(decision="approved" | "handed_back") | OperatorRetryGranted() | AttestationRecorded():
             return 1
         case _:
             return 0

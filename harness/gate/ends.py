@@ -31,7 +31,9 @@ from harness.contracts.events import (
     StopAcknowledged,
     StopRequested,
 )
+from harness.contracts.revision_commands import WithdrawMission
 from harness.gate.dispatch import accounted, spend
+from harness.gate.pins import BEFORE_ACTIVE
 from harness.projections.mission import Mission, required_contract
 from harness.recovery.classify import classify
 
@@ -131,6 +133,8 @@ def answer(mission: Mission, command: AnswerMission) -> Decision[MissionEvent]:
     if command.decision == "superseded":
         return Accepted((answered,))
     why = f"{command.actor.name} {command.decision} the handoff: {command.reason}"
+    if command.decision == "closed":
+        return Accepted((answered, FailureReported(text=why), MissionEnded(status="handed_off", reason=why)))
     return Accepted((answered, FailureReported(text=why), MissionEnded(status="safe_stopped", reason=why)))
 
 
@@ -153,6 +157,15 @@ def stop(mission: Mission, command: StopMission) -> Decision[MissionEvent]:
     if mission.status == "stopping":
         return Accepted(())
     return Accepted((StopRequested(actor=command.actor, reason=command.reason),))
+
+
+def withdraw(mission: Mission, command: WithdrawMission) -> Decision[MissionEvent]:
+    """A mission that waits for its robot ends at once: nothing of it was dispatched, so there is nothing to stop."""
+    if mission.status not in BEFORE_ACTIVE:
+        return Refused("begun", f"The mission is {mission.status}: it has begun. Stop it instead.")
+    why = f"Taken back by {command.actor.name} before it began: {command.reason}"
+    asked = StopRequested(actor=command.actor, reason=command.reason)
+    return Accepted((asked, FailureReported(text=why), MissionEnded(status="cancelled", reason=why)))
 
 
 def acknowledge(mission: Mission, command: AcknowledgeStop) -> Decision[MissionEvent]:

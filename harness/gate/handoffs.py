@@ -17,6 +17,17 @@ from harness.contracts.commands import (
 )
 from harness.contracts.decider import Codec, Decider
 from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.handoff_commands import (
+    CloseQuestion,
+    DropClaim,
+    Escalate,
+    ExtendDeadline,
+    RecordNoAnswer,
+    ReturnControl,
+    TakeClaim,
+    TakeControl,
+    VoidApproval,
+)
 from harness.contracts.handoff_events import (
     HandoffApproved,
     HandoffAttested,
@@ -28,14 +39,20 @@ from harness.contracts.handoff_events import (
     HandoffRefreshed,
     HandoffRejected,
     HandoffSuperseded,
+    HandoffVoided,
+    NoAnswerTaken,
     Snapshot,
 )
 from harness.contracts.values import Moment, digest
+from harness.gate.claims import claimed_by, live_claim, not_yours, over, settled, turn
 from harness.projections.handoffs import Handoff, apply
 
 SNAPSHOT_AGE_S = 60.0
 MOVED_M = 0.10
 TURNED_RAD = 5.0 * pi / 180.0
+APPROVAL_S = 120.0
+"""How long an approval may take to its dispatch (D28)."""
+LETS_START = ("approved", "attested", "handed_back")
 
 
 def decide(handoff: Handoff, command: HandoffCommand, now: Moment) -> Decision[HandoffEvent]:
@@ -44,23 +61,71 @@ def decide(handoff: Handoff, command: HandoffCommand, now: Moment) -> Decision[H
         case OpenHandoff():
             return _open(handoff, command, now)
         case RefreshHandoff():
-            return _refresh(handoff, command)
+            return _refresh(handoff, command, now)
         case ApproveHandoff():
             return _approve(handoff, command, now)
         case RejectHandoff():
             return _reject(handoff, command, now)
         case AttestHandoff():
             return _attest(handoff, command, now)
+        case ExpireHandoff() | SupersedeHandoff() | RecordNoAnswer():
+            return _ended(handoff, command, now)
+        case MarkDispatched() | VoidApproval() | RecordEffect():
+            return _followed(handoff, command, now)
+        case (
+            TakeClaim()
+            | DropClaim()
+            | ExtendDeadline()
+            | Escalate()
+            | TakeControl()
+            | ReturnControl()
+            | CloseQuestion()
+        ):
+            return turn(handoff, command, now)
+        case _:
+            assert_never(command)
+
+
+def _ended(
+    handoff: Handoff, command: ExpireHandoff | SupersedeHandoff | RecordNoAnswer, now: Moment
+) -> Decision[HandoffEvent]:
+    """Ends without a person. The loser of answer against timeout is a clean no-op."""
+    match command:
         case ExpireHandoff():
-            if handoff.opened is None or handoff.status != "open" or now.wall_s < handoff.opened.deadline_at_s:
-                return Accepted(())
-            return Accepted((HandoffExpired(at_s=now.wall_s),))
+            late = handoff.opened is not None and now.wall_s >= handoff.opened.deadline_at_s
+            return Accepted((HandoffExpired(at_s=now.wall_s),) if handoff.answerable and late else ())
         case SupersedeHandoff():
-            return Accepted((HandoffSuperseded(reason=command.reason),) if handoff.status == "open" else ())
+            return Accepted((HandoffSuperseded(reason=command.reason),) if handoff.waits else ())
+        case RecordNoAnswer():
+            if handoff.status != "expired" or handoff.unanswered is not None:
+                return Accepted(())
+            taken = NoAnswerTaken(
+                action=command.action,
+                done=command.done,
+                measured=command.measured,
+                reason=command.reason,
+                at_s=now.wall_s,
+            )
+            return Accepted((taken,))
+        case _:
+            assert_never(command)
+
+
+def _followed(
+    handoff: Handoff, command: MarkDispatched | VoidApproval | RecordEffect, now: Moment
+) -> Decision[HandoffEvent]:
+    """What became of the decision: sent once, or void, and what was seen of it."""
+    match command:
         case MarkDispatched():
-            if handoff.status not in ("approved", "attested"):
+            if handoff.status not in LETS_START or handoff.answer is None:
                 return Refused("not_approved", f"The handoff is {handoff.status}; an approval authorises one dispatch.")
+            waited_s = now.wall_s - handoff.answer.at_s
+            if waited_s > APPROVAL_S:
+                return Refused("approval_late", f"The decision is {waited_s:.0f} s old; it lasts {APPROVAL_S:g} s.")
             return Accepted((HandoffDispatched(invocation_id=command.invocation_id),))
+        case VoidApproval():
+            void = HandoffVoided(reason=command.reason, at_s=now.wall_s)
+            return Accepted((void,) if handoff.status in LETS_START else ())
         case RecordEffect():
             if handoff.status not in ("dispatched", "unknown"):
                 return Accepted(())
@@ -89,13 +154,18 @@ def _open(handoff: Handoff, command: OpenHandoff, now: Moment) -> Decision[Hando
         no_answer=command.no_answer,
         opened_at_s=now.wall_s,
         deadline_at_s=command.deadline_at_s,
+        limit_at_s=command.limit_at_s,
+        choices=command.choices,
     )
     return Accepted((opened,))
 
 
-def _refresh(handoff: Handoff, command: RefreshHandoff) -> Decision[HandoffEvent]:
-    if handoff.status != "open":
-        return Refused("not_open", f"The handoff is {handoff.status}.")
+def _refresh(handoff: Handoff, command: RefreshHandoff, now: Moment) -> Decision[HandoffEvent]:
+    if not handoff.answerable:
+        return settled(handoff) if handoff.answer else Refused("not_open", f"The handoff is {handoff.status}.")
+    held = live_claim(handoff, now.wall_s)
+    if held is not None and command.actor is not None and held.actor.name != command.actor.name:
+        return claimed_by(held)
     refreshed = HandoffRefreshed(
         cycle=handoff.cycle + 1,
         k=command.k,
@@ -103,6 +173,8 @@ def _refresh(handoff: Handoff, command: RefreshHandoff) -> Decision[HandoffEvent
         subject=digest(command.proposal),
         snapshot=command.snapshot,
         evidence=command.evidence,
+        choices=command.choices,
+        actor=command.actor,
     )
     return Accepted((refreshed,))
 
@@ -114,7 +186,12 @@ def _approve(handoff: Handoff, command: ApproveHandoff, now: Moment) -> Decision
     opened = handoff.opened
     if opened is None or opened.proposal is None:
         return Refused("nothing_to_approve", "This handoff proposes no action: reject it or take over.")
-    broken = _expired(handoff, now) or _unseen(handoff, command) or _moved(opened.snapshot, command.fresh)
+    broken = (
+        over(handoff, now)
+        or not_yours(handoff, command.actor, command.claim, now)
+        or _unseen(handoff, command)
+        or _moved(opened.snapshot, command.fresh)
+    )
     if broken:
         return broken
     if command.k != opened.k:
@@ -129,6 +206,8 @@ def _approve(handoff: Handoff, command: ApproveHandoff, now: Moment) -> Decision
         subject=command.subject,
         evidence=command.evidence,
         at_s=now.wall_s,
+        fresh=command.fresh,
+        shown=command.shown,
     )
     return Accepted((approved,))
 
@@ -137,7 +216,7 @@ def _reject(handoff: Handoff, command: RejectHandoff, now: Moment) -> Decision[H
     repeated = _answered(handoff, command, "rejected")
     if repeated is not None:
         return repeated
-    if broken := _expired(handoff, now):
+    if broken := over(handoff, now) or not_yours(handoff, command.actor, command.claim, now):
         return broken
     if command.cycle != handoff.cycle:
         return Refused("wrong_cycle", f"The question changed: it is in cycle {handoff.cycle}, not {command.cycle}.")
@@ -156,7 +235,7 @@ def _attest(handoff: Handoff, command: AttestHandoff, now: Moment) -> Decision[H
     repeated = _answered(handoff, command, "attested")
     if repeated is not None:
         return repeated
-    if broken := _expired(handoff, now):
+    if broken := over(handoff, now) or not_yours(handoff, command.actor, command.claim, now):
         return broken
     if command.cycle != handoff.cycle:
         return Refused("wrong_cycle", f"The question changed: it is in cycle {handoff.cycle}, not {command.cycle}.")
@@ -175,11 +254,13 @@ def _answered(
     handoff: Handoff, command: ApproveHandoff | RejectHandoff | AttestHandoff, decision: str
 ) -> Decision[HandoffEvent] | None:
     """The same answer again is the same receipt; another one names who decided."""
-    if handoff.status == "open":
+    if handoff.answerable:
         return None
+    if handoff.status == "taken_over" and handoff.claim is not None:
+        return Refused("taken_over", f"{handoff.claim.actor.name} drives the robot; nothing is decided meanwhile.")
     answer = handoff.answer
     if answer is None:
-        return Refused("not_open", f"The handoff is {handoff.status}; nothing is left to decide.")
+        return settled(handoff)
     same = (answer.decision, answer.key, answer.cycle, answer.subject, answer.reason, answer.actor.name) == (
         decision,
         command.key,
@@ -188,15 +269,7 @@ def _answered(
         command.reason,
         command.actor.name,
     )
-    if same:
-        return Accepted(())
-    return Refused("decided", f"{answer.actor.name} {answer.decision} it before you: “{answer.reason}”.")
-
-
-def _expired(handoff: Handoff, now: Moment) -> Refused | None:
-    if handoff.opened is not None and now.wall_s >= handoff.opened.deadline_at_s:
-        return Refused("expired", "The time to answer is over; the robot takes its no-answer action.")
-    return None
+    return Accepted(()) if same else settled(handoff)
 
 
 def _unseen(handoff: Handoff, command: ApproveHandoff) -> Refused | None:

@@ -6,16 +6,27 @@ from msgspec.structs import replace
 
 from harness.contracts.actors import Actor
 from harness.contracts.handoff_events import (
+    EscalationLevel,
     HandoffApproved,
     HandoffAttested,
+    HandoffClaimed,
+    HandoffClosed,
     HandoffDispatched,
     HandoffEffectObserved,
+    HandoffEscalated,
     HandoffEvent,
     HandoffExpired,
+    HandoffExtended,
+    HandoffHandedBack,
     HandoffOpened,
     HandoffRefreshed,
     HandoffRejected,
+    HandoffReleased,
     HandoffSuperseded,
+    HandoffTakenOver,
+    HandoffVoided,
+    NoAnswerTaken,
+    Snapshot,
 )
 from harness.contracts.ids import Digest, HandoffId, InvocationId
 from harness.contracts.values import Count, Value
@@ -23,32 +34,70 @@ from harness.contracts.values import Count, Value
 HandoffStatus = Literal[
     "none",
     "open",
+    "claimed",
+    "taken_over",
     "approved",
     "attested",
+    "handed_back",
     "rejected",
     "expired",
+    "closed",
     "superseded",
     "dispatched",
     "confirmed",
     "failed",
     "unknown",
+    "voided",
 ]
+Decided = Literal["approved", "rejected", "attested", "handed_back", "closed"]
+ANSWERABLE: tuple[HandoffStatus, ...] = ("open", "claimed")
+"""A person can decide."""
+WAITING: tuple[HandoffStatus, ...] = ("open", "claimed", "taken_over")
+"""Nobody has decided yet."""
 
 
 class Answer(Value):
-    """Who decided what, when, on which key and digest."""
+    """Who decided what, when, on which key and digest. `fresh` and `shown`: see HandoffApproved."""
 
-    decision: Literal["approved", "rejected", "expired", "superseded", "attested"]
+    decision: Decided
     actor: Actor
     reason: str
     key: str
     cycle: Count
     subject: Digest
     at_s: float
+    shown: Digest | None = None
+    fresh: Snapshot | None = None
+
+
+class Claim(Value):
+    """Whose question it is, and until when. `claim` is the token that the holder's page carries."""
+
+    actor: Actor
+    claim: str
+    until_at_s: float
+
+
+class Control(Value):
+    """A person drives the robot; `left_s` is what the deadline had to go when it was paused."""
+
+    device: str
+    reason: str
+    at_s: float
+    left_s: float
+
+
+class Unanswered(Value):
+    """What the robot did because nobody answered."""
+
+    action: str
+    done: bool
+    reason: str
+    at_s: float
 
 
 class Handoff(Value):
-    """One question to a person. `opened` carries the newest snapshot and proposal after every refresh."""
+    """One question to a person. `opened` carries the newest snapshot, proposal and deadline."""
 
     version: Count = 0
     handoff_id: HandoffId = HandoffId("")
@@ -58,6 +107,24 @@ class Handoff(Value):
     answer: Answer | None = None
     invocation_id: InvocationId | None = None
     outcome: str = ""
+    claim: Claim | None = None
+    extended_by: Actor | None = None
+    escalated: tuple[EscalationLevel, ...] = ()
+    control: Control | None = None
+    unanswered: Unanswered | None = None
+
+    @property
+    def answerable(self) -> bool:
+        return self.status in ANSWERABLE
+
+    @property
+    def waits(self) -> bool:
+        return self.status in WAITING
+
+    @property
+    def taken_by(self) -> Actor | None:
+        """Who drives the robot, if a person does."""
+        return self.claim.actor if self.claim is not None and self.status == "taken_over" else None
 
 
 def apply(handoff: Handoff, event: HandoffEvent) -> Handoff:
@@ -68,16 +135,19 @@ def apply(handoff: Handoff, event: HandoffEvent) -> Handoff:
             return replace(h, handoff_id=event.handoff_id, status="open", opened=event, cycle=event.cycle)
         case HandoffRefreshed():
             return _refreshed(h, event)
-        case HandoffApproved():
-            return replace(h, status="approved", answer=_answer("approved", event, h))
-        case HandoffRejected():
-            return replace(h, status="rejected", answer=_answer("rejected", event, h))
-        case HandoffAttested():
-            return replace(h, status="attested", answer=_answer("attested", event, h))
+        case HandoffClaimed() | HandoffReleased() | HandoffExtended() | HandoffEscalated() | HandoffTakenOver():
+            return _held(h, event)
+        case HandoffApproved() | HandoffRejected() | HandoffAttested() | HandoffHandedBack() | HandoffClosed():
+            return _answered(h, event)
+        case HandoffVoided():
+            return replace(h, status="voided", outcome=event.reason)
         case HandoffExpired():
-            return replace(h, status="expired")
+            return replace(h, status="expired", claim=None)
+        case NoAnswerTaken():
+            done = Unanswered(action=event.action, done=event.done, reason=event.reason, at_s=event.at_s)
+            return replace(h, unanswered=done)
         case HandoffSuperseded():
-            return replace(h, status="superseded", outcome=event.reason)
+            return replace(h, status="superseded", outcome=event.reason, claim=None, control=None)
         case HandoffDispatched():
             return replace(h, status="dispatched", invocation_id=event.invocation_id)
         case HandoffEffectObserved():
@@ -97,22 +167,73 @@ def _refreshed(h: Handoff, event: HandoffRefreshed) -> Handoff:
         subject=event.subject,
         snapshot=event.snapshot,
         evidence=event.evidence,
+        choices=event.choices or h.opened.choices,
     )
     return replace(h, opened=opened, cycle=event.cycle)
 
 
-def _answer(
-    decision: Literal["approved", "rejected", "attested"],
-    event: HandoffApproved | HandoffRejected | HandoffAttested,
+def _held(
+    h: Handoff, event: HandoffClaimed | HandoffReleased | HandoffExtended | HandoffEscalated | HandoffTakenOver
+) -> Handoff:
+    """Whose it is, and how long it waits."""
+    match event:
+        case HandoffClaimed():
+            claim = Claim(actor=event.actor, claim=event.claim, until_at_s=event.until_at_s)
+            return replace(h, status="claimed" if h.status == "open" else h.status, claim=claim)
+        case HandoffReleased():
+            return _until(replace(h, status="open", claim=None, control=None), event.deadline_at_s)
+        case HandoffExtended():
+            return _until(replace(h, extended_by=event.actor), event.deadline_at_s)
+        case HandoffEscalated():
+            return replace(h, escalated=(*h.escalated, event.level))
+        case HandoffTakenOver():
+            control = Control(device=event.device, reason=event.reason, at_s=event.at_s, left_s=event.left_s)
+            return replace(h, status="taken_over", control=control)
+        case _:
+            assert_never(event)
+
+
+def _until(h: Handoff, deadline_at_s: float) -> Handoff:
+    return h if h.opened is None else replace(h, opened=replace(h.opened, deadline_at_s=deadline_at_s))
+
+
+def _answered(
+    h: Handoff, event: HandoffApproved | HandoffRejected | HandoffAttested | HandoffHandedBack | HandoffClosed
+) -> Handoff:
+    match event:
+        case HandoffApproved():
+            return _decided(h, event, "approved", shown=event.shown, fresh=event.fresh)
+        case HandoffRejected():
+            return _decided(h, event, "rejected")
+        case HandoffAttested():
+            return _decided(h, event, "attested")
+        case HandoffHandedBack():
+            return _decided(h, event, "handed_back", fresh=event.fresh)
+        case HandoffClosed():
+            return _decided(h, event, "closed")
+        case _:
+            assert_never(event)
+
+
+def _decided(
     h: Handoff,
-) -> Answer:
-    shown = h.opened.subject if h.opened else Digest("")
-    return Answer(
+    event: HandoffApproved | HandoffRejected | HandoffAttested | HandoffHandedBack | HandoffClosed,
+    decision: Decided,
+    *,
+    shown: Digest | None = None,
+    fresh: Snapshot | None = None,
+) -> Handoff:
+    """Nothing of the question itself changes: what was asked stays as it was asked."""
+    bound = event.subject if isinstance(event, HandoffApproved | HandoffRejected) else None
+    answer = Answer(
         decision=decision,
         actor=event.actor,
         reason=event.reason,
         key=event.key,
-        cycle=event.cycle,
-        subject=shown if isinstance(event, HandoffAttested) else event.subject,
+        cycle=h.cycle if isinstance(event, HandoffHandedBack | HandoffClosed) else event.cycle,
+        subject=bound or (h.opened.subject if h.opened else Digest("")),
         at_s=event.at_s,
+        shown=shown,
+        fresh=fresh,
     )
+    return replace(h, status=decision, answer=answer, claim=None)

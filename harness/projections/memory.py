@@ -5,10 +5,12 @@ from typing import Any, TypeVar, assert_never
 import msgspec
 from msgspec.structs import replace
 
+from harness.contracts.control import AutonomySet
 from harness.contracts.events import (
     CommitRejected,
     CompletionReported,
     ContractCompiled,
+    ContractRecompiled,
     DispatchIntended,
     EpochChanged,
     FailureClassified,
@@ -119,6 +121,8 @@ def follow(thread: MissionThread, event: MissionEvent) -> MissionThread:
             return replace(nxt, mission_id=event.mission_id, robot_id=event.robot_id, configuration=event.configuration)
         case ContractCompiled():
             return replace(nxt, contract=event.contract)
+        case ContractRecompiled():
+            return replace(nxt, contract=event.contract, configuration=event.configuration)
         case GraphRevised():
             return replace(nxt, contract=event.contract or nxt.contract)
         case DispatchIntended():
@@ -148,7 +152,7 @@ def follow(thread: MissionThread, event: MissionEvent) -> MissionThread:
             | VetoCleared() | FailureClassified() | RecoveryAuthorised() | NodeFailed() | HandoffRequested()
             | HandoffAnswered() | OperatorRetryGranted() | MissionPaused() | MissionResumed() | StopRequested()
             | StopAcknowledged() | GoalVerified() | CompletionReported() | FailureReported()
-            | ConstraintsTightened() | AttestationRecorded() | CompletionDisputed()
+            | AutonomySet() | ConstraintsTightened() | AttestationRecorded() | CompletionDisputed()
         ):  # fmt: skip
             return nxt
         case _:

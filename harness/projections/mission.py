@@ -6,7 +6,8 @@ import msgspec
 
 from harness.contracts.actors import Actor
 from harness.contracts.configuration import FailureClass, RecoveryAction, RecoveryPolicy
-from harness.contracts.events import Autonomy, DispatchIntended, StopAcknowledged, StopRequested
+from harness.contracts.control import Autonomy, stricter
+from harness.contracts.events import DispatchIntended, StopAcknowledged, StopRequested
 from harness.contracts.evidence import CommittedFact, EvidencePacket, EvidenceReference
 from harness.contracts.ids import ConditionId, Digest, HandoffId, MissionId, NodeId, PacketId, ProviderId, RobotId
 from harness.contracts.proposals import Signature
@@ -126,6 +127,7 @@ class Mission(Value):
     seed: int = 0
     labels: dict[str, str] = msgspec.field(default_factory=dict)
     autonomy: Autonomy = "autonomous"
+    autonomy_limit: Autonomy = "autonomous"
     replay: bool = False
     status: MissionStatus = "draft"
     contract: TaskContract | None = None
@@ -149,6 +151,11 @@ class Mission(Value):
     @property
     def ended(self) -> bool:
         return self.status in TERMINAL_MISSION
+
+    @property
+    def level(self) -> Autonomy:
+        """How far it decides alone: the stricter of its own level and the house's limit."""
+        return stricter(self.autonomy, self.autonomy_limit)
 
     @property
     def spent_total(self) -> int:

@@ -4,10 +4,12 @@ from typing import assert_never
 
 from msgspec.structs import replace
 
+from harness.contracts.control import AutonomySet
 from harness.contracts.events import (
     CommitRejected,
     CompletionReported,
     ContractCompiled,
+    ContractRecompiled,
     DispatchIntended,
     EpochChanged,
     FailureClassified,
@@ -71,6 +73,10 @@ def _folded(m: Mission, event: MissionEvent) -> Mission:
         case ContractCompiled():
             nodes = {node.node_id: NodeState(node_id=node.node_id) for node in event.contract.nodes}
             return replace(m, contract=event.contract, policy=event.policy, status="compiled", nodes=nodes)
+        case ContractRecompiled():
+            nodes = {node.node_id: NodeState(node_id=node.node_id) for node in event.contract.nodes}
+            compiled = replace(m, contract=event.contract, policy=event.policy, status="compiled", nodes=nodes)
+            return replace(compiled, configuration=event.configuration, k=m.k + 1)
         case MissionActivated():
             return replace(m, status="active")
         case NodePlanned():
@@ -130,8 +136,8 @@ def _folded(m: Mission, event: MissionEvent) -> Mission:
             return replace(
                 m,
                 handoff_id=None,
-                status="active" if event.decision in ("approved", "attested") else m.status,
-                k=m.k + (1 if event.decision == "approved" else 0),
+                status="active" if event.decision in ("approved", "attested", "handed_back") else m.status,
+                k=m.k + (1 if event.decision in ("approved", "handed_back") else 0),
                 reason=event.reason,
             )
         case OperatorRetryGranted():
@@ -141,10 +147,14 @@ def _folded(m: Mission, event: MissionEvent) -> Mission:
             return replace(_node(m, event.node_id, attested=attested), k=m.k + 1)
         case CompletionDisputed():
             return disputed(m, event)
+        case AutonomySet(scope="mission"):
+            return replace(m, autonomy=event.autonomy)
+        case AutonomySet():
+            return replace(m, autonomy_limit=event.autonomy)
         case MissionPaused():
             return replace(m, status="paused", reason=event.reason)
         case MissionResumed():
-            return replace(m, status="active", reason="")
+            return replace(m, status="awaiting_human" if m.handoff_id else "active", reason="")
         case StopRequested():
             return replace(m, status="stopping", stop=event, reason=event.reason)
         case StopAcknowledged():

@@ -61,6 +61,10 @@ def handoff_row(handoff: Handoff, *, seq: int) -> ListRow | None:
         seq=seq,
         handoff_id=handoff.handoff_id,
         mission_id=opened.mission_id,
+        robot_id=opened.robot_id,
+        reason=opened.reason,
+        answered=": ".join(_said(handoff)) or handoff.outcome,
+        holder=handoff.claim.actor.name if handoff.claim and handoff.waits else "",
         node_id=opened.node_id,
         status=handoff.status,
         failure=opened.failure,
@@ -69,7 +73,7 @@ def handoff_row(handoff: Handoff, *, seq: int) -> ListRow | None:
     )
     facets = {
         "status": item.status,
-        "open": "yes" if item.status == "open" else "no",
+        "open": "yes" if handoff.waits else "no",
         "robot": opened.robot_id,
         "failure": item.failure,
         "mission": item.mission_id,
@@ -79,11 +83,16 @@ def handoff_row(handoff: Handoff, *, seq: int) -> ListRow | None:
         seq=seq,
         key=item.handoff_id,
         facets=facets,
-        words=" ".join((item.node_id, item.failure.replace("_", " "), opened.reason)),
+        words=" ".join((item.node_id, item.failure.replace("_", " "), opened.reason, *_said(handoff))),
         ids=(item.handoff_id, item.mission_id),
         amount=item.deadline_at_s - item.opened_at_s,
         body=encode(item),
     )
+
+
+def _said(handoff: Handoff) -> tuple[str, ...]:
+    """Who answered, and why."""
+    return (handoff.answer.actor.name, handoff.answer.reason) if handoff.answer else ()
 
 
 def current_stage(mission: Mission) -> str:

@@ -28,7 +28,7 @@ def approval_required(*, mission: Mission, node: Node, action: RecoveryAction | 
 
 
 def _by_autonomy(mission: Mission, node: Node, moves: bool) -> str:
-    match mission.autonomy:
+    match mission.level:
         case "manual":
             return "The mission is manual: a person approves every dispatch."
         case "approve_each_motion" if moves:

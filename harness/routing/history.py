@@ -1,9 +1,14 @@
 """Pure: the history penalty h, from verified outcomes alone; a provider's own word never enters (R60, D23)."""
 
+from collections.abc import Iterable, Iterator
+
 from harness.contracts.capabilities import Capability
 from harness.contracts.ids import Digest, ProviderId
 from harness.contracts.values import Share, Value
 from harness.contracts.verdicts import Verdict
+
+SILENT: tuple[Verdict, ...] = ("ambiguous", "stale")
+"""Verdicts that say nothing about the effect."""
 
 
 class Outcome(Value):
@@ -17,9 +22,30 @@ class Outcome(Value):
     residual: Share = 0.0
 
 
-class History(Value):
-    """Judged executions, oldest first."""
+class Judged(Value, array_like=True):
+    """What one execution of a series came to."""
 
+    verdict: Verdict
+    residual: Share = 0.0
+
+
+class Series(Value):
+    """The judged executions of one provider in one setting, oldest first.
+
+    Two hundred of them are stored with every dispatch, so the setting is said once.
+    """
+
+    provider_id: ProviderId
+    capability: Capability
+    place: str
+    configuration: Digest
+    judged: tuple[Judged, ...]
+
+
+class History(Value):
+    """Judged executions, oldest first: one series for each setting. `outcomes`, one by one, come from older logs."""
+
+    series: tuple[Series, ...] = ()
     outcomes: tuple[Outcome, ...] = ()
 
     def penalty(
@@ -31,11 +57,26 @@ class History(Value):
         its residual; ambiguous and stale say nothing about the effect and do not count.
         """
         failed, weight, total = 1.0, 1.0, 2.0
-        for outcome in reversed(self.outcomes):
-            about = (outcome.provider_id, outcome.capability, outcome.place, outcome.configuration)
-            if about != (provider_id, capability, place, configuration) or outcome.verdict in ("ambiguous", "stale"):
+        fading = 0.5 ** (1.0 / half_life)
+        for one in self._newest_first((provider_id, capability, place, configuration)):
+            if one.verdict in SILENT:
                 continue
-            failed += weight * (outcome.residual if outcome.verdict == "satisfied" else 1.0)
+            failed += weight * (one.residual if one.verdict == "satisfied" else 1.0)
             total += weight
-            weight *= 0.5 ** (1.0 / half_life)
+            weight *= fading
         return failed / total
+
+    def _newest_first(self, setting: tuple[ProviderId, Capability, str, Digest]) -> Iterator[Judged | Outcome]:
+        for held in reversed(self.series):
+            if _setting(held) == setting:
+                yield from reversed(held.judged)
+        yield from (one for one in reversed(self.outcomes) if _setting(one) == setting)
+
+
+def judged(outcomes: Iterable[tuple[Verdict, float]]) -> tuple[Judged, ...]:
+    """A series' executions from (verdict, residual), oldest first."""
+    return tuple(Judged(verdict=verdict, residual=residual) for verdict, residual in outcomes)
+
+
+def _setting(one: Series | Outcome) -> tuple[ProviderId, Capability, str, Digest]:
+    return (one.provider_id, one.capability, one.place, one.configuration)

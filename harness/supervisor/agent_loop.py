@@ -5,7 +5,7 @@ needs no event loop. None means that nothing will change until a person speaks o
 """
 
 from harness.contexts.verifier import goal_context
-from harness.contracts.commands import AcknowledgeStop, ActivateMission, EndMission, JudgeGoal, ReportFailure
+from harness.contracts.commands import AcknowledgeStop, EndMission, JudgeGoal, ReportFailure, StopMission
 from harness.contracts.contexts import Context
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContextOverflow, ContractInvalid
@@ -17,11 +17,13 @@ from harness.supervisor.attend import POLL_S, Attendant
 from harness.supervisor.crew import Crew
 from harness.supervisor.desk import Desk
 from harness.supervisor.dispatch import Attempt, Dispatcher
-from harness.supervisor.leases import expired
+from harness.supervisor.leases import SUPERVISOR, expired
+from harness.supervisor.pins import begin
 from harness.supervisor.recover import Recovery
 from harness.supervisor.rest import at_rest
 from harness.supervisor.roles import Roles, context_record
 from harness.supervisor.senses import Senses
+from harness.supervisor.vigil import Vigil
 from harness.supervisor.watchdog import Watchdog, invocation_moves
 from harness.verification.verdict import verify_goal
 
@@ -40,6 +42,7 @@ class AgentLoop:
         self._roles = Roles(runtime=runtime, crew=crew, senses=self._senses)
         self._dispatcher = Dispatcher(self._roles)
         self.desk = Desk(self._roles, self._dispatcher)
+        self.vigil = Vigil(self._roles)
         self._attendant = Attendant(self._roles, found=runtime.mission(mission_id).invocation)
         self._watchdog = Watchdog(self._roles)
         self._recovery = Recovery(self._roles, dispatcher=self._dispatcher, desk=self.desk)
@@ -64,7 +67,7 @@ class AgentLoop:
         now_s = self._crew.clock.now().mission_s
         match mission.status:
             case "draft" | "compiled" | "awaiting_approval":
-                self._runtime.submit(mission.mission_id, ActivateMission())
+                begin(self._runtime, mission)
                 return now_s + POLL_S
             case "stopping":
                 return self._stopping(mission, now_s)
@@ -73,7 +76,11 @@ class AgentLoop:
             case "awaiting_human":
                 return self._waiting(mission, now_s)
             case _:
-                return self._working(mission, now_s)
+                try:
+                    return self._working(mission, now_s)
+                except ContextOverflow as error:
+                    self._runtime.submit(mission.mission_id, StopMission(actor=SUPERVISOR, reason=str(error)))
+                    return now_s
 
     def _working(self, mission: Mission, now_s: float) -> float | None:
         vetoed = mission.vetoes and invocation_moves(mission)
@@ -184,7 +191,7 @@ class AgentLoop:
         """STOPPING until the provider acknowledged and the body is static by a source outside the localiser."""
         self._publish(mission)
         if mission.handoff_id is not None:
-            self.desk.supersede(mission, "the mission was stopped")
+            self.vigil.supersede(mission, "the mission was stopped")
             return now_s
         invocation = mission.invocation
         if invocation is not None and invocation.status != "outcome_unknown":
@@ -201,6 +208,7 @@ class AgentLoop:
         return None
 
     def _paused(self, mission: Mission, now_s: float) -> float | None:
+        self.vigil.watch(mission)
         invocation = mission.invocation
         if invocation is None:
             return None if not self._crew.waits_for_people else now_s + POLL_S
@@ -211,14 +219,13 @@ class AgentLoop:
 
     def _waiting(self, mission: Mission, now_s: float) -> float | None:
         """A person is asked. At speed 0 nothing waits for people (D7)."""
-        if mission.handoff_id is not None:
-            self.desk.expire(mission, self._runtime.handoff(mission.handoff_id))
+        self.vigil.watch(mission)
         self._publish(mission)
         return now_s + POLL_S if self._crew.waits_for_people else None
 
     def _watch_leases(self) -> None:
         resources = tuple(dict.fromkeys(r for card in self._crew.cards for r in card.resources))
-        late = expired(self._runtime, resources, now_s=self._crew.clock.now().mission_s)
+        late = expired(self._runtime, self._crew.robot_id, resources, now_s=self._crew.clock.now().mission_s)
         if late:
             self._runtime.commit(late)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import ProviderId, RobotId
-from harness.contracts.ports import Clock, Ids, Provider, Robot, Spool
+from harness.contracts.ports import Clock, HandDriven, Ids, LiveCamera, Provider, Robot, Spool
 from harness.planning.planner import GRAPH_ORDER, Planner
 from harness.projections.mission import Mission
 from harness.verification.verdict import Verifier, verify
@@ -17,7 +17,8 @@ class Crew:
     """`prepare` tells a simulated world which mission begins; a real robot ignores it.
 
     `revive` tries to bring back a robot that does not answer, and says whether it did. `verifier` judges packets and
-    `planner` proposes what comes next; neither decides anything.
+    `planner` proposes what comes next; neither decides anything. `camera` is what people look through and `hand` how
+    they drive it, where the robot has such.
     """
 
     robot_id: RobotId
@@ -32,6 +33,8 @@ class Crew:
     waits_for_people: bool = True
     verifier: Verifier = verify
     planner: Planner = GRAPH_ORDER
+    camera: LiveCamera | None = None
+    hand: HandDriven | None = None
 
     def provider(self, provider_id: ProviderId) -> Provider:
         """Raises UnknownName for a provider that is no longer there."""

@@ -1,62 +1,73 @@
 """Where the harness asks a person, and takes the answer: observed again first, then one transaction (D27, D28)."""
 
 from dataclasses import replace
-from math import inf
+from typing import assert_never
 
-from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import (
     AnswerMission,
     ApproveHandoff,
     AskPerson,
-    AttestCondition,
     AttestHandoff,
-    DecideHandoff,
-    ExpireHandoff,
-    LookAgain,
     OpenHandoff,
-    PersonCommand,
     RefreshHandoff,
     RejectHandoff,
-    SupersedeHandoff,
 )
+from harness.contracts.configuration import RecoveryAction
 from harness.contracts.contexts import Context
-from harness.contracts.decisions import Decision, Refused
-from harness.contracts.handoff_events import ProposedAction, Snapshot
-from harness.contracts.ids import Digest, HandoffId, NodeId, handoff_stream, mission_stream, sha256
-from harness.contracts.observations import Image, Odometry, Pose
-from harness.contracts.places import Zone
+from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.handoff_commands import (
+    AttestCondition,
+    ChooseAction,
+    ClaimHandoff,
+    CloseHandoff,
+    CloseQuestion,
+    DecideHandoff,
+    DropClaim,
+    ExtendDeadline,
+    HandBack,
+    LookAgain,
+    OnMyWay,
+    PersonCommand,
+    ReleaseHandoff,
+    ReturnControl,
+    TakeClaim,
+    TakeControl,
+    TakeOver,
+)
+from harness.contracts.handoff_events import HandoffOpened
+from harness.contracts.ids import HandoffId, NodeId, handoff_stream, mission_stream, sha256
 from harness.contracts.proposals import RecoveryProposal
 from harness.contracts.revision_commands import RecordAttestation
-from harness.contracts.values import Point, digest
+from harness.contracts.values import encode
 from harness.gate.commit import Request
+from harness.gate.handoffs import decide
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import Failure, Mission, required_contract
 from harness.supervisor.dispatch import Approval, Attempt, Dispatcher
-from harness.supervisor.rest import at_rest
+from harness.supervisor.questions import Questions
 from harness.supervisor.roles import Roles, context_record
-from harness.verification.preconditions import verify_preconditions
-
-LONGEST_WAIT_S = 900.0
-TIMEOUT = Actor(name="nobody", role="harness", channel="timeout")
+from harness.supervisor.zones import patience, reserve_s
 
 
 class Desk:
-    """Opens, refreshes, decides and expires handoffs of one robot."""
+    """Opens and refreshes the handoffs of one robot, and takes what persons say to them."""
 
     def __init__(self, roles: Roles, dispatcher: Dispatcher) -> None:
         self._roles = roles
         self._runtime = roles.runtime
         self._crew = roles.crew
         self._dispatcher = dispatcher
+        self._questions = Questions(roles, dispatcher)
 
     def open(self, mission: Mission, failure: Failure, reason: str, c4: Context) -> None:
         """The mission waits, and the question with its snapshot stands in a stream of its own: one commit."""
         handoff_id = HandoffId(f"hof_{sha256(f'{mission.mission_id}{mission.version}'.encode())[:12]}")
-        snapshot = self._snapshot(mission, failure.node_id)
-        zone = self._zone((snapshot.x_m, snapshot.y_m))
-        now = self._crew.clock.now()
-        node = required_contract(mission).node(failure.node_id)
+        snapshot = self._questions.snapshot(mission, failure.node_id)
+        contract, recent = required_contract(mission), self._roles.senses.recent
+        reserve = reserve_s(recent, minimum_charge=contract.constraints.minimum_charge)
+        allowed = patience(self._runtime.site.zones, (snapshot.x_m, snapshot.y_m), reserve_s=reserve)
+        now_s = self._crew.clock.now().wall_s
         opening = OpenHandoff(
             handoff_id=handoff_id,
             mission_id=mission.mission_id,
@@ -65,12 +76,14 @@ class Desk:
             k=mission.k,
             failure=failure.failure,
             reason=reason,
-            risk=node.risk,
-            proposal=self._proposal(mission, failure.node_id),
+            risk=contract.node(failure.node_id).risk,
+            proposal=self._questions.proposal(mission, failure.node_id),
             snapshot=snapshot,
-            evidence=self._evidence(mission, failure.node_id, snapshot),
-            no_answer=zone.no_answer if zone else "hold",
-            deadline_at_s=now.wall_s + min(LONGEST_WAIT_S, zone.hold_limit_s if zone else inf),
+            evidence=self._questions.evidence(mission, failure.node_id, snapshot),
+            no_answer=allowed.no_answer,
+            deadline_at_s=now_s + allowed.wait_s,
+            limit_at_s=now_s + allowed.limit_s,
+            choices=self._questions.choices(mission, failure.node_id),
         )
         asking = AskPerson(
             handoff_id=handoff_id,
@@ -91,64 +104,83 @@ class Desk:
             return Refused("not_open", "This handoff was never opened.")
         mission = self._runtime.mission(handoff.opened.mission_id)
         match command:
-            case LookAgain():
-                return self.refresh(mission, handoff)
-            case AttestCondition():
-                return self._attest(mission, handoff, command)
             case DecideHandoff(decision="reject"):
                 return self._reject(mission, handoff, command)
             case DecideHandoff():
-                return self._approve(mission, handoff, command)
+                return self._approve(mission, handoff, handoff.opened, command)
+            case AttestCondition():
+                return self._attest(mission, handoff, handoff.opened, command)
+            case LookAgain():
+                return self._asked_anew(mission, handoff, command, action=_proposed(handoff))
+            case ChooseAction():
+                return self._choose(mission, handoff, command)
+            case HandBack():
+                return self._hand_back(mission, handoff, handoff.opened, command)
+            case CloseHandoff():
+                return self._close(mission, handoff, command)
+            case ClaimHandoff() | ReleaseHandoff() | OnMyWay() | TakeOver():
+                return self._held(mission, handoff, command)
+            case _:
+                assert_never(command)
 
-    def refresh(self, mission: Mission, handoff: Handoff) -> Decision[AnyEvent]:
+    def _held(
+        self, mission: Mission, handoff: Handoff, command: ClaimHandoff | ReleaseHandoff | OnMyWay | TakeOver
+    ) -> Decision[AnyEvent]:
+        """Whose question it is and how long it waits: nothing of the robot needs to be known for it."""
+        match command:
+            case ClaimHandoff():
+                return self._said(handoff, TakeClaim(actor=command.actor, claim=command.claim))
+            case ReleaseHandoff():
+                dropped = DropClaim(actor=command.actor, claim=command.claim, reason="released by its holder")
+                return self._said(handoff, dropped)
+            case OnMyWay():
+                return self._said(handoff, ExtendDeadline(actor=command.actor, reason=command.reason))
+            case TakeOver():
+                if mission.status != "awaiting_human" or mission.handoff_id != handoff.handoff_id:
+                    return Refused("not_waiting", f"The mission is {mission.status}; it does not wait for this answer.")
+                taken = TakeControl(
+                    actor=command.actor,
+                    claim=command.claim,
+                    device=command.device,
+                    key=command.key,
+                    reason=command.reason,
+                )
+                return self._said(handoff, taken)
+            case _:
+                assert_never(command)
+
+    def _choose(self, mission: Mission, handoff: Handoff, command: ChooseAction) -> Decision[AnyEvent]:
+        """The question is recalled and asked anew with another action: approved, if at all, on its own digest."""
+        opened = handoff.opened
+        if opened is None or command.cycle != handoff.cycle:
+            return Refused("wrong_cycle", f"The question changed: it is in cycle {handoff.cycle}, not {command.cycle}.")
+        if command.action not in self._questions.choices(mission, opened.node_id):
+            return Refused("no_choice", f"{command.action} is no rung that this stage's ladder and budget still offer.")
+        if self._questions.proposal(mission, opened.node_id, command.action) is None:
+            return Refused("not_possible", f"Nobody can do {command.action} now.")
+        return self._asked_anew(mission, handoff, command, action=command.action)
+
+    def _asked_anew(
+        self, mission: Mission, handoff: Handoff, command: LookAgain | ChooseAction, *, action: RecoveryAction
+    ) -> Decision[AnyEvent]:
         """Observe without motion and show the question as it stands now: a new cycle."""
         if handoff.opened is None:
             return Refused("not_open", "This handoff was never opened.")
-        self._roles.senses.collect(None)
         node_id = handoff.opened.node_id
-        snapshot = self._snapshot(mission, node_id)
+        snapshot = self._questions.snapshot(mission, node_id)
         refreshed = RefreshHandoff(
             k=mission.k,
-            proposal=self._proposal(mission, node_id),
+            proposal=self._questions.proposal(mission, node_id, action),
             snapshot=snapshot,
-            evidence=self._evidence(mission, node_id, snapshot),
+            evidence=self._questions.evidence(mission, node_id, snapshot),
+            choices=self._questions.choices(mission, node_id),
+            actor=command.actor,
         )
-        return self._runtime.commit([Request(handoff_stream(handoff.handoff_id), refreshed)])
+        return self._said(handoff, refreshed)
 
-    def expire(self, mission: Mission, handoff: Handoff) -> None:
-        """No answer in time: the safe outcome, never "go on". Losing against an answer changes nothing."""
-        opened = handoff.opened
-        if opened is None or handoff.status != "open" or self._crew.clock.now().wall_s < opened.deadline_at_s:
-            return
-        unanswered = AnswerMission(
-            handoff_id=handoff.handoff_id,
-            decision="expired",
-            actor=TIMEOUT,
-            reason=f"nobody answered in time; the robot keeps to its no-answer action ({opened.no_answer})",
-        )
-        self._runtime.commit(
-            [
-                Request(handoff_stream(handoff.handoff_id), ExpireHandoff()),
-                Request(mission_stream(mission.mission_id), unanswered),
-            ]
-        )
-
-    def supersede(self, mission: Mission, reason: str) -> None:
-        """The question fell away: the mission was stopped another way."""
-        if mission.handoff_id is None:
-            return
-        answered = AnswerMission(handoff_id=mission.handoff_id, decision="superseded", actor=TIMEOUT, reason=reason)
-        self._runtime.commit(
-            [
-                Request(handoff_stream(mission.handoff_id), SupersedeHandoff(reason=reason)),
-                Request(mission_stream(mission.mission_id), answered),
-            ]
-        )
-
-    def _approve(self, mission: Mission, handoff: Handoff, command: DecideHandoff) -> Decision[AnyEvent]:
-        opened = handoff.opened
-        self._roles.senses.collect(None)
-        fresh = self._snapshot(mission, opened.node_id if opened else NodeId(""))
+    def _approve(
+        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: DecideHandoff
+    ) -> Decision[AnyEvent]:
         approve = ApproveHandoff(
             actor=command.actor,
             reason=command.reason,
@@ -157,17 +189,22 @@ class Desk:
             subject=command.subject,
             evidence=command.evidence,
             k=mission.k,
-            fresh=fresh,
+            fresh=self._questions.snapshot(mission, opened.node_id),
+            shown=command.shown or self._runtime.keep(encode(opened)),
+            claim=command.claim,
         )
-        if handoff.status != "open" or opened is None or opened.proposal is None or mission.handoff_id is None:
-            return self._runtime.commit([Request(handoff_stream(handoff.handoff_id), approve)])
-        if self._proposal(mission, opened.node_id) != opened.proposal:
+        if settled := self._foreseen(mission, handoff, approve):
+            return settled
+        action = _proposed(handoff)
+        if self._questions.proposal(mission, opened.node_id, action) != opened.proposal:
             return Refused("wrong_digest", "What would run now is not what you saw. Look again, then decide.")
-        wish = self._wish(mission, opened.node_id)
         approval = Approval(handoff_id=handoff.handoff_id, command=approve)
+        wish = self._questions.wish(mission, opened.node_id, action)
         return self._dispatcher.dispatch(mission, replace(wish, approval=approval))
 
-    def _attest(self, mission: Mission, handoff: Handoff, command: AttestCondition) -> Decision[AnyEvent]:
+    def _attest(
+        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: AttestCondition
+    ) -> Decision[AnyEvent]:
         """A person's own observation: kept as evidence, and the one look without motion that it opens (D17)."""
         attest = AttestHandoff(
             actor=command.actor,
@@ -175,10 +212,10 @@ class Desk:
             key=command.key,
             cycle=command.cycle,
             condition_id=command.condition_id,
+            claim=command.claim,
         )
-        opened = handoff.opened
-        if handoff.status != "open" or opened is None or mission.handoff_id != handoff.handoff_id:
-            return self._runtime.commit([Request(handoff_stream(handoff.handoff_id), attest)])
+        if settled := self._foreseen(mission, handoff, attest):
+            return settled
         self._roles.senses.collect(None)
         record = RecordAttestation(
             handoff_id=handoff.handoff_id,
@@ -189,11 +226,25 @@ class Desk:
             seen_s=self._crew.clock.now().mission_s,
             blob=self._runtime.keep(command.statement.encode()),
         )
-        look = RecoveryProposal(
-            action="verify_again", failure=opened.failure, provider_id=None, cost=0, reason="a person attested"
-        )
         word = Approval(handoff_id=handoff.handoff_id, command=attest, attestation=record)
-        return self._dispatcher.dispatch(mission, Attempt(node_id=opened.node_id, recovery=look, approval=word))
+        return self._dispatcher.dispatch(mission, _look(opened, opened.node_id, word, why="a person attested"))
+
+    def _hand_back(
+        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: HandBack
+    ) -> Decision[AnyEvent]:
+        """The robot is the harness's again: seen afresh, and one look without motion at the present state version."""
+        back = ReturnControl(
+            actor=command.actor,
+            claim=command.claim,
+            key=command.key,
+            reason=command.reason,
+            k=mission.k,
+            fresh=self._questions.snapshot(mission, opened.node_id),
+        )
+        if settled := self._foreseen(mission, handoff, back):
+            return settled
+        word = Approval(handoff_id=handoff.handoff_id, command=back)
+        return self._dispatcher.dispatch(mission, _look(opened, opened.node_id, word, why="a person handed it back"))
 
     def _reject(self, mission: Mission, handoff: Handoff, command: DecideHandoff) -> Decision[AnyEvent]:
         reject = RejectHandoff(
@@ -202,98 +253,55 @@ class Desk:
             key=command.key,
             cycle=command.cycle,
             subject=command.subject,
+            claim=command.claim,
         )
-        requests = [Request(handoff_stream(handoff.handoff_id), reject)]
-        if handoff.status == "open" and mission.handoff_id == handoff.handoff_id:
-            ended = AnswerMission(
-                handoff_id=handoff.handoff_id, decision="rejected", actor=command.actor, reason=command.reason
-            )
+        ended = AnswerMission(
+            handoff_id=handoff.handoff_id, decision="rejected", actor=command.actor, reason=command.reason
+        )
+        return self._ends(mission, handoff, reject, ended)
+
+    def _close(self, mission: Mission, handoff: Handoff, command: CloseHandoff) -> Decision[AnyEvent]:
+        """The person keeps the robot."""
+        close = CloseQuestion(actor=command.actor, claim=command.claim, key=command.key, reason=command.reason)
+        ended = AnswerMission(
+            handoff_id=handoff.handoff_id, decision="closed", actor=command.actor, reason=command.reason
+        )
+        return self._ends(mission, handoff, close, ended)
+
+    def _ends(
+        self, mission: Mission, handoff: Handoff, said: RejectHandoff | CloseQuestion, ended: AnswerMission
+    ) -> Decision[AnyEvent]:
+        """The word and the mission's end together; a question that is over only says so."""
+        requests = [Request(handoff_stream(handoff.handoff_id), said)]
+        if handoff.waits and mission.handoff_id == handoff.handoff_id:
             requests.append(Request(mission_stream(mission.mission_id), ended))
         return self._runtime.commit(requests)
 
-    def _wish(self, mission: Mission, node_id: NodeId) -> Attempt:
-        """One further attempt at the same effect, outside the budget (D1)."""
-        state = mission.of(node_id)
-        last = state.failures[-1]
-        retry = RecoveryProposal(
-            action="retry", failure=last.failure, provider_id=state.provider_id, cost=0, reason="an operator's retry"
-        )
-        return Attempt(node_id=node_id, recovery=retry)
+    def _foreseen(
+        self, mission: Mission, handoff: Handoff, command: ApproveHandoff | AttestHandoff | ReturnControl
+    ) -> Decision[AnyEvent] | None:
+        """What the gate would refuse, or has answered before; None where it would take the word now."""
+        decision = decide(handoff, command, self._crew.clock.now())
+        if isinstance(decision, Refused):
+            return decision
+        if not decision.events:
+            return Accepted(())
+        if mission.handoff_id != handoff.handoff_id:
+            return Refused("not_waiting", f"The mission is {mission.status}; it does not wait for this answer.")
+        return None
 
-    def _proposal(self, mission: Mission, node_id: NodeId) -> ProposedAction | None:
-        """Exactly what an approval would let run, once; None where nobody can do it now."""
-        prepared = self._dispatcher.prepare(mission, self._wish(mission, node_id))
-        if isinstance(prepared, Refused):
-            return None
-        intent = prepared.intent
-        return ProposedAction(
-            mission_id=mission.mission_id,
-            node_id=node_id,
-            attempt=intent.attempt,
-            action="retry",
-            provider_id=intent.provider_id,
-            provider_version=intent.provider_version,
-            parameters=intent.parameters,
-            configuration=mission.configuration,
-            graph_revision=mission.graph_revision,
-            limits={
-                "speed_cap_mps": required_contract(mission).constraints.speed_cap_mps,
-                "timeout_s": intent.deadline_s - intent.dispatched_s,
-            },
-            spends=0,
-        )
-
-    def _snapshot(self, mission: Mission, node_id: NodeId) -> Snapshot:
-        now, recent = self._crew.clock.now(), self._roles.senses.recent
-        pose = next((s for s in reversed(recent) if isinstance(s, Pose)), None)
-        where = pose or next((s for s in reversed(recent) if isinstance(s, Odometry)), None)
-        image = next((s.blob for s in reversed(recent) if isinstance(s, Image)), None)
-        return Snapshot(
-            at_s=now.mission_s,
-            taken_at_s=now.wall_s,
-            x_m=where.x_m if where else 0.0,
-            y_m=where.y_m if where else 0.0,
-            yaw_rad=where.yaw_rad if where else 0.0,
-            static=at_rest(recent, now.mission_s).static,
-            results=digest(self._results(mission, node_id)),
-            image=image,
-        )
-
-    def _results(self, mission: Mission, node_id: NodeId) -> tuple[tuple[str, str], ...]:
-        """Every condition's result as it stands: the last verdict's, and the preconditions tested now."""
-        view, state = self._roles.view(mission), mission.of(node_id)
-        fresh = verify_preconditions(
-            view.node(node_id),
-            status=view.status,
-            recent=view.recent,
-            facts=mission.facts,
-            at_s=view.at_s,
-            rules=view.rules,
-        )
-        judged = state.verdicts[-1].results if state.verdicts else ()
-        return tuple((result.condition_id, result.verdict) for result in (*judged, *fresh))
-
-    def _evidence(self, mission: Mission, node_id: NodeId, snapshot: Snapshot) -> Digest:
-        state = mission.of(node_id)
-        return digest(
-            {
-                "packets": [packet.identity.packet_id for packet in state.packets],
-                "verdicts": [digest(verdict) for verdict in state.verdicts],
-                "snapshot": digest(snapshot),
-            }
-        )
-
-    def _zone(self, point: Point) -> Zone | None:
-        return next((zone for zone in self._runtime.site.zones if _inside(point, zone.region_m)), None)
+    def _said(
+        self, handoff: Handoff, command: TakeClaim | DropClaim | ExtendDeadline | TakeControl | RefreshHandoff
+    ) -> Decision[AnyEvent]:
+        return self._runtime.commit([Request(handoff_stream(handoff.handoff_id), command)])
 
 
-def _inside(point: Point, region: tuple[Point, ...]) -> bool:
-    """Whether a planar point lies in a polygon (even-odd rule); an empty region holds everything."""
-    if not region:
-        return True
-    x, y = point
-    crossings = 0
-    for (x1, y1), (x2, y2) in zip(region, (*region[1:], region[0]), strict=True):
-        if (y1 > y) != (y2 > y) and x < (x2 - x1) * (y - y1) / (y2 - y1) + x1:
-            crossings += 1
-    return crossings % 2 == 1
+def _proposed(handoff: Handoff) -> RecoveryAction:
+    """What is proposed now; an operator's retry where nothing was."""
+    proposal = handoff.opened.proposal if handoff.opened else None
+    return proposal.action if proposal else "retry"
+
+
+def _look(opened: HandoffOpened, node_id: NodeId, word: Approval, *, why: str) -> Attempt:
+    look = RecoveryProposal(action="verify_again", failure=opened.failure, provider_id=None, cost=0, reason=why)
+    return Attempt(node_id=node_id, recovery=look, approval=word)

@@ -8,7 +8,7 @@ from harness.contracts.commands import AcquireLease, FreeLease, QuarantineLease,
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.events import DispatchIntended
-from harness.contracts.ids import MissionId, ResourceId, invocation_id, lease_stream, request_id
+from harness.contracts.ids import ResourceId, RobotId, invocation_id, lease_stream, leased, request_id
 from harness.contracts.observations import AnySample
 from harness.contracts.protocol import TERMINAL
 from harness.gate.commit import Request
@@ -26,6 +26,14 @@ SUPERVISOR = Actor(name="supervisor", role="harness", channel="policy")
 
 
 @dataclass(frozen=True)
+class Held:
+    """What an execution was dispatched with, on which robot."""
+
+    robot_id: RobotId
+    intent: DispatchIntended
+
+
+@dataclass(frozen=True)
 class FreeOrder:
     """A person's order to free one resource, with the reason that stands in the log."""
 
@@ -34,18 +42,18 @@ class FreeOrder:
     reason: str
 
 
-def tokens(runtime: Runtime, resources: tuple[ResourceId, ...]) -> dict[str, int]:
+def tokens(runtime: Runtime, robot_id: RobotId, resources: tuple[ResourceId, ...]) -> dict[str, int]:
     """The fencing token each acquisition would get."""
-    return {resource: runtime.lease(resource).token + 1 for resource in resources}
+    return {resource: runtime.lease(leased(robot_id, resource)).token + 1 for resource in resources}
 
 
-def acquire(mission_id: MissionId, intent: DispatchIntended) -> list[Request]:
+def acquire(mission: Mission, intent: DispatchIntended) -> list[Request]:
     return [
         Request(
-            lease_stream(ResourceId(resource)),
+            lease_stream(leased(mission.robot_id, resource)),
             AcquireLease(
-                resource=ResourceId(resource),
-                mission_id=mission_id,
+                resource=leased(mission.robot_id, resource),
+                mission_id=mission.mission_id,
                 invocation_id=intent.invocation_id,
                 token=token,
                 expires_s=intent.deadline_s + GRACE_S,
@@ -55,17 +63,17 @@ def acquire(mission_id: MissionId, intent: DispatchIntended) -> list[Request]:
     ]
 
 
-def holds(runtime: Runtime, intent: DispatchIntended) -> bool:
+def holds(runtime: Runtime, robot_id: RobotId, intent: DispatchIntended) -> bool:
     """Whether the invocation still holds everything it was dispatched with."""
-    leases = [runtime.lease(ResourceId(resource)) for resource in intent.resources]
+    leases = [runtime.lease(leased(robot_id, resource)) for resource in intent.resources]
     return all(lease.status == "held" and lease.invocation_id == intent.invocation_id for lease in leases)
 
 
-def give_back(runtime: Runtime, intent: DispatchIntended, *, at_rest: bool, reason: str) -> list[Request]:
+def give_back(runtime: Runtime, held: Held, *, at_rest: bool, reason: str) -> list[Request]:
     """Release what the invocation holds, or quarantine it while the body may still move."""
-    requests = []
+    requests, intent = [], held.intent
     for resource in intent.resources:
-        lease = runtime.lease(ResourceId(resource))
+        lease = runtime.lease(leased(held.robot_id, resource))
         if lease.status != "held" or lease.invocation_id != intent.invocation_id:
             continue
         command = (
@@ -73,21 +81,21 @@ def give_back(runtime: Runtime, intent: DispatchIntended, *, at_rest: bool, reas
             if at_rest or not intent.moves
             else QuarantineLease(invocation_id=intent.invocation_id, reason=reason)
         )
-        requests.append(Request(lease_stream(ResourceId(resource)), command))
+        requests.append(Request(lease_stream(lease.resource), command))
     return requests
 
 
-def expired(runtime: Runtime, resources: tuple[ResourceId, ...], *, now_s: float) -> list[Request]:
+def expired(runtime: Runtime, robot_id: RobotId, resources: tuple[ResourceId, ...], *, now_s: float) -> list[Request]:
     """Quarantine what a holder kept past its expiry: it may be moving."""
     return [
         Request(
-            lease_stream(resource),
+            lease_stream(lease.resource),
             QuarantineLease(
                 invocation_id=lease.invocation_id, reason="the lease expired with its holder unaccounted for"
             ),
         )
         for resource in resources
-        if (lease := runtime.lease(resource)).status == "held" and lease.expires_s < now_s
+        if (lease := runtime.lease(leased(robot_id, resource))).status == "held" and lease.expires_s < now_s
     ]
 
 
@@ -115,7 +123,9 @@ def freed(runtime: Runtime, crew: Crew, order: FreeOrder) -> Accepted[AnyEvent] 
     stop, as the robot reports it, stands for rest. Nothing is started or re-armed. Raises ProviderUnreachable if the
     robot does not answer.
     """
-    _halt(runtime, crew, runtime.lease(order.resource))
+    held = runtime.lease(order.resource)
+    if held.mission_id:
+        _halt(runtime, crew, held)
     crew.clock.wait_until(crew.clock.now().mission_s + WINDOW_S + LOOK_S)
     command = FreeLease(actor=order.actor, static=_static(crew), reason=order.reason)
     return runtime.commit([Request(lease_stream(order.resource), command)])
@@ -137,7 +147,11 @@ def _halt(runtime: Runtime, crew: Crew, lease: Lease) -> None:
     requests = [request_id(mission.mission_id, node_id, number) for node_id, number in attempts]
     lost = next((request for request in requests if invocation_id(request) == lease.invocation_id), None)
     for provider in crew.providers.values():
-        if lost is None or lease.resource not in provider.card.resources or provider.card.reattach != "by_request":
+        if (
+            lost is None
+            or not any(lease.resource == leased(crew.robot_id, one) for one in provider.card.resources)
+            or provider.card.reattach != "by_request"
+        ):
             continue
         try:
             found = provider.find(lost)

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 from harness.contracts.observations import AnySample, Odometry
 from harness.contracts.values import Value
-from harness.verification.geometry import Fix, window_displacement
+from harness.verification.geometry import fixes, window_displacement
 
 WINDOW_S = 1.0
 LIMIT_M = 0.02
@@ -21,11 +21,13 @@ class Rest(Value):
 
 def at_rest(samples: Iterable[AnySample], now_s: float) -> Rest:
     """Displacement by odometry in the last second, in metres. No fresh odometry is not rest."""
-    fixes = [Fix(s.at_s, s.x_m, s.y_m) for s in samples if isinstance(s, Odometry) and s.at_s <= now_s]
-    newest = max((fix.at_s for fix in fixes), default=0.0)
+    first_s = now_s - AGE_S - WINDOW_S
+    late = (one for one in samples if first_s <= one.at_s <= now_s)
+    track = fixes(one for one in late if isinstance(one, Odometry))
+    newest = max((fix.at_s for fix in track), default=0.0)
     if newest < now_s - AGE_S:
         return Rest(static=False, reason="no fresh odometry shows whether the body moves", measured={})
-    moved = window_displacement(fixes, until_s=newest, window_s=WINDOW_S)
+    moved = window_displacement(track, until_s=newest, window_s=WINDOW_S)
     if moved is None:
         return Rest(static=False, reason="less than a second of odometry was seen", measured={})
     static = moved < LIMIT_M

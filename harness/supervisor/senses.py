@@ -2,7 +2,9 @@
 
 from collections import deque
 from collections.abc import Iterable
+from operator import attrgetter
 from statistics import median
+from typing import assert_never
 
 from harness.contracts.errors import ProviderUnreachable
 from harness.contracts.evidence import EvidenceReference
@@ -15,6 +17,7 @@ from harness.supervisor.crew import Crew
 
 RECENT_S = 12.0
 BATCH = 5000
+_order = attrgetter("at_s", "seq")
 
 
 class Senses:
@@ -104,11 +107,28 @@ def image_reference(image: Image) -> EvidenceReference:
 
 
 def _ordered(samples: Iterable[AnySample]) -> Trajectory:
-    ordered = sorted(samples, key=lambda sample: (sample.at_s, sample.seq))
+    """In order of sensor time; one pass, for an execution has thousands."""
+    poses: list[Pose] = []
+    odometry: list[Odometry] = []
+    imu: list[Imu] = []
+    battery: list[Battery] = []
+    scans: list[Scan] = []
+    for sample in sorted(samples, key=_order):
+        match sample:
+            case Odometry():
+                odometry.append(sample)
+            case Imu():
+                imu.append(sample)
+            case Pose():
+                poses.append(sample)
+            case Scan():
+                scans.append(sample)
+            case Battery():
+                battery.append(sample)
+            case Image():
+                pass
+            case _:
+                assert_never(sample)
     return Trajectory(
-        poses=tuple(s for s in ordered if isinstance(s, Pose)),
-        odometry=tuple(s for s in ordered if isinstance(s, Odometry)),
-        imu=tuple(s for s in ordered if isinstance(s, Imu)),
-        battery=tuple(s for s in ordered if isinstance(s, Battery)),
-        scans=tuple(s for s in ordered if isinstance(s, Scan)),
+        poses=tuple(poses), odometry=tuple(odometry), imu=tuple(imu), battery=tuple(battery), scans=tuple(scans)
     )

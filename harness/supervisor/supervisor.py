@@ -6,18 +6,22 @@ from threading import Event, RLock, Thread
 
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
-from harness.contracts.commands import EndMission, PersonCommand, StopMission
+from harness.contracts.commands import EndMission, StopMission
 from harness.contracts.decisions import Accepted, Decision, Refused
-from harness.contracts.errors import HarnessError, UnknownName
+from harness.contracts.errors import HarnessError, StoreUnavailable, UnknownName
+from harness.contracts.handoff_commands import PersonCommand
 from harness.contracts.ids import MissionId, ResourceId, RobotId
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from harness.supervisor.agent_loop import AgentLoop
 from harness.supervisor.crew import Crew
 from harness.supervisor.leases import SUPERVISOR, FreeOrder, freed
+from harness.supervisor.pins import check_readable, readable, tell_unreadable
+from harness.supervisor.vigil import overlooked
 
 LOG = logging.getLogger("regen.supervisor")
 IDLE_WAIT_S = 0.2
+OUTAGE_WAIT_S = 1.0
 WAITING: frozenset[str] = frozenset({"awaiting_human", "paused", "awaiting_approval"})
 
 
@@ -35,8 +39,7 @@ class Supervisor:
 
     def unfinished(self, robot_id: RobotId) -> list[Mission]:
         """Missions of this robot that are neither over nor waiting for a person, oldest first."""
-        mine = [m for m in self._runtime.missions() if m.robot_id == robot_id and not m.ended and not m.replay]
-        return [mission for mission in reversed(mine) if mission.status not in WAITING]
+        return [mission for mission in self._open(robot_id) if mission.status not in WAITING]
 
     def close_interrupted_replays(self) -> None:
         """End replays that an earlier process left open: nothing moves in them, and nobody will go on."""
@@ -61,8 +64,9 @@ class Supervisor:
         return mission
 
     def step(self, mission_id: MissionId) -> float | None:
-        """One step of one mission's loop."""
+        """One step of one mission's loop. Raises ConfigurationMissing where its pinned version cannot be read."""
         mission = self._runtime.mission(mission_id)
+        check_readable(self._runtime, mission)
         with self._locks[mission.robot_id]:
             return self._loop(mission).step()
 
@@ -93,15 +97,25 @@ class Supervisor:
         lease = self._runtime.lease(resource)
         if not lease.version:
             raise UnknownName(f"{resource} was never leased", do="list the leases with `regen lease list`")
-        robot_id = self._runtime.mission(lease.mission_id).robot_id
+        robot_id = RobotId(resource.partition("/")[0])
         if robot_id not in self._crews:
             return Refused("no_robot", "The robot of this lease is not connected, so nothing shows it at rest.")
         with self._locks[robot_id]:
             return freed(self._runtime, self._crews[robot_id], FreeOrder(resource, actor, reason))
 
+    def finish_unanswered(self, robot_id: RobotId) -> None:
+        """What is still due where a question expired and the harness stopped before the robot acted."""
+        for handoff in overlooked(self._runtime, robot_id):
+            if handoff.opened is None:
+                continue
+            with self._locks[robot_id]:
+                self._loop(self._runtime.mission(handoff.opened.mission_id)).vigil.act(handoff)
+
     def serve(self) -> None:
         """In the background: every robot works through its missions, oldest first."""
+        tell_unreadable(self._runtime)
         for robot_id in self._crews:
+            self.finish_unanswered(robot_id)
             thread = Thread(target=self._work, args=(robot_id,), name=f"robot {robot_id}", daemon=True)
             thread.start()
             self._threads.append(thread)
@@ -113,26 +127,44 @@ class Supervisor:
             thread.join(timeout=10.0)
 
     def _work(self, robot_id: RobotId) -> None:
-        crew = self._crews[robot_id]
         while not self._halt.is_set():
-            mission = self._next(robot_id)
-            if mission is None:
-                self._halt.wait(IDLE_WAIT_S)
-                continue
             try:
-                wake_s = self.step(mission.mission_id)
-            except HarnessError as error:
-                self._broken(mission, error)
-                wake_s = None
-            if wake_s is None:
-                self._halt.wait(IDLE_WAIT_S)
-            else:
-                crew.clock.wait_until(wake_s)
+                self._turn(robot_id)
+            except StoreUnavailable as error:
+                LOG.error("store_unavailable robot=%s %s", robot_id, error)
+                self._halt.wait(OUTAGE_WAIT_S)
+
+    def _turn(self, robot_id: RobotId) -> None:
+        """One step of the mission this robot is at, and the wait after it.
+
+        Raises StoreUnavailable: nothing can be decided then. The robot stands by its dead man, and what was open is
+        met again from the log, as after a restart.
+        """
+        mission = self._next(robot_id)
+        if mission is None:
+            self._halt.wait(IDLE_WAIT_S)
+            return
+        try:
+            wake_s = self.step(mission.mission_id)
+        except StoreUnavailable:
+            self._loops.pop(mission.mission_id, None)
+            raise
+        except HarnessError as error:
+            self._broken(mission, error)
+            wake_s = None
+        if wake_s is None:
+            self._halt.wait(IDLE_WAIT_S)
+        else:
+            self._crews[robot_id].clock.wait_until(wake_s)
 
     def _next(self, robot_id: RobotId) -> Mission | None:
         """The oldest mission of this robot that is not over."""
-        waiting = [m for m in self._runtime.missions() if m.robot_id == robot_id and not m.ended and not m.replay]
-        return waiting[-1] if waiting else None
+        return next(iter(self._open(robot_id)), None)
+
+    def _open(self, robot_id: RobotId) -> list[Mission]:
+        """What this robot can go on with, oldest first: no replay, and no pin that is not readable here."""
+        mine = [m for m in self._runtime.missions() if m.robot_id == robot_id and not m.ended and not m.replay]
+        return [mission for mission in reversed(mine) if readable(self._runtime, mission)]
 
     def _broken(self, mission: Mission, error: HarnessError) -> None:
         """A step failed for a reason the loop does not answer: stop the mission and say why; the next one runs."""

@@ -3,13 +3,16 @@
 A veto is raised here under the layer `robot` and cleared here once its cause is gone; no other layer can (D16).
 """
 
+from itertools import islice
 from math import hypot
 
 from msgspec.structs import replace
 
 from harness.contracts.commands import ChangeEpoch, ClearVeto, MissionCommand, RaiseVeto, RecordObservation
+from harness.contracts.control import CONTROL, SetAutonomy
 from harness.contracts.evidence import CommittedFact
 from harness.contracts.observations import Pose
+from harness.projections.control import Control
 from harness.projections.mission import Mission, required_contract
 from harness.supervisor.roles import Roles
 
@@ -28,10 +31,21 @@ class Watchdog:
 
     def look(self, mission: Mission) -> bool:
         """Submit what the robot's condition asks for; True if the mission's state version may have moved."""
-        commands = (*self._stop(mission), *self._epoch(mission), *self._contradictions(mission))
+        commands = (*self._limit(mission), *self._stop(mission), *self._epoch(mission), *self._contradictions(mission))
         for command in commands:
             self._roles.runtime.submit(mission.mission_id, command)
         return bool(commands)
+
+    def _limit(self, mission: Mission) -> tuple[MissionCommand, ...]:
+        """The house's limit on autonomy, as far as the mission does not know it yet: before its next dispatch."""
+        control: Control = self._roles.runtime.fold(CONTROL)
+        if control.limited_by is None or control.autonomy == mission.autonomy_limit:
+            return ()
+        return (
+            SetAutonomy(
+                autonomy=control.autonomy, scope="house", actor=control.limited_by, reason=control.limit_reason
+            ),
+        )
 
     def _stop(self, mission: Mission) -> tuple[MissionCommand, ...]:
         status = self._roles.senses.status
@@ -59,7 +73,8 @@ class Watchdog:
         if invocation_moves(mission):
             return ()
         known = {name for reference in mission.observed for name in str(reference.values.get("refutes", "")).split()}
-        poses = [sample for sample in self._roles.senses.recent if isinstance(sample, Pose)][-SAMPLES:]
+        newest = (sample for sample in reversed(self._roles.senses.recent) if isinstance(sample, Pose))
+        poses = list(islice(newest, SAMPLES))[::-1]
         refuted = [f for f in mission.facts if f.condition_id not in known and _refuted(f, poses)]
         if not refuted:
             return ()

@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 from statistics import median
 
+from harness.contracts.judging import SafetyState
 from harness.contracts.observations import Odometry
 from harness.verification.finding import Finding
 from harness.verification.geometry import contains
-from harness.verification.reading import Evidence, SafetyState, Track, read
+from harness.verification.reading import Evidence, Track, read
 
 SPEED_SHARE = 1.2
 SPEED_WINDOW = 10

@@ -1,16 +1,19 @@
 """Pure: is the body at rest, by a source outside the localiser (D15)? A frozen localiser must not look static."""
 
 import math
+from bisect import bisect_left
 from collections.abc import Sequence
 from itertools import pairwise
+from operator import attrgetter
 
 from harness.contracts.observations import Odometry
 from harness.verification.finding import Finding, Undecidable, ambiguous
-from harness.verification.geometry import window_displacement
-from harness.verification.reading import Evidence, Track, fixes
+from harness.verification.geometry import fixes, window_displacement
+from harness.verification.reading import Evidence, Track
 
 WINDOW_S = 1.0
 LIMIT_M = 0.02
+_stamp = attrgetter("at_s")
 
 
 def current_track(evidence: Evidence) -> Track:
@@ -27,7 +30,8 @@ def static_body(evidence: Evidence, *, window_s: float = WINDOW_S, limit_m: floa
     if not track.odometry:
         return _by_imu(track, evidence, window_s=window_s, limit_m=limit_m)
     newest_s = track.odometry[-1].at_s
-    moved = window_displacement(fixes(track.odometry), until_s=newest_s, window_s=window_s)
+    window = track.odometry[bisect_left(track.odometry, newest_s - window_s, key=_stamp) :]
+    moved = window_displacement(fixes(window), until_s=newest_s, window_s=window_s)
     if moved is None:
         return ambiguous(f"odometry shows less than a window of {window_s:g} s", samples=float(len(track.odometry)))
     return Finding(

@@ -13,7 +13,7 @@ from statistics import fmean
 
 from harness.contracts.observations import Odometry, Pose
 from harness.contracts.values import Point
-from harness.verification.geometry import Fix, distance, path_length
+from harness.verification.geometry import Fix, distance, fixes, path_length
 
 GAP_S = 1.0
 HEADING_S = 2.0
@@ -44,10 +44,11 @@ class History:
 
 def bridged(poses: Sequence[Pose], odometry: Sequence[Odometry]) -> History:
     """Poses in one frame and odometry, both in order of sensor time; gaps over GAP_S are bridged or stay open."""
-    track: list[Fix] = [Fix(pose.at_s, pose.x_m, pose.y_m) for pose in poses[:1]]
+    measured = fixes(poses)
+    track = measured[:1]
     bridges: list[Bridge] = []
     gaps: list[tuple[float, float]] = []
-    for before, after in pairwise(poses):
+    for (before, after), fix in zip(pairwise(poses), measured[1:], strict=True):
         if after.at_s - before.at_s > GAP_S:
             steps = [one for one in odometry if before.at_s <= one.at_s <= after.at_s]
             bridge, between = _bridge(before, after, steps, poses=poses)
@@ -56,7 +57,7 @@ def bridged(poses: Sequence[Pose], odometry: Sequence[Odometry]) -> History:
             else:
                 bridges.append(bridge)
                 track.extend(between)
-        track.append(Fix(after.at_s, after.x_m, after.y_m))
+        track.append(fix)
     return History(track=tuple(track), bridges=tuple(bridges), open_gaps=tuple(gaps))
 
 

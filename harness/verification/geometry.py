@@ -1,12 +1,15 @@
-"""Pure: lengths, progress, departure and standstill of planar tracks. Knows no sensor, clock or file."""
+"""Pure: lengths, progress, departure and standstill of planar tracks. Knows no clock or file."""
 
 import math
 from bisect import bisect_right
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from itertools import combinations, pairwise
+from operator import attrgetter
 from statistics import median
 from typing import NamedTuple
 
+from harness.contracts.observations import Odometry, Pose
 from harness.contracts.values import Point
 
 DEAD_BAND_M = 0.05
@@ -31,6 +34,15 @@ class Fix(NamedTuple):
     @property
     def point(self) -> Point:
         return (self.x_m, self.y_m)
+
+
+def fixes(samples: Iterable[Pose | Odometry]) -> list[Fix]:
+    """Positions of samples, in their own frame; built without the class's own constructor, for there are thousands."""
+    return [_fix(_position(sample)) for sample in samples]
+
+
+_position = attrgetter("at_s", "x_m", "y_m")
+_fix: Callable[[tuple[float, float, float]], Fix] = partial(tuple.__new__, Fix)
 
 
 class Progress(NamedTuple):

@@ -13,9 +13,8 @@ from harness.contracts.tasks import Node
 from harness.contracts.values import Point
 from harness.contracts.verdicts import ConditionResult, Verdict
 from harness.verification.body import LIMIT_M, WINDOW_S
-from harness.verification.geometry import distance, window_displacement
+from harness.verification.geometry import distance, fixes, window_displacement
 from harness.verification.predicates.arrival import SAMPLES
-from harness.verification.reading import fixes
 
 
 @dataclass(frozen=True)

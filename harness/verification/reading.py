@@ -1,75 +1,26 @@
 """What the verifier reads in C3: typed records, checked blobs, tracks. Raises Undecidable for what cannot be read."""
 
-from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any, TypeVar, cast
 
 import msgspec
 
-from harness.contracts.capabilities import CapabilityCard, Risk
+from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.contexts import Blobs, Context, ContextRecord
 from harness.contracts.effects import Condition
 from harness.contracts.errors import HarnessError
-from harness.contracts.evidence import CommittedFact, EvidenceReference, PacketIdentity
-from harness.contracts.ids import ConditionId, Digest, NodeId, RequestId, sha256
+from harness.contracts.evidence import CommittedFact, EvidenceReference
+from harness.contracts.ids import Digest, sha256
+from harness.contracts.judging import CommittedNode, Execution, RecentSamples, VerificationPolicy
 from harness.contracts.observations import Odometry, Pose, Trajectory
-from harness.contracts.protocol import InvocationStatus, Receipt
-from harness.contracts.tasks import EvidencePolicy
-from harness.contracts.values import Count, Point, Value
+from harness.contracts.protocol import Receipt
 from harness.verification.finding import Undecidable
-from harness.verification.geometry import Fix
 
 T = TypeVar("T")
 FUTURE_S = 0.05
 """Samples may not be younger than the evidence: a sensor clock ahead by more than this does not count."""
-
-
-class Execution(Value):
-    """The supervisor's record of the execution to judge."""
-
-    identity: PacketIdentity
-    k_ctx: Count
-    configuration: Digest
-    dispatched_s: float
-    terminal_s: float
-    collected_s: float
-    terminal: InvocationStatus
-    verify_only: bool
-
-
-class VerificationPolicy(Value):
-    """What the evidence must be, and the independence level that each condition needs (D17)."""
-
-    evidence: EvidencePolicy
-    risk: Risk
-    required: dict[ConditionId, int]
-
-
-class SafetyState(Value):
-    """Constraints of the contract, regions in the contract's frame, standing vetoes by layer."""
-
-    speed_cap_mps: float
-    keep_out_m: dict[str, tuple[Point, ...]]
-    vetoes: dict[str, str]
-
-
-class CommittedNode(Value):
-    """One accepted stage, in the goal's context. `requests`: its own and those of the packets it cites."""
-
-    node_id: NodeId
-    identity: PacketIdentity
-    requests: tuple[RequestId, ...]
-    dispatched_s: float
-    terminal_s: float
-    committed_k: Count
-
-
-class RecentSamples(Value):
-    """What is seen now, in the goal's context."""
-
-    window_s: float
-    trajectory: Trajectory
 
 
 @dataclass(frozen=True)
@@ -93,6 +44,11 @@ class Track:
         times = [*(one.at_s for one in self.odometry[-1:]), *(one[0] for one in self.imu[-1:])]
         return max(times, default=None)
 
+    @cached_property
+    def maps(self) -> frozenset[tuple[str, str]]:
+        """(frame, map version) of the poses."""
+        return frozenset((pose.frame, pose.map_version) for pose in self.poses)
+
 
 @dataclass(frozen=True)
 class Evidence:
@@ -101,6 +57,15 @@ class Evidence:
     context: Context
     blobs: Blobs
     until_s: float | None = None
+    found: dict[Hashable, Any] = field(default_factory=dict, compare=False, repr=False)
+    """What was computed of this evidence before: it does not change, and several conditions ask the same of it."""
+
+    def once(self, key: Hashable, make: Callable[[], T]) -> T:
+        """What `make` gives, computed once per key."""
+        if key not in self.found:
+            self.found[key] = make()
+        value: T = self.found[key]
+        return value
 
     def at(self, instant_s: float) -> "Evidence":
         """The same evidence as it stood at an earlier instant: nothing younger is seen (R14)."""
@@ -259,14 +224,11 @@ def read(record: ContextRecord, kind: type[T]) -> T:
         raise Undecidable(f"the record {record.kind} cannot be read: {error}") from error
 
 
-def fixes(samples: Sequence[Pose] | Sequence[Odometry]) -> list[Fix]:
-    """Positions of samples, in their own frame."""
-    return [Fix(sample.at_s, sample.x_m, sample.y_m) for sample in samples]
-
-
 def _newest_arrival(samples: Trajectory, *, until_s: float) -> float | None:
     """When the last pose came in: the stamp of the newest other sample that the robot numbered before it."""
     last = max((pose.seq for pose in samples.poses if pose.at_s <= until_s), default=None)
     if last is None:
         return None
-    return max((one.at_s for one in (*samples.odometry, *samples.imu) if one.seq < last), default=None)
+    times = [one.at_s for one in samples.odometry if one.seq < last]
+    times += [one.at_s for one in samples.imu if one.seq < last]
+    return max(times, default=None)

@@ -12,7 +12,7 @@ from statistics import fmean
 
 from harness.contracts.observations import Odometry, Pose
 from harness.contracts.values import Point
-from harness.verification.geometry import Fix, distance, path_length
+from harness.verification.geometry import Fix, distance, fixes, path_length
 
 WINDOW_S = 2.0
 LIMIT_M = 0.05
@@ -42,8 +42,8 @@ class Sources:
     """A localiser's and an odometry's track of the same body, in order of sensor time."""
 
     def __init__(self, poses: Sequence[Pose], odometry: Sequence[Odometry]) -> None:
-        self._poses = [Fix(one.at_s, one.x_m, one.y_m) for one in poses]
-        self._odometry = [Fix(one.at_s, one.x_m, one.y_m) for one in odometry]
+        self._poses = fixes(poses)
+        self._odometry = fixes(odometry)
         self._pose_s = [fix.at_s for fix in self._poses]
         self._odometry_s = [fix.at_s for fix in self._odometry]
 
@@ -105,8 +105,8 @@ class Sources:
         first_s = self._odometry_s[0]
         for step in range(math.floor(max(last_s - WINDOW_S - first_s, 0.0) / STEP_S) + 1):
             until_s = last_s - step * STEP_S
-            window = self._between(until_s - WINDOW_S, until_s)
-            if len(window) < LEAST_FIXES or distance(window[0], window[-1]) < MOVED_M:
+            low, high = self._span(until_s - WINDOW_S, until_s)
+            if high - low < LEAST_FIXES or distance(self._point(low), self._point(high - 1)) < MOVED_M:
                 continue
             agreement = self.compared(until_s - WINDOW_S, until_s)
             if agreement is not None and agreement.holds:
@@ -114,8 +114,15 @@ class Sources:
         return None
 
     def _between(self, from_s: float, until_s: float) -> list[Point]:
-        low, high = bisect_left(self._odometry_s, from_s), bisect_right(self._odometry_s, until_s)
+        low, high = self._span(from_s, until_s)
         return [fix.point for fix in self._odometry[low:high]]
+
+    def _span(self, from_s: float, until_s: float) -> tuple[int, int]:
+        """The odometry between two instants, as indices from and up to."""
+        return bisect_left(self._odometry_s, from_s), bisect_right(self._odometry_s, until_s)
+
+    def _point(self, index: int) -> Point:
+        return self._odometry[index].point
 
     def _pair(self, at_s: float) -> tuple[Point, Point] | None:
         low, high = bisect_left(self._pose_s, at_s - NEAR_S), bisect_right(self._pose_s, at_s + NEAR_S)

@@ -48,14 +48,16 @@ document.addEventListener("click", (event) => {
   const tap = event.target.closest("button[data-reason]");
   if (!tap) return;
   const field = tap.form.elements.reason;
-  field.value = tap.dataset.reason;
+  field.value = "add" in tap.dataset && field.value.trim() ? `${field.value.trim()}, ${tap.dataset.reason}` : tap.dataset.reason;
   field.focus();
 });
 
 document.addEventListener("htmx:after:swap", () => {
   const form = document.getElementById("decision");
   const question = document.getElementById("question");
-  if (!form || !question || form.elements.cycle.value === question.dataset.cycle) return;
+  if (!form || !question) return;
+  const mine = form.elements.claim.value === question.dataset.claim;
+  if (form.elements.cycle.value === question.dataset.cycle && mine && !question.dataset.holder) return;
   form.querySelector("[data-changed]").hidden = false;
   for (const button of form.querySelectorAll("button[name=decision]")) button.disabled = true;
 });

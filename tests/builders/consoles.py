@@ -8,6 +8,7 @@ from fastapi import FastAPI
 from fastapi.testclient import TestClient
 from pydantic import SecretStr
 
+from app.fleet import Fleet
 from app.live import SignalBroker
 from app.main import create_app
 from app.scene import Scenes
@@ -91,6 +92,17 @@ def console_stand(*, seed: int = 1, settings: ConsoleSettings | None = None) -> 
     with simulated(HarnessSettings(fidelity="kinematic", speed=0), seed=seed) as harness:
         scenes = Scenes(harness.runtime)
         try:
-            yield Stand(harness, create_app(harness.runtime, settings, SignalBroker(), scenes, starts=harness.starts))
+            yield Stand(
+                harness,
+                create_app(
+                    harness.runtime,
+                    settings,
+                    SignalBroker(),
+                    scenes,
+                    starts=harness.starts,
+                    fleet=Fleet(harness.robots, harness.cameras, lambda: harness.clock.now().wall_s),
+                    wheel=harness.wheel,
+                ),
+            )
         finally:
             scenes.close()

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from types import MappingProxyType
 
 from msgspec.structs import replace
 
@@ -13,7 +14,7 @@ from harness.adapters.providers.simulation.robot import SimulatedRobot
 from harness.adapters.providers.simulation.world import WorldSettings
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.baseline.load import baseline
-from harness.bootstrap import Harness, Parts, Unheard, assemble, local_providers
+from harness.bootstrap import Deciders, Harness, Parts, Select, Unheard, assemble, local_providers, nothing_selected
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.decisions import Accepted
 from harness.contracts.ids import Digest, MissionId, RequestId
@@ -144,8 +145,10 @@ def staged(
     wrap: Wrap = lambda provider: provider,
     verifier: Verifier = verify,
     planner: Planner = GRAPH_ORDER,
+    deciders: Deciders = MappingProxyType({}),
+    select: Select = nothing_selected,
 ) -> Iterator[Stage]:
-    """The kinematic robot at speed 0, everything in this process."""
+    """The kinematic robot at speed 0, everything in this process; `select` pins new missions by a desk's `deciders`."""
     with ExitStack() as stack:
         robot = SimulatedRobot(WorldSettings(fidelity="kinematic", seed=seed), robot_id=ROBOT)
         parts = Parts(
@@ -157,6 +160,8 @@ def staged(
             signals=Unheard(),
             verifier=verifier,
             planner=planner,
+            deciders=deciders,
+            select=select,
         )
 
         def configure(mission: Mission) -> None:

@@ -9,6 +9,7 @@ from msgspec.structs import replace
 
 from harness.adapters.clock import SystemClock
 from harness.adapters.ids import SystemIds
+from harness.adapters.stores.configurations import StoredConfigurations
 from harness.adapters.stores.memory import MemoryEventStore
 from harness.adapters.stores.memory_index import VolatileMemoryIndex
 from harness.baseline.load import baseline, site
@@ -63,7 +64,7 @@ def rewritten(
         blobs=parts.blobs,
         ids=SystemIds(),
         signals=Unheard(),
-        configuration=baseline(),
+        configurations=StoredConfigurations(store, first=baseline()),
         site=site(),
         memory=MemoryFabric(store=store, index=VolatileMemoryIndex()),
     )

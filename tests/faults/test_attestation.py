@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 
 from harness.auditing.replay import replay_mission
-from harness.contracts.commands import AttestCondition
 from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.events import DispatchIntended, HandoffAnswered, OperatorRetryGranted
+from harness.contracts.handoff_commands import AttestCondition
 from harness.contracts.ids import ConditionId, MissionId, NodeId
 from harness.contracts.revision_events import AttestationRecorded
 from harness.contracts.tasks import TaskTemplate

@@ -1,9 +1,13 @@
 """A short, seeded slice of every campaign, and the adjudicator itself: it must find what it is there to find."""
 
+import multiprocessing
+import os
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
+from threading import Event
 
 import msgspec
 import pytest
@@ -14,11 +18,13 @@ from campaigns.kills import Point, killed_twice
 from campaigns.ledgers import read_books
 from campaigns.mission import Played, played
 from campaigns.plan import DISTURBANCES, ROBOT_FAULTS, Disturbance, MissionPlan, mission_plan
-from campaigns.publish import BEGIN, END, with_figures
+from campaigns.publish import BEGIN, END, publish, with_figures
 from campaigns.races import answer_rounds, append_rounds
-from campaigns.simulate import one_mission, seeds_of
+from campaigns.simulate import WorkersLost, one_mission, seeds_of, spread
 from campaigns.suspended import suspensions
 from campaigns.tally import Tally, counted, summary, tallied
+from campaigns.truths import torn
+from harness.contracts.observations import Odometry, Pose, Trajectory
 from harness.contracts.ports import StoredEvent
 
 MISSIONS = 36
@@ -105,6 +111,14 @@ def test_a_biased_localiser_is_an_epistemic_false_completion_and_no_contract_one
         assert findings.contract_false == ()
 
 
+@pytest.mark.parametrize("seed", [75645611515689, 202486737382539, 271746488798648])
+def test_a_dropout_at_the_edge_of_the_comparison_is_no_disagreement(seed: int) -> None:
+    plan = MissionPlan(seed=seed, template="circuit", faults=("biased-localiser",), disturbances=(), approvals=0)
+    with played(plan) as mission:
+        findings = judged(mission)
+        assert (len(findings.epistemic_false), findings.contract_false) == (1, ())
+
+
 @pytest.mark.ledger("R233", symbol="campaigns.truths:contradicted")
 def test_a_completion_against_its_own_evidence_is_a_contract_false_completion() -> None:
     with undisturbed() as mission:
@@ -186,19 +200,81 @@ def test_a_tally_does_not_depend_on_the_order_of_its_parts(tally: Tally) -> None
 
 
 def test_figures_are_written_between_their_marks_and_nowhere_else(tally: Tally) -> None:
+    made = {"command": "python -m campaigns run --only damage", "code": "0" * 64}
     result = {
-        "command": "python -m campaigns run",
         **summary(tally),
         "kill_campaign": {"points": 2, "kills": 2, "second_kills": 1, "ends": {"awaiting_human": 2}, "offences": []},
-        "races": {"rounds": 3, "responders": 16, "effective": 3, "offences": []},
+        "races": {"rounds": 3, "responders": 16, "effective": 3, "offences": ["two winners"]},
         "suspended_holders": {"rounds": 2, "refused": 2, "offences": []},
         "damage": {"cases": 5, "skipped": ["read-only folder"], "offences": []},
         "planted_bugs": {"total": 1, "caught": 1, "seen": {"a bug": "what it did"}},
+        "made_by": {"damage": made},
     }
     written = with_figures(f"before\n{BEGIN}\nold\n{END}\nafter\n", result)
     assert written.startswith(f"before\n{BEGIN}\n") and written.endswith(f"{END}\nafter\n")
     assert "\nold\n" not in written and f"| stale-pose | {tally.struck['stale-pose']} |" in written
-    assert "not to be brought about here: read-only folder" in written
+    assert "not to be brought about here: read-only folder, no offence" in written
+    assert "3 with a winner, 1 offences" in written
+    assert f"| damage | `{made['command']}` | `000000000000` |" in written
     assert with_figures(written, result) == written
     with pytest.raises(ValueError, match="no place for figures"):
         with_figures("a page without marks", result)
+
+
+def test_a_campaign_that_was_run_alone_shows_its_figures_and_no_other() -> None:
+    page = with_figures(f"{BEGIN}{END}", {"damage": {"cases": 5, "skipped": [], "offences": []}})
+    assert "| damaged folders and disks | 5 cases, no offence |" in page
+    assert "simulated missions" not in page and "planted" not in page
+
+
+def test_figures_of_another_campaign_stay_where_one_is_run_again(tmp_path: Path) -> None:
+    page, results = tmp_path / "reliability.md", tmp_path / "reliability.json"
+    page.write_text(f"{BEGIN}{END}")
+    for name in ("races", "damage"):
+        figures = {"rounds": 3, "responders": 16, "effective": 3, "cases": 5, "skipped": [], "offences": []}
+        made = {name: {"command": f"run --only {name}", "code": "0" * 64}}
+        publish({name: figures, "made_by": made}, page=page, results=results)
+    kept = msgspec.json.decode(results.read_bytes())
+    assert set(kept) == {"races", "damage", "made_by"} and set(kept["made_by"]) == {"races", "damage"}
+    for name in ("simulation", "races"):
+        made = {name: {"command": f"run --only {name}", "code": "0" * 64}}
+        publish({"command": f"run --only {name}", "made_by": made}, page=page, results=results)
+    assert msgspec.json.decode(results.read_bytes())["command"] == "run --only simulation"
+
+
+def lost(seeds: list[int]) -> Tally:
+    """Work that kills its worker, as code that cannot be imported does."""
+    os._exit(3)
+
+
+def stuck(seeds: list[int]) -> Tally:
+    """Work that never ends."""
+    Event().wait()
+    return Tally()
+
+
+def test_a_campaign_ends_with_a_sentence_where_its_workers_die_or_fall_silent() -> None:
+    with pytest.raises(WorkersLost, match="A worker process died"):
+        list(spread([[1], [2]], processes=2, work=lost))
+    with pytest.raises(WorkersLost, match="No worker answered for 3 s"):
+        list(spread([[1], [2]], processes=1, work=stuck, silent_s=3.0))
+    assert not multiprocessing.active_children()
+
+
+def pose(at_s: float, x_m: float) -> Pose:
+    return Pose(seq=1, at_s=at_s, source="localiser", frame="map", map_version="1", x_m=x_m, y_m=0.0, yaw_rad=0.0)
+
+
+def odometry(at_s: float, x_m: float) -> Odometry:
+    return Odometry(
+        seq=1, at_s=at_s, source="odometry", frame="odom", x_m=x_m, y_m=0.0, yaw_rad=0.0, v_mps=0.0, w_radps=0.0
+    )
+
+
+def test_the_adjudicator_tells_a_torn_track_from_one_with_a_dropout() -> None:
+    moving = tuple(odometry(0.05 * tick, 0.025 * min(tick, 60)) for tick in range(80))
+    sound = tuple(pose(0.1 * tick, 0.05 * min(tick, 30)) for tick in range(40) if not 8 < tick < 15)
+    frozen = tuple(pose(0.1 * tick, 0.05 * min(tick, 20)) for tick in range(40))
+    assert torn(Trajectory(poses=sound, odometry=moving)) == ""
+    assert torn(Trajectory(poses=frozen, odometry=moving)).startswith("localiser and odometry differ by 0.50 m")
+    assert torn(Trajectory(poses=sound[-6:], odometry=moving)) == "a source is missing before standstill"

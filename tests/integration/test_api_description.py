@@ -59,6 +59,7 @@ def real(stand: Stand) -> dict[str, str]:
         "token_id": token["token_id"],
         "digest": digest,
         "name": "root",
+        "robot_id": "vbot-1",
     }
 
 

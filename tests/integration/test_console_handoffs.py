@@ -5,10 +5,17 @@ from collections.abc import Iterator
 
 import pytest
 from fastapi.testclient import TestClient
+from msgspec.structs import replace
 
-from harness.contracts.ids import HandoffId
+from app.authority import authority
+from harness.contracts.actors import Actor
+from harness.contracts.commands import RejectHandoff
+from harness.contracts.decisions import Refused
+from harness.contracts.ids import Digest, HandoffId, handoff_stream, sha256
+from harness.gate.commit import Request
 from harness.projections.mission import Mission
 from tests.builders.consoles import Stand, console_stand
+from tests.builders.people import everybody, store_of
 
 FIELDS = ("cycle", "subject", "evidence", "key")
 
@@ -185,3 +192,111 @@ def test_the_api_answers_by_the_same_rules(stand: Stand, waiting: tuple[Mission,
     assert taken.status_code == 200
     assert taken.json()["answer"]["reason"] == "seen on camera"
     assert stand.harness.runtime.mission(mission.mission_id).status == "active"
+
+
+def test_what_was_on_the_screen_is_kept_and_another_screen_is_refused(
+    stand: Stand, waiting: tuple[Mission, HandoffId]
+) -> None:
+    _, handoff_id = waiting
+    operator = stand.operator()
+    operator.post(f"/handoffs/{handoff_id}/look")
+    form = {**shown(operator, handoff_id), "decision": "approve", "reason": "seen on camera"}
+    seen = operator.get(f"/handoffs/{handoff_id}/shown").content
+    digest = re.findall(r'name="shown" value="([^"]*)"', operator.get(f"/handoffs/{handoff_id}").text)[0]
+    assert sha256(seen) == digest
+    other = operator.post(f"/handoffs/{handoff_id}/decision", data={**form, "shown": "0" * 64})
+    assert other.status_code == 409 and "on your screen" in other.text
+    assert operator.post(f"/handoffs/{handoff_id}/decision", data={**form, "shown": digest}).status_code == 303
+    answer = stand.harness.runtime.handoff(handoff_id).answer
+    assert answer is not None and answer.shown == digest
+    assert stand.harness.runtime.blob(answer.shown) == seen
+    for part in (b"Why it stopped", b"What you would approve", b"of 8"):
+        assert part in seen
+
+
+def test_an_answer_to_an_older_question_is_shown_what_changed(stand: Stand, waiting: tuple[Mission, HandoffId]) -> None:
+    _, handoff_id = waiting
+    operator = stand.operator()
+    operator.post(f"/handoffs/{handoff_id}/look")
+    old = {**shown(operator, handoff_id), "decision": "approve", "reason": "seen on camera"}
+    chosen = operator.post(f"/handoffs/{handoff_id}/choose", data={**old, "action": "verify_again"})
+    assert chosen.status_code == 303
+    refused = operator.post(f"/handoffs/{handoff_id}/decision", data=old)
+    assert refused.status_code == 409
+    rows = re.findall(
+        r"<tr><td>([^<]*)</td><td class=\"wrap\">([^<]*)</td><td class=\"wrap\">([^<]*)</td>", refused.text
+    )
+    assert ("action: action", "retry", "verify_again") in rows
+    body = {"decision": "approve", "reason": "r", "key": "k-9", "cycle": int(old["cycle"])}
+    body |= {"subject": old["subject"], "evidence": old["evidence"]}
+    problem = stand.owner().post(f"/api/v1/handoffs/{handoff_id}/decision", json=body)
+    assert (problem.status_code, problem.json()["code"]) == (409, "wrong_cycle")
+    assert {"name": "action: action", "was": "retry", "now": "verify_again"} in problem.json()["changes"]
+
+
+def test_a_claim_names_its_holder_to_others_and_follows_through_to_the_end(
+    stand: Stand, waiting: tuple[Mission, HandoffId]
+) -> None:
+    _, handoff_id = waiting
+    operator, owner = stand.operator(), stand.owner()
+    assert owner.post(f"/api/v1/handoffs/{handoff_id}/claim", json={"claim": "t-1"}).json()["status"] == "claimed"
+    text = operator.get(f"/handoffs/{handoff_id}").text
+    assert "owner has claimed it" in text
+    form = {**shown(operator, handoff_id), "decision": "reject", "reason": "not safe"}
+    refused = operator.post(f"/handoffs/{handoff_id}/decision", data=form)
+    assert refused.status_code == 409 and "owner has claimed it until" in refused.text
+    take = {"claim": "t-1", "device": "desk 2", "key": "k-1", "reason": "by hand"}
+    assert owner.post(f"/api/v1/handoffs/{handoff_id}/take-over", json=take).json()["status"] == "taken_over"
+    assert "owner drives vbot-1 from desk 2" in operator.get(f"/handoffs/{handoff_id}").text
+    close = {"claim": "t-1", "key": "k-2", "reason": "I keep it"}
+    assert owner.post(f"/api/v1/handoffs/{handoff_id}/close", json=close).json()["status"] == "closed"
+    assert "handed off" in operator.get(f"/handoffs/{handoff_id}").text
+
+
+def test_the_list_finds_waiting_and_ended_questions_by_words_filters_and_pages(
+    stand: Stand, waiting: tuple[Mission, HandoffId]
+) -> None:
+    _, first = waiting
+    operator = stand.operator()
+    form = {**shown(operator, first), "decision": "reject", "reason": "zebra crossing"}
+    operator.post(f"/handoffs/{first}/decision", data=form)
+    _, second = stand.handed_off()
+
+    def listed(query: str) -> set[str]:
+        return set(re.findall(r'class="strong" href="/handoffs/([^"]*)"', operator.get(f"/handoffs{query}").text))
+
+    assert listed("") == {first, second}
+    assert listed("?status=waiting") == {second}
+    assert listed("?status=ended") == listed("?q=zebra") == listed(f"?q={first}") == {first}
+    assert listed("?failure=interrupted") == {first, second}
+    assert listed("?robot=nobody") == set()
+    assert operator.get("/handoffs?status=nowhere").status_code == 404
+    pages = stand.owner().get("/api/v1/handoffs?limit=1")
+    assert [one["handoff_id"] for one in pages.json()] == [second]
+    assert [one["handoff_id"] for one in stand.owner().get(pages.links["next"]["url"]).json()] == [first]
+    assert f'href="/handoffs/{first}"' in operator.get(f"/handoffs/{second}").text
+
+
+def test_a_role_taken_back_while_the_page_was_open_voids_the_answer(stand: Stand) -> None:
+    people = everybody(stand)
+    _, handoff_id = stand.handed_off()
+    store = store_of(stand)
+    operator = people["operator"]
+    form = {**shown(operator, handoff_id), "decision": "reject", "reason": "not safe"}
+    account = store.account("the-operator")
+    assert account is not None
+    still = authority(stand.app.state.doors.accounts)
+    word = RejectHandoff(
+        actor=Actor(name="the-operator", role="operator"),
+        reason="not safe",
+        key="k",
+        cycle=1,
+        subject=Digest(form["subject"]),
+    )
+    assert still(word) is None
+    store.change_account(replace(account, roles=("viewer",)))
+    refused = still(word)
+    assert isinstance(refused, Refused) and refused.rule == "role_revoked"
+    decided = stand.harness.runtime.commit([Request(handoff_stream(handoff_id), word)])
+    assert isinstance(decided, Refused) and decided.rule == "role_revoked"
+    assert stand.harness.runtime.handoff(handoff_id).status == "open"

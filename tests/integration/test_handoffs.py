@@ -6,9 +6,10 @@ import pytest
 from msgspec.structs import replace
 
 from harness.contracts.any_events import AnyEvent
-from harness.contracts.commands import DecideHandoff, LookAgain, StopMission
+from harness.contracts.commands import StopMission
 from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.events import CommitRejected, DispatchIntended, NodeCommitted
+from harness.contracts.handoff_commands import DecideHandoff, LookAgain
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
 from tests.builders.missions_run import OPERATOR, Ran, ran

@@ -15,7 +15,7 @@ from harness.settings import HarnessSettings
 from tests.builders.missions_run import begin
 from tests.integration.runs import answer, regen
 
-BASE = lease_stream(ResourceId("mobile_base"))
+BASE = lease_stream(ResourceId("vbot-1/mobile_base"))
 
 
 @pytest.fixture
@@ -26,7 +26,7 @@ def settings(tmp_path: Path) -> HarnessSettings:
         mission_id = begin(harness, "circuit")
         lost = InvocationId("inv_lost")
         acquire = AcquireLease(
-            resource=ResourceId("mobile_base"), mission_id=mission_id, invocation_id=lost, token=1, expires_s=9e9
+            resource=ResourceId("vbot-1/mobile_base"), mission_id=mission_id, invocation_id=lost, token=1, expires_s=9e9
         )
         for command in (acquire, QuarantineLease(invocation_id=lost, reason="the line was cut")):
             assert isinstance(harness.runtime.commit([Request(BASE, command)]), Accepted)
@@ -42,10 +42,10 @@ def events(settings: HarnessSettings) -> list[LeaseEvent]:
 def test_a_quarantined_base_is_listed_and_freed_by_name_on_measured_rest(settings: HarnessSettings) -> None:
     data = ("--data", settings.data_folder)
     (listed,) = answer(regen("lease", "list", *data, "--json"))["leases"]
-    assert (listed["resource"], listed["status"], listed["token"]) == ("mobile_base", "quarantined", 1)
+    assert (listed["resource"], listed["status"], listed["token"]) == ("vbot-1/mobile_base", "quarantined", 1)
     assert listed["reason"] == "the line was cut"
     freed = regen(
-        "lease", "free", "mobile_base", "--operator", "ada", "--reason", "beside it", *data, REGEN_FIDELITY="kinematic"
+        "lease", "free", "vbot-1/mobile_base", "--operator", "ada", "--reason", "beside it", *data, REGEN_FIDELITY="kinematic"
     )
     assert freed.returncode == 0, freed.stderr
     assert "free, by ada" in freed.stdout
@@ -53,7 +53,7 @@ def test_a_quarantined_base_is_listed_and_freed_by_name_on_measured_rest(setting
     assert isinstance(last, LeaseFreed)
     assert (last.actor.name, last.actor.role) == ("ada", "operator")
     assert 0.0 <= last.static["displacement_m"] < 0.02
-    again = regen("lease", "free", "mobile_base", "--reason", "again", *data, REGEN_FIDELITY="kinematic")
+    again = regen("lease", "free", "vbot-1/mobile_base", "--reason", "again", *data, REGEN_FIDELITY="kinematic")
     assert again.returncode == 1
     assert "not quarantined" in again.stderr
 
@@ -61,7 +61,7 @@ def test_a_quarantined_base_is_listed_and_freed_by_name_on_measured_rest(setting
 def test_an_unknown_resource_and_a_folder_with_an_owner_are_refused(settings: HarnessSettings) -> None:
     data = ("--data", settings.data_folder)
     with open_harness(settings):
-        owned = regen("lease", "free", "mobile_base", "--reason", "now", *data)
+        owned = regen("lease", "free", "vbot-1/mobile_base", "--reason", "now", *data)
     assert owned.returncode == 1
     assert "owns this data folder" in owned.stderr
     unknown = regen("lease", "free", "arm", "--reason", "now", *data, REGEN_FIDELITY="kinematic")

@@ -14,7 +14,7 @@ from harness.adapters.providers.simulation.world import WorldSettings
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.bootstrap import Harness, Parts, Unheard, assemble, local_providers
 from harness.contracts.capabilities import CapabilityCard
-from harness.contracts.commands import AcquireLease, DecideHandoff, QuarantineLease, StopMission
+from harness.contracts.commands import AcquireLease, QuarantineLease, StopMission
 from harness.contracts.contexts import Context
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import UnknownName
@@ -25,6 +25,7 @@ from harness.contracts.events import (
     InvocationEnded,
     NodeCommitted,
 )
+from harness.contracts.handoff_commands import DecideHandoff
 from harness.contracts.ids import InvocationId, MissionId, ResourceId, RobotId, lease_stream
 from harness.contracts.tasks import Node
 from harness.contracts.values import decode
@@ -38,7 +39,7 @@ from tests.builders.missions_run import OPERATOR, ROBOT, Ran
 from tests.fakes.passing import Passing
 from tests.fakes.supervised import Deaf, LateStart, Line, LostAcknowledgement, Remote, Runaway, Stubborn, Twice
 
-BASE = ResourceId("mobile_base")
+BASE = ResourceId("vbot-1/mobile_base")
 
 
 def base(harness: Harness) -> Lease:
@@ -181,11 +182,12 @@ def test_a_resource_that_nobody_had_and_a_robot_that_is_not_there_cannot_be_free
             stage.supervisor.free(ResourceId("arm"), actor=OPERATOR, reason="why not")
         elsewhere = Start(actor=OPERATOR, robot_id=RobotId("vbot-9"), template="circuit")
         assert isinstance(stage.runtime.start(elsewhere), Accepted)
+        elsewhere_base = ResourceId("vbot-9/mobile_base")
         mission_id, lost = stage.runtime.missions()[0].mission_id, InvocationId("inv_lost")
-        held = AcquireLease(resource=BASE, mission_id=mission_id, invocation_id=lost, token=1, expires_s=9e9)
+        held = AcquireLease(resource=elsewhere_base, mission_id=mission_id, invocation_id=lost, token=1, expires_s=9e9)
         for command in (held, QuarantineLease(invocation_id=lost, reason="lost")):
-            stage.runtime.commit([Request(lease_stream(BASE), command)])
-        refused = stage.supervisor.free(BASE, actor=OPERATOR, reason="not mine")
+            stage.runtime.commit([Request(lease_stream(elsewhere_base), command)])
+        refused = stage.supervisor.free(elsewhere_base, actor=OPERATOR, reason="not mine")
         assert isinstance(refused, Refused) and refused.rule == "no_robot"
 
 

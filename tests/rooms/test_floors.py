@@ -43,7 +43,11 @@ WALLS = (
     Wall("harness.supervisor", (*LIBRARIES, "harness.adapters", "harness.bootstrap", "harness.settings")),
     Wall("harness.supervisor", ("random", "secrets", "socket", "sqlite3", "subprocess", "urllib")),
     Wall("rsi_reviews", ("app", "harness.gate", "harness.supervisor", "harness.adapters", *LIBRARIES)),
-    Wall("rsi_reviews", ("harness.bootstrap",), exempt=("rsi_reviews.regression", "rsi_reviews.evaluation")),
+    Wall(
+        "rsi_reviews",
+        ("harness.bootstrap",),
+        exempt=("rsi_reviews.regression", "rsi_reviews.evaluation", "rsi_reviews.recursion"),
+    ),
     Wall("app.views", ("harness.runtime", "harness.bootstrap", "app.routes", *WORLD, *LIBRARIES)),
     Wall("app.views", ("harness",), save=("harness.contracts", "harness.projections")),
     Wall("app.scene", ("harness.adapters", "harness.gate", "harness.supervisor", "harness.bootstrap")),

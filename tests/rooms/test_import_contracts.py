@@ -18,6 +18,8 @@ PLANTED = {
     "SQL, web and robots stay at the edges": {"harness/routing/planted.py": "import sqlalchemy"},
     "The console enters by the front door": {"app/routes/planted.py": "import harness.supervisor"},
     "The review desk judges from outside": {"rsi_reviews/planted.py": "import harness.gate"},
+    "The review desk knows words, folds and the front door": {"rsi_reviews/commands.py": "import harness.bootstrap"},
+    "No generator reads what it is judged by": {"rsi_reviews/generate/planted.py": "import rsi_reviews.held_out"},
     "Views are pure": {"app/views/planted.py": "import fastapi"},
     "No cycles": {"app/one/planted.py": "import app.two.planted", "app/two/planted.py": "import app.one.planted"},
 }

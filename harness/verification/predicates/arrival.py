@@ -12,6 +12,7 @@ from harness.verification.reading import Evidence, Track
 from harness.verification.sources import Agreement, Sources
 
 SAMPLES = 3
+Story = tuple[tuple[Pose, ...], tuple[Odometry, ...]]
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,8 @@ def arrival(effect: AnyEffect, evidence: Evidence) -> Finding:
 def poses_of(effect: Metric, track: Track) -> tuple[Pose, ...]:
     """The track's poses in the target's frame and map version."""
     wanted = (effect.frame, effect.map_version)
+    if track.maps <= {wanted}:
+        return track.poses
     return tuple(pose for pose in track.poses if (pose.frame, pose.map_version) == wanted)
 
 
@@ -82,6 +85,10 @@ def agreement_of(evidence: Evidence, effect: Metric) -> Agreement | None:
     creeps to its end hides a frozen localiser. In one that only looks, or did not move: from the latest instant in
     the cited motion at which both still agreed, to now.
     """
+    return evidence.once(("agreement", effect.frame, effect.map_version), lambda: _agreement(evidence, effect))
+
+
+def _agreement(evidence: Evidence, effect: Metric) -> Agreement | None:
     tracks = evidence.tracks
     current = current_track(evidence)
     if any(pose.source != "localiser" for track in tracks for pose in poses_of(effect, track)[-1:]):
@@ -89,7 +96,7 @@ def agreement_of(evidence: Evidence, effect: Metric) -> Agreement | None:
     alone = Sources(poses_of(effect, current), current.odometry)
     looked = evidence.context.one("execution") is not None and evidence.execution.verify_only
     if looked or not alone.moved:
-        whole = _joined(effect, evidence)
+        whole = Sources(*story(effect, evidence))
         if whole.moved_m > alone.moved_m:
             return whole.since_agreement(departed_s=tracks[0].dispatched_s)
     if looked:
@@ -98,16 +105,19 @@ def agreement_of(evidence: Evidence, effect: Metric) -> Agreement | None:
     return long if direct and direct.holds and long and not long.holds else direct
 
 
-def _joined(effect: Metric, evidence: Evidence) -> Sources:
-    """All executions in the context, and the seconds before them, as one story."""
-    poses: dict[float, Pose] = {}
-    odometry: dict[float, Odometry] = {one.at_s: one for one in evidence.before.odometry}
+def story(effect: Metric, evidence: Evidence) -> Story:
+    """All executions in the context, and the seconds before them, as one: poses of the effect's map, and odometry."""
+    return evidence.once(("story", effect.frame, effect.map_version), lambda: _story(effect, evidence))
+
+
+def _story(effect: Metric, evidence: Evidence) -> Story:
     wanted = (effect.frame, effect.map_version)
-    poses |= {one.at_s: one for one in evidence.before.poses if (one.frame, one.map_version) == wanted}
+    poses = {one.at_s: one for one in evidence.before.poses if (one.frame, one.map_version) == wanted}
+    odometry = {one.at_s: one for one in evidence.before.odometry}
     for track in evidence.tracks:
         poses |= {pose.at_s: pose for pose in poses_of(effect, track)}
         odometry |= {one.at_s: one for one in track.odometry}
-    return Sources([poses[at_s] for at_s in sorted(poses)], [odometry[at_s] for at_s in sorted(odometry)])
+    return tuple(poses[at_s] for at_s in sorted(poses)), tuple(odometry[at_s] for at_s in sorted(odometry))
 
 
 def _went_silent(track: Track, poses: tuple[Pose, ...], evidence: Evidence) -> str:

@@ -3,12 +3,11 @@
 import math
 
 from harness.contracts.effects import AnyEffect, Metric
-from harness.contracts.observations import Odometry
 from harness.contracts.verdicts import PredicateVerdict
 from harness.verification.bridging import GAP_S, History, bridged
 from harness.verification.finding import Finding, Undecidable, ambiguous, worst
 from harness.verification.geometry import Fix, departed_s, excursion, path_length, route_progress
-from harness.verification.predicates.arrival import SAMPLES, agreement_of, arrival, poses_of
+from harness.verification.predicates.arrival import SAMPLES, agreement_of, arrival, poses_of, story
 from harness.verification.reading import Evidence, Track
 
 
@@ -67,13 +66,7 @@ def circuit(effect: AnyEffect, evidence: Evidence) -> Finding:
 
 def _history(effect: Metric, evidence: Evidence) -> History:
     """The body's positions over all executions and the seconds before them; gaps closed by odometry where it fits."""
-    wanted = (effect.frame, effect.map_version)
-    poses = {one.at_s: one for one in evidence.before.poses if (one.frame, one.map_version) == wanted}
-    odometry: dict[float, Odometry] = {one.at_s: one for one in evidence.before.odometry}
-    for track in evidence.tracks:
-        poses |= {pose.at_s: pose for pose in poses_of(effect, track)}
-        odometry |= {one.at_s: one for one in track.odometry}
-    return bridged([poses[at_s] for at_s in sorted(poses)], [odometry[at_s] for at_s in sorted(odometry)])
+    return bridged(*story(effect, evidence))
 
 
 def _unseen_s(history: History, track: Track) -> float:

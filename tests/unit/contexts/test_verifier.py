@@ -109,6 +109,16 @@ def test_of_a_receipts_text_only_an_identifier_stays(bench: Bench) -> None:
     assert [one.text for one in record.read(tuple[Receipt, ...])] == ["ack-17", ""]
 
 
+def test_of_two_executions_at_one_instant_the_later_attempt_is_the_newer(bench: Bench) -> None:
+    first, again = photographed(bench), photographed(bench, frames=7)
+    names = replace(again.identity, packet_id=PacketId("panorama-2"), attempt=2)
+    again = replace(again, identity=names, cites=(first.identity.packet_id,))
+    assert again.dispatched_s == first.dispatched_s
+    c3 = bench.c3(again, retained(mission(inspection()), first, again))
+    assert len(c3.all("image")) == 7
+    assert [one.source for one in c3.withheld if one.kind == "receipts"] == [first.identity.provider_id]
+
+
 @pytest.mark.ledger("R68", symbol="harness.contexts.evidence:sources_of")
 def test_of_several_executions_the_newest_ones_frames_and_receipts_count(bench: Bench) -> None:
     first = photographed(bench)

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from harness.contexts.recovery import recovery_context
 from harness.contracts.configuration import SPENDING, FailureClass, RecoveryAction
-from harness.contracts.events import Autonomy
+from harness.contracts.control import Autonomy
 from harness.contracts.ids import NodeId, ProviderId
 from harness.contracts.proposals import RecoveryProposal, Signature
 from harness.projections.mission import Mission, NodeState, Spend

@@ -10,9 +10,10 @@ from msgspec.structs import replace
 from harness.contracts.capabilities import CapabilityCard, Estimates, Latency
 from harness.contracts.configuration import RoutingPreferences
 from harness.contracts.ids import Digest, NodeId, ProviderId
+from harness.contracts.values import decode, encode
 from harness.contracts.verdicts import Verdict
 from harness.routing.candidates import candidates
-from harness.routing.history import History, Outcome
+from harness.routing.history import History, Outcome, Series, judged
 from harness.routing.need import Need
 from harness.routing.score import latency, route_length_m, terms, total
 from tests.unit.planning.building import CONFIGURATION, card, contract
@@ -174,3 +175,40 @@ def test_nodes_that_no_route_leads_to_have_no_length() -> None:
     asked: Need = need(parameters={"text": "hello"})
     assert route_length_m(asked.parameters) == 0.0
     assert route_length_m(contract().node(NodeId("panorama")).parameters) == 0.0
+
+
+@pytest.mark.ledger("R60", symbol="harness.routing.history:History.penalty")
+def test_a_series_weighs_what_its_outcomes_weigh_one_by_one_and_another_setting_counts_nothing() -> None:
+    told: tuple[tuple[Verdict, float], ...] = (
+        ("violated", 0.0), ("satisfied", 0.25), ("ambiguous", 1.0), ("unsafe", 0.0), ("stale", 1.0), ("satisfied", 0.0),
+    )  # fmt: skip
+    one_by_one = penalty(*(outcome(verdict, residual=residual) for verdict, residual in told))
+    first = outcome("satisfied")
+    setting = {
+        "provider_id": first.provider_id,
+        "capability": first.capability,
+        "place": first.place,
+        "configuration": first.configuration,
+    }
+    mine = Series(**setting, judged=judged(told))  # type: ignore[arg-type]
+    elsewhere = Series(**{**setting, "place": "hall"}, judged=judged([("unsafe", 0.0)] * 9))  # type: ignore[arg-type]
+    asked = {**setting, "half_life": 4.0}
+    fading = 0.5 ** (1 / 4)
+    failed, total = 1 + fading + 0.25 * fading**2 + fading**3, 2 + 1 + fading + fading**2 + fading**3
+    assert one_by_one == pytest.approx(failed / total)
+    assert History(series=(mine, elsewhere)).penalty(**asked) == one_by_one  # type: ignore[arg-type]
+    assert History(series=(elsewhere,)).penalty(**asked) == 0.5  # type: ignore[arg-type]
+
+
+def test_a_history_from_an_older_log_is_read_as_it_was_written() -> None:
+    old = msgspec.json.encode({"outcomes": [outcome("violated"), outcome("satisfied")]})
+    assert decode(old, History).outcomes[0].verdict == "violated"
+    series = Series(
+        provider_id=ProviderId("route-follower"),
+        capability="navigate",
+        place="office_storage",
+        configuration=CONFIGURATION.configuration_id,
+        judged=judged([("satisfied", 0.0)] * 200),
+    )
+    assert decode(encode(History(series=(series,))), History).series == (series,)
+    assert len(encode(History(series=(series,)))) < 4500

@@ -29,7 +29,10 @@ class Keepalive(Value):
 
 
 class Operation(msgspec.Struct, frozen=True):
-    """One endpoint. `call` takes path and query parameters and the decoded body; `answer` bytes means raw bytes."""
+    """One endpoint. `call` takes path and query parameters and the decoded body; `answer` bytes means raw bytes.
+
+    `apart`: it runs on a thread of its own, and not in the turn that the others share.
+    """
 
     method: Literal["GET", "POST"]
     path: str
@@ -38,6 +41,7 @@ class Operation(msgspec.Struct, frozen=True):
     call: Callable[[Names, Any], Any]
     body: Any = None
     query: tuple[str, ...] = ()
+    apart: bool = False
 
 
 def provider_operations(robot: Robot) -> tuple[Operation, ...]:

@@ -10,6 +10,8 @@ from harness.adapters.providers.http.wire import (
     Advance,
     ClockReading,
     Done,
+    DriveSession,
+    HardwareStop,
     MissionSettings,
     Problem,
     error_of,
@@ -17,11 +19,23 @@ from harness.adapters.providers.http.wire import (
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import ProviderFailed, ProviderUnreachable, UnknownName
 from harness.contracts.ids import Digest, MissionId, RequestId
-from harness.contracts.protocol import InvocationReport, Observations, PhysicalStart, RobotStatus, StartRequest
+from harness.contracts.protocol import (
+    DriveOrder,
+    DriveReport,
+    InvocationReport,
+    Observations,
+    PhysicalStart,
+    Picture,
+    PostureOrder,
+    RobotStatus,
+    StartRequest,
+)
 from harness.contracts.values import Value, decode, encode
 
 T = TypeVar("T")
 DEFAULT_TIMEOUT_S = 10.0
+MOST_BYTES = 64 << 20
+"""No answer of a robot is longer; a hundred megabytes fill no memory and no log."""
 
 
 class HttpRobot:
@@ -64,6 +78,19 @@ class HttpRobot:
     def starts(self) -> Sequence[PhysicalStart]:
         return self.read("/starts", list[PhysicalStart])
 
+    def picture(self) -> Picture:
+        """What the camera sees now. Raises ProviderFailed for a robot that serves no camera."""
+        return self.read("/camera", Picture)
+
+    def drive(self, order: DriveOrder) -> DriveReport:
+        return self.write("/hand/drive", DriveReport, order)
+
+    def release(self, session: RequestId) -> DriveReport:
+        return self.write("/hand/release", DriveReport, DriveSession(session=session))
+
+    def rest(self, order: PostureOrder) -> RobotStatus:
+        return self.write("/hand/posture", RobotStatus, order)
+
     def clock(self) -> ClockReading:
         """The robot's mission time now."""
         return self.read("/clock", ClockReading)
@@ -80,6 +107,10 @@ class HttpRobot:
     def save(self) -> None:
         """Simulation only: write the world durably."""
         self.write("/simulation/save", Done)
+
+    def press_hardware_stop(self, *, engaged: bool) -> None:
+        """Simulation only: the red button on the robot."""
+        self.write("/simulation/hardware-stop", Done, HardwareStop(engaged=engaged))
 
     def struck(self) -> dict[str, int]:
         """Simulation only: how often each fault of the mission struck."""
@@ -104,7 +135,8 @@ class HttpRobot:
 
     def _send(self, method: str, path: str, content: bytes = b"") -> bytes:
         try:
-            response = self._client.request(method, path, content=content)
+            with self._client.stream(method, path, content=content) as response:
+                body = _limited(response, path)
         except httpx.HTTPError as error:
             raise ProviderUnreachable(
                 f"The robot did not answer {method} {path.partition('?')[0]} ({type(error).__name__})",
@@ -112,8 +144,8 @@ class HttpRobot:
                 do="see whether the robot is running; the request may or may not have arrived",
             ) from error
         if response.is_success:
-            return response.content
-        raise error_of(_problem(response, path))
+            return body
+        raise error_of(_problem(response.status_code, body, path))
 
 
 class HttpProvider:
@@ -157,8 +189,22 @@ def _decoded(body: bytes, kind: type[T], path: str) -> T:
         ) from error
 
 
-def _problem(response: httpx.Response, path: str) -> Problem:
+def _limited(response: httpx.Response, path: str) -> bytes:
+    """The answer's body; raises ProviderFailed once it is longer than any answer of a robot, and reads no further."""
+    body = bytearray()
+    for part in response.iter_bytes():
+        body += part
+        if len(body) > MOST_BYTES:
+            raise ProviderFailed(
+                f"The robot's answer is larger than {MOST_BYTES >> 20} MiB",
+                where=path,
+                do="see what the robot sends; samples are asked for in batches, pictures one by one",
+            )
+    return bytes(body)
+
+
+def _problem(status: int, body: bytes, path: str) -> Problem:
     try:
-        return decode(response.content, Problem)
+        return decode(body, Problem)
     except msgspec.MsgspecError:
-        return Problem(code="provider_failed", what=f"The robot answered {response.status_code}", where=path)
+        return Problem(code="provider_failed", what=f"The robot answered {status}", where=path)

@@ -6,6 +6,7 @@ from contextlib import AbstractContextManager
 
 import msgspec
 from fastapi import FastAPI, Request, Response
+from starlette.concurrency import run_in_threadpool
 
 from harness.adapters.providers.http.protocol import Operation, openapi
 from harness.adapters.providers.http.wire import Problem, problem, status_of
@@ -19,7 +20,7 @@ Turn = Callable[[], AbstractContextManager[object]]
 
 
 def provider_service(operations: tuple[Operation, ...], *, token: str, turn: Turn, title: str) -> FastAPI:
-    """The service. Every call runs inside `turn()`, so that one of them at a time sees the robot.
+    """The service. Calls run inside `turn()`, so that one of them at a time sees the robot, save those apart.
 
     `/healthz` and `/openapi.json` answer strangers.
     """
@@ -52,8 +53,11 @@ def _endpoint(operation: Operation, *, token: str, turn: Turn) -> Endpoint:
         try:
             body = None if operation.body is None else msgspec.json.decode(raw, type=operation.body)
             names = {**request.query_params, **request.path_params}
-            with turn():
-                answer = operation.call(names, body)
+            if operation.apart:
+                answer = await run_in_threadpool(operation.call, names, body)
+            else:
+                with turn():
+                    answer = operation.call(names, body)
         except msgspec.MsgspecError as error:
             do = "send what the OpenAPI document describes"
             wrong = Problem(code="invalid_body", what=str(error), where=operation.path, do=do)

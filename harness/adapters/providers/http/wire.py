@@ -11,7 +11,7 @@ from harness.contracts.errors import (
     StoreUnavailable,
     UnknownName,
 )
-from harness.contracts.ids import MissionId
+from harness.contracts.ids import MissionId, RequestId
 from harness.contracts.values import Value
 
 
@@ -44,6 +44,18 @@ class MissionSettings(Value):
     mission_id: MissionId
     seed: int
     faults: tuple[str, ...] = ()
+
+
+class DriveSession(Value):
+    """Which session of driving by hand is meant."""
+
+    session: RequestId
+
+
+class HardwareStop(Value):
+    """Simulation only: somebody presses the red button on the robot, or releases it."""
+
+    engaged: bool
 
 
 class Done(Value):

@@ -5,6 +5,7 @@ Body frame: x ahead, y left, z up. Image: u right, v down. A positive `pitch_rad
 
 import math
 from functools import lru_cache
+from threading import Lock
 
 import cv2
 import msgspec
@@ -27,6 +28,8 @@ AMBIENT = 0.45
 FADE_M = 16.0
 TILE_M = 0.6
 JOINT_M = 0.012
+_one_at_a_time = Lock()
+"""MuJoCo casts rays with scratch space of the site's own: a live picture may come while a skill captures."""
 Picture = NDArray[np.uint8]
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -38,8 +41,9 @@ def render(site: SiteModel, pose: tuple[float, float, float], camera: Camera = C
     cos, sin = math.cos(yaw), math.sin(yaw)
     turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
     origin = np.array([x + cos * camera.forward_m, y + sin * camera.forward_m, camera.height_m])
-    view = _View(site=_compiled(site), origin=origin, lamp=_lamp(site, origin), brightness=site.brightness)
-    bands = [_band(view, rays @ turn) for rays in _rays(camera)]
+    with _one_at_a_time:
+        view = _View(site=_compiled(site), origin=origin, lamp=_lamp(site, origin), brightness=site.brightness)
+        bands = [_band(view, rays @ turn) for rays in _rays(camera)]
     picture = np.concatenate(bands) + _grain(camera)
     frame: Picture = np.clip(picture, 0, 255).astype(np.uint8).reshape(camera.height_px, camera.width_px, 3)
     return frame
@@ -103,7 +107,7 @@ def _compiled(site: SiteModel) -> CompiledSite:
     return compile_site(site)
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=4)
 def _rays(camera: Camera) -> tuple[Floats, ...]:
     """Unit rays in the body frame in BANDS bands of rows, each of shape (pixels, 3)."""
     u, v = np.meshgrid(np.arange(camera.width_px), np.arange(camera.height_px))
@@ -114,7 +118,7 @@ def _rays(camera: Camera) -> tuple[Floats, ...]:
     return tuple(np.array_split(rays, BANDS))
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=4)
 def _grain(camera: Camera) -> Singles:
     """The sensor's fixed grain, shape (pixels, 1)."""
     generator = np.random.Generator(np.random.Philox(key=7))

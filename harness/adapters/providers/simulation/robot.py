@@ -1,6 +1,6 @@
 """The simulated robot: providers, senses and journals over one simulated world, in this process."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from harness.adapters.providers.journal import Entry, Journal
@@ -8,22 +8,27 @@ from harness.adapters.providers.parameters import parameter_problems
 from harness.adapters.providers.simulation.camera import CAMERA
 from harness.adapters.providers.simulation.cards import CARDS
 from harness.adapters.providers.simulation.faults import DUPLICATE_AFTER_S, Fault
+from harness.adapters.providers.simulation.frames import LIVE, live_frame
 from harness.adapters.providers.simulation.invocations import Invocation, restarted
 from harness.adapters.providers.simulation.journals import StartJournal
 from harness.adapters.providers.simulation.skills import skill_for
 from harness.adapters.providers.simulation.world import World, WorldSettings
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import FencingRefused, ProviderFailed, ProviderUnreachable
-from harness.contracts.ids import Digest, MissionId, RequestId
+from harness.contracts.ids import Digest, MissionId, ProviderId, RequestId
 from harness.contracts.protocol import (
     TERMINAL,
     InvocationReport,
     Observations,
     PhysicalStart,
+    Picture,
     RobotStatus,
     StartRequest,
 )
 from harness.contracts.values import digest
+
+HAND = ProviderId("hand")
+"""Whose invocations are a person's driving; nobody can be routed to it."""
 
 
 class SimulatedRobot:
@@ -40,6 +45,7 @@ class SimulatedRobot:
         self._journal = Journal(folder and folder / "requests.jsonl")
         self._starts = StartJournal(folder and folder / "starts.jsonl")
         self._running: dict[RequestId, Invocation] = {}
+        self.lying = False
         self._repeats: list[tuple[float, CapabilityCard, StartRequest]] = []
         self._providers = tuple(SimulatedProvider(self, card) for card in CARDS)
         for report in list(self._journal.reports.values()):
@@ -65,14 +71,25 @@ class SimulatedRobot:
         return RobotStatus(
             robot_id=self.robot_id,
             at_s=world.at_s,
-            posture="standing" if world.still else "moving",
+            posture="moving" if not world.still else "lying" if self.lying else "standing",
             armed=mover is not None and mover.report().status in ("accepted", "running", "stopping"),
             hardware_stop=world.hardware_stop,
             charge=world.sensors.charge,
             localised=world.sensors.mode != "lost",
             map_version=world.site.map_version,
             camera=CAMERA,
+            pose_age_s=world.ring.pose_age_s(world.at_s),
+            driven_by=mover.request.identity.request_id
+            if mover is not None and mover.card.provider_id == HAND
+            else "",
         )
+
+    def picture(self) -> Picture:
+        """What the camera sees from where the body is, for people: no sample and no evidence comes of it."""
+        state = self.world.body.state
+        pose = (state.x_m, state.y_m, state.yaw_rad)
+        width, height = LIVE.width_px, LIVE.height_px
+        return Picture(at_s=self.at_s, width_px=width, height_px=height, body=live_frame(self.world.site, pose))
 
     def observations(self, after: int, limit: int = 5000) -> Observations:
         return self.world.ring.after(after, limit=limit, at_s=self.world.at_s)
@@ -112,12 +129,24 @@ class SimulatedRobot:
             self._same(card, request)
             return known
         self._check(card, request)
-        world, identity = self.world, request.identity
+        self.lying = self.lying and not card.moves
+        world = self.world
         skill = skill_for(
             card, request, frame=world.site.frame, here=world.believed, reached_m=world.reached_m.get(_way(request))
         )
         invocation = Invocation(card, request, skill, at_s=world.at_s)
-        self._journal.write(Entry(report=invocation.report(), request=request))
+        self.take_up(invocation, Entry(report=invocation.report(), request=request))
+        if card.capability == "navigate" and world.faults.strikes("duplicate-request"):
+            self._repeats.append((world.at_s + DUPLICATE_AFTER_S, card, request))
+            raise ProviderUnreachable(
+                "The acknowledgement was lost", where=card.provider_id, do="ask for the request id before sending again"
+            )
+        return invocation.report()
+
+    def take_up(self, invocation: Invocation, entry: Entry) -> None:
+        """A physical start: in the journals first, then in the world with the next tick."""
+        self._journal.write(entry)
+        identity = invocation.request.identity
         self._starts.write(
             PhysicalStart(
                 request_id=identity.request_id,
@@ -125,18 +154,16 @@ class SimulatedRobot:
                 node_id=identity.node_id,
                 attempt=identity.attempt,
                 provider_id=identity.provider_id,
-                at_s=world.at_s,
-                moves=card.moves,
+                at_s=self.world.at_s,
+                moves=invocation.card.moves,
             )
         )
         self._running[identity.request_id] = invocation
-        world.invocation_starts(invocation, _way(request))
-        if card.capability == "navigate" and world.faults.strikes("duplicate-request"):
-            self._repeats.append((world.at_s + DUPLICATE_AFTER_S, card, request))
-            raise ProviderUnreachable(
-                "The acknowledgement was lost", where=card.provider_id, do="ask for the request id before sending again"
-            )
-        return invocation.report()
+        self.world.invocation_starts(invocation, _way(invocation.request))
+
+    def running(self, request: RequestId) -> Invocation | None:
+        """The invocation of a request, while it is not terminal."""
+        return self._running.get(request)
 
     def find(self, request: RequestId) -> InvocationReport | None:
         """The newest report on a request, or None if it never came here."""
@@ -189,18 +216,20 @@ class SimulatedRobot:
         ]
         if problems:
             raise ProviderFailed(problems[0], where=card.provider_id, do="send what the capability card declares")
-        for resource, token in request.fencing.items():
+        self.admit(request.fencing, where=card.provider_id, moves=card.moves)
+
+    def admit(self, fencing: Mapping[str, int], *, where: str, moves: bool = True) -> None:
+        """Raises FencingRefused for an old token, and ProviderFailed for a motion while something else moves."""
+        for resource, token in fencing.items():
             newest = self._journal.tokens.get(resource, token)
             if token < newest:
                 raise FencingRefused(
-                    f"Token {token} for {resource} is older than {newest}",
-                    where=card.provider_id,
-                    do="take the lease again",
+                    f"Token {token} for {resource} is older than {newest}", where=where, do="take the lease again"
                 )
         mover = self._mover()
-        if card.moves and mover is not None:
+        if moves and mover is not None:
             raise ProviderFailed(
-                f"Invocation {mover.handle} still has the base", where=card.provider_id, do="stop it, then start again"
+                f"Invocation {mover.handle} still has the base", where=where, do="stop it, then start again"
             )
 
 

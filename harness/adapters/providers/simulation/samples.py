@@ -1,16 +1,18 @@
 """What the robot still remembers of its sensors: samples with rising sequence numbers, and the bytes they cite."""
 
 from collections import OrderedDict
+from itertools import islice
 from pathlib import Path
 
 from harness.contracts.errors import BlobDamaged
 from harness.contracts.ids import Digest, sha256
-from harness.contracts.observations import AnySample
+from harness.contracts.observations import AnySample, Pose
 from harness.contracts.protocol import Observations
 
 KEPT_SAMPLES = 40_000
 KEPT_BYTES = 48 * 1024 * 1024
 KEPT_FILES = 400
+RECENT = 4000
 
 
 class SampleRing:
@@ -20,6 +22,11 @@ class SampleRing:
         self._samples: list[AnySample] = []
         self.newest = newest
         """The last sequence number given away."""
+
+    def pose_age_s(self, at_s: float) -> float | None:
+        """How old the newest pose among the last RECENT samples is, by its sensor time; None without one."""
+        newest = next((one.at_s for one in islice(reversed(self._samples), RECENT) if isinstance(one, Pose)), None)
+        return None if newest is None else at_s - newest
 
     def next(self) -> int:
         """The sequence number for the next sample; `add` uses it up."""

@@ -55,6 +55,11 @@ class Sensors:
         self._scale = 1.0 + SCALE_NOISE * _clipped(streams.normal("odometry-scale", 0))
         self._turn = 1.0 + TURN_NOISE * _clipped(streams.normal("odometry-turn", 0))
 
+    def put_down(self) -> None:
+        """The body was carried elsewhere: odometry did not see it, and no old pose is repeated."""
+        self._before = self._held = self.fix = None
+        self._twist = (0.0, 0.0)
+
     def sample(self, state: BodyState, at_s: float) -> None:
         """Everything that falls due this tick, except the lidar."""
         tick = self._tick = self._tick + 1

@@ -7,16 +7,20 @@ from contextlib import contextmanager
 
 from fastapi import FastAPI
 
+from harness.adapters.providers.http.people import camera_operations, hand_operations
 from harness.adapters.providers.http.protocol import Names, Operation, provider_operations
 from harness.adapters.providers.http.service import provider_service
-from harness.adapters.providers.http.wire import Advance, ClockReading, Done, MissionSettings
+from harness.adapters.providers.http.wire import Advance, ClockReading, Done, HardwareStop, MissionSettings
 from harness.adapters.providers.simulation.bodies import TICK_S
 from harness.adapters.providers.simulation.faults import parse_faults
+from harness.adapters.providers.simulation.hand import SimulatedHand
 from harness.adapters.providers.simulation.robot import SimulatedRobot
 from harness.contracts.errors import ProviderFailed, ProviderUnreachable
+from harness.contracts.protocol import Picture
 
 FREE_RUN_AFTER_S = 2.0
 SLIP_S = 0.25
+PICTURE_S = 0.5
 LONGEST_ADVANCE_S = 120.0
 
 
@@ -94,6 +98,23 @@ class Pace:
         return silent and not self.standing()
 
 
+class PacedCamera:
+    """Implements `contracts.ports.LiveCamera`: one picture every PICTURE_S of wall time, however many people look."""
+
+    def __init__(self, robot: SimulatedRobot) -> None:
+        self._robot = robot
+        self._lock = threading.Lock()
+        self._newest: Picture | None = None
+        self._taken_s = -PICTURE_S
+
+    def picture(self) -> Picture:
+        """The newest one, taken again if it is older than PICTURE_S."""
+        with self._lock:
+            if self._newest is None or time.monotonic() - self._taken_s > PICTURE_S:
+                self._newest, self._taken_s = self._robot.picture(), time.monotonic()
+            return self._newest
+
+
 def simulation_operations(pace: Pace) -> tuple[Operation, ...]:
     """What only a simulated robot serves."""
     robot = pace.robot
@@ -120,6 +141,10 @@ def simulation_operations(pace: Pace) -> tuple[Operation, ...]:
         robot.save()
         return Done(at_s=robot.at_s)
 
+    def press(names: Names, body: HardwareStop) -> Done:
+        robot.press_hardware_stop(engaged=body.engaged)
+        return Done(at_s=robot.at_s)
+
     def struck(names: Names, body: None) -> dict[str, int]:
         return robot.struck()
 
@@ -128,11 +153,17 @@ def simulation_operations(pace: Pace) -> tuple[Operation, ...]:
         Operation("POST", "/simulation/advance", "Lockstep: run to a mission time", Done, advance, body=Advance),
         Operation("POST", "/simulation/configure", "Begin a mission", Done, configure, body=MissionSettings),
         Operation("POST", "/simulation/save", "Write the world durably", Done, save),
+        Operation("POST", "/simulation/hardware-stop", "Press the red button", Done, press, body=HardwareStop),
         Operation("GET", "/simulation/struck", "Faults that struck", dict[str, int], struck),
     )
 
 
 def robot_service(pace: Pace, token: str) -> FastAPI:
     """The whole service of one simulated robot."""
-    operations = provider_operations(pace.robot) + simulation_operations(pace)
+    operations = (
+        *provider_operations(pace.robot),
+        *camera_operations(PacedCamera(pace.robot)),
+        *hand_operations(SimulatedHand(pace.robot)),
+        *simulation_operations(pace),
+    )
     return provider_service(operations, token=token, turn=pace.turn, title=f"Simulated robot {pace.robot.robot_id}")

@@ -1,5 +1,6 @@
 """The simulated world tick by tick: body, sensors, running invocations, faults, truth. Mission time is its clock."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
@@ -16,11 +17,13 @@ from harness.adapters.providers.simulation.camera import CAMERA
 from harness.adapters.providers.simulation.estimate import Estimate
 from harness.adapters.providers.simulation.faults import Fault, FaultPlan
 from harness.adapters.providers.simulation.frames import photograph, photograph_nearby
+from harness.adapters.providers.simulation.habits import Habits
 from harness.adapters.providers.simulation.invocations import Invocation
 from harness.adapters.providers.simulation.journals import SavedWorld, load_world, save_world
 from harness.adapters.providers.simulation.navigation import RouteFollower
 from harness.adapters.providers.simulation.noise import Streams
 from harness.adapters.providers.simulation.obstruction import boxes_across
+from harness.adapters.providers.simulation.routes import RouteLine
 from harness.adapters.providers.simulation.samples import SampleRing, SensorBlobs
 from harness.adapters.providers.simulation.senses import Outcome, Senses, Shot, Step
 from harness.adapters.providers.simulation.sensors import Sensors
@@ -29,6 +32,7 @@ from harness.adapters.providers.simulation.solids import SiteModel
 from harness.adapters.providers.simulation.truth import Truth, TruthLog
 from harness.contracts.ids import MissionId, RequestId
 from harness.contracts.observations import Image
+from harness.contracts.regularities import HiddenSite, Regularity
 from harness.contracts.values import Point, Value
 
 Fidelity = Literal["mujoco", "kinematic"]
@@ -39,11 +43,15 @@ EARLY_CLAIM_M = 0.14
 
 
 class WorldSettings(Value):
-    """How to build a world. `epoch_s` is its first mission time where no saved world says otherwise."""
+    """How to build a world. `epoch_s` is its first mission time where no saved world says otherwise.
+
+    `hidden` is what its site does again and again; without it a robot starts a mission where the last one ended.
+    """
 
     fidelity: Fidelity = "kinematic"
     seed: int = 0
     epoch_s: float = EPOCH_S
+    hidden: HiddenSite | None = None
 
 
 class World:
@@ -62,6 +70,8 @@ class World:
         self.blobs = SensorBlobs(folder and folder / "blobs")
         self.truth = TruthLog(folder and folder / "truth")
         self.faults = FaultPlan(None, (), began_s=0.0)
+        self._habits: Habits | None = None
+        self._standing: tuple[Regularity, ...] = ()
         self.sensors = Sensors(
             Streams(settings.seed), self.ring, frame=self.site.frame, map_version=self.site.map_version
         )
@@ -98,6 +108,9 @@ class World:
         self.faults = FaultPlan(mission_id, faults, began_s=self.at_s)
         self.sensors.reseed(Streams(seed))
         self._furnish(self._home)
+        if self._settings.hidden is not None:
+            self._habits = Habits(self._settings.hidden.regularities, seed=seed, began_s=self.at_s)
+            self._carry_back()
         self.truth.begin(mission_id)
         self.note("mission", text=f"{mission_id} seed {seed}")
 
@@ -114,6 +127,8 @@ class World:
                 gap = not self.faults.persistent("blocked-passage")
                 boxes = boxes_across(self._home, skill.route, at_m, gap=gap)
                 self._furnish(self._home.with_solids(*boxes))
+            if self.site is self._home and self._habits is not None:
+                self._obstruct(self._habits, skill.route)
 
     def invocation_ended(self, invocation: Invocation, node: str) -> None:
         """A skill is terminal: what it reached is remembered and the world saved."""
@@ -131,6 +146,8 @@ class World:
         """TICK_S of mission time: skills decide, the body moves, sensors read."""
         sensors = self.sensors
         sensors.mode = self.faults.mode(self.at_s)
+        if self._habits is not None:
+            self._live_with(self._habits)
         coarse = self._settings.fidelity == "kinematic" and self._ticks % 2 == 1
         if not (coarse and invocations and all(one.cruising for one in invocations)):
             self._command = self._decided(invocations)
@@ -162,6 +179,8 @@ class World:
             if invocation.card.moves:
                 command = wanted
             self._strike(invocation)
+            if self._habits is not None and self._hindered(self._habits, invocation):
+                command = Velocity()
         return command
 
     def note(self, kind: Literal["pose", "start", "terminal", "struck", "mission"], **facts: str) -> None:
@@ -198,6 +217,60 @@ class World:
         elif self.faults.interrupts(share):
             words = Outcome(status="failed", failure="interrupted", message="The controller was interrupted.")
             invocation.brake_for(Step(outcome=words))
+
+    def _live_with(self, habits: Habits) -> None:
+        """What the place does to the localiser, and whether what stood in the way is still there."""
+        state = self.body.state
+        habits.pass_by((state.x_m, state.y_m), self.at_s)
+        if habits.moods and self.sensors.mode == "good":
+            self.sensors.mode = habits.mode(self.at_s)
+        if self._standing and habits.in_the_way(self.at_s) != self._standing:
+            self._standing = ()
+            self._furnish(self._home)
+
+    def _obstruct(self, habits: Habits, route: RouteLine) -> None:
+        """Set up what stands across this route."""
+        standing = tuple(
+            one
+            for one in habits.in_the_way(self.at_s)
+            if math.dist(one.at_m, _nearest(route, one.at_m)) <= one.radius_m
+            for one in habits.in_the_way(self.at_s)
+            if math.dist(one.at_m, _nearest(route, one.at_m)) <= one.radius_m
+        )
+        solids = [
+            solid
+            for one in standing
+            for solid in boxes_across(self._home, route, route.nearest(*one.at_m), gap=one.kind == "obstructed")
+        ]
+        if solids:
+            self._standing = habits.in_the_way(self.at_s)
+            self._furnish(self._home.with_solids(*solids))
+
+    def _hindered(self, habits: Habits, invocation: Invocation) -> bool:
+        """What the place does to a navigation that comes by; whether it has to stand there without a word."""
+        skill, provider_id = invocation.skill, invocation.card.provider_id
+        if not isinstance(skill, RouteFollower) or invocation.terminal or invocation.braking:
+            return False
+        if habits.holds("claiming", provider_id, self.at_s):
+            invocation.brake_for(skill.claim(self.at_s, distance_m=EARLY_CLAIM_M))
+        elif habits.holds("giving_up", provider_id, self.at_s):
+            words = Outcome(status="failed", failure="interrupted", message="The controller was interrupted.")
+            invocation.brake_for(Step(outcome=words))
+        elif habits.holds("stalling", provider_id, self.at_s):
+            skill.resume(self.at_s)
+            return True
+        return False
+
+    def _carry_back(self) -> None:
+        """A person carries the robot to where it starts: neither odometry nor localiser takes it for a drive."""
+        state = self.body.state
+        state.x_m, state.y_m, state.yaw_rad = START
+        state.v_mps = state.w_radps = state.sway_mps = 0.0
+        self._command, self._standing = Velocity(), ()
+        self.body.furnish(self.site)
+        self.sensors.put_down()
+        self._estimate = Estimate(START)
+        self._estimate.begin(self.sensors.odometer)
 
     def _tell_struck(self) -> None:
         """A line of truth whenever a fault struck since the last one."""
@@ -239,3 +312,7 @@ class World:
         )
         self.ring.add(image)
         return Shot(blob=blob, seq=image.seq, at_s=image.at_s)
+
+
+def _nearest(route: RouteLine, point: Point) -> Point:
+    return route.point(route.nearest(*point))

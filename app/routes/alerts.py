@@ -1,0 +1,147 @@
+"""/alerts: what a person should know, one row per cause, and what people do about it."""
+
+from math import isfinite
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Query
+from starlette.responses import HTMLResponse, RedirectResponse, Response
+
+from app.console import ActorDep, Console, ConsoleDep, FormDep
+from app.rendering import render
+from app.views import alerts, forms
+from app.views.alerts import AlertPage, AlertsPage, Asked, Deed
+from harness.contracts.actors import Actor
+from harness.contracts.alert_commands import (
+    AcknowledgeAlert,
+    AlertPersonCommand,
+    AssignAlert,
+    RestoreAlert,
+    ShelveAlert,
+    SuppressAlert,
+)
+from harness.contracts.alert_events import AlertEvent, alert_stream
+from harness.contracts.any_events import AnyEvent
+from harness.contracts.decider import Codec
+from harness.contracts.decisions import Accepted, Refused
+from harness.contracts.errors import UnknownName
+
+router = APIRouter(prefix="/alerts")
+LONGEST = 200
+EVENTS: Codec[AlertEvent] = Codec(AlertEvent)
+Words = Annotated[str, Query(max_length=LONGEST)]
+
+
+def asked(
+    q: Words = "", status: Words = "", priority: Words = "", robot: Words = "", before: float | None = None
+) -> Asked:
+    """What the address asks for. Raises UnknownName for a tab that the inbox does not have."""
+    if status not in {value for value, _, _ in alerts.GROUPS}:
+        raise UnknownName(f"There is no group of alerts called {status[:40]}", do="choose one of the tabs of the list")
+    place = before if before is not None and isfinite(before) else None
+    return Asked(group=status, words=q.strip(), priority=priority, robot=robot, before_s=place)
+
+
+AskedDep = Annotated[Asked, Depends(asked)]
+
+
+@router.get("")
+def index(console: ConsoleDep, actor: ActorDep, asked: AskedDep) -> HTMLResponse:
+    return render("alerts/index.html", listed(console, actor, asked))
+
+
+@router.get("/list")
+def listing(console: ConsoleDep, actor: ActorDep, asked: AskedDep) -> HTMLResponse:
+    return render("alerts/_list.html", listed(console, actor, asked))
+
+
+def listed(console: Console, actor: Actor, asked: Asked) -> AlertsPage:
+    shell = console.shell("Alerts", "alerts", actor)
+    return alerts.alerts_page(
+        shell, console.alerts.all(), asked, now_s=console.clock(), services=console.settings.services
+    )
+
+
+@router.get("/{alert_id}")
+def show(console: ConsoleDep, actor: ActorDep, alert_id: str) -> HTMLResponse:
+    return render("alerts/detail.html", page_of(console, actor, alert_id))
+
+
+@router.post("/{alert_id}/acknowledge")
+def acknowledge(console: ConsoleDep, actor: ActorDep, alert_id: str, typed: FormDep) -> Response:
+    seen = typed.get("seen", "")
+    command = AcknowledgeAlert(
+        actor=actor,
+        seen=int(seen) if seen.isdecimal() and len(seen) < 10 else 0,
+        note=typed.get("note", "").strip()[:LONGEST],
+    )
+    return _said(console, actor, alert_id, command)
+
+
+@router.post("/{alert_id}/shelve")
+def shelve(console: ConsoleDep, actor: ActorDep, alert_id: str, typed: FormDep) -> Response:
+    given = typed.get("for_s", "")
+    wrong = forms.wrong_reason(typed.get("reason", ""))
+    if given not in {str(seconds) for seconds, _ in alerts.SHELF}:
+        wrong.append("Choose how long it is shelved for.")
+    if wrong:
+        return _again(console, actor, alert_id, tuple(wrong), status=422)
+    command = ShelveAlert(actor=actor, reason=typed["reason"].strip(), for_s=float(given))
+    return _said(console, actor, alert_id, command)
+
+
+@router.post("/{alert_id}/suppress")
+def suppress(console: ConsoleDep, actor: ActorDep, alert_id: str, typed: FormDep) -> Response:
+    wrong = tuple(forms.wrong_reason(typed.get("reason", "")))
+    if wrong:
+        return _again(console, actor, alert_id, wrong, status=422)
+    return _said(console, actor, alert_id, SuppressAlert(actor=actor, reason=typed["reason"].strip()))
+
+
+@router.post("/{alert_id}/restore")
+def restore(console: ConsoleDep, actor: ActorDep, alert_id: str) -> Response:
+    return _said(console, actor, alert_id, RestoreAlert(actor=actor))
+
+
+@router.post("/{alert_id}/assign")
+def assign(console: ConsoleDep, actor: ActorDep, alert_id: str, typed: FormDep) -> Response:
+    command = AssignAlert(actor=actor, assignee=typed.get("assignee", "").strip()[:LONGEST])
+    return _said(console, actor, alert_id, command)
+
+
+def told(console: Console, alert_id: str, command: AlertPersonCommand) -> Accepted[AnyEvent] | Refused:
+    """Raises UnknownName for an alert that was never raised."""
+    console.alerts.one(alert_id)
+    return console.runtime.decide([(alert_stream(alert_id), command)])
+
+
+def history_of(console: Console, alert_id: str) -> tuple[Deed, ...]:
+    """Everything that happened to it, newest first."""
+    stored = console.runtime.stream(alert_stream(alert_id))
+    return tuple(
+        Deed(at_s=one.recorded_s, text=alerts.sentence(EVENTS.decode(one)), position=one.position)
+        for one in reversed(stored)
+    )
+
+
+def page_of(console: Console, actor: Actor, alert_id: str, errors: tuple[str, ...] = ()) -> AlertPage:
+    alert = console.alerts.one(alert_id)
+    row = alerts.row(alert_id, alert, now_s=console.clock())
+    return AlertPage(
+        shell=console.shell(row.title, "alerts", actor),
+        row=row,
+        conditions=alert.standing,
+        history=history_of(console, alert_id),
+        shelves=alerts.shelves(),
+        errors=errors,
+    )
+
+
+def _said(console: Console, actor: Actor, alert_id: str, command: AlertPersonCommand) -> Response:
+    decision = told(console, alert_id, command)
+    if isinstance(decision, Refused):
+        return _again(console, actor, alert_id, (decision.message,), status=409)
+    return RedirectResponse(f"/alerts/{alert_id}", status_code=303)
+
+
+def _again(console: Console, actor: Actor, alert_id: str, wrong: tuple[str, ...], *, status: int) -> HTMLResponse:
+    return render("alerts/detail.html", page_of(console, actor, alert_id, wrong), status=status)

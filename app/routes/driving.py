@@ -1,0 +1,110 @@
+"""/robots/{id}/drive: driving a robot by hand from the browser: hold to run, let go to stop."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Body
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
+
+from app.console import ActorDep, Console, ConsoleDep, FormDep
+from app.permissions import NotPermitted, Visitor
+from app.rendering import render
+from app.routes.robots import RobotPath, card, signed
+from app.security import VisitorDep
+from app.views import forms
+from app.views.robots import DrivePage
+from harness.contracts.actors import Actor
+from harness.contracts.decisions import Refused
+from harness.contracts.errors import ProviderFailed
+from harness.contracts.ids import RequestId, RobotId
+from harness.contracts.protocol import DriveReport
+
+router = APIRouter(prefix="/robots/{robot_id}")
+
+
+class Turn(BaseModel):
+    """One moment of driving: forward speed and turn rate; the robot caps both."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    session: Annotated[str, Field(min_length=1, max_length=64)]
+    v_mps: Annotated[float, Field(ge=-1.0, le=1.0)] = 0.0
+    w_radps: Annotated[float, Field(ge=-2.0, le=2.0)] = 0.0
+
+
+@router.get("/drive")
+def pad(console: ConsoleDep, actor: ActorDep, robot_id: RobotPath) -> HTMLResponse:
+    return _pad(console, actor, robot_id)
+
+
+@router.post("/drive")
+def take(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: RobotPath, typed: FormDep) -> Response:
+    wrong = forms.wrong_reason(typed.get("reason", ""))
+    if wrong:
+        return _pad(console, actor, robot_id, errors=wrong, status=422)
+    device = typed.get("device", "").strip()[:80] or "a browser"
+    wheel = console.wheel
+    if wheel is None:
+        return _pad(console, actor, robot_id, errors=["No supervisor runs here."], status=409)
+    decision = signed(
+        console,
+        visitor,
+        ("drive", "TakeWheel", robot_id),
+        lambda who: wheel.take(robot_id, actor=who, device=device, reason=typed["reason"].strip()),
+    )
+    if isinstance(decision, Refused):
+        return _pad(console, actor, robot_id, errors=[decision.message], status=409)
+    return RedirectResponse(f"/robots/{robot_id}/drive", status_code=303)
+
+
+@router.post("/drive/turn")
+def turn(console: ConsoleDep, visitor: VisitorDep, robot_id: RobotPath, body: Annotated[Turn, Body()]) -> JSONResponse:
+    """Hold this velocity until the next call, for 0.8 s of the robot's time at most."""
+    report = turned(console, visitor, robot_id, body)
+    if isinstance(report, Refused):
+        return JSONResponse({"status": "ended", "reason": report.message}, status_code=409)
+    return JSONResponse(
+        {"status": report.status, "v_mps": report.v_mps, "w_radps": report.w_radps, "reason": report.reason}
+    )
+
+
+@router.post("/drive/return")
+def give_back(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: RobotPath) -> Response:
+    wheel = console.wheel
+    if wheel is None:
+        return _pad(console, actor, robot_id, errors=["No supervisor runs here."], status=409)
+    decision = signed(
+        console,
+        visitor,
+        ("stop", "ReturnWheel", robot_id),
+        lambda who: wheel.give_back(robot_id, actor=who, reason="returned by a person"),
+    )
+    if isinstance(decision, Refused):
+        return _pad(console, actor, robot_id, errors=[decision.message], status=409)
+    return RedirectResponse(f"/robots/{robot_id}", status_code=303)
+
+
+def turned(console: Console, visitor: Visitor, robot_id: RobotId, order: Turn) -> DriveReport | Refused:
+    """Refused where nobody has the wheel or the robot does not take it; raises NotPermitted for anybody else."""
+    actor, held = visitor.acting("drive"), console.control().wheels.get(robot_id)
+    if held is None or console.wheel is None:
+        return Refused("not_at_the_wheel", f"Nobody has the wheel of {robot_id}: take it first.")
+    if held.actor.name != actor.name:
+        raise NotPermitted(f"{held.actor.name} has the wheel", where=robot_id, do="ask them to return it")
+    try:
+        return console.wheel.turn(robot_id, RequestId(order.session), v_mps=order.v_mps, w_radps=order.w_radps)
+    except ProviderFailed as error:
+        return Refused(error.code, error.what)
+
+
+def _pad(
+    console: Console, actor: Actor, robot_id: RobotId, *, errors: list[str] | None = None, status: int = 200
+) -> HTMLResponse:
+    held = console.control().wheels.get(robot_id)
+    page = DrivePage(
+        shell=console.shell(f"Drive {robot_id}", "robots", actor, topics=[f"robot/{robot_id}"]),
+        robot=card(console, robot_id),
+        session=held.session if held is not None and held.actor.name == actor.name else "",
+        errors=tuple(errors or ()),
+    )
+    return render("robots/drive.html", page, status=status)

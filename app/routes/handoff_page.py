@@ -1,0 +1,140 @@
+"""How one question is put together from what the console knows. Parses nothing and submits nothing."""
+
+from dataclasses import dataclass
+
+from app.console import Console
+from app.rendering import render
+from app.routes.robots import camera_of
+from app.views import handoffs, robots
+from app.views.handoff_shown import Difference, differences, shown_question
+from app.views.handoff_steps import Told
+from app.views.handoffs import HandoffPage, Surface
+from app.views.places import site_map
+from app.views.robots import CameraView, RobotWord
+from harness.contracts.actors import Actor
+from harness.contracts.decider import Codec
+from harness.contracts.errors import UnknownName
+from harness.contracts.handoff_commands import DecideHandoff
+from harness.contracts.handoff_events import HandoffEvent, HandoffOpened
+from harness.contracts.ids import HandoffId, MissionId, RobotId, handoff_stream, sha256
+from harness.contracts.observations import Pose
+from harness.contracts.read_models import HandoffItem, ListQuery
+from harness.projections.handoffs import Handoff, apply
+from harness.projections.mission import Mission
+
+CODEC: Codec[HandoffEvent] = Codec(HandoffEvent)
+EARLIER = 50
+
+
+@dataclass(frozen=True)
+class Left:
+    """A form as it was left: what was typed, why it did not count, and the cycle it was about."""
+
+    typed: str = ""
+    refused: str = ""
+    cycle: str = ""
+
+
+def page_of(console: Console, actor: Actor, handoff_id: HandoffId, left: Left = Left()) -> HandoffPage:
+    """The page as it is now, with a fresh key; raises UnknownName."""
+    handoff = console.runtime.handoff(handoff_id)
+    opened = handoffs.required(handoff)
+    mission = console.runtime.mission(opened.mission_id)
+    told = history_of(console, handoff_id)
+    watched = f"handoff/{handoff_id}"
+    surface = Surface(
+        now_s=console.clock(),
+        person=actor.name,
+        key=console.doors.key(),
+        shown=sha256(_question(opened, mission)),
+        told=told,
+        earlier=_earlier(console, opened),
+        map=site_map(console.runtime.site),
+        robot=_word(console, opened.robot_id),
+        camera=_camera(console, opened.robot_id),
+        live_at=_live_at(console, mission.mission_id),
+        viewers=console.presence.watching(watched),
+        typed=left.typed,
+        refused=left.refused,
+        changes=changes(handoff, told, left.cycle) if left.refused else (),
+    )
+    topics = (watched, f"mission/{mission.mission_id}", f"live/{mission.mission_id}")
+    shell = console.shell(handoffs.title(handoff, mission), "handoffs", actor, topics=topics)
+    return handoffs.handoff_page(shell, handoff, mission, surface)
+
+
+def kept_question(console: Console, handoff_id: HandoffId) -> bytes:
+    """Subject and evidence as every person sees them now; raises UnknownName."""
+    opened = handoffs.required(console.runtime.handoff(handoff_id))
+    return _question(opened, console.runtime.mission(opened.mission_id))
+
+
+def unlike(console: Console, command: DecideHandoff) -> str:
+    """Why what this person saw is not what stands here now, as far as the gate could not tell; empty if it is.
+
+    What was seen is kept, so that an auditor sees it again.
+    """
+    handoff = console.runtime.handoff(command.handoff_id)
+    opened = handoffs.required(handoff)
+    mission = console.runtime.mission(opened.mission_id)
+    same = handoff.answerable and (command.cycle, mission.k) == (handoff.cycle, opened.k)
+    if command.shown is None or not same:
+        return ""
+    body = _question(opened, mission)
+    if sha256(body) != command.shown:
+        return "What stood on your screen is not what stands here now. Read it again, then decide."
+    console.runtime.keep(body)
+    return ""
+
+
+def history_of(console: Console, handoff_id: HandoffId) -> Told:
+    """The question's own events with their places in the log."""
+    stored = console.runtime.stream(handoff_stream(handoff_id))
+    return [(one.position, one.recorded_s, CODEC.decode(one)) for one in stored]
+
+
+def changes(handoff: Handoff, told: Told, cycle: str) -> tuple[Difference, ...]:
+    """What is different now from the cycle that was answered."""
+    opened = handoff.opened
+    seen = as_asked(told, cycle)
+    return differences(seen, opened) if seen is not None and opened is not None else ()
+
+
+def as_asked(told: Told, cycle: str) -> HandoffOpened | None:
+    """The question as it stood in that cycle."""
+    state, found = Handoff(), None
+    for _, _, event in told:
+        state = apply(state, event)
+        if state.opened is not None and str(state.cycle) == cycle:
+            found = state.opened
+    return found
+
+
+def _question(opened: HandoffOpened, mission: Mission) -> bytes:
+    page = shown_question(opened, mission)
+    return bytes(render("handoffs/_shown.html", page).body)
+
+
+def _earlier(console: Console, opened: HandoffOpened) -> tuple[HandoffItem, ...]:
+    facets = {"open": "no", "failure": opened.failure}
+    return console.lists.handoffs(ListQuery(listing="handoff", facets=facets, limit=EARLIER)).items
+
+
+def _word(console: Console, robot_id: str) -> RobotWord | None:
+    try:
+        return robots.robot_word(console.fleet.word(robot_id), now_s=console.clock())
+    except UnknownName:
+        return None
+
+
+def _camera(console: Console, robot_id: RobotId) -> CameraView | None:
+    try:
+        return camera_of(console, robot_id)
+    except UnknownName:
+        return None
+
+
+def _live_at(console: Console, mission_id: MissionId) -> tuple[float, float, float] | None:
+    live = console.runtime.observations(mission_id)
+    pose = next((one for one in reversed(live.samples) if isinstance(one, Pose)), None) if live else None
+    return (pose.x_m, pose.y_m, pose.yaw_rad) if pose else None

@@ -1,0 +1,45 @@
+"""/queue: what waits for which robot, in order; a mission that has not begun can be taken back."""
+
+from collections.abc import Sequence
+
+from fastapi import APIRouter
+from starlette.responses import HTMLResponse, RedirectResponse, Response
+
+from app.console import ActorDep, Console, ConsoleDep, FormDep
+from app.rendering import render
+from app.routes.missions import waiting_line
+from app.views import forms
+from app.views.queue import QueuePage, queue_page
+from harness.contracts.actors import Actor
+from harness.contracts.decisions import Refused
+from harness.contracts.ids import MissionId
+from harness.contracts.revision_commands import WithdrawMission
+
+router = APIRouter(prefix="/queue")
+
+
+@router.get("")
+def index(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
+    return render("queue/index.html", page_of(console, actor))
+
+
+@router.get("/lines")
+def lines(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
+    return render("queue/_lines.html", page_of(console, actor))
+
+
+@router.post("/{mission_id}/withdraw")
+def withdraw(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, typed: FormDep) -> Response:
+    wrong = tuple(forms.wrong_reason(typed.get("reason", "")))
+    if wrong:
+        return render("queue/index.html", page_of(console, actor, wrong), status=422)
+    decision = console.runtime.submit(mission_id, WithdrawMission(actor=actor, reason=typed["reason"].strip()))
+    if isinstance(decision, Refused):
+        return render("queue/index.html", page_of(console, actor, (decision.message,)), status=409)
+    return RedirectResponse("/queue", status_code=303)
+
+
+def page_of(console: Console, actor: Actor, errors: Sequence[str] = ()) -> QueuePage:
+    shell = console.shell("Queue", "missions", actor)
+    robots = dict.fromkeys([*console.settings.robots, *(one.robot_id for one in console.open_missions())])
+    return queue_page(shell, {name: waiting_line(console, name) for name in robots}, errors)

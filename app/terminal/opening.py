@@ -1,0 +1,34 @@
+"""Opens a data folder with the review desk beside it: new missions follow the pointer, ended ones feed its canary."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from harness.bootstrap import Harness, edit_harness, open_harness
+from harness.contracts.ids import MissionId
+from harness.settings import HarnessSettings
+from rsi_reviews.deciding import DECIDERS
+from rsi_reviews.desk import Desk
+from rsi_reviews.shelf import selected
+
+
+@contextmanager
+def running(settings: HarnessSettings) -> Iterator[Harness]:
+    """Robots and supervisor on this folder. Missions that ended while it was open are taken into the canary."""
+    with open_harness(settings, deciders=DECIDERS, select=selected) as harness:
+        desk = Desk(harness.runtime)
+        desk.take_up("terminal")
+        yield harness
+        desk.catch_up(lambda mission_id: duplicate_starts(harness, mission_id))
+
+
+@contextmanager
+def deciding(settings: HarnessSettings) -> Iterator[Desk]:
+    """The desk alone, as the folder's one owner. Raises StoreOwned if another process is it."""
+    with edit_harness(settings, deciders=DECIDERS, select=selected) as runtime:
+        yield Desk(runtime)
+
+
+def duplicate_starts(harness: Harness, mission_id: MissionId) -> int:
+    """Physical starts beyond the first of one request, by the robots' own journals."""
+    requests = [start.request_id for start in harness.starts(mission_id)]
+    return len(requests) - len(set(requests))

@@ -1,0 +1,84 @@
+"""Pure: handoffs as a list: those that wait and those that are over, searched, filtered, page by page."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from app.views.handoffs import HandoffRow
+from app.views.listing import Filter, Paging, Sought, address, facet_filter, order_filter, paging
+from app.views.missions import Counted, Group
+from app.views.shell import Shell
+from harness.contracts.read_models import MANY, HandoffItem, ListQuery
+
+PATH = "/handoffs"
+GROUPS: tuple[tuple[str, str, dict[str, str]], ...] = (
+    ("", "all", {}),
+    ("waiting", "waiting for a person", {"open": "yes"}),
+    ("ended", "answered or over", {"open": "no"}),
+    ("expired", "nobody answered", {"status": "expired"}),
+)
+"""Tabs of the list: the word in the address, its title, and the facets it stands for."""
+
+
+@dataclass(frozen=True)
+class HandoffsPage:
+    """One page of the list; search, filters, order and place stand in the address. `live`: it follows what happens."""
+
+    shell: Shell
+    rows: tuple[HandoffRow, ...]
+    groups: tuple[Group, ...]
+    filters: tuple[Filter, ...]
+    paging: Paging
+    words: str
+    group: str
+    live: bool
+    query: str
+    total: int
+
+
+def listed_row(item: HandoffItem) -> HandoffRow:
+    """One row of the list, from the read model alone."""
+    return HandoffRow(
+        handoff_id=item.handoff_id,
+        mission_id=item.mission_id,
+        robot_id=item.robot_id,
+        title=f"{item.robot_id}: {item.node_id.replace('_', ' ')}",
+        failure=item.failure,
+        status=item.status,
+        waits=item.status in ("open", "claimed", "taken_over"),
+        holder=item.holder,
+        opened_at_s=item.opened_at_s,
+        deadline_at_s=item.deadline_at_s,
+        answered=item.answered,
+    )
+
+
+def handoffs_page(
+    shell: Shell, sought: Sought, items: Sequence[HandoffItem], following: ListQuery | None, counted: Counted
+) -> HandoffsPage:
+    """The rows of one page, in the order they come in."""
+    chosen = sought.given.get("status", "")
+    groups = tuple(
+        Group(
+            title=name,
+            href=address(PATH, sought.params, status=value),
+            count=str(counted.groups[value]) if counted.groups[value] <= MANY else f"over {MANY}",
+            chosen=value == chosen,
+        )
+        for value, name, _ in GROUPS
+    )
+    return HandoffsPage(
+        shell=shell,
+        rows=tuple(listed_row(one) for one in items),
+        groups=groups,
+        filters=(
+            facet_filter("robot", "robot", counted.tallies, sought),
+            facet_filter("failure", "why", counted.tallies, sought),
+            order_filter(sought, by_length=False),
+        ),
+        paging=paging(PATH, sought, following, shown=len(items), found=counted.groups[chosen]),
+        words=sought.words,
+        group=chosen,
+        live=not sought.deep,
+        query=address("", sought.params),
+        total=next((one.count for one in counted.tallies if not one.facet), 0),
+    )

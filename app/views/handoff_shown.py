@@ -1,0 +1,185 @@
+"""Pure: what a person is shown to decide on, the same bytes for everybody: no clock, no key, nothing that moves."""
+
+import json
+from dataclasses import dataclass
+from typing import Any, get_args
+
+from msgspec import to_builtins
+
+from app.views.budgets import Budget, budget
+from app.views.measures import ConditionRow, condition_row, quantity
+from harness.contracts.configuration import RecoveryAction
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.handoff_events import HandoffOpened, ProposedAction
+from harness.contracts.ids import sha256
+from harness.contracts.values import encode
+from harness.projections.mission import Mission
+
+ACTIONS = {
+    "verify_again": "Judge the stage again, without motion",
+    "re_perceive": "Look again with its own sensors",
+    "adjust_view": "Turn a little and look again",
+    "retry": "Try the same stage again",
+    "local_replan": "Plan a way round and go on",
+    "switch_skill": "Let another provider do the stage",
+}
+
+
+@dataclass(frozen=True)
+class ActionView:
+    """What would run, read back from the very bytes whose digest is approved. `sound` is false if they differ."""
+
+    title: str
+    cost: str
+    rows: tuple[tuple[str, str], ...]
+    parameters: tuple[tuple[str, str], ...]
+    limits: tuple[tuple[str, str], ...]
+    digest: str
+    body: str
+    sound: bool
+
+
+@dataclass(frozen=True)
+class SnapshotView:
+    """The robot as it stood when it was looked at; the picture is evidence by digest."""
+
+    taken_at_s: float
+    x_m: float
+    y_m: float
+    yaw_deg: float
+    static: bool
+    image: str
+
+
+@dataclass(frozen=True)
+class ShownQuestion:
+    """Subject and evidence of one cycle, as they stand on the screen; kept with the decision for an auditor."""
+
+    handoff_id: str
+    mission_id: str
+    node_id: str
+    robot_id: str
+    cycle: int
+    k: int
+    failure: str
+    reason: str
+    risk: str
+    verdict: str
+    subject: str
+    evidence: str
+    conditions: tuple[ConditionRow, ...]
+    budget: Budget
+    snapshot: SnapshotView
+    action: ActionView | None
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One thing that is not as it was shown."""
+
+    name: str
+    was: str
+    now: str
+
+
+def shown_question(opened: HandoffOpened, mission: Mission) -> ShownQuestion:
+    """From the question and the mission's state alone."""
+    state = mission.nodes.get(opened.node_id)
+    verdict = state.verdicts[-1] if state and state.verdicts else None
+    return ShownQuestion(
+        handoff_id=opened.handoff_id,
+        mission_id=opened.mission_id,
+        node_id=opened.node_id,
+        robot_id=opened.robot_id,
+        cycle=opened.cycle,
+        k=opened.k,
+        failure=opened.failure,
+        reason=opened.reason,
+        risk=opened.risk,
+        verdict=verdict.verdict if verdict else "",
+        subject=opened.subject,
+        evidence=opened.evidence,
+        conditions=tuple(condition_row(result) for result in verdict.results) if verdict else (),
+        budget=budget(mission, opened.node_id),
+        snapshot=_snapshot(opened),
+        action=action_view(opened.proposal, subject=opened.subject),
+    )
+
+
+def action_view(proposal: ProposedAction | None, *, subject: str) -> ActionView | None:
+    """Rows come from the canonical bytes, so that nothing can be shown that is not digested."""
+    if proposal is None:
+        return None
+    body = encode(proposal)
+    said: dict[str, Any] = json.loads(body)
+    action, parameters, limits = said.pop("action"), said.pop("parameters"), said.pop("limits")
+    first = action == "retry" and said["attempt"] == 1
+    return ActionView(
+        title="Begin this stage" if first else ACTIONS.get(action, action.replace("_", " ")),
+        cost="one of the recovery budget" if said["spends"] else "nothing of the recovery budget",
+        rows=(("action", action), *((name.replace("_", " "), _text(value)) for name, value in said.items())),
+        parameters=tuple((quantity(name, "")[0], _valued(name, value)) for name, value in parameters.items()),
+        limits=tuple(quantity(name, value) for name, value in limits.items()),
+        digest=sha256(body),
+        body=body.decode(),
+        sound=sha256(body) == subject,
+    )
+
+
+def action_of(text: str) -> RecoveryAction:
+    """Raises ContractInvalid for a word that is no recovery action."""
+    for action in get_args(RecoveryAction):
+        if action == text:
+            known: RecoveryAction = action
+            return known
+    raise ContractInvalid(f"There is no action {text[:40]!r}", where="action", do="choose one that the page offers")
+
+
+def differences(was: HandoffOpened, now: HandoffOpened) -> tuple[Difference, ...]:
+    """What changed between the question that was answered and the question as it is: subject first, then the robot."""
+    before, after = _flat(was), _flat(now)
+    return tuple(
+        Difference(name=name, was=before.get(name, "nothing"), now=after.get(name, "nothing"))
+        for name in dict.fromkeys((*before, *after))
+        if before.get(name) != after.get(name)
+    )
+
+
+def _flat(opened: HandoffOpened) -> dict[str, str]:
+    proposal = to_builtins(opened.proposal) if opened.proposal else {}
+    found = {"cycle": str(opened.cycle), "state version k": str(opened.k)}
+    for name, value in proposal.items():
+        if isinstance(value, dict):
+            found |= {f"action: {quantity(key, '')[0]}": _valued(key, one) for key, one in value.items()}
+        else:
+            found[f"action: {name.replace('_', ' ')}"] = _text(value)
+    snapshot = opened.snapshot
+    found["robot stands at"] = f"{snapshot.x_m:.2f} m, {snapshot.y_m:.2f} m, {snapshot.yaw_rad * 57.29578:.0f}°"
+    found["body"] = "measured static" if snapshot.static else "not shown static"
+    found["results of the conditions"] = snapshot.results[:12]
+    found["picture"] = (snapshot.image or "none")[:12]
+    return found
+
+
+def _snapshot(opened: HandoffOpened) -> SnapshotView:
+    seen = opened.snapshot
+    return SnapshotView(
+        taken_at_s=seen.taken_at_s,
+        x_m=seen.x_m,
+        y_m=seen.y_m,
+        yaw_deg=seen.yaw_rad * 57.29578,
+        static=seen.static,
+        image=seen.image or "",
+    )
+
+
+def _text(value: Any) -> str:
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def _valued(name: str, value: Any) -> str:
+    if isinstance(value, float | int) and not isinstance(value, bool):
+        return quantity(name, value)[1]
+    if isinstance(value, list) and len(value) > 6:
+        return f"{len(value)} points, from {_text(value[0])} to {_text(value[-1])}"
+    return _text(value)

@@ -1,0 +1,125 @@
+"""Pure: what became of a question: each fact stands for itself, and none is assumed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from harness.contracts.handoff_events import HandoffEvent
+from harness.contracts.read_models import HandoffItem
+from harness.projections.handoffs import Handoff
+from harness.projections.mission import Mission
+
+Told = Sequence[tuple[int, float, HandoffEvent]]
+"""Position in the log, wall time and event of one handoff's stream, in order."""
+ENDED = ("rejected", "expired", "superseded", "closed")
+KNOWN = ("confirmed", "failed", "unknown")
+TAKING_UP = ("HandoffApproved", "HandoffRejected", "HandoffAttested", "HandoffHandedBack", "HandoffClosed")
+
+
+@dataclass(frozen=True)
+class Step:
+    """One of the facts that follow a decision."""
+
+    name: str
+    state: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Line:
+    """One event of the question's own history."""
+
+    position: int
+    at_s: float
+    text: str
+
+
+@dataclass(frozen=True)
+class Similar:
+    """An earlier question of this kind at this stage, and how it ended."""
+
+    handoff_id: str
+    status: str
+    answered: str
+    opened_at_s: float
+
+
+def steps(handoff: Handoff, mission: Mission, told: Told) -> tuple[Step, ...]:
+    """Decided, dispatched, moving, verified: after a decision only. Taken up is not done."""
+    if handoff.waits or handoff.opened is None:
+        return ()
+    taken = next((position for position, _, event in told if type(event).__name__ in TAKING_UP), None)
+    answer = handoff.answer
+    if answer is None or handoff.status in ENDED:
+        return _ended(handoff, mission, taken)
+    said = answer.decision.replace("_", " ")
+    first = Step(
+        name=said, state="done", text=f"{answer.actor.name}: {answer.reason}. Decision taken up at event {taken}"
+    )
+    if handoff.status == "voided":
+        return (first, Step(name="void", state="bad", text=f"{handoff.outcome}. Nothing was sent"))
+    return (first, *_followed(handoff, mission))
+
+
+def _followed(handoff: Handoff, mission: Mission) -> tuple[Step, ...]:
+    sent = handoff.invocation_id is not None
+    invocation = mission.invocation
+    open_now = invocation is not None and invocation.intent.invocation_id == handoff.invocation_id
+    moves = "moving" if invocation is None or invocation.intent.moves or not open_now else "looking"
+    known = handoff.status in KNOWN
+    good = handoff.status == "confirmed"
+    return (
+        Step(name="dispatched", state="done" if sent else "pending", text=handoff.invocation_id or "not yet"),
+        Step(
+            name=moves,
+            state="current" if open_now else "done" if sent else "pending",
+            text="under way" if open_now else "ended" if sent else "not yet",
+        ),
+        Step(
+            name="verified",
+            state="done" if good else "bad" if known else "pending",
+            text=f"{handoff.status}: {handoff.outcome}" if known else "the harness has not confirmed an effect yet",
+        ),
+    )
+
+
+def _ended(handoff: Handoff, mission: Mission, taken: int | None) -> tuple[Step, ...]:
+    answer, acted = handoff.answer, handoff.unanswered
+    who = f"{answer.actor.name}: {answer.reason}. Decision taken up at event {taken}" if answer else handoff.outcome
+    found = [Step(name=handoff.status, state="done", text=who or "nobody answered in time")]
+    if acted is not None:
+        name = acted.action.replace("_", " ")
+        found.append(Step(name=name, state="done" if acted.done else "bad", text=acted.reason))
+    status = mission.status.replace("_", " ")
+    found.append(
+        Step(
+            name="mission",
+            state="done" if mission.ended else "pending",
+            text=f"{status}. {mission.reason}".strip(),
+        )
+    )
+    return tuple(found)
+
+
+def similar(items: Sequence[HandoffItem], handoff: Handoff) -> tuple[Similar, ...]:
+    """Ended questions about the same stage for the same reason, newest first; this one not counted."""
+    opened = handoff.opened
+    return tuple(
+        Similar(handoff_id=one.handoff_id, status=one.status, answered=one.answered, opened_at_s=one.opened_at_s)
+        for one in items
+        if opened is not None and one.handoff_id != handoff.handoff_id and one.node_id == opened.node_id
+    )
+
+
+def history(told: Told) -> tuple[Line, ...]:
+    """The question's own events, newest last."""
+    return tuple(Line(position=position, at_s=at_s, text=_sentence(event)) for position, at_s, event in told)
+
+
+def _sentence(event: HandoffEvent) -> str:
+    words = "".join(f" {one.lower()}" if one.isupper() else one for one in type(event).__name__).strip()
+    words = words.removeprefix("handoff ")
+    actor, reason = getattr(event, "actor", None), getattr(event, "reason", "")
+    level, device = getattr(event, "level", ""), getattr(event, "device", "")
+    parts = (words, level.replace("_", " "), f"by {actor.name}" if actor else "", f"from {device}" if device else "")
+    sentence = " ".join(part for part in parts if part)
+    return f"{sentence}: {reason}" if reason else sentence

@@ -1,0 +1,125 @@
+"""Pure: what a mission would be, before it is started: graph, budgets, risks, places on the map, conditions."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from app.views.places import SiteMap, site_map
+from app.views.stages import Acceptance, Graph, Stage, graph
+from harness.contracts.effects import Metric
+from harness.contracts.places import Site
+from harness.contracts.tasks import Node, TaskContract, order
+
+
+@dataclass(frozen=True)
+class StagePlan:
+    """One stage as it is compiled: what it needs, what it may spend, what must be shown."""
+
+    node_id: str
+    subgoal: str
+    capabilities: str
+    risk: str
+    timeout_s: float
+    recovery: str
+    conditions: tuple[str, ...]
+    required: bool
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A place that the contract names, on the map."""
+
+    name: str
+    x: float
+    y: float
+
+
+@dataclass(frozen=True)
+class Preview:
+    """A contract that was compiled and not stored."""
+
+    graph: Graph
+    stages: tuple[StagePlan, ...]
+    conditions: tuple[str, ...]
+    recovery_total: int
+    speed_cap_mps: float
+    minimum_charge: float
+    keep_out: str
+    frame: str
+    map_version: str
+    highest_risk: str
+    longest_s: float
+    map: SiteMap
+    marks: tuple[Mark, ...]
+
+
+def preview(contract: TaskContract, site: Site) -> Preview:
+    """Everything a person should know before they start it; `longest_s` is the sum of the stages' time limits."""
+    names = order(contract)
+    nodes = [contract.node(name) for name in names]
+    risks = ("low", "medium", "high")
+    return Preview(
+        graph=graph(contract, [_pending(node) for node in nodes], goal="not tested"),
+        stages=tuple(_plan(node) for node in nodes),
+        conditions=tuple(condition.text for condition in contract.completion_conditions),
+        recovery_total=contract.recovery_total,
+        speed_cap_mps=contract.constraints.speed_cap_mps,
+        minimum_charge=contract.constraints.minimum_charge,
+        keep_out=", ".join(contract.constraints.keep_out),
+        frame=contract.frame,
+        map_version=contract.map_version,
+        highest_risk=max((node.risk for node in nodes), key=risks.index),
+        longest_s=sum(node.timeout_s for node in nodes),
+        map=site_map(site),
+        marks=_marks(contract, site, nodes),
+    )
+
+
+def _plan(node: Node) -> StagePlan:
+    limits = node.recovery
+    spends = {
+        "look again": limits.re_perceive,
+        "adjust the view": limits.adjust_view,
+        "retry": limits.retry,
+        "plan again": limits.local_replan,
+        "switch the skill": limits.switch_skill,
+    }
+    allowed = ", ".join(f"{name} {count}" for name, count in spends.items() if count)
+    return StagePlan(
+        node_id=node.node_id,
+        subgoal=node.subgoal,
+        capabilities=", ".join(node.capabilities),
+        risk=node.risk,
+        timeout_s=node.timeout_s,
+        recovery=f"{limits.total} in all: {allowed}" if limits.total else "none",
+        conditions=tuple(condition.text for condition in node.success_conditions),
+        required=node.required,
+    )
+
+
+def _marks(contract: TaskContract, site: Site, nodes: Sequence[Node]) -> tuple[Mark, ...]:
+    """Targets of the stages, named by the place that lies there, else by their stage."""
+    found: dict[tuple[float, float], str] = {}
+    names = {place.approach_m: place.name for place in site.places}
+    for node in nodes:
+        for condition in node.success_conditions:
+            if isinstance(condition.effect, Metric) and condition.effect.frame == site.frame:
+                at = condition.effect.target_m
+                found.setdefault(at, names.get(at, node.node_id.replace("_", " ")))
+    return tuple(Mark(name=name, x=at[0], y=-at[1]) for at, name in found.items())
+
+
+def _pending(node: Node) -> Stage:
+    return Stage(
+        node_id=node.node_id,
+        title=node.node_id.replace("_", " "),
+        state="waiting",
+        status=f"risk {node.risk}",
+        verdict="",
+        progress=None,
+        declared=(),
+        measured=(),
+        accepted=Acceptance(text="", tone="plain", href=""),
+        note="",
+        href=f"#stage-{node.node_id}",
+        selected=False,
+    )

@@ -1,0 +1,341 @@
+"""Pure: robots as people see them: what each says of itself, what it shows, its mission, and who is in control."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from app.fleet import Shots, Word
+from app.views.missions import sentence, tone
+from app.views.shell import Shell
+from harness.contracts.control import LEVELS, Autonomy
+from harness.projections.control import Control, Wheel
+from harness.projections.mission import Mission
+
+OLD_WORD_S = 3.0
+OLD_PICTURE_S = 8.0
+OLD_POSE_S = 1.0
+AUTONOMY: dict[Autonomy, str] = {
+    "manual": "manual: a person approves every dispatch",
+    "approve_each_motion": "approve each motion",
+    "approve_risky": "approve risky motion",
+    "autonomous": "autonomous within the contract",
+}
+
+
+@dataclass(frozen=True)
+class RobotWord:
+    """What a robot says of itself, and how old that word is in wall time. `link` is good, old or lost."""
+
+    robot_id: str
+    heard: bool
+    posture: str
+    armed: bool
+    hardware_stop: bool
+    charge: float
+    localisation: str
+    pose_age_s: float | None
+    link: str
+    heard_s: float
+    link_age_s: float
+    took_s: float
+    driven: bool
+    trouble: str
+
+
+@dataclass(frozen=True)
+class Thumb:
+    """One picture of the strip."""
+
+    number: int
+    taken_s: float
+    age_s: float
+
+
+@dataclass(frozen=True)
+class CameraView:
+    """The newest picture, the last seconds before it, and why there is none."""
+
+    robot_id: str
+    newest: Thumb | None
+    width_px: int
+    height_px: int
+    strip: tuple[Thumb, ...]
+    stale: bool
+    why: str
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of a stop: whether it is done, and what shows it."""
+
+    title: str
+    done: bool
+    text: str
+
+
+@dataclass(frozen=True)
+class RobotMission:
+    """What a robot works on."""
+
+    mission_id: str
+    goal: str
+    status: str
+    tone: str
+    sentence: str
+    autonomy: str
+    level: str
+    handoff_id: str
+    can_pause: bool
+    can_resume: bool
+    stop: tuple[Step, ...]
+
+
+@dataclass(frozen=True)
+class RobotCard:
+    """One robot: word, camera, mission, how many wait behind it, who drives it and who looks at it."""
+
+    robot_id: str
+    word: RobotWord
+    camera: CameraView
+    mission: RobotMission | None
+    queued: int
+    control: str
+    driver: str
+    watchers: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Level:
+    """One choice of autonomy."""
+
+    value: str
+    title: str
+    chosen: bool
+
+
+@dataclass(frozen=True)
+class RobotsRegion:
+    """All robots."""
+
+    robots: tuple[RobotCard, ...]
+
+
+@dataclass(frozen=True)
+class RobotsPage(RobotsRegion):
+    """All robots inside the shell, with the house's limit on autonomy."""
+
+    shell: Shell
+    levels: tuple[Level, ...]
+    limited_by: str
+    limit_reason: str
+    present: tuple[str, ...]
+    errors: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class RobotRegion:
+    """One robot."""
+
+    robot: RobotCard
+
+
+@dataclass(frozen=True)
+class RobotPage(RobotRegion):
+    """One robot inside the shell, with what may be asked of it."""
+
+    shell: Shell
+    levels: tuple[Level, ...]
+    errors: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class CameraRegion:
+    """One robot's camera by itself."""
+
+    camera: CameraView
+
+
+@dataclass(frozen=True)
+class DrivePage:
+    """The pad that drives a robot by hand. `session` is empty until this person has the wheel."""
+
+    shell: Shell
+    robot: RobotCard
+    session: str
+    errors: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Stoppable:
+    """One mission that a stop of everything would stop."""
+
+    mission_id: str
+    robot_id: str
+    goal: str
+    status: str
+
+
+@dataclass(frozen=True)
+class StopAllPage:
+    """The second step of a stop of everything: it names every mission and robot."""
+
+    shell: Shell
+    missions: tuple[Stoppable, ...]
+    driven: tuple[str, ...]
+    idle: tuple[str, ...]
+    reasons: tuple[str, ...]
+    errors: tuple[str, ...]
+
+
+def robot_word(word: Word, *, now_s: float) -> RobotWord:
+    status = word.status
+    age_s = max(now_s - word.heard_s, 0.0) if word.heard_s is not None else 0.0
+    link = "lost" if word.heard_s is None or word.trouble else "old" if age_s > OLD_WORD_S else "good"
+    return RobotWord(
+        robot_id=word.robot_id,
+        heard=status is not None,
+        posture=status.posture if status else "unknown",
+        armed=status.armed if status else False,
+        hardware_stop=status.hardware_stop if status else False,
+        charge=status.charge if status else 0.0,
+        localisation=_localisation(word),
+        pose_age_s=status.pose_age_s if status else None,
+        link=link,
+        heard_s=word.heard_s or 0.0,
+        link_age_s=age_s,
+        took_s=word.took_s,
+        driven=bool(status and status.driven_by),
+        trouble=word.trouble,
+    )
+
+
+def _localisation(word: Word) -> str:
+    status = word.status
+    if status is None:
+        return "unknown"
+    if not status.localised:
+        return "lost"
+    if status.pose_age_s is None:
+        return "no pose"
+    return "old" if status.pose_age_s > OLD_POSE_S else "has a fix"
+
+
+def camera_view(robot_id: str, shots: Shots, *, now_s: float) -> CameraView:
+    """The strip is oldest first and ends with the newest."""
+    strip = tuple(Thumb(one.number, one.taken_s, max(now_s - one.taken_s, 0.0)) for one in shots.kept)
+    newest = strip[-1] if strip else None
+    stale = newest is None or newest.age_s > OLD_PICTURE_S
+    last = shots.kept[-1].picture if shots.kept else None
+    return CameraView(
+        robot_id=robot_id,
+        newest=newest,
+        width_px=last.width_px if last else 0,
+        height_px=last.height_px if last else 0,
+        strip=strip,
+        stale=stale,
+        why=shots.trouble or ("" if newest else "nothing came from the camera yet"),
+    )
+
+
+def robot_mission(mission: Mission) -> RobotMission:
+    return RobotMission(
+        mission_id=mission.mission_id,
+        goal=mission.goal,
+        status=mission.status,
+        tone=tone(mission.status),
+        sentence=sentence(mission),
+        autonomy=mission.autonomy,
+        level=AUTONOMY[mission.level],
+        handoff_id=mission.handoff_id or "",
+        can_pause=mission.status in ("active", "awaiting_human"),
+        can_resume=mission.status == "paused",
+        stop=stop_steps(mission),
+    )
+
+
+def stop_steps(mission: Mission) -> tuple[Step, ...]:
+    """Asked, acknowledged, static: what is known of a stop, step by step; nothing if none was asked for."""
+    if mission.stop is None:
+        return ()
+    running, stopped = mission.invocation, mission.stopped
+    acknowledged = running is None
+    static = stopped is not None and stopped.static
+    if stopped is None:
+        shown = "the body is watched by its odometry"
+    else:
+        shown = stopped.reason or ("the body is static" if static else "nothing shows the body at rest")
+    return (
+        Step("stopping", True, f"{mission.stop.actor.name}: {mission.stop.reason}"),
+        Step(
+            "acknowledged", acknowledged, "no execution runs" if acknowledged else "the provider has not answered yet"
+        ),
+        Step("static", static, shown),
+    )
+
+
+def robot_card(
+    word: RobotWord,
+    camera: CameraView,
+    missions: Sequence[Mission],
+    *,
+    wheel: Wheel | None,
+    watchers: Sequence[str],
+) -> RobotCard:
+    """`missions` are this robot's open ones, newest first: the one that moves it, else the oldest, is its mission."""
+    mine = [one for one in missions if one.robot_id == word.robot_id and not one.replay]
+    mission = next((one for one in mine if one.invocation is not None), mine[-1] if mine else None)
+    return RobotCard(
+        robot_id=word.robot_id,
+        word=word,
+        camera=camera,
+        mission=robot_mission(mission) if mission else None,
+        queued=max(len(mine) - 1, 0),
+        control=_in_control(mission, wheel),
+        driver=wheel.actor.name if wheel else "",
+        watchers=tuple(watchers),
+    )
+
+
+def _in_control(mission: Mission | None, wheel: Wheel | None) -> str:
+    """Who moves the robot now, in words."""
+    if wheel is not None:
+        return f"{wheel.actor.name}, by hand from {wheel.device}"
+    if mission is None:
+        return "nobody"
+    match mission.status:
+        case "awaiting_human":
+            return "nobody: the mission waits for a person"
+        case "paused":
+            return "nobody: the mission is paused"
+        case "stopping":
+            return "the stop"
+        case _:
+            return "the mission"
+
+
+def levels(chosen: str) -> tuple[Level, ...]:
+    return tuple(Level(one, AUTONOMY[one], one == chosen) for one in LEVELS)
+
+
+def robots_page(
+    shell: Shell,
+    robots: Sequence[RobotCard],
+    control: Control,
+    *,
+    present: Sequence[str],
+    errors: Sequence[str] = (),
+) -> RobotsPage:
+    return RobotsPage(
+        shell=shell,
+        robots=tuple(robots),
+        levels=levels(control.autonomy),
+        limited_by=control.limited_by.name if control.limited_by else "",
+        limit_reason=control.limit_reason,
+        present=tuple(present),
+        errors=tuple(errors),
+    )
+
+
+def stoppable(missions: Sequence[Mission]) -> tuple[Stoppable, ...]:
+    """Every open mission that acts in the world, by robot."""
+    rows = [Stoppable(one.mission_id, one.robot_id, one.goal, one.status) for one in missions if not one.replay]
+    return tuple(sorted(rows, key=lambda one: (one.robot_id, one.mission_id)))

@@ -1,0 +1,244 @@
+"""One house from its ports: runtime, gate, crews and supervisor joined; which adapters they are is not decided here."""
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from harness.adapters.failpoints import parse, provider_with_failpoint
+from harness.adapters.providers.intake import TextIntake
+from harness.adapters.providers.messaging.delivery import OutboxDelivery
+from harness.adapters.providers.messaging.folder import FolderOutbox
+from harness.adapters.providers.messaging.memory import MemoryOutbox
+from harness.adapters.providers.models.analysis import OpenCvAnalysis
+from harness.adapters.providers.speech.speaker import PacedSpeaker
+from harness.adapters.providers.speech.voice import EspeakVoice
+from harness.adapters.stores.configurations import StoredConfigurations
+from harness.adapters.stores.memory_index import VolatileMemoryIndex
+from harness.baseline.load import baseline
+from harness.baseline.load import site as shipped_site
+from harness.contracts.configuration import Configuration
+from harness.contracts.decider import Decider
+from harness.contracts.ids import Digest, MissionId, ProviderId, RobotId
+from harness.contracts.observations import Camera
+from harness.contracts.places import Site
+from harness.contracts.ports import (
+    BlobStore,
+    Clock,
+    EventStore,
+    HandDriven,
+    Ids,
+    LiveCamera,
+    MemoryIndex,
+    Provider,
+    Robot,
+    Signals,
+    Snapshots,
+    Spool,
+)
+from harness.contracts.protocol import PhysicalStart
+from harness.gate.alerts import DECIDER as ALERT
+from harness.gate.commit import Gate
+from harness.gate.control import DECIDER as CONTROL
+from harness.gate.decide import DECIDER as MISSION
+from harness.gate.handoffs import DECIDER as HANDOFF
+from harness.gate.leases import DECIDER as LEASE
+from harness.gate.maps import DECIDER as MAP
+from harness.memory.fabric import MemoryFabric
+from harness.planning.planner import GRAPH_ORDER, Planner
+from harness.projections.mission import Mission
+from harness.runtime import Runtime
+from harness.settings import HarnessSettings
+from harness.supervisor.crew import Crew
+from harness.supervisor.supervisor import Supervisor
+from harness.supervisor.wheel import HandWheel
+from harness.verification.verdict import Verifier, verify
+
+Deciders = Mapping[str, Decider[Any, Any, Any]]
+"""A decider for every family of streams: `release` decides on `release/...`."""
+Select = Callable[[Runtime, RobotId], Digest | None]
+"""Which configuration version a new mission of a robot is pinned to; None: the one the harness was opened with."""
+
+DECIDERS: dict[str, Decider[Any, Any, Any]] = {
+    "mission": MISSION,
+    "lease": LEASE,
+    "handoff": HANDOFF,
+    "control": CONTROL,
+    "map": MAP,
+    "alert": ALERT,
+}
+
+
+def nothing_selected(runtime: Runtime, robot_id: RobotId) -> Digest | None:
+    """No release desk: H_0."""
+    return None
+
+
+def directly(robot: Robot) -> Robot:
+    """No wire: the harness calls the robot itself."""
+    return robot
+
+
+class Unheard:
+    """Signals that nobody listens to."""
+
+    def changed(self, name: str) -> None:
+        return None
+
+
+@dataclass(frozen=True)
+class Harness:
+    """What runs: the face of the building, the supervisor and the robots it may command. `token` is the owner's.
+
+    Every robot has a mission time of its own: `clock` is the first one's, `clocks` has all of them.
+    """
+
+    runtime: Runtime
+    supervisor: Supervisor
+    robots: Mapping[RobotId, Robot]
+    clock: Clock
+    wheel: HandWheel
+    clocks: Mapping[RobotId, Clock]
+    cameras: Mapping[RobotId, LiveCamera]
+    token: str = ""
+
+    def starts(self, mission_id: MissionId) -> tuple[PhysicalStart, ...]:
+        """Physical starts of one mission, from the robots' own journals."""
+        journals = (start for robot in self.robots.values() for start in robot.starts())
+        return tuple(start for start in journals if start.mission_id == mission_id)
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The ports that one harness is built on, what it works under, and who else decides on its log."""
+
+    store: EventStore
+    blobs: BlobStore
+    spool: Spool
+    ids: Ids
+    clock: Clock
+    signals: Signals
+    index: MemoryIndex = field(default_factory=VolatileMemoryIndex)
+    snapshots: Snapshots | None = None
+    verifier: Verifier = verify
+    planner: Planner = GRAPH_ORDER
+    deciders: Deciders = field(default_factory=dict)
+    select: Select = nothing_selected
+    configuration: Configuration = field(default_factory=baseline)
+    site: Site = field(default_factory=shipped_site)
+
+
+@dataclass(frozen=True)
+class Member:
+    """One robot as it joins the house: its port, its clock, the providers beside it, and what people may use of it."""
+
+    robot_id: RobotId
+    robot: Robot
+    clock: Clock
+    local: Sequence[Provider]
+    configure: Callable[[Mission], None]
+    revive: Callable[[], bool] = lambda: False
+    camera: LiveCamera | None = None
+    hand: HandDriven | None = None
+
+
+def assemble(
+    stack: ExitStack,
+    settings: HarnessSettings,
+    parts: Parts,
+    *,
+    robot: Robot,
+    local: Sequence[Provider],
+    configure: Callable[[Mission], None],
+    revive: Callable[[], bool] = lambda: False,
+) -> Harness:
+    """One robot with its crew under one supervisor. The stack closes the supervisor."""
+    member = Member(RobotId(settings.robot_id), robot, parts.clock, local, configure, revive)
+    return joined(stack, settings, parts, [member])
+
+
+def joined(stack: ExitStack, settings: HarnessSettings, parts: Parts, members: Sequence[Member]) -> Harness:
+    """Every robot with a crew and a clock of its own under one supervisor. The stack closes the supervisor."""
+    clocks = {one.robot_id: one.clock for one in members}
+    runtime = runtime_on(parts, clocks)
+    crews = {one.robot_id: _crew(settings, parts, one) for one in members}
+    supervisor = Supervisor(runtime=runtime, crews=crews)
+    supervisor.close_interrupted_replays()
+    runtime.memory.catch_up()
+    wheel = HandWheel(runtime=runtime, crews=crews)
+    wheel.return_abandoned()
+    stack.callback(supervisor.close)
+    return Harness(
+        runtime=runtime,
+        supervisor=supervisor,
+        robots={one.robot_id: one.robot for one in members},
+        clock=parts.clock,
+        clocks=clocks,
+        cameras={one.robot_id: one.camera for one in members if one.camera is not None},
+        wheel=wheel,
+    )
+
+
+def _crew(settings: HarnessSettings, parts: Parts, member: Member) -> Crew:
+    plan = parse(settings.failpoint) if settings.failpoint else None
+    providers = [provider_with_failpoint(one, plan) for one in (*member.robot.providers(), *member.local)]
+    return Crew(
+        robot_id=member.robot_id,
+        robot=member.robot,
+        providers={ProviderId(provider.card.provider_id): provider for provider in providers},
+        clock=member.clock,
+        ids=parts.ids,
+        spool=parts.spool,
+        prepare=member.configure,
+        revive=member.revive,
+        waits_for_people=settings.speed > 0,
+        verifier=parts.verifier,
+        planner=parts.planner,
+        camera=member.camera,
+        hand=member.hand,
+    )
+
+
+def runtime_on(parts: Parts, clocks: Mapping[RobotId, Clock] = MappingProxyType({})) -> Runtime:
+    """The face of the building on these ports, without a robot or a supervisor. `clocks`: mission time per robot."""
+
+    def selected(robot_id: RobotId) -> Digest | None:
+        return parts.select(runtime, robot_id)
+
+    runtime = Runtime(
+        gate=Gate(
+            store=parts.store,
+            clock=parts.clock,
+            clocks=clocks,
+            deciders={**parts.deciders, **DECIDERS},
+            snapshots=parts.snapshots,
+        ),
+        store=parts.store,
+        blobs=parts.blobs,
+        ids=parts.ids,
+        signals=parts.signals,
+        configurations=StoredConfigurations(
+            parts.store, first=parts.configuration, shipped=(baseline(),), selected=selected
+        ),
+        site=parts.site,
+        memory=MemoryFabric(store=parts.store, index=parts.index),
+    )
+    return runtime
+
+
+def local_providers(parts: Parts, *, camera: Camera, folder: Path | None, robot_id: str = "") -> Sequence[Provider]:
+    """Providers that run beside the harness for one robot: intake, analysis, delivery, voice."""
+
+    def journal(name: str) -> Path | None:
+        return folder / "providers" / robot_id / f"{name}.jsonl" if folder else None
+
+    clock, blobs = parts.clock, parts.blobs
+    outbox = FolderOutbox(folder / "outbox", blobs=blobs) if folder else MemoryOutbox()
+    return (
+        TextIntake(clock=clock, blobs=blobs, journal=journal("text-intake")),
+        OpenCvAnalysis(camera, clock=clock, blobs=blobs, journal=journal("opencv-analysis")),
+        OutboxDelivery(outbox, clock=clock, blobs=blobs, journal=journal("message-outbox")),
+        EspeakVoice(PacedSpeaker(), clock=clock, blobs=blobs, journal=journal("espeak-voice")),
+    )

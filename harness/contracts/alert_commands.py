@@ -1,0 +1,61 @@
+"""What is asked of an alert: by the watch that raises and clears it, and by people who look after it."""
+
+from typing import Literal
+
+from harness.contracts.actors import Actor, Command
+from harness.contracts.alert_events import Occurrence
+from harness.contracts.values import Count, Name, NonNegative, Positive
+
+
+class RaiseAlert(Command, tag=True):
+    """`at_s`: when it happened. A source that was told before, or a condition that stands already, adds nothing."""
+
+    occurrence: Occurrence
+    at_s: NonNegative
+
+
+class ClearAlert(Command, tag=True):
+    condition: Name
+    reason: str
+    at_s: NonNegative
+    source: Count = 0
+
+
+class NoteNotification(Command, tag=True):
+    service: Name
+    outcome: Literal["sent", "failed"]
+    tries: Count
+    reason: str
+
+
+class AcknowledgeAlert(Command, tag=True):
+    """`seen` is the count that the person saw: what happened since then is not acknowledged with it."""
+
+    actor: Actor
+    seen: Count
+    note: str = ""
+
+
+class ShelveAlert(Command, tag=True):
+    actor: Actor
+    reason: Name
+    for_s: Positive
+
+
+class SuppressAlert(Command, tag=True):
+    actor: Actor
+    reason: Name
+
+
+class RestoreAlert(Command, tag=True):
+    actor: Actor
+    reason: str = ""
+
+
+class AssignAlert(Command, tag=True):
+    actor: Actor
+    assignee: str
+
+
+AlertPersonCommand = AcknowledgeAlert | ShelveAlert | SuppressAlert | RestoreAlert | AssignAlert
+AlertCommand = RaiseAlert | ClearAlert | NoteNotification | AlertPersonCommand

@@ -1,0 +1,114 @@
+"""Who may let robots act, and how far: autonomy levels, hand driving and posture, as commands and as facts.
+
+A mission acts under the stricter of its own level and the house's limit. Driving by hand holds the lease of the
+robot's base, so that nothing else moves the robot meanwhile.
+"""
+
+from typing import Literal, get_args
+
+from harness.contracts.actors import Actor, Command, Event
+from harness.contracts.ids import RequestId, RobotId, StreamId
+from harness.contracts.values import Count, Name
+
+Autonomy = Literal["manual", "approve_each_motion", "approve_risky", "autonomous"]
+"""From a person approving every dispatch to the mission deciding within its contract (D28), strictest first."""
+LEVELS: tuple[Autonomy, ...] = get_args(Autonomy)
+Posture = Literal["standing", "lying"]
+CONTROL = StreamId("control/house")
+"""The one stream of the house's control."""
+
+
+def stricter(one: Autonomy, other: Autonomy) -> Autonomy:
+    """The level that leaves more to people."""
+    return min(one, other, key=LEVELS.index)
+
+
+class AutonomySet(Event, tag=True):
+    """A person set how far this mission decides alone. `scope` house: the limit that holds for every mission.
+
+    The next dispatch is the first that it binds; what runs goes on.
+    """
+
+    autonomy: Autonomy
+    scope: Literal["mission", "house"]
+    actor: Actor
+    reason: str
+
+
+class AutonomyLimited(Event, tag=True):
+    """A person set the limit for the whole house: for missions under way and for those to come."""
+
+    autonomy: Autonomy
+    actor: Actor
+    reason: str
+
+
+class WheelTaken(Event, tag=True):
+    """A person began to drive a robot by hand. `token` fences the base against everybody else."""
+
+    robot_id: RobotId
+    session: RequestId
+    token: Count
+    actor: Actor
+    device: str
+    reason: str
+
+
+class WheelReturned(Event, tag=True):
+    """Driving by hand ended. `measured` is what showed the body at rest, empty if nothing did."""
+
+    robot_id: RobotId
+    session: RequestId
+    actor: Actor
+    reason: str
+    measured: dict[str, float]
+
+
+class PostureOrdered(Event, tag=True):
+    """A person had a robot lie down or stand up."""
+
+    robot_id: RobotId
+    posture: Posture
+    actor: Actor
+    reason: str
+
+
+class SetAutonomy(Command, tag=True):
+    autonomy: Autonomy
+    actor: Actor
+    reason: Name
+    scope: Literal["mission", "house"] = "mission"
+
+
+class LimitAutonomy(Command, tag=True):
+    autonomy: Autonomy
+    actor: Actor
+    reason: Name
+
+
+class TakeWheel(Command, tag=True):
+    robot_id: RobotId
+    session: RequestId
+    token: Count
+    actor: Actor
+    device: Name
+    reason: Name
+
+
+class ReturnWheel(Command, tag=True):
+    robot_id: RobotId
+    session: RequestId
+    actor: Actor
+    reason: Name
+    measured: dict[str, float]
+
+
+class OrderPosture(Command, tag=True):
+    robot_id: RobotId
+    posture: Posture
+    actor: Actor
+    reason: Name
+
+
+ControlEvent = AutonomyLimited | WheelTaken | WheelReturned | PostureOrdered
+ControlCommand = LimitAutonomy | TakeWheel | ReturnWheel | OrderPosture

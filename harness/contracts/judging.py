@@ -1,0 +1,63 @@
+"""What C3 shows the verifier of an execution, its policy and a goal's stages.
+
+Contexts write these values, the verifier reads them. The records that hold them are listed in
+`harness/contexts/verifier.py`.
+"""
+
+from harness.contracts.capabilities import Risk
+from harness.contracts.evidence import PacketIdentity
+from harness.contracts.ids import ConditionId, Digest, NodeId, RequestId
+from harness.contracts.observations import Trajectory
+from harness.contracts.protocol import InvocationStatus
+from harness.contracts.tasks import EvidencePolicy
+from harness.contracts.values import Count, Point, Value
+
+
+class Execution(Value):
+    """The supervisor's record of the execution to judge, without the provider's words; mission seconds."""
+
+    identity: PacketIdentity
+    k_ctx: Count
+    configuration: Digest
+    dispatched_s: float
+    terminal_s: float
+    collected_s: float
+    terminal: InvocationStatus
+    verify_only: bool
+
+
+class VerificationPolicy(Value):
+    """What the evidence must be. `required` is the independence level of each condition (D17)."""
+
+    evidence: EvidencePolicy
+    risk: Risk
+    required: dict[ConditionId, int]
+
+
+class SafetyState(Value):
+    """The contract's constraints with the floor regions they name (metres, contract frame), and standing vetoes."""
+
+    speed_cap_mps: float
+    keep_out_m: dict[str, tuple[Point, ...]]
+    vetoes: dict[str, str]
+
+
+class CommittedNode(Value):
+    """One accepted stage: whose packet, which requests it and the packets it cites rest on, when it ran.
+
+    `committed_k` is the state version at which it was accepted.
+    """
+
+    node_id: NodeId
+    identity: PacketIdentity
+    requests: tuple[RequestId, ...]
+    dispatched_s: float
+    terminal_s: float
+    committed_k: Count
+
+
+class RecentSamples(Value):
+    """Samples of the last seconds before a context's instant, by stream; at most `window_s` of them."""
+
+    window_s: float
+    trajectory: Trajectory

@@ -1,0 +1,231 @@
+"""Pure: whose question it is, how long it waits, who is called next, and who has control (D27)."""
+
+from datetime import UTC, datetime
+from typing import assert_never
+
+from harness.contracts.actors import Actor
+from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.handoff_commands import (
+    CloseQuestion,
+    DropClaim,
+    Escalate,
+    ExtendDeadline,
+    ReturnControl,
+    TakeClaim,
+    TakeControl,
+)
+from harness.contracts.handoff_events import (
+    EscalationLevel,
+    HandoffClaimed,
+    HandoffClosed,
+    HandoffEscalated,
+    HandoffEvent,
+    HandoffExtended,
+    HandoffHandedBack,
+    HandoffReleased,
+    HandoffTakenOver,
+)
+from harness.contracts.values import Moment
+from harness.projections.handoffs import Claim, Decided, Handoff
+
+CLAIM_S = 60.0
+RENEWED_S = 15.0
+"""A renewal that would add less than this is no event."""
+ON_THE_WAY_S = 600.0
+ESCALATION_S: dict[EscalationLevel, float] = {"sound": 0.0, "next_person": 60.0, "outside": 180.0}
+
+Turn = TakeClaim | DropClaim | ExtendDeadline | Escalate | TakeControl | ReturnControl | CloseQuestion
+
+
+def turn(handoff: Handoff, command: Turn, now: Moment) -> Decision[HandoffEvent]:
+    """Everything about a handoff that decides nothing about the robot's next action."""
+    match command:
+        case TakeClaim():
+            return _claim(handoff, command, now)
+        case DropClaim():
+            return _drop(handoff, command, now)
+        case ExtendDeadline():
+            return _extend(handoff, command, now)
+        case Escalate():
+            due = command.level in due_levels(handoff, now.wall_s)
+            return Accepted((HandoffEscalated(level=command.level, at_s=now.wall_s),) if due else ())
+        case TakeControl():
+            return _take(handoff, command, now)
+        case ReturnControl():
+            return _return(handoff, command, now)
+        case CloseQuestion():
+            return _close(handoff, command, now)
+        case _:
+            assert_never(command)
+
+
+def due_levels(handoff: Handoff, now_s: float) -> tuple[EscalationLevel, ...]:
+    """Levels that an unclaimed question should have reached by now and has not."""
+    if handoff.status != "open" or handoff.opened is None:
+        return ()
+    open_s = now_s - handoff.opened.opened_at_s
+    return tuple(
+        level for level, after_s in ESCALATION_S.items() if open_s >= after_s and level not in handoff.escalated
+    )
+
+
+def live_claim(handoff: Handoff, now_s: float) -> Claim | None:
+    """The claim that still counts."""
+    return handoff.claim if handoff.claim is not None and handoff.claim.until_at_s > now_s else None
+
+
+def not_yours(handoff: Handoff, actor: Actor, claim: str, now: Moment) -> Refused | None:
+    """Why this person, with this token, may not decide; None if the question is theirs or nobody's."""
+    held = live_claim(handoff, now.wall_s)
+    if held is None:
+        lost = "Your claim lapsed or was released. Read the question again, claim it, then decide."
+        return Refused("claim_lost", lost) if claim else None
+    if held.actor.name != actor.name:
+        return claimed_by(held)
+    if held.claim != claim:
+        return Refused("other_window", "You claimed this question in another window. Decide there, or claim it here.")
+    return None
+
+
+def claimed_by(held: Claim) -> Refused:
+    """Names who answers it now."""
+    return Refused("claimed", f"{held.actor.name} has claimed it until {clock(held.until_at_s)}. Ask them, or wait.")
+
+
+def over(handoff: Handoff, now: Moment) -> Refused | None:
+    """Why nothing can be asked of it any more: decided, ended, or past its deadline."""
+    if not handoff.waits:
+        return settled(handoff)
+    opened = handoff.opened
+    if handoff.answerable and opened is not None and now.wall_s >= opened.deadline_at_s:
+        return Refused("expired", "The time to answer is over; the robot takes its no-answer action.")
+    return None
+
+
+def settled(handoff: Handoff) -> Refused:
+    """Who decided what, and when; or how it ended without anybody."""
+    answer = handoff.answer
+    if answer is None:
+        return Refused("not_open", f"The handoff is {handoff.status}; nothing is left to decide.")
+    said = answer.decision.replace("_", " ")
+    return Refused("decided", f"{answer.actor.name} {said} it before you, at {clock(answer.at_s)}: “{answer.reason}”.")
+
+
+def same_answer(
+    handoff: Handoff, command: TakeControl | ReturnControl | CloseQuestion, decision: Decided
+) -> Decision[HandoffEvent] | None:
+    """The same word again is the same receipt."""
+    answer = handoff.answer
+    if answer is None:
+        return None
+    same = (answer.decision, answer.key, answer.reason, answer.actor.name) == (
+        decision,
+        command.key,
+        command.reason,
+        command.actor.name,
+    )
+    return Accepted(()) if same else None
+
+
+def clock(at_s: float) -> str:
+    """A wall instant as a person reads it."""
+    return datetime.fromtimestamp(at_s, UTC).strftime("%H:%M:%S UTC")
+
+
+def _claim(handoff: Handoff, command: TakeClaim, now: Moment) -> Decision[HandoffEvent]:
+    if refused := over(handoff, now):
+        return refused
+    held = live_claim(handoff, now.wall_s)
+    if held is not None and held.actor.name != command.actor.name:
+        return claimed_by(held)
+    if handoff.status == "taken_over" and (held is None or held.claim != command.claim):
+        return Refused("taken_over", "The robot is driven from another window. Hand it back there first.")
+    until_s = now.wall_s + CLAIM_S
+    if held is not None and held.claim == command.claim and until_s - held.until_at_s < RENEWED_S:
+        return Accepted(())
+    claimed = HandoffClaimed(actor=command.actor, claim=command.claim, at_s=now.wall_s, until_at_s=until_s)
+    return Accepted((claimed,))
+
+
+def _drop(handoff: Handoff, command: DropClaim, now: Moment) -> Decision[HandoffEvent]:
+    held, opened = handoff.claim, handoff.opened
+    if held is None or opened is None or held.claim != command.claim:
+        return Accepted(())
+    if command.actor.channel == "timeout":
+        if held.until_at_s > now.wall_s:
+            return Accepted(())
+    elif held.actor.name != command.actor.name:
+        return claimed_by(held)
+    deadline_s = now.wall_s + handoff.control.left_s if handoff.control else opened.deadline_at_s
+    released = HandoffReleased(actor=command.actor, reason=command.reason, at_s=now.wall_s, deadline_at_s=deadline_s)
+    return Accepted((released,))
+
+
+def _extend(handoff: Handoff, command: ExtendDeadline, now: Moment) -> Decision[HandoffEvent]:
+    opened = handoff.opened
+    if not handoff.answerable or opened is None:
+        return Refused("not_open", f"The handoff is {handoff.status}; there is no deadline to move.")
+    if refused := over(handoff, now):
+        return refused
+    if handoff.extended_by is not None:
+        return Refused("extended", f"{handoff.extended_by.name} is on the way already; the time is extended once.")
+    limit_s = opened.deadline_at_s if opened.limit_at_s is None else opened.limit_at_s
+    deadline_s = min(opened.deadline_at_s + ON_THE_WAY_S, limit_s)
+    if deadline_s <= opened.deadline_at_s:
+        return Refused("zone_limit", "The zone or the battery lets the robot wait no longer than it does already.")
+    extended = HandoffExtended(actor=command.actor, reason=command.reason, at_s=now.wall_s, deadline_at_s=deadline_s)
+    return Accepted((extended,))
+
+
+def _take(handoff: Handoff, command: TakeControl, now: Moment) -> Decision[HandoffEvent]:
+    opened, control = handoff.opened, handoff.control
+    refused = over(handoff, now) or not_yours(handoff, command.actor, command.claim, now)
+    if refused or opened is None:
+        return refused or settled(handoff)
+    if handoff.status == "taken_over":
+        again = control is not None and control.device == command.device and control.reason == command.reason
+        return Accepted(()) if again else Refused("taken_over", "You have control already, from another device.")
+    if handoff.status != "claimed":
+        return Refused("not_claimed", "Claim the question first: who drives the robot must be known to everybody.")
+    taken = HandoffTakenOver(
+        actor=command.actor,
+        claim=command.claim,
+        device=command.device,
+        reason=command.reason,
+        key=command.key,
+        left_s=opened.deadline_at_s - now.wall_s,
+        at_s=now.wall_s,
+    )
+    return Accepted((taken,))
+
+
+def _return(handoff: Handoff, command: ReturnControl, now: Moment) -> Decision[HandoffEvent]:
+    if repeated := same_answer(handoff, command, "handed_back"):
+        return repeated
+    if handoff.status != "taken_over":
+        return over(handoff, now) or Refused("not_taken_over", "Nobody has taken the robot over.")
+    if refused := not_yours(handoff, command.actor, command.claim, now):
+        return refused
+    if not command.fresh.static:
+        return Refused("not_static", "The robot is not shown to stand still. Let it stand, then hand it back.")
+    returned = HandoffHandedBack(
+        actor=command.actor,
+        reason=command.reason,
+        key=command.key,
+        k=command.k,
+        fresh=command.fresh,
+        at_s=now.wall_s,
+    )
+    return Accepted((returned,))
+
+
+def _close(handoff: Handoff, command: CloseQuestion, now: Moment) -> Decision[HandoffEvent]:
+    if repeated := same_answer(handoff, command, "closed"):
+        return repeated
+    refused = over(handoff, now) or not_yours(handoff, command.actor, command.claim, now)
+    if refused:
+        return refused
+    if handoff.status == "open":
+        return Refused("not_claimed", "Claim the question first: closing it leaves the robot to you.")
+    closed = HandoffClosed(actor=command.actor, reason=command.reason, key=command.key, at_s=now.wall_s)
+    return Accepted((closed,))

@@ -1,0 +1,227 @@
+"""Pure: what the history and what is observed live say is wrong, and under which cause. Writes nothing."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from harness.contracts.alert_commands import ClearAlert, RaiseAlert
+from harness.contracts.alert_events import AlertKind, Occurrence, Priority
+from harness.contracts.events import (
+    FailureClassified,
+    HandoffAnswered,
+    HandoffRequested,
+    MissionEnded,
+    MissionEvent,
+    StopAcknowledged,
+    VerdictRecorded,
+    VetoCleared,
+    VetoRaised,
+)
+from harness.contracts.handoff_events import HandoffEscalated, HandoffEvent
+from harness.contracts.protocol import RobotStatus
+from harness.contracts.revision_events import CompletionDisputed
+
+LOW_CHARGE = 0.20
+LOST_AFTER_S = 10.0
+LONGEST_TITLE = 160
+LONGEST_TEXT = 500
+UNCLAIMED = {"next_person": "nobody took it for a minute", "outside": "nobody took it for three minutes"}
+OF_THE_LINK = frozenset({"provider_unavailable", "outcome_unknown", "cancel_unacknowledged"})
+"""Failures that a robot which does not answer brings about: its own alert tells them."""
+
+Told = tuple[str, RaiseAlert | ClearAlert]
+"""A cause, and what is asked of its alert."""
+
+
+@dataclass(frozen=True)
+class About:
+    """Whose event it is, and where it stands in the log.
+
+    `node` is the stage that was last in trouble; `failure` its class; `lost` whether the robot does not answer now;
+    `vetoes` the layers whose vetoes the mission had.
+    """
+
+    mission_id: str
+    robot_id: str
+    goal: str
+    position: int
+    at_s: float
+    node: str = ""
+    failure: str = ""
+    lost: bool = False
+    vetoes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Heard:
+    """What is known of a robot at this moment: its own word, how old that is, and why it does not answer if so."""
+
+    robot_id: str
+    status: RobotStatus | None
+    age_s: float | None
+    trouble: str
+    low_before: bool = False
+
+
+def link_cause(robot_id: str) -> str:
+    return f"robot/{robot_id}/link"
+
+
+def mission_cause(about: About) -> str:
+    """Trouble at one stage of one mission is one cause; what a silent robot brings about is the silence's."""
+    if about.lost and about.failure in OF_THE_LINK:
+        return link_cause(about.robot_id)
+    return f"mission/{about.mission_id}/{about.node or 'goal'}"
+
+
+def of_mission(event: MissionEvent, about: About) -> tuple[Told, ...]:
+    """What a mission's event raises or clears."""
+    match event:
+        case VetoRaised():
+            raised = _raise(about, "veto", "critical", f"{event.layer} vetoes motion", event.reason, event.layer)
+            return (raised,)
+        case VetoCleared():
+            return _clear(about, f"veto {event.layer}", event.reason)
+        case VerdictRecorded() if event.verdict.verdict == "unsafe":
+            return (_raise(about, "unsafe", "critical", f"unsafe at {_words(about.node)}", event.verdict.reason),)
+        case HandoffRequested():
+            title = f"waits for a person at {_words(event.node_id)}"
+            return (_raise(about, "handoff", "high", title, event.reason, event.handoff_id),)
+        case HandoffAnswered():
+            said = f"{event.actor.name} ({event.actor.channel}): {event.decision}"
+            asked = f"handoff {event.handoff_id}"
+            return tuple(
+                told
+                for one in (asked, *(f"{asked} {level}" for level in UNCLAIMED))
+                for told in _clear(about, one, said)
+            )
+        case StopAcknowledged() if not event.static:
+            return (_raise(about, "body_not_static", "critical", "stopped, but not shown at rest", event.reason),)
+        case CompletionDisputed():
+            title = f"an acceptance at {_words(event.node_id)} is disputed"
+            disputed = replace(about, node=f"{event.node_id}/disputed", failure="")
+            return (_raise(disputed, "disputed", "high", title, f"{event.actor.name}: {event.reason}"),)
+        case MissionEnded():
+            return _ended(event, about)
+        case _:
+            return ()
+
+
+def of_handoff(event: HandoffEvent, about: About, handoff_id: str) -> tuple[Told, ...]:
+    """A question that nobody takes becomes more pressing; from the second step on it is told again."""
+    if not isinstance(event, HandoffEscalated) or event.level not in UNCLAIMED:
+        return ()
+    title = f"a question waits unclaimed at {_words(about.node)}"
+    return (_raise(about, "handoff", "critical", title, UNCLAIMED[event.level], f"{handoff_id} {event.level}"),)
+
+
+def troubled(event: MissionEvent, about: About) -> tuple[str, str]:
+    """(stage, failure class) of the newest trouble, after this event."""
+    match event:
+        case FailureClassified():
+            return event.node_id, event.failure
+        case HandoffRequested():
+            return event.node_id, event.failure
+        case _:
+            return about.node, about.failure
+
+
+def of_robot(heard: Heard) -> tuple[Occurrence, ...]:
+    """What is wrong with a robot now; each lasts until it is not in this list any more."""
+    robot_id, status = heard.robot_id, heard.status
+    silent = heard.trouble or (heard.age_s is not None and heard.age_s > LOST_AFTER_S)
+    if silent and (heard.age_s is None or heard.age_s > LOST_AFTER_S):
+        age = "never answered" if heard.age_s is None else f"last answered {heard.age_s:.0f} s ago"
+        return (_robot(robot_id, "robot_lost", "critical", "does not answer", f"{age}. {heard.trouble}".strip()),)
+    found = []
+    if status is not None and status.charge < LOW_CHARGE + (0.05 if heard.low_before else 0.0):
+        found.append(_robot(robot_id, "battery_low", "high", "battery is low", f"{status.charge:.0%} left"))
+    if status is not None and status.hardware_stop:
+        found.append(_robot(robot_id, "hardware_stop", "critical", "hardware stop is engaged", "by the robot's word"))
+    return tuple(found)
+
+
+def causes_of_robot(robot_id: str) -> Mapping[str, str]:
+    """Kind -> cause of everything that `of_robot` may say of a robot."""
+    return {
+        "robot_lost": link_cause(robot_id),
+        "battery_low": f"robot/{robot_id}/battery",
+        "hardware_stop": f"robot/{robot_id}/hardware-stop",
+    }
+
+
+def duplicate_starts(about: About, requests: Sequence[str]) -> tuple[Occurrence, ...]:
+    """One occurrence if a robot's journal shows a physical start of a request that had started before."""
+    repeated = len(requests) - len(set(requests))
+    if not repeated:
+        return ()
+    return (
+        Occurrence(
+            cause=f"mission/{about.mission_id}/starts",
+            kind="duplicate_start",
+            priority="critical",
+            title=f"{about.robot_id}: a request was started twice",
+            text=f"{repeated} starts beyond the first of a request, by the robot's own journal",
+            condition=f"starts {len(requests)}",
+            robot_id=about.robot_id,
+            mission_id=about.mission_id,
+            link=f"/missions/{about.mission_id}/report",
+        ),
+    )
+
+
+def of_house(kind: AlertKind, priority: Priority, title: str, *, cause: str, text: str, link: str = "") -> Occurrence:
+    """Something wrong with the installation itself; it lasts until it is cleared."""
+    return Occurrence(
+        cause=cause[:200], kind=kind, priority=priority, title=title[:LONGEST_TITLE], text=text[:LONGEST_TEXT],
+        condition=kind, link=link,
+    )  # fmt: skip
+
+
+def _robot(robot_id: str, kind: AlertKind, priority: Priority, title: str, text: str) -> Occurrence:
+    return Occurrence(
+        cause=causes_of_robot(robot_id)[kind],
+        kind=kind,
+        priority=priority,
+        title=f"{robot_id} {title}"[:LONGEST_TITLE],
+        text=text[:LONGEST_TEXT],
+        condition=kind,
+        robot_id=robot_id,
+        link=f"/robots/{robot_id}",
+    )
+
+
+def _raise(about: About, kind: AlertKind, priority: Priority, title: str, text: str, lasting: str = "") -> Told:
+    cause = mission_cause(about)
+    link = f"/handoffs/{lasting.split(' ')[0]}" if kind == "handoff" else f"/missions/{about.mission_id}"
+    occurrence = Occurrence(
+        cause=cause[:200],
+        kind=kind,
+        priority=priority,
+        title=f"{about.robot_id}: {title}"[:LONGEST_TITLE],
+        text=f"{text or 'no reason given'}. Goal: {about.goal}"[:LONGEST_TEXT],
+        condition=f"{kind} {lasting}" if lasting else "",
+        source=about.position,
+        robot_id=about.robot_id,
+        mission_id=about.mission_id,
+        link=link,
+    )
+    return cause, RaiseAlert(occurrence=occurrence, at_s=about.at_s)
+
+
+def _ended(event: MissionEnded, about: About) -> tuple[Told, ...]:
+    """A bad end is trouble of its own; whatever the end, vetoes of this mission stand no longer."""
+    title = f"mission ended {_words(event.status)}"
+    bad = event.status in ("failed", "safe_stopped", "handed_off")
+    raised = (_raise(about, "mission_failed", "high", title, event.reason),) if bad else ()
+    over = (told for layer in about.vetoes for told in _clear(about, f"veto {layer}", "the mission ended"))
+    return (*raised, *over)
+
+
+def _clear(about: About, condition: str, reason: str) -> tuple[Told, ...]:
+    """Under the stage's cause and under the robot's: which of them told it depends on what was known then."""
+    cleared = ClearAlert(condition=condition, reason=reason[:LONGEST_TEXT], at_s=about.at_s, source=about.position)
+    return tuple((cause, cleared) for cause in dict.fromkeys((mission_cause(about), link_cause(about.robot_id))))
+
+
+def _words(slug: str) -> str:
+    return slug.replace("_", " ") or "the goal"

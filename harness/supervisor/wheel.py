@@ -1,0 +1,254 @@
+"""Driving a robot by hand: under a lease of its base, never while a mission's execution runs, returned at rest."""
+
+from collections.abc import Mapping
+from threading import Event, Thread
+
+from harness.contracts.actors import Actor
+from harness.contracts.any_events import AnyEvent
+from harness.contracts.commands import AcquireLease, LeaseCommand, QuarantineLease, ReleaseLease
+from harness.contracts.control import CONTROL, OrderPosture, Posture, ReturnWheel, TakeWheel
+from harness.contracts.decisions import Accepted, Refused
+from harness.contracts.errors import ProviderFailed, UnknownName
+from harness.contracts.ids import (
+    InvocationId,
+    MissionId,
+    RequestId,
+    ResourceId,
+    RobotId,
+    lease_stream,
+    leased,
+    sha256,
+)
+from harness.contracts.observations import AnySample
+from harness.contracts.ports import HandDriven
+from harness.contracts.protocol import DriveOrder, DriveReport, PostureOrder
+from harness.gate.commit import Request
+from harness.projections.control import Control, Wheel
+from harness.projections.mission import Mission
+from harness.runtime import Runtime
+from harness.supervisor.crew import Crew
+from harness.supervisor.leases import LOOK_S, SUPERVISOR
+from harness.supervisor.rest import WINDOW_S, Rest, at_rest
+from harness.supervisor.senses import BATCH
+
+BASE = "mobile_base"
+LONGEST_S = 900.0
+"""A person drives for so long at most, in mission time; then the wheel must be taken again."""
+SETTLE_WITHIN_S = 6.0
+IDLE_S = 60.0
+STOPPED_WITHIN_S = 30.0
+AT_REST: frozenset[str] = frozenset({"awaiting_human", "paused"})
+
+
+class HandWheel:
+    """Takes, turns and returns the wheels of all robots. Whoever has no wheel moves nothing."""
+
+    def __init__(self, *, runtime: Runtime, crews: Mapping[RobotId, Crew]) -> None:
+        self._runtime = runtime
+        self._crews = crews
+        self._turned_s: dict[RequestId, float] = {}
+        self._halt = Event()
+        self._thread: Thread | None = None
+
+    def watch(self) -> None:
+        """From now on, in the background: a wheel that nobody turns is returned after IDLE_S of wall time."""
+        self._thread = Thread(target=self._look, name="wheel", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the watch. Wheels stay taken: the robots' dead man stops them, the next start returns them."""
+        self._halt.set()
+        if self._thread is not None:
+            self._thread.join(timeout=SETTLE_WITHIN_S)
+
+    def holder(self, robot_id: RobotId) -> Wheel | None:
+        """Who drives this robot by hand now."""
+        control: Control = self._runtime.fold(CONTROL)
+        return control.wheels.get(robot_id)
+
+    def take(self, robot_id: RobotId, *, actor: Actor, device: str, reason: str) -> Accepted[AnyEvent] | Refused:
+        """The lease of the base and the wheel in one commit; refused while a mission may move the robot.
+
+        Raises UnknownName for a robot that is not connected.
+        """
+        crew = self._crew(robot_id)
+        if crew.hand is None:
+            return Refused("no_hand", f"{robot_id} cannot be driven by hand.")
+        in_the_way = self._in_control(robot_id, actor)
+        if in_the_way:
+            return Refused("mission_in_control", in_the_way)
+        base = leased(robot_id, BASE)
+        now = crew.clock.now()
+        token = self._runtime.lease(base).token + 1
+        session = RequestId(sha256(f"{robot_id}\n{token}\n{now.mission_s}\n{now.wall_s}".encode()))
+        taken = TakeWheel(
+            robot_id=robot_id,
+            session=session,
+            token=token,
+            actor=actor,
+            device=device,
+            reason=reason,
+        )
+        lease = self._acquired(base, session, token, until_s=now.mission_s + LONGEST_S)
+        return self._runtime.commit([Request(CONTROL, taken), lease])
+
+    def turn(self, robot_id: RobotId, session: RequestId, *, v_mps: float, w_radps: float) -> DriveReport:
+        """One moment of driving. Raises ProviderFailed for a session that has not the wheel, or as the robot does."""
+        crew, wheel = self._crew(robot_id), self.holder(robot_id)
+        lease = self._runtime.lease(leased(robot_id, BASE))
+        held = lease.status == "held" and lease.invocation_id == InvocationId(session)
+        if crew.hand is None or wheel is None or wheel.session != session or not held:
+            raise ProviderFailed("This session does not drive the robot", where=robot_id, do="take the wheel again")
+        if crew.clock.now().mission_s > lease.expires_s - SETTLE_WITHIN_S:
+            raise ProviderFailed("The time for driving by hand is over", where=robot_id, do="take the wheel again")
+        order = DriveOrder(
+            session=session, token=wheel.token, v_mps=v_mps, w_radps=w_radps, until_s=lease.expires_s - SETTLE_WITHIN_S
+        )
+        self._turned_s[session] = crew.clock.now().wall_s
+        return crew.hand.drive(order)
+
+    def give_back(self, robot_id: RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
+        """Brake, wait for the body to stand, then free the base; quarantined if nothing shows it at rest."""
+        crew, wheel = self._crew(robot_id), self.holder(robot_id)
+        if wheel is None:
+            return Refused("not_at_the_wheel", f"Nobody drives {robot_id} by hand.")
+        rest = self._settled(crew, wheel) if crew.hand is not None else Rest(static=False, reason="", measured={})
+        returned = ReturnWheel(
+            robot_id=robot_id, session=wheel.session, actor=actor, reason=reason, measured=rest.measured
+        )
+        requests = [Request(CONTROL, returned)]
+        lease = self._runtime.lease(leased(robot_id, BASE))
+        if lease.status == "held" and lease.invocation_id == InvocationId(wheel.session):
+            holder = lease.invocation_id
+            why = "the wheel was returned with the body at rest" if rest.static else rest.reason or "not shown at rest"
+            end: LeaseCommand = (
+                ReleaseLease(invocation_id=holder, reason=why)
+                if rest.static
+                else QuarantineLease(invocation_id=holder, reason=why)
+            )
+            requests.append(Request(lease_stream(lease.resource), end))
+        return self._runtime.commit(requests)
+
+    def rest(self, robot_id: RobotId, *, posture: Posture, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
+        """Have a robot lie down or stand up, once no mission acts on it; one that is being stopped is waited for.
+
+        Raises ProviderFailed as the robot does.
+        """
+        crew = self._crew(robot_id)
+        if crew.hand is None:
+            return Refused("no_hand", f"{robot_id} cannot change its posture.")
+        acting = self._acting(crew)
+        if acting is not None:
+            why = f"{acting.mission_id} is {acting.status.replace('_', ' ')}: stop or pause it first."
+            return Refused("mission_in_control", why)
+        base = leased(robot_id, BASE)
+        token = self._runtime.lease(base).token + 1
+        holder = RequestId(sha256(f"{robot_id}\n{posture}\n{token}".encode()))
+        ordered = OrderPosture(robot_id=robot_id, posture=posture, actor=actor, reason=reason)
+        until_s = crew.clock.now().mission_s + SETTLE_WITHIN_S
+        decision = self._runtime.commit(
+            [Request(CONTROL, ordered), self._acquired(base, holder, token, until_s=until_s)]
+        )
+        if isinstance(decision, Refused):
+            return decision
+        released = ReleaseLease(invocation_id=InvocationId(holder), reason=f"posture: {posture}")
+        try:
+            crew.hand.rest(PostureOrder(posture=posture, token=token))
+        finally:
+            self._runtime.commit([Request(lease_stream(base), released)])
+        return decision
+
+    def _look(self) -> None:
+        while not self._halt.wait(LOOK_S):
+            control: Control = self._runtime.fold(CONTROL)
+            for robot_id, wheel in control.wheels.items():
+                crew = self._crews.get(robot_id)
+                if crew is not None and self._silent(crew, wheel):
+                    self.give_back(robot_id, actor=SUPERVISOR, reason=f"no sign from {wheel.device} for a while")
+
+    def _silent(self, crew: Crew, wheel: Wheel) -> bool:
+        """Nobody turned it for IDLE_S, or its lease is about to end."""
+        now = crew.clock.now()
+        lease = self._runtime.lease(leased(wheel.robot_id, BASE))
+        last_s = self._turned_s.setdefault(wheel.session, now.wall_s)
+        return now.wall_s - last_s > IDLE_S or now.mission_s > lease.expires_s - 2 * SETTLE_WITHIN_S
+
+    def return_abandoned(self) -> None:
+        """Wheels that an earlier process left taken: its dead man stopped the robot, nobody drives it any more."""
+        control: Control = self._runtime.fold(CONTROL)
+        for robot_id in control.wheels:
+            if robot_id in self._crews:
+                self.give_back(robot_id, actor=SUPERVISOR, reason="the harness was started again")
+
+    def _in_control(self, robot_id: RobotId, actor: Actor) -> str:
+        """What keeps people from driving: a mission that acts. One that this very person took over does not."""
+        for mission in self._runtime.missions():
+            if mission.robot_id != robot_id or mission.ended or mission.replay:
+                continue
+            if mission.status == "awaiting_human" and self._taken_over(mission, actor):
+                continue
+            if mission.status == "paused" and mission.invocation is None:
+                continue
+            return f"{mission.mission_id} is {mission.status.replace('_', ' ')}: pause or stop it first."
+        return ""
+
+    def _acting(self, crew: Crew) -> Mission | None:
+        """The mission that may move this robot; one that is being stopped gets STOPPED_WITHIN_S to come to rest."""
+        until_s = crew.clock.now().mission_s + STOPPED_WITHIN_S
+        while True:
+            mine = [m for m in self._runtime.missions() if m.robot_id == crew.robot_id and not m.ended and not m.replay]
+            acting = next((m for m in mine if m.invocation is not None or m.status not in AT_REST), None)
+            if acting is None or acting.status != "stopping" or crew.clock.now().mission_s >= until_s:
+                return acting
+            crew.clock.wait_until(crew.clock.now().mission_s + WINDOW_S)
+
+    def _taken_over(self, mission: Mission, actor: Actor) -> bool:
+        if mission.handoff_id is None:
+            return False
+        handoff = self._runtime.handoff(mission.handoff_id)
+        taken_by = handoff.taken_by
+        return handoff.status == "taken_over" and taken_by is not None and taken_by.name == actor.name
+
+    def _settled(self, crew: Crew, wheel: Wheel) -> Rest:
+        """Ask for standstill, then look until odometry shows it or SETTLE_WITHIN_S of mission time are over."""
+        hand, until_s = crew.hand, crew.clock.now().mission_s + SETTLE_WITHIN_S
+        rest = Rest(static=False, reason="the robot did not answer", measured={})
+        while crew.clock.now().mission_s < until_s:
+            try:
+                report = _released(hand, wheel.session)
+                crew.clock.wait_until(crew.clock.now().mission_s + WINDOW_S + LOOK_S)
+                rest = at_rest(_seen(crew), crew.clock.now().mission_s)
+            except ProviderFailed as error:
+                return Rest(static=False, reason=error.what, measured={})
+            if rest.static and report.status == "ended":
+                return rest
+        return Rest(static=False, reason=rest.reason or "the robot did not end the session", measured=rest.measured)
+
+    def _acquired(self, base: ResourceId, session: RequestId, token: int, *, until_s: float) -> Request:
+        command = AcquireLease(
+            resource=base,
+            mission_id=MissionId(""),
+            invocation_id=InvocationId(session),
+            token=token,
+            expires_s=until_s,
+        )
+        return Request(lease_stream(base), command)
+
+    def _crew(self, robot_id: RobotId) -> Crew:
+        try:
+            return self._crews[robot_id]
+        except KeyError:
+            raise UnknownName(f"There is no robot {robot_id}", do=f"there are {', '.join(self._crews)}") from None
+
+
+def _released(hand: HandDriven | None, session: RequestId) -> DriveReport:
+    if hand is None:
+        raise ProviderFailed("The robot cannot be driven by hand", where="hand", do="stop it at the robot")
+    return hand.release(session)
+
+
+def _seen(crew: Crew) -> list[AnySample]:
+    samples: list[AnySample] = []
+    while batch := crew.robot.observations(samples[-1].seq if samples else 0, BATCH).samples:
+        samples.extend(batch)
+    return samples

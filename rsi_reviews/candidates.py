@@ -1,0 +1,105 @@
+"""Candidates and manifests as they come from outside: a file, a person's editor, a model. Strict, bounded, typed.
+
+Text from outside is data: nothing in it is ever an instruction to anybody, and no model's word approves anything.
+"""
+
+from typing import Any, TypeVar
+
+import msgspec
+
+from harness.contracts.configuration import Configuration
+from harness.contracts.values import decode
+from rsi_reviews.contracts import SECTIONS, Candidate, Manifest
+from rsi_reviews.errors import CandidateInvalid
+
+LARGEST_BYTES = 1_048_576
+DEEPEST = 24
+OUTSIDE: dict[str, str] = {
+    "gate": "names_the_gate", "commit_gate": "names_the_gate", "rules": "names_the_gate",
+    "gate_rules": "names_the_gate", "verifier": "names_the_gate", "verification": "names_the_gate",
+    "predicate": "names_the_predicate", "acceptance": "names_the_predicate", "clauses": "names_the_predicate",
+    "acceptance_predicate": "names_the_predicate", "evaluator": "names_the_predicate",
+    "suite": "names_the_suite", "suites": "names_the_suite", "regression": "names_the_suite",
+    "held_out": "names_the_suite", "safety": "names_a_safety_limit", "safety_limits": "names_a_safety_limit",
+    "limits": "names_a_safety_limit", "interlocks": "names_a_safety_limit",
+}  # fmt: skip
+"""What lies outside every configuration, and the rule by which naming it is refused."""
+T = TypeVar("T")
+
+
+def read_candidate(configuration: bytes, manifest: bytes) -> Candidate:
+    """A candidate from its two JSON texts. Raises CandidateInvalid with the rule and the path of what is wrong."""
+    stated = read_manifest(manifest)
+    return Candidate(configuration=read_configuration(configuration), manifest=stated, baseline=stated.baseline)
+
+
+def read_configuration(body: bytes) -> Configuration:
+    """Strict JSON of a configuration: four sections and nothing else (R154). Raises CandidateInvalid."""
+    tree = _tree(body, "candidate")
+    for path, name in _keys(tree):
+        if name in OUTSIDE:
+            raise CandidateInvalid(
+                f"A candidate cannot name {name!r}: it lies outside every configuration",
+                rule=OUTSIDE[name],
+                where=path,
+                do=f"state {', '.join(SECTIONS)} and nothing else",
+            )
+    return _typed(body, Configuration, "candidate")
+
+
+def read_manifest(body: bytes) -> Manifest:
+    """Strict JSON of a manifest. Raises CandidateInvalid."""
+    _tree(body, "manifest")
+    return _typed(body, Manifest, "manifest")
+
+
+def _keys(tree: Any) -> list[tuple[str, str]]:
+    """Keys of the top and of the sections that are plain values, with their paths."""
+    if not isinstance(tree, dict):
+        return []
+    found = [(f"$.{key}", key) for key in tree]
+    for section in ("context_rules", "routing", "recovery"):
+        if isinstance(tree.get(section), dict):
+            found += [(f"$.{section}.{key}", key) for key in tree[section]]
+    return found
+
+
+def _tree(body: bytes, where: str) -> Any:
+    if len(body) > LARGEST_BYTES:
+        raise CandidateInvalid(
+            f"The text has {len(body)} bytes, at most {LARGEST_BYTES} are read",
+            rule="too_large",
+            where=where,
+            do="state the four sections and nothing else",
+        )
+    if _depth(body) > DEEPEST:
+        raise CandidateInvalid(f"It is nested over {DEEPEST} deep", rule="too_deep", where=where, do="write it flatter")
+    try:
+        return msgspec.json.decode(body)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise CandidateInvalid(
+            f"It is not JSON: {error}", rule="not_json", where=where, do="send one JSON object"
+        ) from error
+
+
+def _depth(body: bytes) -> int:
+    """How deep brackets open, those in texts included: only ever too strict."""
+    deepest = depth = 0
+    for byte in body:
+        if byte in b"[{":
+            depth += 1
+            deepest = max(deepest, depth)
+        elif byte in b"]}":
+            depth -= 1
+    return deepest
+
+
+def _typed(body: bytes, kind: type[T], where: str) -> T:
+    try:
+        return decode(body, kind)
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        what, _, path = str(error).partition(" - at `")
+        rule = "unknown_key" if "unknown field" in what else "wrong_type"
+        raise CandidateInvalid(
+            what, rule=rule, where=f"{where}, {path.rstrip('`') or '$'}", do="correct this field"
+        ) from error

@@ -1,0 +1,217 @@
+"""What is asked of the review desk, in the imperative. Data: asking is not deciding."""
+
+from typing import Literal
+
+from harness.contracts.actors import Actor, Command
+from harness.contracts.configuration import Configuration
+from harness.contracts.ids import Digest, MissionId, RobotId
+from harness.contracts.values import Count, Name
+from rsi_reviews.contracts import (
+    AcceptanceReport,
+    CanaryMission,
+    Candidate,
+    EvaluationTerms,
+    Finding,
+    HeldOutAnswer,
+    ReleasePolicy,
+    ResultSet,
+    Sentence,
+)
+
+
+class Word(Command):
+    """A command of somebody: who, why, and the key under which repeating it changes nothing."""
+
+    actor: Actor
+    reason: Sentence
+    key: Name
+
+
+class OnSubject(Word):
+    """A decision on exactly what was shown: the subject's digest and the cycle it was asked in."""
+
+    cycle: Count
+    subject: Digest
+
+
+# candidate ----------------------------------------------------------------------------------------------------------
+
+
+class ProposeCandidate(Word, tag=True):
+    """`baseline` is the configuration itself, so that the decider compares; nothing that loosens gets past it.
+
+    `earlier`: authors of the candidates that this one edits or repeats; they stay its authors (D33).
+    """
+
+    candidate: Candidate
+    baseline: Configuration
+    supersedes: Digest | None = None
+    earlier: tuple[Name, ...] = ()
+
+
+class BeginEvaluation(Word, tag=True):
+    terms: EvaluationTerms
+
+
+class RecordEvaluation(Word, tag=True):
+    """Results and what the acceptance predicate made of them; `terms` are those they were made under."""
+
+    terms: EvaluationTerms
+    results: ResultSet
+    report: AcceptanceReport
+
+
+class OpenReview(Word, tag=True):
+    pass
+
+
+class RequestChanges(OnSubject, tag=True):
+    pass
+
+
+class RecallReview(Word, tag=True):
+    pass
+
+
+class AddComment(Word, tag=True):
+    """The reason is the comment."""
+
+
+class ApproveCandidate(OnSubject, tag=True):
+    policy: ReleasePolicy
+
+
+class RejectCandidate(OnSubject, tag=True):
+    pass
+
+
+class AuthoriseRelease(OnSubject, tag=True):
+    """`proven`: the digest of the rollback target as it was loaded and encoded again just now."""
+
+    policy: ReleasePolicy
+    rollback: Digest
+    proven: Digest
+
+
+class ExpireAuthorisation(Command, tag=True):
+    pass
+
+
+class BeginCanary(OnSubject, tag=True):
+    """The release itself: new missions of one robot, one at a time, are pinned to it.
+
+    `policy` is the one that holds now; an authorisation under another one still has to satisfy it.
+
+    `recent`: the metric in the baseline's own latest missions on that robot; the canary is compared with them.
+    """
+
+    robot_id: RobotId
+    policy: ReleasePolicy
+    recent: tuple[float, ...] = ()
+
+
+class RecordCanaryMission(Command, tag=True):
+    measured: CanaryMission
+
+
+class AdjudicateCanaryMission(Word, tag=True):
+    mission_id: MissionId
+    finding: Finding
+    policy: ReleasePolicy
+
+
+class PromoteCandidate(Command, tag=True):
+    """The canary is over and did not speak against it."""
+
+
+class RollBack(Word, tag=True):
+    pass
+
+
+class WithdrawCandidate(Word, tag=True):
+    pass
+
+
+CandidateCommand = (
+    ProposeCandidate
+    | BeginEvaluation
+    | RecordEvaluation
+    | OpenReview
+    | RequestChanges
+    | RecallReview
+    | AddComment
+    | ApproveCandidate
+    | RejectCandidate
+    | AuthoriseRelease
+    | ExpireAuthorisation
+    | BeginCanary
+    | RecordCanaryMission
+    | AdjudicateCanaryMission
+    | PromoteCandidate
+    | RollBack
+    | WithdrawCandidate
+)
+
+
+# pointer ------------------------------------------------------------------------------------------------------------
+
+
+class OpenPointer(Command, tag=True):
+    """The first version is what the program ships."""
+
+    configuration: Digest
+    actor: Actor
+
+
+class Confirm(Command, tag=True):
+    """Changes nothing: refuses unless what the other command of this transaction rests on still holds."""
+
+    baseline: Digest | None = None
+    policy: ReleasePolicy | None = None
+    configuration: Digest | None = None
+
+
+class MovePointer(Command, tag=True):
+    """`canary` begins on `robot_id`; `released`, `rolled_back` and `withdrawn` end it, for this candidate alone.
+
+    `configuration` is the candidate's, `rollback` where it goes back to. `rolled_back` quarantines the former.
+    """
+
+    cause: Literal["canary", "released", "rolled_back", "withdrawn"]
+    candidate: Digest
+    configuration: Digest
+    rollback: Digest
+    actor: Actor
+    reason: Sentence
+    robot_id: RobotId | None = None
+
+
+class SavePolicy(Word, tag=True):
+    """`reviewers` and `releasers`: the people who hold these roles now. A policy nobody can meet is refused."""
+
+    policy: ReleasePolicy
+    reviewers: tuple[Name, ...]
+    releasers: tuple[Name, ...]
+
+
+class CountLook(Command, tag=True):
+    """A held-out look that an evaluation took, with what it spent."""
+
+    candidate: Digest
+    terms: Digest
+    answer: HeldOutAnswer
+
+
+class RecordUptake(Command, tag=True):
+    worker: Name
+    revision: Count
+
+
+class RetireVersion(Word, tag=True):
+    """`pinned`: unfinished missions that run under it."""
+
+    configuration: Digest
+    pinned: tuple[MissionId, ...]
+
+
+PointerCommand = OpenPointer | Confirm | MovePointer | SavePolicy | CountLook | RecordUptake | RetireVersion

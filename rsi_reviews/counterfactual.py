@@ -1,0 +1,266 @@
+"""Which stored decisions would have come out otherwise under a candidate. Touches no robot; starts nothing.
+
+Every decision is derived again from what was stored with it: the routing question, the contexts, the failures. Up to a
+mission's first difference this is what would have happened; after it, the mission would have gone another way.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any, Literal, TypeVar
+
+from msgspec.structs import replace
+
+from harness.contexts.recovery import LadderState
+from harness.contracts.configuration import Configuration
+from harness.contracts.contexts import Context, ContextRecord
+from harness.contracts.decider import Codec
+from harness.contracts.errors import HarnessError, UnknownName
+from harness.contracts.events import (
+    ContractCompiled,
+    DispatchIntended,
+    HandoffRequested,
+    MissionCreated,
+    MissionEvent,
+    NodeFailed,
+    NodePlanned,
+    RecoveryAuthorised,
+    VerdictRecorded,
+)
+from harness.contracts.ids import Digest, MissionId, NodeId
+from harness.contracts.ports import StoredEvent
+from harness.contracts.proposals import RecoveryProposal
+from harness.contracts.values import Count, Value, decode
+from harness.planning.planner import plan
+from harness.recovery.ladder import recover
+from harness.routing.question import RoutingQuestion
+from harness.runtime import Runtime
+
+T = TypeVar("T")
+Kind = Literal["routing", "recovery", "wait", "timeout", "context", "plan"]
+KINDS: tuple[Kind, ...] = ("routing", "recovery", "wait", "timeout", "context", "plan")
+_CODEC: Codec[MissionEvent] = Codec(MissionEvent)
+
+
+class Difference(Value):
+    """One decision that would differ: where it stands in the log, and what it was and would be."""
+
+    position: Count
+    kind: Kind
+    node_id: str
+    before: str
+    after: str
+
+
+class MissionCounterfactual(Value):
+    """One mission: decisions derived again by kind, those that differ, and those whose records cannot be read."""
+
+    mission_id: MissionId
+    template: str
+    status: str
+    derived: dict[Kind, Count]
+    differences: tuple[Difference, ...]
+    unreadable: tuple[str, ...] = ()
+
+
+class Counterfactual(Value):
+    """All missions that were looked at, oldest first, under one configuration."""
+
+    configuration: Digest
+    missions: tuple[MissionCounterfactual, ...]
+
+    @property
+    def differing(self) -> tuple[MissionCounterfactual, ...]:
+        """Missions with a difference."""
+        return tuple(mission for mission in self.missions if mission.differences)
+
+
+def counterfactual(
+    runtime: Runtime, configuration: Configuration, missions: Iterable[MissionId] | None = None
+) -> Counterfactual:
+    """Derive the decisions of these missions again, of all stored ones without a list. Raises UnknownName."""
+    every = [MissionId(stream.partition("/")[2]) for stream in runtime.streams("mission/")]
+    chosen = every if missions is None else list(missions)
+    return Counterfactual(
+        configuration=configuration.configuration_id,
+        missions=tuple(_mission(runtime, configuration, mission_id) for mission_id in chosen),
+    )
+
+
+def _mission(runtime: Runtime, configuration: Configuration, mission_id: MissionId) -> MissionCounterfactual:
+    stored = runtime.events(mission_id)
+    if not stored:
+        raise UnknownName(f"There is no mission {mission_id}", do="list them with `regen mission list`")
+    again = _Again(runtime, configuration)
+    differences: list[Difference] = []
+    unreadable: list[str] = []
+    template = ""
+    for one in stored:
+        event = _CODEC.decode(one)
+        if isinstance(event, MissionCreated):
+            template = event.template
+        try:
+            differences += again.differences(one, event)
+        except HarnessError as error:
+            unreadable.append(f"position {one.position}: {error}")
+    return MissionCounterfactual(
+        mission_id=mission_id,
+        template=template,
+        status=runtime.mission(mission_id).status,
+        derived=again.derived,
+        differences=tuple(differences),
+        unreadable=tuple(unreadable),
+    )
+
+
+@dataclass
+class _Again:
+    """One mission's decisions under the other configuration."""
+
+    runtime: Runtime
+    configuration: Configuration
+
+    def __post_init__(self) -> None:
+        self.derived: dict[Kind, int] = dict.fromkeys(KINDS, 0)
+        self._template = ""
+        self._timeouts: dict[str, float] = {}
+
+    def differences(self, stored: StoredEvent, event: MissionEvent) -> Iterator[Difference]:
+        """Differences of one event. Raises HarnessError if a record it rests on cannot be read."""
+        match event:
+            case MissionCreated(template=template):
+                self._template = template
+            case ContractCompiled(contract=contract):
+                self._timeouts = {node.node_id: node.timeout_s for node in contract.nodes}
+            case NodePlanned():
+                yield from self._plan(stored, event)
+            case DispatchIntended():
+                yield from self._timeout(stored, event)
+                yield from self._routing(stored, event)
+                yield from self._shown(stored, event.context, node_id=event.node_id)
+            case VerdictRecorded(verdict=verdict):
+                yield from self._shown(stored, verdict.context, node_id=None)
+            case RecoveryAuthorised() | HandoffRequested() | NodeFailed():
+                yield from self._recovery(stored, event)
+            case _:
+                return
+
+    def _plan(self, stored: StoredEvent, event: NodePlanned) -> Iterator[Difference]:
+        c1 = self._stored(event.context, Context)
+        yield from self._shown(stored, event.context, node_id=event.node_id)
+        self.derived["plan"] += 1
+        before, after = plan(c1).node_id, plan(self._narrowed(c1)).node_id
+        if before != after:
+            yield _difference(stored, "plan", event.node_id, before=before or "nothing", after=after or "nothing")
+
+    def _routing(self, stored: StoredEvent, event: DispatchIntended) -> Iterator[Difference]:
+        """The same question under other weights, and under the other timeout that latency is measured by."""
+        if event.question is None:
+            return
+        question = self._stored(event.question, RoutingQuestion)
+        node = question.need.node
+        need = replace(question.need, node=replace(node, timeout_s=self._timeout_of(node.node_id) or node.timeout_s))
+        other = replace(question, need=need, preferences=self.configuration.routing)
+        self.derived["routing"] += 1
+        before, after = question.answer().chosen, other.answer().chosen
+        if before != after:
+            yield _difference(stored, "routing", event.node_id, before=before or "nobody", after=after or "nobody")
+
+    def _timeout(self, stored: StoredEvent, event: DispatchIntended) -> Iterator[Difference]:
+        if event.verify_only:
+            return
+        self.derived["timeout"] += 1
+        before, after = self._timeouts.get(event.node_id), self._timeout_of(event.node_id)
+        if before is not None and after is not None and before != after:
+            yield _difference(stored, "timeout", event.node_id, before=f"{before:g} s", after=f"{after:g} s")
+
+    def _recovery(
+        self, stored: StoredEvent, event: RecoveryAuthorised | HandoffRequested | NodeFailed
+    ) -> Iterator[Difference]:
+        if event.context is None:
+            return
+        c4 = self._stored(event.context, Context)
+        other = self._narrowed(self._on_other_ladder(c4))
+        self.derived["recovery"] += 1
+        before, after = recover(c4), recover(other)
+        if _words(before) != _words(after):
+            yield _difference(stored, "recovery", event.node_id, before=_words(before), after=_words(after))
+        elif before.action == "wait":
+            yield from self._wait(stored, c4, event.node_id)
+        yield from self._shown(stored, event.context, node_id=event.node_id)
+
+    def _wait(self, stored: StoredEvent, c4: Context, node_id: NodeId) -> Iterator[Difference]:
+        ladder = c4.one("ladder")
+        if ladder is None:
+            return
+        self.derived["wait"] += 1
+        before, after = ladder.read(LadderState).wait_s, self.configuration.recovery.wait_s
+        if before != after:
+            yield _difference(stored, "wait", node_id, before=f"{before:g} s", after=f"{after:g} s")
+
+    def _shown(self, stored: StoredEvent, name: Digest, *, node_id: NodeId | None) -> Iterator[Difference]:
+        """Which records the role would have been shown; those withheld for the budget are known by kind only."""
+        context = self._stored(name, Context)
+        other = self._narrowed(context)
+        self.derived["context"] += 1
+        budget = self._budget(context)
+        waiting = [one.kind for one in context.withheld if one.reason == "budget"]
+        room = max(0, budget - len(other.records))
+        lost = [one.kind for one in context.records if one not in other.records]
+        gained = waiting[-room:] if room else []
+        if lost or gained:
+            change = [f"without {kind}" for kind in lost] + [f"with {kind}" for kind in gained]
+            before = f"{context.role}: {len(context.records)} records"
+            yield _difference(
+                stored, "context", node_id or "", before=before, after=f"{context.role}: {', '.join(change)}"
+            )
+
+    def _narrowed(self, context: Context) -> Context:
+        """The context under the candidate's context rules, as far as they take something away."""
+        least = self.configuration.context_rules.minimum_confidence
+        records = [one for one in context.records if one.confidence >= least]
+        excess = len(records) - self._budget(context)
+        optional = sorted((one for one in records if not one.mandatory), key=lambda one: one.at_s)
+        dropped = optional[:excess] if excess > 0 else []
+        return replace(context, records=tuple(one for one in records if not any(one is other for other in dropped)))
+
+    def _on_other_ladder(self, c4: Context) -> Context:
+        return replace(c4, records=tuple(self._climbed(record) for record in c4.records))
+
+    def _climbed(self, record: ContextRecord) -> ContextRecord:
+        if record.kind != "ladder":
+            return record
+        policy, state = self.configuration.recovery, record.read(LadderState)
+        value: dict[str, Any] = {
+            **record.value,
+            "rungs": list(policy.ladders.get(state.failure, ("human",))),
+            "approval_share": policy.approval_share,
+            "wait_s": policy.wait_s,
+        }
+        return replace(record, value=value)
+
+    def _budget(self, context: Context) -> int:
+        rules = self.configuration.context_rules
+        budgets = {
+            "planner": rules.c1_items,
+            "skill": rules.c2_items,
+            "verifier": rules.c3_items,
+            "recovery": rules.c4_items,
+        }
+        return budgets[context.role]
+
+    def _timeout_of(self, node_id: str) -> float | None:
+        """The candidate's timeout of a stage of this mission's template, as far as it has such a stage."""
+        nodes = [node for one in self.configuration.templates if one.name == self._template for node in one.nodes]
+        found = next((node for node in nodes if node.get("node_id") == node_id), None)
+        return float(found["timeout_s"]) if found is not None else None
+
+    def _stored(self, name: Digest, kind: type[T]) -> T:
+        return decode(self.runtime.record(name).body, kind)
+
+
+def _words(proposal: RecoveryProposal) -> str:
+    return f"{proposal.action} by {proposal.provider_id}" if proposal.provider_id else proposal.action
+
+
+def _difference(stored: StoredEvent, kind: Kind, node_id: str, *, before: str, after: str) -> Difference:
+    return Difference(position=stored.position, kind=kind, node_id=node_id, before=before, after=after)

@@ -1,0 +1,19 @@
+"""What goes wrong at the review desk, as one branch of the harness's tree.
+
+HarnessError
+└── CandidateInvalid     a candidate or manifest from outside cannot be read, or is no configuration
+
+A candidate that can be read and may not be released is refused, which is a value (`decisions.Refused`).
+"""
+
+from harness.contracts.errors import ContractInvalid
+
+
+class CandidateInvalid(ContractInvalid):
+    """A candidate or a manifest from outside cannot be read. `rule` is the slug of what it breaks."""
+
+    code = "candidate_invalid"
+
+    def __init__(self, what: str, *, rule: str, where: str = "", do: str = "") -> None:
+        super().__init__(what, where=where, do=do)
+        self.rule = rule

@@ -1,0 +1,190 @@
+"""Pure: what one mission came to under one arm, and what many of them prove: counts with exact bounds, means with
+bootstrap intervals."""
+
+import hashlib
+import math
+from collections.abc import Callable, Sequence
+
+import msgspec
+import numpy as np
+
+from harness.contracts.values import Count, Name, NonNegative, Value
+
+LEVEL = 0.95
+DRAWS = 2000
+STEPS = 200
+
+
+class MissionRow(Value):
+    """One mission of one cell, as the adjudicator and the clock saw it. Times in mission seconds, CPU in seconds.
+
+    `recovery`: how it ended once something had to be recovered: not needed, recovered, false success, handed off,
+    failed, and, where nobody declared what was truly done, missed.
+    """
+
+    arm: Name
+    condition: Name
+    mission: Name
+    seed: int
+    status: Name
+    success: bool
+    truly_done: bool
+    declared: bool
+    contract_false: Count
+    epistemic_false: Count
+    unsupported: Count
+    duplicate_starts: Count
+    false_rejections: Count
+    missed: bool
+    handoffs: Count
+    spent: Count
+    recovery: Name
+    claims: Count
+    starts: Count
+    mission_s: NonNegative
+    cpu_s: NonNegative
+    notes: tuple[str, ...] = ()
+
+
+class Interval(Value):
+    """A figure with its 95 % interval; `n` is how many missions it rests on."""
+
+    value: float
+    low: float
+    high: float
+    n: Count
+
+
+class Cell(Value):
+    """One row of the published tables: an arm under a condition. Rates are shares of missions.
+
+    Rates have Clopper-Pearson intervals, `success_wilson` Wilson's as well; `_mean` figures have percentile bootstrap
+    intervals. `command` runs the row again.
+    """
+
+    arm: Name
+    condition: Name
+    n: Count
+    success: Interval
+    success_wilson: Interval
+    contract_false: Interval
+    epistemic_false: Interval
+    duplicate_starts: Interval
+    false_rejection: Interval
+    missed: Interval
+    handoff: Interval
+    unsupported: Interval
+    spent_mean: Interval
+    mission_s_mean: Interval
+    cpu_per_stage_s_mean: Interval
+    recovery: dict[str, int]
+    command: str
+    seeds: str
+
+
+def cell(rows: Sequence[MissionRow], *, command: str) -> Cell:
+    """One row of the tables; `rows` are of one arm and one condition."""
+    first, n = rows[0], len(rows)
+    ends: dict[str, int] = {}
+    for row in rows:
+        ends[row.recovery] = ends.get(row.recovery, 0) + 1
+
+    def rate(holds: Callable[[MissionRow], bool]) -> Interval:
+        return exact(sum(holds(row) for row in rows), n)
+
+    def mean(values: Callable[[MissionRow], float], name: str) -> Interval:
+        return bootstrap([values(row) for row in rows], key=f"{first.arm}/{first.condition}/{name}")
+
+    return Cell(
+        arm=first.arm,
+        condition=first.condition,
+        n=n,
+        success=rate(lambda row: row.success),
+        success_wilson=wilson(sum(row.success for row in rows), n),
+        contract_false=rate(lambda row: row.contract_false > 0),
+        epistemic_false=rate(lambda row: row.epistemic_false > 0),
+        duplicate_starts=rate(lambda row: row.duplicate_starts > 0),
+        false_rejection=rate(lambda row: row.false_rejections > 0),
+        missed=rate(lambda row: row.missed),
+        handoff=rate(lambda row: row.handoffs > 0),
+        unsupported=rate(lambda row: row.unsupported > 0),
+        spent_mean=mean(lambda row: float(row.spent), "spent"),
+        mission_s_mean=mean(lambda row: row.mission_s, "mission_s"),
+        cpu_per_stage_s_mean=mean(lambda row: row.cpu_s / max(row.starts, 1), "cpu"),
+        recovery=dict(sorted(ends.items())),
+        command=command,
+        seeds=f"{min(row.seed for row in rows)}..{max(row.seed for row in rows)}",
+    )
+
+
+def exact(count: int, n: int, *, level: float = LEVEL) -> Interval:
+    """A share with its two-sided Clopper-Pearson interval; of nothing, everything is possible."""
+    if not 0 <= count <= n:
+        raise ValueError(f"{count} of {n} is no count")
+    if not n:
+        return Interval(value=0.0, low=0.0, high=1.0, n=0)
+    tail = (1.0 - level) / 2.0
+    low = 0.0 if not count else _solved(lambda p: 1.0 - cumulative(count - 1, n, p), tail, rising=True)
+    high = 1.0 if count == n else _solved(lambda p: cumulative(count, n, p), tail, rising=False)
+    return Interval(value=count / n, low=low, high=high, n=n)
+
+
+def wilson(count: int, n: int) -> Interval:
+    """A share with Wilson's score interval at 95 %."""
+    if not n:
+        return Interval(value=0.0, low=0.0, high=1.0, n=0)
+    z, share = 1.959963984540054, count / n
+    scale = 1.0 + z * z / n
+    middle = (share + z * z / (2 * n)) / scale
+    half = z / scale * math.sqrt(share * (1.0 - share) / n + z * z / (4 * n * n))
+    return Interval(value=share, low=max(0.0, middle - half), high=min(1.0, middle + half), n=n)
+
+
+def bootstrap(values: Sequence[float], *, key: str, level: float = LEVEL) -> Interval:
+    """A mean with its percentile bootstrap interval; the draws depend on `key` and nothing else."""
+    if not values:
+        return Interval(value=0.0, low=0.0, high=0.0, n=0)
+    sample = np.asarray(values, dtype=float)
+    seed = int.from_bytes(hashlib.sha256(key.encode()).digest()[:8])
+    picks = _picks(seed, len(sample))
+    means = sample[picks].mean(axis=1)
+    tail = 100.0 * (1.0 - level) / 2.0
+    low, high = np.percentile(means, [tail, 100.0 - tail])
+    return Interval(value=float(sample.mean()), low=float(low), high=float(high), n=len(sample))
+
+
+def cumulative(count: int, n: int, share: float) -> float:
+    """P(X <= count) of a binomial, exactly."""
+    if share <= 0.0:
+        return 1.0
+    if share >= 1.0:
+        return 1.0 if count >= n else 0.0
+    logs = (
+        math.lgamma(n + 1) - math.lgamma(k + 1) - math.lgamma(n - k + 1)
+        + k * math.log(share) + (n - k) * math.log1p(-share)
+        for k in range(count + 1)
+    )  # fmt: skip
+    return min(1.0, math.fsum(math.exp(one) for one in logs))
+
+
+def _solved(function: Callable[[float], float], value: float, *, rising: bool) -> float:
+    low, high = 0.0, 1.0
+    for _ in range(STEPS):
+        middle = 0.5 * (low + high)
+        below = function(middle) < value
+        low, high = (middle, high) if below == rising else (low, middle)
+    return 0.5 * (low + high)
+
+
+def _picks(seed: int, n: int) -> "np.ndarray[tuple[int, int], np.dtype[np.int64]]":
+    """DRAWS times n indices below n, from a counter hashed with the seed: no generator is asked."""
+    counters = np.arange(DRAWS * n, dtype=np.uint64) + np.uint64(seed)
+    mixed = (counters ^ (counters >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    mixed ^= mixed >> np.uint64(31)
+    return (mixed % np.uint64(n)).astype(np.int64).reshape(DRAWS, n)
+
+
+def encoded(row: MissionRow) -> bytes:
+    """One line of the results file."""
+    return msgspec.json.encode(row)

@@ -1,0 +1,222 @@
+"""Runs the cells of the protocol on local processes, judges every mission from outside, and keeps what is finished.
+
+A run that breaks off loses nothing: finished missions stand in a file of lines and are not run again.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from harness.contracts.errors import ContractInvalid, StoreUnavailable
+from harness.contracts.ids import Digest, sha256
+from harness.contracts.values import Count, Name, Value, encode
+from rsi_reviews.evaluation.adjudicator import adjudicate
+from rsi_reviews.evaluation.arms import ARMS, Case, run
+from rsi_reviews.evaluation.measures import MissionRow
+from rsi_reviews.evaluation.missions import CONDITIONS, MISSIONS
+
+CHUNK = 10
+AHEAD = 4
+STRIDE = 1_000_000
+NOTES, NOTE_CHARS = 4, 200
+ROOT = Path(__file__).resolve().parents[2]
+Key = tuple[str, str, str, int]
+
+
+class Ask(Value):
+    """What to run: `missions` per cell, from `seed`, these arms under these conditions."""
+
+    missions: Count
+    seed: Count
+    arms: tuple[Name, ...] = tuple(one.name for one in ARMS)
+    conditions: tuple[Name, ...] = tuple(one.name for one in CONDITIONS)
+
+
+class Heading(Value):
+    """The first line of a results file: what its lines belong to."""
+
+    code: Digest
+    seed: Count
+
+
+def cases(ask: Ask) -> list[Case]:
+    """Every mission of the protocol. Number n of every cell has the same seed and contract: cells are paired."""
+    chosen = [one for one in CONDITIONS if one.name in ask.conditions]
+    return [
+        Case(arm=arm, condition=condition, mission=MISSIONS[n % len(MISSIONS)], seed=ask.seed * STRIDE + n)
+        for n in range(ask.missions)
+        for condition in chosen
+        for arm in ask.arms
+    ]
+
+
+def judged(case: Case) -> MissionRow:
+    """Run one case, and let the adjudicator judge it. An arm that breaks has declared nothing; its row says why."""
+    try:
+        went = run(case)
+    except Exception as error:  # noqa: BLE001 - whatever leaves an arm is that arm's result
+        return _broken(case, f"{type(error).__name__}: {error}")
+    verdict = adjudicate(went.story)
+    return MissionRow(
+        arm=case.arm,
+        condition=case.condition.name,
+        mission=case.mission,
+        seed=case.seed,
+        status=went.status,
+        success=verdict["success"],
+        truly_done=verdict["truly_done"],
+        declared=verdict["declared"],
+        contract_false=len(verdict["contract_false"]),
+        epistemic_false=len(verdict["epistemic_false"]),
+        unsupported=len(verdict["unsupported"]),
+        duplicate_starts=len(verdict["duplicate_starts"]),
+        false_rejections=len(verdict["false_rejections"]),
+        missed=verdict["missed"],
+        handoffs=went.handoffs,
+        spent=went.spent,
+        recovery=_recovery(verdict, went.spent, went.handoffs),
+        claims=verdict["claims"],
+        starts=verdict["starts"],
+        mission_s=went.mission_s,
+        cpu_s=went.cpu_s,
+        notes=_notes(verdict),
+    )
+
+
+def _broken(case: Case, why: str) -> MissionRow:
+    return MissionRow(
+        arm=case.arm,
+        condition=case.condition.name,
+        mission=case.mission,
+        seed=case.seed,
+        status="broken",
+        success=False,
+        truly_done=False,
+        declared=False,
+        contract_false=0,
+        epistemic_false=0,
+        unsupported=0,
+        duplicate_starts=0,
+        false_rejections=0,
+        missed=False,
+        handoffs=0,
+        spent=0,
+        recovery="broken",
+        claims=0,
+        starts=0,
+        mission_s=0.0,
+        cpu_s=0.0,
+        notes=(why[:NOTE_CHARS],),
+    )
+
+
+def _recovery(verdict: dict[str, Any], spent: int, handoffs: int) -> str:
+    """How it ended, apart from nominal success (R232)."""
+    if verdict["false_success"]:
+        return "false success"
+    if handoffs:
+        return "handed off"
+    if not verdict["declared"]:
+        return "missed" if verdict["truly_done"] else "failed"
+    return "recovered" if spent or verdict["rejections"] else "not needed"
+
+
+def _notes(verdict: dict[str, Any]) -> tuple[str, ...]:
+    """The adjudicator's own sentences on what must not be."""
+    found = (*verdict["contract_false"], *verdict["epistemic_false"], *verdict["duplicate_starts"])
+    return tuple(sentence[:NOTE_CHARS] for sentence in found[:NOTES])
+
+
+def rows(
+    ask: Ask, *, processes: int, kept: Path | None, told: Callable[[int, int], None] = lambda done, of: None
+) -> list[MissionRow]:
+    """All missions of the ask, in the order of `cases`; finished ones are taken from `kept`, fresh ones added to it.
+
+    `told` hears how many are done. Raises ContractInvalid if `kept` belongs to other code or another seed,
+    StoreUnavailable if workers cannot be kept alive.
+    """
+    wanted = cases(ask)
+    done = _kept(kept, ask) if kept else {}
+    waiting = [case for case in wanted if _key(case) not in done]
+    told(len(wanted) - len(waiting), len(wanted))
+    for fresh in _run(waiting, processes=processes):
+        done.update((_key(row), row) for row in fresh)
+        if kept is not None:
+            _add(kept, fresh)
+        told(sum(1 for case in wanted if _key(case) in done), len(wanted))
+    return [done[_key(case)] for case in wanted]
+
+
+def _run(waiting: Sequence[Case], *, processes: int) -> Iterator[list[MissionRow]]:
+    chunks = [list(waiting[start : start + CHUNK]) for start in range(0, len(waiting), CHUNK)]
+    if processes < 2 or len(chunks) < 2:
+        yield from map(_chunk, chunks)
+        return
+    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+        try:
+            yield from _spread(pool, chunks, ahead=processes * AHEAD)
+        except BrokenProcessPool as error:
+            raise StoreUnavailable(
+                "A worker process ended without a word", where="--processes", do="run again: finished missions are kept"
+            ) from error
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _spread(pool: ProcessPoolExecutor, chunks: Iterable[list[Case]], *, ahead: int) -> Iterator[list[MissionRow]]:
+    open_ones: set[Future[list[MissionRow]]] = set()
+    for chunk in chunks:
+        open_ones.add(pool.submit(_chunk, chunk))
+        if len(open_ones) >= ahead:
+            finished, open_ones = wait(open_ones, return_when=FIRST_COMPLETED)
+            yield from (one.result() for one in finished)
+    yield from (one.result() for one in open_ones)
+
+
+def _chunk(chunk: list[Case]) -> list[MissionRow]:
+    return [judged(case) for case in chunk]
+
+
+def _key(one: Case | MissionRow) -> Key:
+    condition = one.condition if isinstance(one, MissionRow) else one.condition.name
+    return (one.arm, condition, one.mission, one.seed)
+
+
+def _kept(file: Path, ask: Ask) -> dict[Key, MissionRow]:
+    heading = Heading(code=code(), seed=ask.seed)
+    if not file.exists():
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(encode(heading) + b"\n")
+        return {}
+    first, *lines = file.read_bytes().splitlines()
+    if first != encode(heading):
+        raise ContractInvalid(
+            "The kept missions were run by other code or from another seed",
+            where=str(file),
+            do="move the file away, or name another one with --kept",
+        )
+    found = {}
+    for line in lines:
+        try:
+            row = msgspec.json.decode(line, type=MissionRow)
+        except msgspec.MsgspecError:
+            continue
+        found[_key(row)] = row
+    return found
+
+
+def _add(file: Path, fresh: Iterable[MissionRow]) -> None:
+    with file.open("ab") as out:
+        out.write(b"".join(encode(row) + b"\n" for row in fresh))
+
+
+def code() -> Digest:
+    """SHA-256 over the sources that a result depends on: the harness and this package, in order of their paths."""
+    folders = (ROOT / "harness", ROOT / "rsi_reviews" / "evaluation")
+    files = sorted(path for folder in folders for path in folder.rglob("*") if path.suffix in (".py", ".yaml"))
+    return sha256(b"".join(path.read_bytes() for path in files))

@@ -1,0 +1,119 @@
+"""Pure: one change in the few words a model may use. Strict: another shape, another key or prose is a typed refusal."""
+
+from collections.abc import Callable
+from typing import Annotated, Literal
+
+import msgspec
+
+from harness.contracts.configuration import Configuration, FailureClass, RecoveryAction
+from harness.contracts.values import Name, NonNegative, Positive, Value
+from rsi_reviews.contracts import Metric, Motive, Section, Sentence
+from rsi_reviews.errors import CandidateInvalid
+from rsi_reviews.generate.changes import Change, motives, with_ladder, with_node, with_wait, with_weight
+from rsi_reviews.generate.trace import MissionTrace, Trace
+
+LONGEST_ANSWER = 20_000
+ANSWER_SHAPE = (
+    '{"change": {"kind": "ladder", "failure": "...", "ladder": ["...", "human"]} or {"kind": "wait", "wait_s": 0} or '
+    '{"kind": "weight", "name": "...", "value": 0} or {"kind": "timeout", "template": "...", "node_id": "...", '
+    '"timeout_s": 0}, "reason": "...", "intended_effect": "...", "metric": "recovery_cost" or "mission_s", '
+    '"smallest_effect": 0.05}'
+)
+Weight = Literal["success", "risk", "uncertainty", "latency", "cost", "history", "history_half_life"]
+
+
+class NewLadder(Value, tag_field="kind", tag="ladder"):
+    """Another ladder for one failure class."""
+
+    failure: FailureClass
+    ladder: Annotated[tuple[RecoveryAction, ...], msgspec.Meta(min_length=1, max_length=8)]
+
+
+class NewWait(Value, tag_field="kind", tag="wait"):
+    """Another wait."""
+
+    wait_s: Positive
+
+
+class NewWeight(Value, tag_field="kind", tag="weight"):
+    """Another routing weight."""
+
+    name: Weight
+    value: NonNegative
+
+
+class NewTimeout(Value, tag_field="kind", tag="timeout"):
+    """Another timeout of one stage."""
+
+    template: Name
+    node_id: Name
+    timeout_s: Positive
+
+
+class Said(Value):
+    """The whole answer."""
+
+    change: NewLadder | NewWait | NewWeight | NewTimeout
+    reason: Sentence
+    intended_effect: Sentence
+    metric: Metric
+    smallest_effect: Positive
+
+
+def read_answer(text: str, current: Configuration, trace: Trace) -> Change:
+    """The change that an answer states. Raises CandidateInvalid: too long, no JSON object, or of another shape."""
+    if len(text) > LONGEST_ANSWER:
+        raise _refused(f"The answer has {len(text)} characters, at most {LONGEST_ANSWER} are read", "too_large")
+    try:
+        said = msgspec.json.decode(text, type=Said, strict=True)
+    except msgspec.ValidationError as error:
+        rule = "unknown_key" if "unknown field" in str(error) else "wrong_type"
+        raise _refused(f"The answer has another shape: {error}", rule) from error
+    except msgspec.DecodeError as error:
+        raise _refused(f"The answer is not JSON: {error}", "not_json") from error
+    section, configuration = _changed(said, current)
+    return Change(
+        section=section,
+        configuration=configuration,
+        reason=said.reason,
+        intended=said.intended_effect,
+        metric=said.metric,
+        smallest_effect=said.smallest_effect,
+        worth=0.0,
+        motives=_motives(said, trace),
+    )
+
+
+def _changed(said: Said, current: Configuration) -> tuple[Section, Configuration]:
+    match said.change:
+        case NewLadder(failure=failure, ladder=ladder):
+            return "recovery", with_ladder(current, failure, ladder)
+        case NewWait(wait_s=wait_s):
+            return "recovery", with_wait(current, wait_s)
+        case NewWeight(name=name, value=value):
+            return "routing", with_weight(current, **{name: value})
+        case NewTimeout(template=template, node_id=node_id, timeout_s=timeout_s):
+            names = {(one.name, node.get("node_id")) for one in current.templates for node in one.nodes}
+            if (template, node_id) not in names:
+                raise _refused(f"There is no stage {node_id} in a template {template}", "unknown_name")
+            return "templates", with_node(
+                current, template=template, node_id=node_id, edit=lambda node: {**node, "timeout_s": timeout_s}
+            )
+
+
+def _motives(said: Said, trace: Trace) -> tuple[Motive, ...]:
+    """The missions whose records are about what is changed; for weights and waits, those that failed at all."""
+    wanted: dict[str, Callable[[str], bool]] = {
+        "ladder": lambda failure: failure == getattr(said.change, "failure", ""),
+        "timeout": lambda failure: failure == "timeout",
+    }
+    about = wanted.get(said.change.__struct_config__.tag, lambda failure: True)  # type: ignore[arg-type]
+
+    def positions(mission: MissionTrace) -> list[int]:
+        return [one.position for one in mission.failures if about(one.failure)]
+
+    return motives(trace, positions)
+
+
+def _refused(what: str, rule: str) -> CandidateInvalid:
+    return CandidateInvalid(what, rule=rule, where="model's answer", do="ask again, or write the change by hand")

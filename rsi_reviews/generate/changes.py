@@ -1,0 +1,89 @@
+"""Pure: one reasoned change to a configuration, and the candidate it becomes. What is allowed is decided later."""
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from msgspec.structs import replace
+
+from harness.contracts.configuration import Configuration, FailureClass, RecoveryAction
+from harness.contracts.values import Value
+from rsi_reviews.contracts import BETTER, Author, Candidate, Manifest, Metric, Motive, Section
+from rsi_reviews.generate.trace import MissionTrace, Trace
+
+Ladder = tuple[RecoveryAction, ...]
+LONGEST_REASON = 2000
+MOST_MOTIVES = 20
+
+
+class Change(Value):
+    """One change: the whole configuration after it, why, and by how much it should pay.
+
+    `worth` is the expected improvement per mission in recovery spends, whatever the metric, so that changes rank.
+    """
+
+    section: Section
+    configuration: Configuration
+    reason: str
+    intended: str
+    metric: Metric
+    smallest_effect: float
+    worth: float
+    motives: tuple[Motive, ...] = ()
+
+
+def candidate(change: Change, current: Configuration, *, author: Author) -> Candidate:
+    """The candidate with its manifest; what it replaces is what a rollback returns to."""
+    baseline = current.configuration_id
+    manifest = Manifest(
+        component=change.section,
+        reason=change.reason[:LONGEST_REASON],
+        intended_effect=change.intended[:LONGEST_REASON],
+        metric=change.metric,
+        direction=BETTER[change.metric],
+        smallest_effect=change.smallest_effect,
+        baseline=baseline,
+        rollback=baseline,
+        author=author,
+        motives=change.motives[:MOST_MOTIVES],
+    )
+    return Candidate(configuration=change.configuration, manifest=manifest, baseline=baseline)
+
+
+def with_ladder(current: Configuration, failure: FailureClass, ladder: Ladder) -> Configuration:
+    """The same configuration with another ladder for one failure class."""
+    recovery = replace(current.recovery, ladders={**current.recovery.ladders, failure: ladder})
+    return replace(current, recovery=recovery)
+
+
+def with_wait(current: Configuration, wait_s: float) -> Configuration:
+    """The same configuration that waits for so many seconds on a rung that waits."""
+    return replace(current, recovery=replace(current.recovery, wait_s=wait_s))
+
+
+def with_weight(current: Configuration, **weights: float) -> Configuration:
+    """The same configuration with other routing weights."""
+    return replace(current, routing=replace(current.routing, **weights))
+
+
+def with_items(current: Configuration, **items: int) -> Configuration:
+    """The same configuration with other item budgets of contexts."""
+    return replace(current, context_rules=replace(current.context_rules, **items))
+
+
+def with_node(
+    current: Configuration, *, template: str, node_id: str, edit: Callable[[dict[str, Any]], dict[str, Any]]
+) -> Configuration:
+    """The same configuration with one stage of one template edited."""
+    templates = tuple(
+        replace(one, nodes=tuple(edit(node) if node.get("node_id") == node_id else node for node in one.nodes))
+        if one.name == template
+        else one
+        for one in current.templates
+    )
+    return replace(current, templates=templates)
+
+
+def motives(trace: Trace, positions: Callable[[MissionTrace], Iterable[int]]) -> tuple[Motive, ...]:
+    """The missions that lead to a change, each with the positions of the events that did."""
+    found = ((mission.mission_id, tuple(positions(mission))) for mission in trace.missions)
+    return tuple(Motive(mission_id=mission_id, positions=where) for mission_id, where in found if where)

@@ -1,0 +1,112 @@
+"""Pure: what the rungs of the recovery ladders achieved, and which one change of a ladder should pay.
+
+Costs count as the suite counts them: one per spending rung, the whole task budget for a question to a person.
+"""
+
+from collections.abc import Iterator, Sequence
+
+from harness.contracts.configuration import SPENDING, Configuration, FailureClass, RecoveryAction
+from harness.contracts.values import Value
+from harness.recovery.standing import OBSERVING
+from rsi_reviews.generate.changes import Change, Ladder, motives, with_ladder
+from rsi_reviews.generate.trace import MissionTrace, Rung, Trace
+from rsi_reviews.restrictions import LOCKED_LADDERS
+
+TASK_BUDGET = 8.0
+LEAST_EPISODES = 2
+SMALLEST_EFFECT = 0.05
+UNTRIED = 0.5
+"""How likely a rung helps that nobody has tried yet: nothing is known, so as likely as not."""
+LOOKED_AT: tuple[FailureClass, ...] = ("stale_evidence", "ambiguous", "target_not_found", "commit_rejected")
+"""Failures of evidence: looking again, or longer, is what can help."""
+MOVED: tuple[FailureClass, ...] = ("no_progress", "violated", "interrupted", "timeout")
+"""Failures of an execution: another provider can help."""
+
+
+class Tried(Value):
+    """One rung of one ladder: how often it was climbed, and how often the stage was accepted right after it."""
+
+    action: RecoveryAction
+    times: int
+    helped: int
+
+    @property
+    def chance(self) -> float:
+        """How likely it helps, with a Beta(1, 1) prior."""
+        return (self.helped + 1) / (self.times + 2)
+
+
+def ladder_changes(trace: Trace, current: Configuration) -> Iterator[Change]:
+    """Changes of single ladders that the rungs' own outcomes speak for."""
+    for failure, ladder in current.recovery.ladders.items():
+        episodes = _episodes(trace, failure)
+        if episodes < LEAST_EPISODES or failure in LOCKED_LADDERS or ladder[0] in ("stop", "safe_stop"):
+            continue
+        tried = {action: _tried(trace, failure, action) for action in (*ladder, *OBSERVING, "switch_skill", "retry")}
+        now = _expected(ladder, tried)
+        for other in _ladders(failure, ladder):
+            saved = now - _expected(other, tried)
+            if saved > 0:
+                yield _change(trace, current, failure=failure, ladder=other, saved=saved)
+
+
+def _episodes(trace: Trace, failure: FailureClass) -> int:
+    return sum(1 for mission in trace.missions for one in mission.failures if one.failure == failure)
+
+
+def _tried(trace: Trace, failure: FailureClass, action: RecoveryAction) -> Tried:
+    rungs = [one for one in _rungs(trace, failure) if one.action == action and one.came != "open"]
+    return Tried(action=action, times=len(rungs), helped=sum(1 for one in rungs if one.came == "committed"))
+
+
+def _rungs(trace: Trace, failure: FailureClass) -> list[Rung]:
+    return [rung for mission in trace.missions for rung in mission.rungs if rung.failure == failure]
+
+
+def _expected(ladder: Ladder, tried: dict[RecoveryAction, Tried]) -> float:
+    """Expected recovery cost of one episode on this ladder, rungs taken as independent."""
+    cost, left = 0.0, 1.0
+    for action in ladder:
+        if action == "human":
+            return cost + left * TASK_BUDGET
+        cost += left * (1.0 if action in SPENDING else 0.0)
+        one = tried.get(action)
+        left *= 1.0 - (one.chance if one is not None else UNTRIED)
+    return cost
+
+
+def _ladders(failure: FailureClass, ladder: Ladder) -> Sequence[Ladder]:
+    """Ladders one step away: a rung dropped, two neighbours swapped, a rung brought in front, a look added."""
+    rungs = ladder[:-1]
+    found: list[Ladder] = [rungs[:at] + rungs[at + 1 :] for at in range(len(rungs))]
+    found += [(*rungs[:at], rungs[at + 1], rungs[at], *rungs[at + 2 :]) for at in range(len(rungs) - 1)]
+    if failure in MOVED:
+        found.append(("switch_skill",))
+    if failure in LOOKED_AT:
+        found += [(look, *rungs) for look in OBSERVING] + [(*rungs, look) for look in OBSERVING]
+    return [(*other, "human") for other in dict.fromkeys(found) if other and other != rungs]
+
+
+def _change(trace: Trace, current: Configuration, *, failure: FailureClass, ladder: Ladder, saved: float) -> Change:
+    episodes, missions = _episodes(trace, failure), len(trace.missions)
+    told = "; ".join(_told(_tried(trace, failure, action)) for action in current.recovery.ladders[failure][:-1])
+    asked = sum(1 for mission in trace.missions for one in mission.handoffs if one.failure == failure)
+    old, new = " > ".join(current.recovery.ladders[failure]), " > ".join(ladder)
+    return Change(
+        section="recovery",
+        configuration=with_ladder(current, failure, ladder),
+        reason=f"{failure} came {episodes} times in {missions} missions; {told}; a person was asked {asked} times.",
+        intended=f"The ladder of {failure} goes {new} instead of {old}, which should save {saved:.2f} per episode.",
+        metric="recovery_cost",
+        smallest_effect=SMALLEST_EFFECT,
+        worth=saved * episodes / max(missions, 1),
+        motives=motives(trace, lambda mission: _positions(mission, failure)),
+    )
+
+
+def _told(tried: Tried) -> str:
+    return f"{tried.action} helped {tried.helped} of {tried.times} times"
+
+
+def _positions(mission: MissionTrace, failure: FailureClass) -> list[int]:
+    return [one.position for one in mission.failures if one.failure == failure]

@@ -1,0 +1,75 @@
+"""A person as a generator: an edited configuration, as JSON or YAML text, becomes a candidate like any other.
+
+The text is data from outside: strict, bounded and typed; whatever cannot be read is refused with the place in it.
+"""
+
+from harness.baseline.load import read_yaml
+from harness.contracts.configuration import Configuration
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.values import Positive, Value
+from rsi_reviews.candidates import read_configuration
+from rsi_reviews.contracts import BETTER, Author, Candidate, Manifest, Metric, Motive, Sentence
+from rsi_reviews.errors import CandidateInvalid
+from rsi_reviews.generate.interface import GenerationBudget
+from rsi_reviews.generate.trace import Trace
+from rsi_reviews.manifest import sections_changed
+
+
+class Intention(Value):
+    """What a person states with an edit."""
+
+    reason: Sentence
+    intended_effect: Sentence
+    metric: Metric = "recovery_cost"
+    smallest_effect: Positive = 0.05
+    motives: tuple[Motive, ...] = ()
+
+
+class PersonsEdit:
+    """Implements `Generator` with one edit. Nothing is read from the records; the reason is the person's own."""
+
+    def __init__(self, text: str, intention: Intention, *, who: str) -> None:
+        self._text, self._intention = text, intention
+        self.name = who
+
+    def propose(self, trace: Trace, current: Configuration, budget: GenerationBudget) -> tuple[Candidate, ...]:
+        """The edit as a candidate; none if it was proposed before. Raises CandidateInvalid for a text that is wrong."""
+        found = edited(self._text, current, self._intention, who=self.name)
+        return () if found.configuration.configuration_id in budget.seen else (found,)
+
+
+def edited(text: str, current: Configuration, intention: Intention, *, who: str) -> Candidate:
+    """The candidate of one edit. Raises CandidateInvalid: unreadable, unchanged, or more than one section changed."""
+    configuration = read_edit(text)
+    changed = sections_changed(current, configuration)
+    if len(changed) != 1:
+        raise CandidateInvalid(
+            f"The edit changes {', '.join(changed) or 'nothing'}",
+            rule="other_component" if changed else "no_change",
+            where="edit",
+            do="change exactly one of the four sections",
+        )
+    baseline = current.configuration_id
+    manifest = Manifest(
+        component=changed[0],
+        reason=intention.reason,
+        intended_effect=intention.intended_effect,
+        metric=intention.metric,
+        direction=BETTER[intention.metric],
+        smallest_effect=intention.smallest_effect,
+        baseline=baseline,
+        rollback=baseline,
+        author=Author(name=who, kind="person"),
+        motives=intention.motives,
+    )
+    return Candidate(configuration=configuration, manifest=manifest, baseline=baseline)
+
+
+def read_edit(text: str) -> Configuration:
+    """A configuration as a person's editor gives it: JSON if it begins with a brace, YAML else."""
+    if text.lstrip().startswith("{"):
+        return read_configuration(text.encode())
+    try:
+        return read_yaml(text, Configuration, where="edit")
+    except ContractInvalid as error:
+        raise CandidateInvalid(error.what, rule="not_readable", where=error.where, do=error.do) from error

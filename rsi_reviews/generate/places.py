@@ -1,0 +1,81 @@
+"""Pure: who achieved what where, and how much routing should heed it."""
+
+from collections import defaultdict
+from collections.abc import Iterator
+
+from harness.contracts.configuration import Configuration
+from harness.contracts.ids import ProviderId
+from harness.contracts.values import Value
+from rsi_reviews.generate.changes import Change, motives, with_weight
+from rsi_reviews.generate.ladders import SMALLEST_EFFECT
+from rsi_reviews.generate.trace import Execution, MissionTrace, Trace
+from rsi_reviews.restrictions import WEIGHT_CEILING
+
+LEAST = 4
+OFTEN = 0.4
+SELDOM = 0.25
+HEED = 2.5
+LEAST_WEIGHT = 1.0
+
+
+class Standing(Value):
+    """One provider at one place, for one capability: executions by itself, and how many were refuted."""
+
+    provider_id: ProviderId
+    worked: int
+    failed: int
+
+    @property
+    def share(self) -> float:
+        """The share that failed, with a Beta(1, 1) prior."""
+        return (self.failed + 1) / (self.worked + 2)
+
+
+def routing_changes(trace: Trace, current: Configuration) -> Iterator[Change]:
+    """More weight on history, where one provider often fails at a place and another does the same there."""
+    for (capability, place), standings in sorted(_standings(trace).items()):
+        worst = max(standings, key=lambda one: (one.share, one.provider_id))
+        best = min(standings, key=lambda one: (one.share, one.provider_id))
+        heed = min(WEIGHT_CEILING, max(LEAST_WEIGHT, HEED * current.routing.history))
+        if worst.worked < LEAST or worst.share < OFTEN or best.share > SELDOM or heed <= current.routing.history:
+            continue
+        yield Change(
+            section="routing",
+            configuration=with_weight(current, history=heed),
+            reason=f"At {place or 'no place'}, {worst.provider_id} failed {worst.failed} of {worst.worked} times to "
+            f"{capability}, {best.provider_id} {best.failed} of {best.worked} times.",
+            intended=f"Verified failures at a place weigh {heed:g} instead of {current.routing.history:g}.",
+            metric="recovery_cost",
+            smallest_effect=SMALLEST_EFFECT,
+            worth=worst.failed / len(trace.missions),
+            motives=motives(
+                trace,
+                lambda mission, worst=worst, place=place: _refuted(mission, worst.provider_id, place),  # type: ignore[misc]
+            ),
+        )
+
+
+def _standings(trace: Trace) -> dict[tuple[str, str], list[Standing]]:
+    counts: dict[tuple[str, str], dict[ProviderId, list[bool]]] = defaultdict(lambda: defaultdict(list))
+    for mission in trace.missions:
+        for one in mission.executions:
+            if _judged(one):
+                counts[(one.capability, one.place)][one.provider_id].append(one.verdict in ("violated", "unsafe"))
+    return {
+        where: [Standing(provider_id=who, worked=len(said), failed=sum(said)) for who, said in sorted(found.items())]
+        for where, found in counts.items()
+        if len(found) > 1
+    }
+
+
+def _judged(one: Execution) -> bool:
+    """Whether the verifier decided about the effect; ambiguous and stale say nothing about it (D23)."""
+    return not one.verify_only and one.verdict in ("satisfied", "violated", "unsafe")
+
+
+def _refuted(mission: MissionTrace, provider_id: ProviderId, place: str) -> list[int]:
+    return [
+        one.position
+        for one in mission.executions
+        if one.provider_id == provider_id and one.place == place and one.verdict in ("violated", "unsafe")
+    ]

@@ -1,0 +1,94 @@
+"""Pure: D_j in numbers, for a reader that must not be talked to: counts and durations, no free text of any mission."""
+
+from collections import Counter
+from collections.abc import Iterable
+
+from harness.contracts.configuration import FailureClass
+from harness.contracts.values import Value
+from rsi_reviews.generate.trace import Trace
+
+
+class RungCount(Value):
+    """How often a rung was climbed for a failure class, and how often the stage was accepted right after it."""
+
+    failure: FailureClass
+    action: str
+    times: int
+    helped: int
+
+
+class ProviderCount(Value):
+    """How often a provider worked at a place, how often its effect was refuted, and its longest accepted execution."""
+
+    provider_id: str
+    capability: str
+    place: str
+    worked: int
+    refuted: int
+    longest_accepted_s: float
+
+
+class Summary(Value):
+    """What missions recorded, added up. `handoffs` and `failures` count by failure class."""
+
+    missions: int
+    finished: int
+    mean_seconds: float
+    failures: dict[str, int]
+    handoffs: dict[str, int]
+    rejections: dict[str, int]
+    rungs: tuple[RungCount, ...]
+    providers: tuple[ProviderCount, ...]
+
+
+def summary(trace: Trace) -> Summary:
+    """Add up the records."""
+    missions = trace.missions
+    executions = [one for mission in missions for one in mission.executions]
+    return Summary(
+        missions=len(missions),
+        finished=sum(mission.status == "succeeded" for mission in missions),
+        mean_seconds=round(sum(mission.seconds for mission in missions) / max(len(missions), 1), 1),
+        failures=_counted(one.failure for mission in missions for one in mission.failures),
+        handoffs=_counted(one.failure for mission in missions for one in mission.handoffs),
+        rejections=_counted(one.rejected_by for one in executions if one.rejected_by),
+        rungs=_rungs(trace),
+        providers=_providers(trace),
+    )
+
+
+def _counted(names: Iterable[str]) -> dict[str, int]:
+    return dict(sorted(Counter(names).items()))
+
+
+def _rungs(trace: Trace) -> tuple[RungCount, ...]:
+    rungs = [rung for mission in trace.missions for rung in mission.rungs]
+    times = Counter((rung.failure, rung.action) for rung in rungs)
+    helped = Counter((rung.failure, rung.action) for rung in rungs if rung.came == "committed")
+    return tuple(
+        RungCount(failure=key[0], action=key[1], times=count, helped=helped[key])
+        for key, count in sorted(times.items())
+    )
+
+
+def _providers(trace: Trace) -> tuple[ProviderCount, ...]:
+    executions = [one for mission in trace.missions for one in mission.executions if not one.verify_only]
+    keys = sorted({(one.provider_id, one.capability, one.place) for one in executions})
+    found = []
+    for provider_id, capability, place in keys:
+        part = [
+            one
+            for one in executions
+            if (one.provider_id, one.capability, one.place) == (provider_id, capability, place)
+        ]
+        found.append(
+            ProviderCount(
+                provider_id=provider_id,
+                capability=capability,
+                place=place,
+                worked=len(part),
+                refuted=sum(one.verdict in ("violated", "unsafe") for one in part),
+                longest_accepted_s=round(max((one.duration_s for one in part if one.committed), default=0.0), 1),
+            )
+        )
+    return tuple(found)

@@ -1,0 +1,110 @@
+"""Pure: waits, timeouts and context budgets against what missions really needed."""
+
+import math
+from collections import defaultdict
+from collections.abc import Iterator
+
+from harness.contracts.configuration import Configuration, FailureClass
+from harness.contracts.ids import NodeId
+from rsi_reviews.generate.changes import Change, motives, with_items, with_node, with_wait
+from rsi_reviews.generate.ladders import SMALLEST_EFFECT, TASK_BUDGET
+from rsi_reviews.generate.trace import Execution, MissionTrace, Trace
+from rsi_reviews.restrictions import ITEM_CEILINGS, WAIT_CEILING_S
+
+WAITED: tuple[FailureClass, ...] = ("precondition_unmet", "resource_conflict")
+LEAST = 2
+OVER_OBSERVED = 1.3
+OVER_EXPECTED = 1.25
+WORTH_TIGHTENING = 0.85
+SECONDS_PER_SPEND = 60.0
+"""One recovery spend is ranked like so many seconds of a mission."""
+SMALLEST_S = 2.0
+
+
+def wait_changes(trace: Trace, current: Configuration) -> Iterator[Change]:
+    """Waiting longer, where waits ended without what was waited for and a person was asked."""
+    for failure in WAITED:
+        waits = [
+            rung for mission in trace.missions for rung in mission.rungs
+            if rung.failure == failure and rung.action == "wait"
+        ]  # fmt: skip
+        in_vain = sum(1 for rung in waits if rung.came in ("failed_again", "handed_off"))
+        asked = sum(1 for mission in trace.missions for one in mission.handoffs if one.failure == failure)
+        longer = min(2.0 * current.recovery.wait_s, WAIT_CEILING_S)
+        if min(in_vain, asked) < LEAST or longer <= current.recovery.wait_s:
+            continue
+        yield Change(
+            section="recovery",
+            configuration=with_wait(current, longer),
+            reason=f"{in_vain} of {len(waits)} waits after {failure} were in vain; a person was asked {asked} times.",
+            intended=f"A wait lasts {longer:g} s instead of {current.recovery.wait_s:g} s; it costs nothing but time.",
+            metric="recovery_cost",
+            smallest_effect=SMALLEST_EFFECT,
+            worth=0.5 * TASK_BUDGET * asked / len(trace.missions),
+            motives=motives(trace, lambda mission, failure=failure: _of_class(mission, failure)),  # type: ignore[misc]
+        )
+
+
+def timeout_changes(trace: Trace, current: Configuration) -> Iterator[Change]:
+    """A shorter timeout, where stages ran into it and every accepted execution took much less."""
+    late: dict[tuple[str, NodeId], int] = defaultdict(int)
+    for mission in trace.missions:
+        for failing in mission.failures:
+            late[(mission.template, failing.node_id)] += failing.failure == "timeout"
+    for (template, node_id), times in sorted(late.items()):
+        executions = [one for one in _executions(trace, template) if one.node_id == node_id and not one.verify_only]
+        accepted = [one for one in executions if one.committed]
+        if times < LEAST or not accepted:
+            continue
+        now_s = max(one.timeout_s for one in executions)
+        longest_s = max(one.duration_s for one in accepted)
+        slowest_s = max((seconds for one in executions for seconds in one.expected_s.values()), default=longest_s)
+        tighter_s = 5.0 * math.ceil(max(OVER_OBSERVED * longest_s, OVER_EXPECTED * slowest_s) / 5.0)
+        if tighter_s <= WORTH_TIGHTENING * now_s:
+            yield Change(
+                section="templates",
+                configuration=with_node(
+                    current,
+                    template=template,
+                    node_id=node_id,
+                    edit=lambda node, at=tighter_s: {**node, "timeout_s": at},  # type: ignore[misc]
+                ),
+                reason=f"{node_id} of {template} ran into its timeout of {now_s:g} s {times} times; the longest "
+                f"accepted execution took {longest_s:.0f} s, and the slowest provider expects {slowest_s:.0f} s.",
+                intended=f"It gives up after {tighter_s:g} s and goes on to the next rung.",
+                metric="mission_s",
+                smallest_effect=SMALLEST_S,
+                worth=(now_s - tighter_s) * times / len(trace.missions) / SECONDS_PER_SPEND,
+                motives=motives(trace, lambda mission: _of_class(mission, "timeout")),
+            )
+
+
+def item_changes(trace: Trace, current: Configuration) -> Iterator[Change]:
+    """A larger context budget, where mandatory records did not fit one that is below its ceiling."""
+    for role, name in (("planner", "c1_items"), ("skill", "c2_items"), ("recovery", "c4_items")):
+        said = f"do not fit the {role}'s budget"
+        times = sum(1 for mission in trace.missions for one in mission.failures if said in one.reason)
+        items, ceiling = getattr(current.context_rules, name), ITEM_CEILINGS[name]
+        if times >= LEAST and items < ceiling:
+            more = min(ceiling, math.ceil(1.5 * items))
+            yield Change(
+                section="context_rules",
+                configuration=with_items(current, **{name: more}),
+                reason=f"Mandatory records did not fit the {role}'s budget of {items} {times} times.",
+                intended=f"The {role} is shown up to {more} records.",
+                metric="recovery_cost",
+                smallest_effect=SMALLEST_EFFECT,
+                worth=0.5 * TASK_BUDGET * times / len(trace.missions),
+                motives=motives(
+                    trace,
+                    lambda mission, said=said: [one.position for one in mission.failures if said in one.reason],  # type: ignore[misc]
+                ),
+            )
+
+
+def _executions(trace: Trace, template: str) -> list[Execution]:
+    return [one for mission in trace.missions if mission.template == template for one in mission.executions]
+
+
+def _of_class(mission: MissionTrace, failure: FailureClass) -> list[int]:
+    return [one.position for one in mission.failures if one.failure == failure]

@@ -1,0 +1,266 @@
+"""D_j: what missions recorded, as a generator reads it (R155). Nothing in it comes from an evaluator or from the truth.
+
+Read from the log alone: events, verdicts, rungs with what came of them, durations, and who worked where.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import msgspec
+
+from harness.contracts.configuration import FailureClass, RecoveryAction
+from harness.contracts.decider import Codec
+from harness.contracts.errors import UnknownName
+from harness.contracts.events import (
+    CommitRejected,
+    ContractCompiled,
+    DispatchIntended,
+    FailureClassified,
+    HandoffRequested,
+    InvocationEnded,
+    MissionCreated,
+    MissionEnded,
+    MissionEvent,
+    NodeCommitted,
+    PacketRetained,
+    RecoveryAuthorised,
+    VerdictRecorded,
+)
+from harness.contracts.ids import Digest, InvocationId, MissionId, NodeId, ProviderId
+from harness.contracts.ports import StoredEvent
+from harness.contracts.tasks import TaskContract
+from harness.contracts.values import Count, Name, NonNegative, Positive, Value, decode
+from harness.projections.memory import place_of
+from harness.routing.question import RoutingQuestion
+from harness.routing.score import route_length_m
+from harness.runtime import Runtime
+
+_CODEC: Codec[MissionEvent] = Codec(MissionEvent)
+Came = Literal["committed", "failed_again", "failed_otherwise", "handed_off", "open"]
+
+
+class Failing(Value):
+    """One classified failure of a stage."""
+
+    node_id: NodeId
+    failure: FailureClass
+    reason: str
+    position: Count
+    at_s: float
+
+
+class Rung(Value):
+    """One authorised rung, what it cost, and what came next for its stage."""
+
+    node_id: NodeId
+    failure: FailureClass
+    action: RecoveryAction
+    cost: Count
+    position: Count
+    at_s: float
+    came: Came = "open"
+    until_s: float | None = None
+
+
+class Execution(Value):
+    """One dispatch: who worked where, how long, what the verifier said, and whether the gate accepted it.
+
+    `measured` is what the verdict measured against bounds, as `condition.name`. `expected_s` is how long each provider
+    that routing looked at said it would take.
+    """
+
+    node_id: NodeId
+    capability: Name
+    place: str
+    provider_id: ProviderId
+    position: Count
+    action: RecoveryAction | None
+    verify_only: bool
+    timeout_s: Positive
+    duration_s: NonNegative = 0.0
+    verdict: str = ""
+    rejected_by: str = ""
+    committed: bool = False
+    measured: dict[str, float] = msgspec.field(default_factory=dict)
+    expected_s: dict[ProviderId, float] = msgspec.field(default_factory=dict)
+
+
+class Handed(Value):
+    """A question to a person, and the failure it was about."""
+
+    node_id: NodeId
+    failure: FailureClass
+    position: Count
+
+
+class MissionTrace(Value):
+    """One mission as it recorded itself. `status` is empty while it waits for a person."""
+
+    mission_id: MissionId
+    template: Name
+    configuration: Digest
+    status: str
+    seconds: NonNegative
+    failures: tuple[Failing, ...]
+    rungs: tuple[Rung, ...]
+    executions: tuple[Execution, ...]
+    handoffs: tuple[Handed, ...]
+
+    @property
+    def spent(self) -> int:
+        """Recovery actions paid for."""
+        return sum(rung.cost for rung in self.rungs)
+
+
+class Trace(Value):
+    """D_j: the missions that a generator may read, oldest first."""
+
+    missions: tuple[MissionTrace, ...]
+
+
+def read_trace(runtime: Runtime, missions: Iterable[MissionId]) -> Trace:
+    """The missions' own records. Raises UnknownName for a mission that does not exist."""
+    return Trace(missions=tuple(mission_trace(runtime, mission_id) for mission_id in missions))
+
+
+def mission_trace(runtime: Runtime, mission_id: MissionId) -> MissionTrace:
+    """One mission. Raises UnknownName if it does not exist."""
+    stored = runtime.events(mission_id)
+    if not stored:
+        raise UnknownName(f"There is no mission {mission_id}", do="list them with `regen mission list`")
+    reading = _Reading(runtime)
+    for one in stored:
+        reading.take(one, _CODEC.decode(one))
+    created = reading.created
+    return MissionTrace(
+        mission_id=mission_id,
+        template=created.template if created else "unknown",
+        configuration=created.configuration if created else Digest(""),
+        status=reading.status,
+        seconds=max(0.0, stored[-1].mission_s - stored[0].mission_s),
+        failures=tuple(reading.failures),
+        rungs=tuple(reading.rungs),
+        executions=tuple(reading.executions.values()),
+        handoffs=tuple(reading.handoffs),
+    )
+
+
+@dataclass
+class _Reading:
+    """One pass over a mission's events."""
+
+    runtime: Runtime
+    created: MissionCreated | None = None
+    contract: TaskContract | None = None
+    status: str = ""
+    failures: list[Failing] = field(default_factory=list)
+    rungs: list[Rung] = field(default_factory=list)
+    executions: dict[InvocationId, Execution] = field(default_factory=dict)
+    handoffs: list[Handed] = field(default_factory=list)
+
+    def take(self, stored: StoredEvent, event: MissionEvent) -> None:
+        """Add one event."""
+        match event:
+            case MissionCreated():
+                self.created = event
+            case ContractCompiled(contract=contract):
+                self.contract = contract
+            case DispatchIntended():
+                self.executions[event.invocation_id] = self._execution(stored.position, event)
+            case PacketRetained(packet=packet):
+                self._change(
+                    packet.identity.invocation_id, duration_s=max(0.0, packet.terminal_s - packet.dispatched_s)
+                )
+            case VerdictRecorded(invocation_id=invocation, verdict=verdict):
+                measured = {
+                    f"{one.condition_id}.{name}": value
+                    for one in verdict.results
+                    for name, value in one.measured.items()
+                }
+                self._change(invocation, verdict=verdict.verdict, measured=measured)
+            case InvocationEnded(invocation_id=invocation, failure=failure):
+                self._change(invocation, rejected_by=failure)
+            case NodeCommitted(node_id=node_id, invocation_id=invocation):
+                self._change(invocation, committed=True)
+                self._close(node_id, "committed")
+            case CommitRejected(invocation_id=invocation, rule=rule):
+                self._change(invocation, rejected_by=rule)
+            case FailureClassified():
+                self._failed(stored.position, event)
+            case RecoveryAuthorised():
+                self._climbed(stored, event)
+            case HandoffRequested(node_id=node_id, failure=failure):
+                self._close(node_id, "handed_off")
+                self.handoffs.append(Handed(node_id=node_id, failure=failure, position=stored.position))
+            case MissionEnded(status=status):
+                self.status = status
+            case _:
+                pass
+
+    def _execution(self, position: int, event: DispatchIntended) -> Execution:
+        place = place_of(self.contract, event.node_id) if self.contract else ""
+        return Execution(
+            node_id=event.node_id,
+            capability=event.capability,
+            place=place,
+            provider_id=event.provider_id,
+            position=position,
+            action=event.action,
+            verify_only=event.verify_only,
+            timeout_s=event.deadline_s - event.dispatched_s,
+            expected_s=self._expected(event.question),
+        )
+
+    def _expected(self, question: Digest | None) -> dict[ProviderId, float]:
+        if question is None:
+            return {}
+        asked = decode(self.runtime.record(question).body, RoutingQuestion)
+        length_m = route_length_m(asked.need.parameters)
+        able = [card for card in asked.cards if card.capability in asked.need.capabilities]
+        return {card.provider_id: card.latency.base_s + card.latency.per_metre_s * length_m for card in able}
+
+    def _failed(self, position: int, event: FailureClassified) -> None:
+        rung = next((one for one in reversed(self.rungs) if one.node_id == event.node_id), None)
+        again = rung is not None and rung.failure == event.failure
+        self._close(event.node_id, "failed_again" if again else "failed_otherwise")
+        self.failures.append(
+            Failing(
+                node_id=event.node_id,
+                failure=event.failure,
+                reason=event.reason,
+                position=position,
+                at_s=event.at_s,
+            )
+        )
+
+    def _climbed(self, stored: StoredEvent, event: RecoveryAuthorised) -> None:
+        self.rungs.append(
+            Rung(
+                node_id=event.node_id,
+                failure=event.failure,
+                action=event.action,
+                cost=event.cost,
+                position=stored.position,
+                at_s=stored.mission_s,
+                until_s=event.until_s,
+            )
+        )
+
+    def _close(self, node_id: NodeId, came: Came) -> None:
+        """What came of the newest rung of a stage, if that is not known yet."""
+        for index in range(len(self.rungs) - 1, -1, -1):
+            rung = self.rungs[index]
+            if rung.node_id == node_id:
+                if rung.came == "open":
+                    self.rungs[index] = msgspec.structs.replace(rung, came=came)
+                return
+
+    def _change(self, invocation: InvocationId, **changes: object) -> None:
+        if invocation in self.executions:
+            self.executions[invocation] = msgspec.structs.replace(self.executions[invocation], **changes)
+
+
+def joined(traces: Sequence[Trace]) -> Trace:
+    """One trace of several, in their order."""
+    return Trace(missions=tuple(mission for trace in traces for mission in trace.missions))

@@ -1,0 +1,97 @@
+"""Sites as files: what a place does again and again, phase by phase, and what somebody who knows it would change.
+
+A site is named in a case as `name`, or as `name@fleet.generation`: then shares and durations differ a little from fleet
+to fleet, and the phase is the one of that generation. Anybody can add one: a YAML file in `rsi_reviews/sites`.
+"""
+
+import hashlib
+from functools import lru_cache
+from importlib.resources import files
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec.structs import replace
+
+from harness.baseline.load import read_yaml
+from harness.contracts.configuration import FailureClass, RecoveryAction
+from harness.contracts.errors import UnknownName
+from harness.contracts.regularities import HiddenSite, Regularity
+from harness.contracts.values import Count, Name, NonNegative, Positive, Value
+
+FOLDER = "rsi_reviews"
+SHARE_JITTER, TIME_JITTER = 0.15, 0.05
+
+
+class Expert(Value):
+    """What a person who knows the site would write into H: single knobs, and why."""
+
+    why: Name
+    ladders: dict[FailureClass, tuple[RecoveryAction, ...]] = msgspec.field(default_factory=dict)
+    wait_s: Positive | None = None
+    routing: dict[str, NonNegative] = msgspec.field(default_factory=dict)
+    timeouts_s: dict[str, dict[str, Positive]] = msgspec.field(default_factory=dict)
+
+
+class Phase(Value):
+    """How the site is from one generation on."""
+
+    from_generation: Count
+    regularities: tuple[Regularity, ...]
+    expert: Expert | None = None
+
+
+class SiteFile(Value):
+    """One site. `kind`: regular, none (nothing recurs), or drifting (what recurs changes)."""
+
+    name: Name
+    title: Name
+    kind: Literal["regular", "none", "drifting"]
+    phases: Annotated[tuple[Phase, ...], msgspec.Meta(min_length=1)]
+
+    def phase(self, generation: int) -> Phase:
+        """The one that holds in a generation; the first one before it."""
+        begun = [phase for phase in self.phases if phase.from_generation <= generation]
+        return begun[-1] if begun else self.phases[0]
+
+
+def site_names(folder: str = "sites") -> tuple[str, ...]:
+    """Names of the site files in one folder of this package, in order."""
+    found = files(FOLDER).joinpath(folder).iterdir()
+    return tuple(sorted(entry.name.removesuffix(".yaml") for entry in found if entry.name.endswith(".yaml")))
+
+
+@lru_cache(maxsize=64)
+def site_file(name: str) -> SiteFile:
+    """One site, or `blind/name`. Raises UnknownName that lists the sites, ContractInvalid for a file with an error."""
+    folder, _, plain = f"sites/{name}".rpartition("/")
+    if plain not in site_names(folder):
+        raise UnknownName(f"There is no site {name!r}", where="sites", do=f"name one of {', '.join(site_names())}")
+    text = files(FOLDER).joinpath(folder, f"{plain}.yaml").read_text(encoding="utf-8")
+    return read_yaml(text, SiteFile, where=f"rsi_reviews/{folder}/{plain}.yaml")
+
+
+def hidden_site(text: str) -> HiddenSite:
+    """The site as the simulated world needs it, equal in all generations of one phase.
+
+    Raises UnknownName or ContractInvalid.
+    """
+    name, _, rest = text.partition("@")
+    fleet, _, generation = rest.partition(".")
+    if rest and not (fleet.isdigit() and generation.isdigit()):
+        raise UnknownName(f"Site {text!r} cannot be read", where="sites", do="write name or name@fleet.generation")
+    phase = site_file(name).phase(int(generation or 0))
+    regularities = tuple(_jittered(one, fleet) if fleet else one for one in phase.regularities)
+    named = f"{name}@{fleet}.{phase.from_generation}" if fleet else name
+    return HiddenSite(name=named, regularities=regularities)
+
+
+def _jittered(one: Regularity, fleet: str) -> Regularity:
+    share = one.share * (1.0 + SHARE_JITTER * _between(fleet, one.name, "share"))
+    lasts_s = one.lasts_s and one.lasts_s * (1.0 + TIME_JITTER * _between(fleet, one.name, "lasts"))
+    return replace(one, share=min(1.0, share), lasts_s=lasts_s)
+
+
+def _between(*key: str) -> float:
+    """From -1 to 1, by the key alone."""
+    number = int.from_bytes(hashlib.sha256("\n".join(key).encode()).digest()[:8])
+    return 2.0 * number / 2**64 - 1.0

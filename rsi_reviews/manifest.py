@@ -1,0 +1,104 @@
+"""Pure: whether a manifest says what a change is for in a way that can be tested (R156, D31)."""
+
+import re
+import unicodedata
+from collections.abc import Iterator
+from math import isfinite, log
+
+from harness.contracts.configuration import Configuration
+from harness.contracts.values import encode
+from rsi_reviews.contracts import BETTER, SECTIONS, CanaryTest, Candidate, Manifest, Refusal, Section
+
+_ORDERS = re.compile(
+    r"(ignore|disregard|forget|override)\b.{0,40}\b(instruction|rule|prompt|above|previous|prior)"
+    r"|\b(system|assistant|developer)\s*(prompt|message)?\s*:"
+    r"|\byou (are|must|should|have to|will)\b.{0,60}\b(approve|accept|pass|release|authori[sz]e|reviewer|assistant)"
+    r"|\b(approve|accept|release|authori[sz]e|pass)\s+(this|the)\s+(candidate|change|configuration|release)\b"
+    r"|\b(respond|answer|reply|output)\s+(only\s+)?(with|:)"
+    r"|<\s*/?\s*[a-z|!]|\[/?inst\]|```",
+    re.IGNORECASE | re.DOTALL,
+)
+
+
+def sections_changed(baseline: Configuration, candidate: Configuration) -> tuple[Section, ...]:
+    """The sections whose canonical JSON differs, in the paper's order."""
+    return tuple(name for name in SECTIONS if encode(getattr(baseline, name)) != encode(getattr(candidate, name)))
+
+
+def unfounded(candidate: Candidate, baseline: Configuration) -> tuple[Refusal, ...]:
+    """Every reason why this manifest does not stand: what changed, against what, measured how, and in which words."""
+    manifest = candidate.manifest
+    return (
+        *_identity(candidate, baseline),
+        *_component(manifest, sections_changed(baseline, candidate.configuration)),
+        *_measure(manifest),
+        *_words(manifest),
+        *_canary(manifest.canary),
+    )
+
+
+def _identity(candidate: Candidate, baseline: Configuration) -> Iterator[Refusal]:
+    manifest, shipped = candidate.manifest, baseline.configuration_id
+    if candidate.baseline != manifest.baseline or manifest.baseline != shipped:
+        yield _refusal("other_baseline", "manifest.baseline", shipped, manifest.baseline, "It names another baseline")
+    if manifest.rollback != manifest.baseline:
+        yield _refusal(
+            "rollback_target", "manifest.rollback", manifest.baseline, manifest.rollback,
+            "A bad release goes back to the version before it, which is its baseline",
+        )  # fmt: skip
+
+
+def _component(manifest: Manifest, changed: tuple[Section, ...]) -> Iterator[Refusal]:
+    if not changed:
+        yield _refusal("no_change", "configuration", "", "", "The candidate equals its baseline")
+    elif changed != (manifest.component,):
+        yield _refusal(
+            "other_component", "manifest.component", manifest.component, ", ".join(changed),
+            "Exactly the component that the manifest names may change",
+        )  # fmt: skip
+
+
+def _measure(manifest: Manifest) -> Iterator[Refusal]:
+    if BETTER[manifest.metric] != manifest.direction:
+        yield _refusal(
+            "wrong_direction", "manifest.direction", BETTER[manifest.metric], manifest.direction,
+            f"{manifest.metric} is better when {BETTER[manifest.metric]}",
+        )  # fmt: skip
+    if not isfinite(manifest.smallest_effect):
+        yield _refusal("not_a_number", "manifest.smallest_effect", "", "", "It must be a finite number")
+
+
+def _words(manifest: Manifest) -> Iterator[Refusal]:
+    texts = {"reason": manifest.reason, "intended_effect": manifest.intended_effect, "author": manifest.author.name}
+    for field, text in texts.items():
+        hidden = [char for char in text if unicodedata.category(char) in ("Cc", "Cf", "Co", "Cs") and char != "\n"]
+        if hidden:
+            yield _refusal("hidden_text", f"manifest.{field}", "", repr(hidden[0]), "It holds characters nobody sees")
+        if found := _ORDERS.search(unicodedata.normalize("NFKC", text)):
+            yield _refusal(
+                "instructs_reviewer", f"manifest.{field}", "", found.group(0)[:200],
+                "A manifest gives reasons; it does not tell its reader what to do",
+            )  # fmt: skip
+
+
+def _canary(test: CanaryTest) -> Iterator[Refusal]:
+    """A test that could never end in a rollback, or that ends in one by chance too often, is none."""
+    harmless = 1.0 - test.quantile
+    if not 0.0 < harmless < test.harmful_share < 1.0:
+        yield _refusal(
+            "canary_test", "manifest.canary", f"{harmless:g}", f"{test.harmful_share:g}",
+            "The harmful share must lie above the harmless one, both between 0 and 1",
+        )  # fmt: skip
+    elif test.missions * log(test.harmful_share / harmless) < log(1.0 / test.alpha):
+        yield _refusal(
+            "canary_test", "manifest.canary.missions", "", test.missions,
+            "So few missions could never show harm at this level",
+        )  # fmt: skip
+    if test.window < test.missions:
+        yield _refusal(
+            "canary_test", "manifest.canary.window", test.missions, test.window, "It ends before it can count"
+        )
+
+
+def _refusal(rule: str, path: str, old: object, new: object, message: str) -> Refusal:
+    return Refusal(rule=rule, path=path, old=str(old), new=str(new), message=f"{message}.")

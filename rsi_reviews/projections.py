@@ -1,0 +1,228 @@
+"""Pure: what a candidate's review is now, folded from its stream. Reads no clock, decides nothing."""
+
+from typing import Literal, assert_never
+
+import msgspec
+from msgspec.structs import replace
+
+from harness.contracts.ids import Digest, MissionId, RobotId
+from harness.contracts.values import Count, Name, Value
+from rsi_reviews.contracts import CanaryMission, EvaluationTerms, Finding, Manifest, Section, Subject
+from rsi_reviews.events import (
+    AuthorisationExpired,
+    CanaryBegun,
+    CanaryMissionAdjudicated,
+    CanaryMissionRecorded,
+    CandidateApproved,
+    CandidateEvent,
+    CandidateProposed,
+    CandidateRejected,
+    CandidateReleased,
+    CandidateRolledBack,
+    CandidateWithdrawn,
+    ChangesRequested,
+    CommentAdded,
+    EvaluationBegun,
+    EvaluationRecorded,
+    ReleaseAuthorised,
+    ReviewOpened,
+    ReviewRecalled,
+    Signed,
+)
+
+Status = Literal[
+    "none", "draft", "evaluating", "accepted", "rejected", "inconclusive", "in_review", "authorised", "canary",
+    "current", "rolled_back", "withdrawn",
+]  # fmt: skip
+ENDED: frozenset[str] = frozenset({"rejected", "rolled_back", "withdrawn"})
+Part = Literal["proposed", "wrote_earlier", "launched", "edited_suite"]
+
+
+class Hand(Value):
+    """Somebody who had a part in the candidate: an author, and so nobody who may approve it (D33)."""
+
+    name: Name
+    part: Part
+    person: bool = True
+
+
+class CanaryEntry(Value):
+    """One canary mission: what was measured, and what somebody other than the releaser found."""
+
+    measured: CanaryMission
+    finding: Finding | None = None
+    by: Signed | None = None
+
+
+class Said(Value):
+    """One word of the review, for its history: what was done, in which cycle."""
+
+    what: Name
+    cycle: Count
+    by: Signed
+
+
+class Review(Value):
+    """Everything about one candidate. `receipts` are the signed words by key."""
+
+    version: Count = 0
+    status: Status = "none"
+    candidate: Digest = Digest("")
+    configuration: Digest = Digest("")
+    manifest: Manifest | None = None
+    manifest_digest: Digest = Digest("")
+    baseline: Digest = Digest("")
+    sections: tuple[Section, ...] = ()
+    supersedes: Digest | None = None
+    hands: tuple[Hand, ...] = ()
+    terms: EvaluationTerms | None = None
+    evaluation: EvaluationRecorded | None = None
+    cycle: Count = 0
+    subject: Subject | None = None
+    subject_digest: Digest = Digest("")
+    approvals: tuple[Signed, ...] = ()
+    authorised: ReleaseAuthorised | None = None
+    robot_id: RobotId | None = None
+    released_by: Signed | None = None
+    bound: float = 0.0
+    bound_missions: Count = 0
+    canary: tuple[CanaryEntry, ...] = ()
+    said: tuple[Said, ...] = ()
+    receipts: dict[str, Signed] = msgspec.field(default_factory=dict)
+    ended_reason: str = ""
+
+    @property
+    def authors(self) -> frozenset[str]:
+        return frozenset(hand.name for hand in self.hands)
+
+    @property
+    def exercised(self) -> tuple[CanaryEntry, ...]:
+        """Canary missions in which the change took a part."""
+        return tuple(entry for entry in self.canary if entry.measured.exercised)
+
+    def entry(self, mission_id: MissionId) -> CanaryEntry | None:
+        return next((entry for entry in self.canary if entry.measured.mission_id == mission_id), None)
+
+
+def apply(review: Review, event: CandidateEvent) -> Review:
+    """The review after one event."""
+    review = replace(review, version=review.version + 1)
+    match event:
+        case CandidateProposed() | EvaluationBegun() | EvaluationRecorded():
+            return _evaluated(review, event)
+        case ReviewOpened():
+            return _said(
+                replace(
+                    review,
+                    status="in_review",
+                    cycle=event.cycle,
+                    subject=event.subject,
+                    subject_digest=event.subject_digest,
+                    approvals=(),
+                ),
+                "review_opened",
+                event.by,
+            )
+        case ChangesRequested():
+            return _said(replace(review, status="accepted", approvals=()), "changes_requested", event.by)
+        case ReviewRecalled():
+            return _said(replace(review, status="accepted", approvals=()), "recalled", event.by)
+        case CommentAdded():
+            return _said(review, "commented", event.by)
+        case CandidateApproved():
+            return _said(replace(review, approvals=(*review.approvals, event.by)), "approved", event.by)
+        case CandidateRejected():
+            return _said(replace(review, status="rejected", ended_reason=event.by.reason), "rejected", event.by)
+        case ReleaseAuthorised():
+            return _said(replace(review, status="authorised", authorised=event), "authorised", event.by)
+        case AuthorisationExpired():
+            return replace(review, status="accepted", authorised=None, approvals=())
+        case _:
+            return _released(review, event)
+
+
+def _evaluated(review: Review, event: CandidateProposed | EvaluationBegun | EvaluationRecorded) -> Review:
+    match event:
+        case CandidateProposed():
+            author = event.manifest.author
+            named = Hand(name=author.name, part="proposed", person=author.kind == "person")
+            earlier = [Hand(name=name, part="wrote_earlier") for name in event.earlier]
+            proposer = Hand(name=event.by.actor.name, part="proposed", person=event.by.actor.channel == "human")
+            proposed = replace(
+                review,
+                status="draft",
+                candidate=event.candidate,
+                configuration=event.configuration,
+                manifest=event.manifest,
+                manifest_digest=event.manifest_digest,
+                baseline=event.baseline,
+                sections=event.sections,
+                supersedes=event.supersedes,
+                hands=_joined((), named, proposer, *earlier),
+            )
+            return _said(proposed, "proposed", event.by)
+        case EvaluationBegun():
+            hands = [Hand(name=name, part="launched") for name in event.terms.launched_by]
+            hands += [Hand(name=name, part="edited_suite") for name in event.terms.suite_edited_by]
+            begun = replace(review, status="evaluating", terms=event.terms, hands=_joined(review.hands, *hands))
+            return _said(begun, "evaluation_begun", event.by)
+        case EvaluationRecorded():
+            statuses: dict[str, Status] = {"pass": "accepted", "fail": "rejected"}
+            status = statuses.get(event.answer, "inconclusive")
+            return _said(replace(review, status=status, evaluation=event), "evaluated", event.by)
+        case _:
+            assert_never(event)
+
+
+def _released(
+    review: Review,
+    event: CanaryBegun
+    | CanaryMissionRecorded
+    | CanaryMissionAdjudicated
+    | CandidateReleased
+    | CandidateRolledBack
+    | CandidateWithdrawn,
+) -> Review:
+    match event:
+        case CanaryBegun():
+            begun = replace(
+                review,
+                status="canary",
+                robot_id=event.robot_id,
+                released_by=event.by,
+                bound=event.bound,
+                bound_missions=event.bound_missions,
+            )
+            return _said(begun, "canary_begun", event.by)
+        case CanaryMissionRecorded():
+            return replace(review, canary=(*review.canary, CanaryEntry(measured=event.measured)))
+        case CanaryMissionAdjudicated():
+            entries = tuple(
+                replace(entry, finding=event.finding, by=event.by)
+                if entry.measured.mission_id == event.mission_id
+                else entry
+                for entry in review.canary
+            )
+            return _said(replace(review, canary=entries), "adjudicated", event.by)
+        case CandidateReleased():
+            return replace(review, status="current", ended_reason=event.reason)
+        case CandidateRolledBack():
+            return _said(replace(review, status="rolled_back", ended_reason=event.reason), "rolled_back", event.by)
+        case CandidateWithdrawn():
+            return _said(replace(review, status="withdrawn", ended_reason=event.reason), "withdrawn", event.by)
+        case _:
+            assert_never(event)
+
+
+def _said(review: Review, what: str, by: Signed) -> Review:
+    said = Said(what=what, cycle=review.cycle, by=by)
+    return replace(review, said=(*review.said, said), receipts={**review.receipts, by.key: by})
+
+
+def _joined(hands: tuple[Hand, ...], *more: Hand) -> tuple[Hand, ...]:
+    """Each (name, part) once. Whoever wrote it as an optimiser stays one when it also launches."""
+    machines = {hand.name for hand in (*hands, *more) if not hand.person}
+    kept: dict[tuple[str, Part], Hand] = {(hand.name, hand.part): hand for hand in hands}
+    for hand in more:
+        kept.setdefault((hand.name, hand.part), replace(hand, person=hand.name not in machines))
+    return tuple(kept.values())

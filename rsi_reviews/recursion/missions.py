@@ -1,0 +1,104 @@
+"""Missions of one fleet on one site: everyday ones, one after another in one harness, so that its memory grows.
+
+The fleet's robot is carried back before each mission; nobody answers its questions, so asking means not finishing.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from harness.bootstrap import simulated
+from harness.contracts.commands import StopMission
+from harness.contracts.configuration import Configuration
+from harness.contracts.regularities import HiddenSite
+from harness.settings import HarnessSettings
+from rsi_reviews.contracts import CaseResult, Family
+from rsi_reviews.generate.trace import MissionTrace, Trace, mission_trace
+from rsi_reviews.recursion.chance import seed_of, uniform
+from rsi_reviews.regression.cases import Case, Outside, Situation
+from rsi_reviews.regression.conduct import ASKING, ROBOT, account_of, begun, stepped
+from rsi_reviews.regression.judge import judged
+
+TEMPLATE = "circuit"
+FAULT_SHARE = 0.15
+FAULTS: tuple[tuple[Family, str], ...] = (
+    ("interrupted_run", "early-success"),
+    ("stale_evidence", "stale-pose"),
+    ("stale_evidence", "missing-pose"),
+    ("stale_evidence", "frozen-localiser"),
+    ("duplicate_request", "duplicate-request"),
+    ("interrupted_run", "interrupted"),
+    ("stale_evidence", "lost-localisation"),
+)
+"""What goes wrong now and then on every site, in FAULT_SHARE of the missions: nothing of the site's own."""
+TAKEN_S = 8.0
+Stop = Callable[[Sequence[CaseResult]], bool]
+
+
+@dataclass(frozen=True)
+class Series:
+    """What came of a series: the judge's results, which no generator sees, and the missions' own records."""
+
+    results: tuple[CaseResult, ...]
+    trace: Trace
+
+
+def everyday(site: HiddenSite, *key: object, count: int) -> tuple[Case, ...]:
+    """Missions as they come on this site. The key alone says which."""
+    return tuple(_everyday(site, (*key, number)) for number in range(count))
+
+
+def suite_cases(site: HiddenSite, *key: object, per_family: int) -> tuple[Case, ...]:
+    """The five families on this site, with as many pairs each; the key alone says which."""
+    kinds: tuple[tuple[Family, tuple[str, ...], tuple[Outside, ...]], ...] = (
+        ("nominal", (), ()),
+        ("stale_evidence", ("stale-pose",), ()),
+        ("duplicate_request", ("duplicate-request",), ()),
+        ("interrupted_run", ("interrupted",), ()),
+        ("resource_conflict", (), (Outside(kind="lease", at_s=0.0, for_s=TAKEN_S),)),
+    )
+    return tuple(
+        Case(
+            situation=Situation(family=family, template=TEMPLATE, site=site, faults=faults, outside=outside),
+            seed=seed_of(*key, family, number),
+        )
+        for number in range(per_family)
+        for family, faults, outside in kinds
+    )
+
+
+def series(cases: Sequence[Case], configuration: Configuration, stop: Stop | None = None) -> Series:
+    """Run the cases one after another in one harness; all of them are on the same site.
+
+    `stop` is asked after each mission whether that was enough.
+    """
+    if not cases:
+        return Series(results=(), trace=Trace(missions=()))
+    settings = HarnessSettings(speed=0, fidelity="kinematic", robot_id=ROBOT)
+    results: list[CaseResult] = []
+    traces: list[MissionTrace] = []
+    site = cases[0].situation.site
+    with simulated(settings, seed=cases[0].seed, configuration=configuration, hidden=site) as harness:
+        runtime = harness.runtime
+        for case in cases:
+            after = runtime.head().position
+            mission_id = begun(harness, case.situation, case.seed)
+            begun_s = harness.clock.now().mission_s
+            cut = stepped(harness, mission_id, case.situation.outside)
+            traces.append(mission_trace(runtime, mission_id))
+            results.append(judged(account_of(harness, mission_id, case, begun_s=begun_s, cut=cut, after=after)))
+            if stop is not None and stop(results):
+                break
+            if not runtime.mission(mission_id).ended:
+                runtime.submit(mission_id, StopMission(actor=ASKING, reason="the robot is fetched"))
+                harness.supervisor.run(mission_id)
+    return Series(results=tuple(results), trace=Trace(missions=tuple(traces)))
+
+
+def _everyday(site: HiddenSite, key: tuple[object, ...]) -> Case:
+    seed = seed_of(*key)
+    family: Family = "nominal"
+    faults: tuple[str, ...] = ()
+    if uniform("fault", *key) < FAULT_SHARE:
+        family, name = FAULTS[int(uniform("which", *key) * len(FAULTS))]
+        faults = (name,)
+    return Case(situation=Situation(family=family, template=TEMPLATE, site=site, faults=faults), seed=seed)

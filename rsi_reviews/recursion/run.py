@@ -1,0 +1,104 @@
+"""Runs the fleets of one experiment on local processes; each outcome is kept at once, so that a run can be resumed."""
+
+import multiprocessing
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import msgspec
+
+from harness.contracts.errors import ContractInvalid, StoreUnavailable
+from harness.contracts.ids import sha256
+from harness.contracts.values import digest, encode
+from rsi_reviews.hidden_sites import FOLDER, site_file, site_names
+from rsi_reviews.recursion.experiment import FleetOutcome, Task, Terms, run_fleet
+
+BLIND = "blind"
+CALM, DRIFTING = "calm", "moving-boxes"
+Told = Callable[[FleetOutcome, int, int], None]
+
+
+def tasks(terms: Terms, fleets: int) -> tuple[Task, ...]:
+    """Fleets over the sites in turns: of ten, seven regular ones, two without regularities, one that drifts."""
+    regular = [name for name in site_names() if site_file(name).kind == "regular"]
+    ring = [*regular, CALM, CALM, DRIFTING]
+    return tuple(Task(terms=terms, fleet=number + 1, site=ring[number % len(ring)]) for number in range(fleets))
+
+
+def blind_tasks(terms: Terms, *, each: int) -> tuple[Task, ...]:
+    """The final fleets, on the sites written blind. Raises ContractInvalid if one is not what was hashed."""
+    check_blind()
+    names = [name for name in site_names(f"sites/{BLIND}") for _ in range(each)]
+    return tuple(Task(terms=terms, fleet=1001 + number, site=f"{BLIND}/{name}") for number, name in enumerate(names))
+
+
+def blind_digest() -> str:
+    """One digest over the names and bytes of all blind sites."""
+    folder = Path(FOLDER_PATH, "sites", BLIND)
+    return digest({name: sha256((folder / f"{name}.yaml").read_bytes()) for name in site_names(f"sites/{BLIND}")})
+
+
+def check_blind() -> None:
+    """Raise ContractInvalid if the blind sites are not those whose digest was committed first."""
+    committed = Path(FOLDER_PATH, "sites", f"{BLIND}.sha256").read_text(encoding="utf-8").split()
+    found = blind_digest()
+    if committed[:1] != [found]:
+        raise ContractInvalid(
+            f"The blind sites have the digest {found}",
+            where=f"{FOLDER}/sites/{BLIND}",
+            do="restore the files that were hashed before the run; what was written after it is not blind",
+        )
+
+
+FOLDER_PATH = Path(__file__).resolve().parents[1]
+
+
+def outcomes(wanted: Sequence[Task], *, folder: Path, processes: int, told: Told) -> tuple[FleetOutcome, ...]:
+    """Every fleet's outcome, in order; what lies in `folder` from an earlier run on the same terms is taken from it.
+
+    Raises StoreUnavailable if the folder cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StoreUnavailable(f"The folder cannot be made: {error}", where=str(folder), do="name another") from error
+    found = {task: outcome for task in wanted if (outcome := _kept(folder, task)) is not None}
+    for outcome in _run([task for task in wanted if task not in found], processes=processes):
+        _keep(folder, outcome)
+        found[outcome.task] = outcome
+        told(outcome, len(found), len(wanted))
+    return tuple(found[task] for task in wanted)
+
+
+def kept(wanted: Sequence[Task], *, folder: Path) -> tuple[FleetOutcome, ...]:
+    """The outcomes that lie there by now, in order."""
+    return tuple(outcome for task in wanted if (outcome := _kept(folder, task)) is not None)
+
+
+def _run(left: Sequence[Task], *, processes: int) -> Iterator[FleetOutcome]:
+    if processes < 2 or len(left) < 2:
+        yield from map(run_fleet, left)
+        return
+    with multiprocessing.get_context("spawn").Pool(processes, maxtasksperchild=4) as pool:
+        yield from pool.imap_unordered(run_fleet, left)
+
+
+def _file(folder: Path, task: Task) -> Path:
+    return folder / f"fleet-{task.fleet}-{digest(task)[:12]}.json"
+
+
+def _kept(folder: Path, task: Task) -> FleetOutcome | None:
+    file = _file(folder, task)
+    if not file.exists():
+        return None
+    try:
+        outcome = msgspec.json.decode(file.read_bytes(), type=FleetOutcome)
+    except msgspec.MsgspecError:
+        return None
+    return outcome if outcome.task == task else None
+
+
+def _keep(folder: Path, outcome: FleetOutcome) -> None:
+    file = _file(folder, outcome.task)
+    part = file.with_suffix(".part")
+    part.write_bytes(encode(outcome))
+    part.replace(file)

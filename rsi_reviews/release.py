@@ -1,0 +1,118 @@
+"""Pure: may this candidate be authorised, go into canary and become current? Answers the fourth clause (D33)."""
+
+from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.values import Moment
+from rsi_reviews.canary import bound_of, outcome
+from rsi_reviews.commands import AuthoriseRelease, BeginCanary, ExpireAuthorisation, PromoteCandidate
+from rsi_reviews.contracts import BETTER, ClauseAnswer, ReleasePolicy
+from rsi_reviews.events import (
+    AuthorisationExpired,
+    CanaryBegun,
+    CandidateEvent,
+    CandidateReleased,
+    ReleaseAuthorised,
+)
+from rsi_reviews.projections import Review
+from rsi_reviews.review import answered, own_word, unanswerable
+from rsi_reviews.signing import RELEASERS, instant, not_a_person, signed
+
+FEWEST_RECENT = 20
+"""Missions of the baseline on the canary's robot; below that the evaluation's own results are the comparison."""
+PEOPLE = 2
+
+
+def authorise(review: Review, command: AuthoriseRelease, now: Moment) -> Decision[CandidateEvent]:
+    """Fix the release: who, until when, and where it goes back to, which has just been loaded."""
+    refused = unanswerable(review, command) or not_a_person(command.actor, RELEASERS)
+    if refused:
+        return refused
+    own = command.actor.name in review.authors
+    if own and (refused := own_word(review, command, command.policy, now)):
+        return refused
+    if refused := unsatisfied(review, command.policy, with_name=command.actor.name):
+        return refused
+    if review.manifest is None or command.rollback != review.manifest.rollback:
+        return Refused("other_rollback", "The rollback target is the one that the manifest names, and no other.")
+    if command.proven != command.rollback:
+        return Refused("rollback_unproven", f"The rollback target did not load as {command.rollback[:12]}.")
+    authorised = ReleaseAuthorised(
+        cycle=review.cycle,
+        subject=command.subject,
+        rollback=command.rollback,
+        proven_at_s=now.wall_s,
+        expires_at_s=now.wall_s + command.policy.authorisation_s,
+        by=signed(command, now, override=own),
+    )
+    return Accepted((authorised,))
+
+
+def unsatisfied(review: Review, policy: ReleasePolicy, *, with_name: str) -> Refused | None:
+    """Enough approvals, and two people in all: authors who are persons, approvers, and who decides now (D33)."""
+    approvers = {approval.actor.name for approval in review.approvals if not approval.override}
+    if policy.kind == "single_operator":
+        approvers = {approval.actor.name for approval in review.approvals}
+    if len(approvers) < policy.quorum:
+        return Refused("no_quorum", f"{len(approvers)} of {policy.quorum} approvals are there.")
+    people = {hand.name for hand in review.hands if hand.person} | approvers | {with_name}
+    if policy.kind == "two_person" and len(people) < PEOPLE:
+        return Refused("one_person", f"{', '.join(people)} alone did everything; a second person is needed.")
+    return None
+
+
+def expire(review: Review, command: ExpireAuthorisation, now: Moment) -> Decision[CandidateEvent]:
+    """Too late is too late: it has to be reviewed again. A clean no-op if something else came first."""
+    if review.status != "authorised" or review.authorised is None or now.wall_s < review.authorised.expires_at_s:
+        return Accepted(())
+    return Accepted((AuthorisationExpired(cycle=review.cycle, at_s=now.wall_s),))
+
+
+def begin_canary(review: Review, command: BeginCanary, now: Moment) -> Decision[CandidateEvent]:
+    """Release it to one robot. What counts as worse there is fixed before its first mission."""
+    refused = unanswerable(review, command, status="authorised") or not_a_person(command.actor, RELEASERS)
+    if refused:
+        return refused
+    manifest, evaluation, authorised = review.manifest, review.evaluation, review.authorised
+    if manifest is None or evaluation is None or authorised is None:
+        return answered(review)
+    if now.wall_s >= authorised.expires_at_s:
+        return Refused("authorisation_expired", f"The authorisation ended at {instant(authorised.expires_at_s)}.")
+    own = command.actor.name in review.authors
+    if own and (refused := own_word(review, command, command.policy, now)):
+        return refused
+    if refused := unsatisfied(review, command.policy, with_name=authorised.by.actor.name):
+        return refused
+    bound, missions = evaluation.bound, evaluation.bound_missions
+    if len(command.recent) >= FEWEST_RECENT:
+        bound = bound_of(command.recent, manifest.canary, BETTER[manifest.metric])
+        missions = len(command.recent)
+    by = signed(command, now, override=own)
+    return Accepted((CanaryBegun(robot_id=command.robot_id, bound=bound, bound_missions=missions, by=by),))
+
+
+def promote(review: Review, command: PromoteCandidate, now: Moment) -> Decision[CandidateEvent]:
+    """Current everywhere, once every canary mission is adjudicated and enough exercised the change."""
+    if review.status != "canary":
+        return Refused("not_in_canary", f"The candidate is {review.status}.")
+    if (stands := outcome(review)) != "passed":
+        return Refused("canary_not_passed", f"The canary says {stands.replace('_', ' ')}, not passed.")
+    reason = f"{len(review.exercised)} canary missions exercised the change and each was found sound"
+    return Accepted((CandidateReleased(reason=reason, at_s=now.wall_s),))
+
+
+def release_clause(review: Review) -> ClauseAnswer:
+    """The fourth clause as it stands (R160): pass only while an authorisation holds or was taken up."""
+    if review.authorised is not None and review.status in ("authorised", "canary", "current"):
+        by = review.authorised.by
+        return ClauseAnswer(
+            clause="release_authorised",
+            answer="pass",
+            sentence=f"{by.actor.name} authorised it at {instant(by.at_s)}; approvals: {len(review.approvals)}.",
+            numbers={"approvals": float(len(review.approvals)), "expires_at_s": review.authorised.expires_at_s},
+        )
+    refused = review.status in ("rejected", "rolled_back", "withdrawn")
+    return ClauseAnswer(
+        clause="release_authorised",
+        answer="fail" if refused else "inconclusive",
+        sentence=f"No authorisation holds; the candidate is {review.status}.",
+        numbers={"approvals": float(len(review.approvals))},
+    )

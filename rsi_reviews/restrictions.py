@@ -1,0 +1,129 @@
+"""Pure: what a candidate would loosen, before anything runs (D30). An allow-list: what is not named may not change.
+
+The gate, the acceptance predicate, safety limits and suites are no part of a configuration, so it cannot name them.
+"""
+
+from collections.abc import Iterator
+from typing import Any, get_args
+
+from harness.contracts.configuration import (
+    SPENDING,
+    Configuration,
+    ContextRules,
+    FailureClass,
+    RecoveryAction,
+    RecoveryPolicy,
+    RoutingPreferences,
+)
+from harness.contracts.tasks import TaskTemplate
+from rsi_reviews.contracts import Refusal
+from rsi_reviews.template_restrictions import loosened_template, shown
+
+ITEM_CEILINGS: dict[str, int] = {"c1_items": 48, "c2_items": 24, "c2_examples": 6, "c4_items": 40}
+"""Twice the context budgets of D22, in records. C3's is the verifier's and may not change at all."""
+WEIGHT_CEILING = 10.0
+HALF_LIFE_CEILING = 1000.0
+WAIT_CEILING_S = 120.0
+LOCKED_LADDERS: tuple[FailureClass, ...] = ("unsafe_action", "outcome_unknown", "cancel_unacknowledged")
+"""What happens next is a safety interlock: stopping, and never sending again blindly (D13)."""
+LONGEST_LADDER = 8
+
+
+def loosened(baseline: Configuration, candidate: Configuration) -> tuple[Refusal, ...]:
+    """Every loosening of the candidate against its baseline, with path, old and new value, and the rule's name."""
+    return (
+        *_context_rules(baseline.context_rules, candidate.context_rules),
+        *_templates(baseline.templates, candidate.templates),
+        *_routing(candidate.routing),
+        *_recovery(baseline.recovery, candidate.recovery),
+    )
+
+
+def _context_rules(old: ContextRules, new: ContextRules) -> Iterator[Refusal]:
+    if new.c3_items != old.c3_items:
+        yield _refusal(
+            "c3_rule", "context_rules.c3_items", old.c3_items, new.c3_items, "The verifier's context is fixed"
+        )
+    for name, ceiling in ITEM_CEILINGS.items():
+        was, would = getattr(old, name), getattr(new, name)
+        if would > ceiling:
+            yield _refusal(
+                "budget_ceiling", f"context_rules.{name}", was, would, f"At most {ceiling} records are shown"
+            )
+    if new.minimum_confidence < old.minimum_confidence:
+        yield _refusal(
+            "confidence",
+            "context_rules.minimum_confidence",
+            old.minimum_confidence,
+            new.minimum_confidence,
+            "Less certain records would count",
+        )
+    for name in ("pose_age_s", "image_age_s"):
+        was, would = getattr(old, name), getattr(new, name)
+        if would > was:
+            yield _refusal("freshness", f"context_rules.{name}", was, would, "Older records would count as fresh")
+
+
+def _templates(old: tuple[TaskTemplate, ...], new: tuple[TaskTemplate, ...]) -> Iterator[Refusal]:
+    before, after = {template.name: template for template in old}, {template.name: template for template in new}
+    for name in (template.name for template in new if template.name not in before):
+        yield _refusal("template_added", f"templates.{name}", "", name, "Nothing accepted it could be compared with")
+    for name in sorted({one.name for one in new if [other.name for other in new].count(one.name) > 1}):
+        yield _refusal("template_twice", f"templates.{name}", 1, 2, "A template stands twice under one name")
+    for name, template in before.items():
+        if name not in after:
+            yield _refusal("template_dropped", f"templates.{name}", name, "", "A task could no longer be asked for")
+        else:
+            yield from loosened_template(template, after[name])
+
+
+def _routing(new: RoutingPreferences) -> Iterator[Refusal]:
+    for name in ("success", "risk", "uncertainty", "latency", "cost", "history"):
+        weight = getattr(new, name)
+        if not 0.0 <= weight <= WEIGHT_CEILING:
+            yield _refusal(
+                "weight_bounds", f"routing.{name}", "", weight, f"Weights lie between 0 and {WEIGHT_CEILING:g}"
+            )
+    if not 0.0 < new.history_half_life <= HALF_LIFE_CEILING:
+        yield _refusal(
+            "weight_bounds",
+            "routing.history_half_life",
+            "",
+            new.history_half_life,
+            f"The half-life lies above 0 and at most at {HALF_LIFE_CEILING:g} outcomes",
+        )
+
+
+def _recovery(old: RecoveryPolicy, new: RecoveryPolicy) -> Iterator[Refusal]:
+    if new.approval_share > old.approval_share:
+        yield _refusal(
+            "approval_requirement",
+            "recovery.approval_share",
+            old.approval_share,
+            new.approval_share,
+            "More could be spent without a person",
+        )
+    if not 0.0 < new.wait_s <= WAIT_CEILING_S:
+        yield _refusal("wait_bounds", "recovery.wait_s", old.wait_s, new.wait_s, f"At most {WAIT_CEILING_S:g} s")
+    for failure in get_args(FailureClass):
+        yield from _ladder(failure, old.ladders.get(failure, ()), new.ladders.get(failure, ()))
+
+
+def _ladder(
+    failure: FailureClass, old: tuple[RecoveryAction, ...], new: tuple[RecoveryAction, ...]
+) -> Iterator[Refusal]:
+    path = f"recovery.ladders.{failure}"
+    if failure in LOCKED_LADDERS and new != old:
+        yield _refusal("safety_interlock", path, old, new, "This ladder is a safety interlock")
+        return
+    if not new or new[-1] != "human" or "human" in new[:-1] or len(new) > LONGEST_LADDER:
+        yield _refusal("ladder_end", path, old, new, f"It must end in human, once, within {LONGEST_LADDER} rungs")
+    if old and old[0] in ("stop", "safe_stop") and new[:1] != old[:1]:
+        yield _refusal("safety_interlock", path, old, new, "It must begin by stopping")
+    after = new[new.index("switch_skill") + 1 :] if "switch_skill" in new else ()
+    if any(action in SPENDING for action in after):
+        yield _refusal("ladder_order", path, old, new, "After a switch only free rungs may follow")
+
+
+def _refusal(rule: str, path: str, old: Any, new: Any, message: str) -> Refusal:
+    return Refusal(rule=rule, path=path, old=shown(old), new=shown(new), message=f"{message}.")

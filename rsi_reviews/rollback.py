@@ -1,0 +1,46 @@
+"""Pure: back to the accepted version, at once and without asking an evaluation; and taking back without a fault."""
+
+from harness.contracts.actors import Actor
+from harness.contracts.decisions import Accepted, Decision
+from harness.contracts.values import Moment
+from rsi_reviews.canary import fault_in, outcome
+from rsi_reviews.commands import RollBack, WithdrawCandidate
+from rsi_reviews.events import CandidateEvent, CandidateRolledBack, CandidateWithdrawn
+from rsi_reviews.projections import Review
+from rsi_reviews.review import answered
+from rsi_reviews.signing import RELEASERS, not_a_person, repeated, signed
+
+DESK = Actor(name="review-desk", role="desk", channel="policy")
+"""Who acts when a canary's own rule does, fixed before it began."""
+
+
+def roll_back(review: Review, command: RollBack, now: Moment) -> Decision[CandidateEvent]:
+    """Pre-authorised: a releaser with a reason, or the canary's rule. The configuration is quarantined."""
+    if (again := repeated(command, review.receipts)) is not None:
+        return again
+    if review.status not in ("canary", "current"):
+        return answered(review)
+    by_rule = command.actor == DESK and outcome(review) in ("hard_fault", "metric_worse")
+    if not by_rule and (refused := not_a_person(command.actor, RELEASERS)):
+        return refused
+    return Accepted((CandidateRolledBack(reason=command.reason, by=signed(command, now)),))
+
+
+def withdraw(review: Review, command: WithdrawCandidate, now: Moment) -> Decision[CandidateEvent]:
+    """Without a fault, so without quarantine: by an author or a releaser, or because nothing exercised it."""
+    if (again := repeated(command, review.receipts)) is not None:
+        return again
+    if not review.version or review.status in ("current", "rejected", "rolled_back", "withdrawn"):
+        return answered(review)
+    may = command.actor == DESK or command.actor.name in review.authors
+    refused = None if may else not_a_person(command.actor, RELEASERS)
+    return refused or Accepted((CandidateWithdrawn(reason=command.reason, by=signed(command, now)),))
+
+
+def why(review: Review) -> str:
+    """The sentence of the canary's own rule."""
+    if fault := fault_in(review.canary):
+        return f"hard fault: {fault}"
+    worse = sum(entry.measured.worse for entry in review.exercised)
+    metric = review.manifest.metric if review.manifest else "metric"
+    return f"{metric} was worse than the baseline's bound in {worse} of {len(review.exercised)} missions"

@@ -1,0 +1,65 @@
+"""Pure: whose word counts, once. The same key and body again is the same receipt; another body is refused by name."""
+
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from typing import Any
+
+import msgspec
+
+from harness.contracts.actors import Actor
+from harness.contracts.decisions import Accepted, Refused
+from harness.contracts.ids import Digest
+from harness.contracts.values import Moment, digest
+from rsi_reviews.commands import Word
+from rsi_reviews.events import Signed
+
+REVIEWERS = ("reviewer",)
+RELEASERS = ("releaser",)
+STANDING = ("policy", "proven", "recent", "earlier", "pinned", "reviewers", "releasers")
+"""What a command carries of the present state. It is checked, but asking again later is still the same word."""
+
+
+def body_of(command: Word) -> Digest:
+    """SHA-256 over everything the person said: kind, name, reason and subject; not the key, not the present state."""
+    said: dict[str, Any] = msgspec.to_builtins(command)
+    kept = {name: value for name, value in said.items() if name not in (*STANDING, "key", "actor")}
+    return digest({**kept, "who": command.actor.name})
+
+
+def signed(command: Word, now: Moment, *, override: bool = False) -> Signed:
+    """The word as it is stored, dated by wall time."""
+    return Signed(
+        actor=command.actor,
+        reason=command.reason,
+        key=command.key,
+        body=body_of(command),
+        at_s=now.wall_s,
+        override=override,
+    )
+
+
+def repeated(command: Word, receipts: Mapping[str, Signed]) -> Accepted[Any] | Refused | None:
+    """The answer to a key that was used before, or None for a new one."""
+    first = receipts.get(command.key)
+    if first is None:
+        return None
+    if first.body == body_of(command):
+        return Accepted(())
+    return Refused(
+        "key_reused",
+        f"{first.actor.name} used this key at {instant(first.at_s)} for another word: “{first.reason}”.",
+    )
+
+
+def not_a_person(actor: Actor, roles: tuple[str, ...]) -> Refused | None:
+    """Only a person in one of these roles decides here: no policy, no timeout, no model (D33)."""
+    if actor.channel != "human":
+        return Refused("not_a_person", f"{actor.name} is no person; only a {' or '.join(roles)} decides this.")
+    if not set(actor.role.split("+")) & set(roles):
+        return Refused("wrong_role", f"{actor.name} is {actor.role}; a {' or '.join(roles)} decides this.")
+    return None
+
+
+def instant(at_s: float) -> str:
+    """Wall time as people read it: UTC, to the second."""
+    return datetime.fromtimestamp(at_s, tz=UTC).strftime("%Y-%m-%d %H:%M:%S UTC")

@@ -1,0 +1,156 @@
+"""/robots: a stop of everything, autonomy, camera, driving by hand, who may; and the page while robots start."""
+
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import httpx
+
+from app.main import bind
+from app.settings import ConsoleSettings
+from app.starting import starting
+from harness.contracts.ids import MissionId
+from tests.builders.consoles import Stand
+from tests.builders.fleets import ONE, TWO, fleet_stand, moving, run_together, started
+
+REASON = {"reason": "a person in the way"}
+
+
+def under_way(stand: Stand) -> tuple[MissionId, MissionId]:
+    """Both robots on their first leg."""
+    both = started(stand.harness, ONE), started(stand.harness, TWO)
+    run_together(stand.harness, *both, until=lambda: all(moving(stand.harness, one) for one in both))
+    return both
+
+
+def test_a_stop_of_everything_names_every_mission_and_robot_and_stops_them() -> None:
+    with fleet_stand() as stand:
+        both, operator = under_way(stand), stand.operator()
+        page = operator.get("/robots/stop").text
+        assert all(name in page for name in (*both, ONE, TWO)) and "Stop all 2 now" in page
+        assert operator.post("/robots/stop", data={"reason": " "}).status_code == 422
+        assert {stand.harness.runtime.mission(one).status for one in both} == {"active"}
+        assert operator.post("/robots/stop", data=REASON).status_code == 303
+        assert {stand.harness.runtime.mission(one).status for one in both} == {"stopping"}
+        assert "the provider has not answered yet" in operator.get("/robots").text
+        run_together(stand.harness, *both)
+        for mission_id in both:
+            mission = stand.harness.runtime.mission(mission_id)
+            assert mission.ended and mission.stopped is not None and mission.stopped.static
+            assert mission.stop is not None and mission.stop.reason == REASON["reason"]
+        assert {stand.harness.robots[one].status().posture for one in (ONE, TWO)} == {"standing"}
+
+
+def test_every_page_carries_the_stop_of_everything_without_any_script() -> None:
+    with fleet_stand() as stand:
+        operator = stand.operator()
+        for path in ("/", "/missions", "/robots", f"/robots/{ONE}", "/handoffs"):
+            assert '<form method="get" action="/robots/stop">' in operator.get(path).text
+
+
+def test_the_page_sets_the_limit_and_one_mission_s_own_level() -> None:
+    with fleet_stand() as stand:
+        mission_id, operator = started(stand.harness, ONE), stand.operator()
+        assert operator.post("/robots/autonomy", data={"autonomy": "manual", "reason": ""}).status_code == 422
+        assert operator.post("/robots/autonomy", data={"autonomy": "wild", **REASON}).status_code == 422
+        assert operator.post("/robots/autonomy", data={"autonomy": "approve_risky", **REASON}).status_code == 303
+        assert "Set by <b>operator</b>" in operator.get("/robots").text
+        assert stand.harness.runtime.mission(mission_id).level == "approve_risky"
+        asked = {"autonomy": "manual", "mission_id": mission_id, **REASON}
+        assert operator.post(f"/robots/{ONE}/autonomy", data=asked).status_code == 303
+        assert stand.harness.runtime.mission(mission_id).level == "manual"
+        stale = operator.post(f"/robots/{ONE}/pause", data={"mission_id": "msn_other", **REASON})
+        assert stale.status_code == 409 and "another mission by now" in stale.text
+
+
+def test_the_camera_shows_a_picture_its_age_and_the_ones_before() -> None:
+    with fleet_stand() as stand:
+        operator = stand.operator()
+        answer = operator.get(f"/robots/{ONE}/camera.jpg")
+        assert answer.headers["content-type"] == "image/jpeg" and answer.content[:3] == b"\xff\xd8\xff"
+        assert float(answer.headers["x-age-s"]) >= 0.0
+        page = operator.get(f"/robots/{ONE}/camera").text
+        assert f"/robots/{ONE}/camera/1" in page
+        assert operator.get(f"/robots/{ONE}/camera/1").content == answer.content
+        assert operator.get(f"/robots/{ONE}/camera/77").status_code == 404
+        assert operator.get("/robots/vbot-9/camera").status_code == 404
+
+
+def test_driving_by_hand_from_the_page_moves_the_robot_and_only_for_its_driver() -> None:
+    with fleet_stand() as stand:
+        operator, owner = stand.operator(), stand.owner()
+        assert operator.post(f"/robots/{ONE}/drive", data={"device": "tablet", **REASON}).status_code == 303
+        page = operator.get(f"/robots/{ONE}/drive").text
+        session = page.partition('data-session="')[2].partition('"')[0]
+        clock, before = stand.harness.clocks[ONE], len(stand.harness.robots[ONE].starts())
+        for _ in range(6):
+            answer = operator.post(f"/robots/{ONE}/drive/turn", json={"session": session, "v_mps": 0.3})
+            assert answer.status_code == 200
+            clock.wait_until(clock.now().mission_s + 0.4)
+        assert answer.json()["status"] == "driving" and answer.json()["v_mps"] > 0.1
+        assert len(stand.harness.robots[ONE].starts()) == before + 1
+        assert "by hand from tablet" in operator.get("/robots").text
+        wrong = operator.post(f"/robots/{ONE}/drive/turn", json={"session": "x", "v_mps": 0.3})
+        assert wrong.status_code == 409
+        taken = owner.post(f"/api/v1/robots/{ONE}/wheel", json={"device": "script", **REASON})
+        assert taken.status_code == 409 and taken.json()["code"] == "wheel_taken"
+        assert operator.post(f"/robots/{ONE}/drive/return").status_code == 303
+        assert stand.harness.robots[ONE].status().posture == "standing"
+
+
+def test_a_stop_of_everything_takes_the_wheel_from_whoever_drives() -> None:
+    with fleet_stand() as stand:
+        operator, clock = stand.operator(), stand.harness.clocks[TWO]
+        assert operator.post(f"/robots/{TWO}/drive", data={"device": "tablet", **REASON}).status_code == 303
+        session = stand.app.state.console.control().wheels[TWO].session
+        for _ in range(4):
+            operator.post(f"/robots/{TWO}/drive/turn", json={"session": session, "v_mps": 0.3})
+            clock.wait_until(clock.now().mission_s + 0.4)
+        assert "driven by hand" in operator.get("/robots/stop").text
+        assert operator.post("/robots/stop", data=REASON).status_code == 303
+        assert stand.app.state.console.control().wheels == {}
+        assert stand.harness.robots[TWO].status().posture == "standing"
+        late = operator.post(f"/robots/{TWO}/drive/turn", json={"session": session, "v_mps": 0.3})
+        assert late.status_code == 409
+
+
+def test_the_api_says_and_does_what_the_pages_do() -> None:
+    with fleet_stand() as stand:
+        both, owner = under_way(stand), stand.owner()
+        rows = owner.get("/api/v1/robots").json()
+        assert [(row["robot_id"], row["mission_id"]) for row in rows] == list(zip((ONE, TWO), both, strict=True))
+        assert rows[0]["status"]["armed"] is True and rows[0]["autonomy"] == "autonomous"
+        level = {"autonomy": "manual", **REASON}
+        assert owner.post(f"/api/v1/missions/{both[0]}/autonomy", json=level).json()["autonomy"] == "manual"
+        assert owner.post("/api/v1/control/autonomy", json=level).json()["autonomy"] == "manual"
+        assert owner.post("/api/v1/control/autonomy", json={"autonomy": "wild", **REASON}).status_code == 422
+        asked = owner.post("/api/v1/robots/stop", json=REASON).json()
+        assert sorted(asked["asked"]) == sorted(both) and asked["refused"] == []
+        run_together(stand.harness, *both)
+        lying = owner.post(f"/api/v1/robots/{TWO}/safe", json=REASON)
+        assert lying.status_code == 200 and lying.json()["status"]["posture"] == "lying"
+        up = owner.post(f"/api/v1/robots/{TWO}/posture", json={"posture": "standing", **REASON})
+        assert up.json()["status"]["posture"] == "standing"
+
+
+@contextmanager
+def listening() -> Iterator[socket.socket]:
+    listener: socket.socket = bind(0)
+    try:
+        yield listener
+    finally:
+        listener.close()
+
+
+def test_while_robots_start_the_console_says_so_and_takes_no_command() -> None:
+    with listening() as listener:
+        port = listener.getsockname()[1]
+        client = httpx.Client(base_url=f"http://127.0.0.1:{port}", trust_env=False, timeout=10.0)
+        with client, starting(ConsoleSettings(port=port), listener, ("vbot-1", "vbot-2")):
+            assert client.get("/healthz").text == "ok\n"
+            page = client.get("/missions")
+            assert page.status_code == 503 and "vbot-1, vbot-2" in page.text
+            assert "default-src 'self'" in page.headers["content-security-policy"]
+            assert client.post("/robots/stop", data=REASON).status_code == 503
+        with socket.create_connection(("127.0.0.1", port), timeout=5.0):
+            assert listener.accept()[0].close() is None, "whoever serves next takes the connections that come"

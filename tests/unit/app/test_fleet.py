@@ -1,0 +1,116 @@
+"""What the console keeps of its robots: bounded, aged, and honest about silence."""
+
+import pytest
+
+from app.fleet import KEPT_S, MOST_BYTES, MOST_SHOTS, PICTURE_EVERY_S, Fleet
+from app.presence import Presence
+from app.views.robots import camera_view, robot_word
+from harness.adapters.providers.simulation.robot import SimulatedRobot
+from harness.adapters.providers.simulation.world import WorldSettings
+from harness.contracts.errors import ProviderUnreachable, UnknownName
+from harness.contracts.ids import RobotId
+from harness.contracts.protocol import Picture, RobotStatus
+
+ONE = RobotId("vbot-1")
+
+
+class Clock:
+    """Moves when told."""
+
+    def __init__(self) -> None:
+        self.now_s = 1000.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+class Eye:
+    """A camera that shows bytes of a given size, or nothing."""
+
+    def __init__(self, size: int = 10) -> None:
+        self.size, self.taken, self.broken = size, 0, False
+
+    def picture(self) -> Picture:
+        if self.broken:
+            raise ProviderUnreachable("The robot did not answer", where="camera")
+        self.taken += 1
+        return Picture(at_s=float(self.taken), width_px=4, height_px=3, body=bytes(self.size))
+
+
+class Silent(SimulatedRobot):
+    """A robot whose line can be cut."""
+
+    cut = False
+
+    def status(self) -> RobotStatus:
+        if self.cut:
+            raise ProviderUnreachable("The robot did not answer", where="line")
+        return super().status()
+
+
+def fleet(eye: Eye, clock: Clock) -> tuple[Fleet, Silent]:
+    robot = Silent(WorldSettings(seed=1))
+    return Fleet({ONE: robot}, {ONE: eye}, clock), robot
+
+
+def looked(watch: Fleet, clock: Clock, times: int, *, every_s: float = PICTURE_EVERY_S) -> None:
+    for _ in range(times):
+        watch.shots(ONE)
+        clock.now_s += every_s
+
+
+def test_the_ring_holds_the_last_twenty_seconds_and_no_more() -> None:
+    clock, eye = Clock(), Eye()
+    watch, _ = fleet(eye, clock)
+    looked(watch, clock, 60)
+    kept = watch.shots(ONE).kept
+    assert eye.taken >= 60 and clock.now_s - kept[0].taken_s <= KEPT_S
+    assert 8 <= len(kept) <= MOST_SHOTS and [one.number for one in kept] == sorted(one.number for one in kept)
+    with pytest.raises(UnknownName, match="not kept any more"):
+        watch.shot(ONE, 1)
+
+
+def test_large_pictures_push_the_older_ones_out_before_the_bytes_run_over() -> None:
+    clock, eye = Clock(), Eye(size=MOST_BYTES // 3)
+    watch, _ = fleet(eye, clock)
+    looked(watch, clock, 8)
+    kept = watch.shots(ONE).kept
+    assert len(kept) == 3 and sum(len(one.picture.body) for one in kept) <= MOST_BYTES
+
+
+def test_a_camera_that_falls_silent_is_shown_old_with_the_reason() -> None:
+    clock, eye = Clock(), Eye()
+    watch, _ = fleet(eye, clock)
+    looked(watch, clock, 2)
+    eye.broken = True
+    clock.now_s += 30.0
+    view = camera_view(ONE, watch.shots(ONE), now_s=clock.now_s)
+    assert view.stale and view.newest is not None and view.newest.age_s > 30.0
+    assert "did not answer" in view.why
+
+
+def test_a_robot_that_falls_silent_keeps_its_last_word_and_says_how_old_it_is() -> None:
+    clock = Clock()
+    watch, robot = fleet(Eye(), clock)
+    assert robot_word(watch.word(ONE), now_s=clock.now_s).link == "good"
+    robot.cut = True
+    clock.now_s += 12.0
+    word = robot_word(watch.word(ONE), now_s=clock.now_s)
+    assert (word.link, word.posture) == ("lost", "standing")
+    assert word.link_age_s == 12.0 and word.trouble == "The robot did not answer"
+
+
+def test_an_unknown_robot_and_one_without_a_camera_are_told_apart() -> None:
+    clock = Clock()
+    blind = Fleet({ONE: SimulatedRobot(WorldSettings(seed=1))}, {}, clock)
+    assert "no camera" in blind.shots(ONE).trouble
+    with pytest.raises(UnknownName, match="choose from: vbot-1"):
+        blind.word("vbot-7")
+
+
+def test_people_are_present_as_long_as_their_page_is_open() -> None:
+    presence = Presence()
+    with presence.here("ada", ("mission/m1",)), presence.here("ben", ("handoff/",)):
+        assert presence.people() == ("ada", "ben")
+        assert presence.watching("mission/m1", "robot/vbot-1") == ("ada",)
+    assert presence.people() == ()

@@ -1,0 +1,131 @@
+"""What the supervisor keeps of the robot's samples: each once, the last seconds, an execution's own in its spool."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import pytest
+from msgspec.structs import replace
+
+from harness.adapters.clock import LockstepClock
+from harness.adapters.ids import SeededIds
+from harness.adapters.providers.simulation.robot import SimulatedRobot
+from harness.adapters.providers.simulation.world import WorldSettings
+from harness.adapters.stores.memory import MemorySpool
+from harness.bootstrap import simulated
+from harness.contracts.errors import ProviderUnreachable
+from harness.contracts.ids import InvocationId, RobotId
+from harness.contracts.observations import AnySample, Pose
+from harness.contracts.ports import Clock, Robot
+from harness.contracts.protocol import Observations
+from harness.settings import HarnessSettings
+from harness.supervisor.crew import Crew
+from harness.supervisor.senses import RECENT_S, Senses
+
+OPEN = InvocationId("inv-1")
+
+
+class RecordingSpool(MemorySpool):
+    """A spool that can say for whom it was written."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.names: set[InvocationId] = set()
+
+    def add(self, invocation: InvocationId, samples: Iterable[AnySample]) -> None:
+        """The spool's add."""
+        self.names.add(invocation)
+        super().add(invocation, samples)
+
+
+class Gone(SimulatedRobot):
+    """A robot that answers until it is switched off."""
+
+    off = False
+
+    def observations(self, after: int, limit: int = 5000) -> Observations:
+        """The robot's observations."""
+        if self.off:
+            raise ProviderUnreachable("The robot is off", where="vbot-1", do="switch it on")
+        return super().observations(after, limit)
+
+
+@dataclass
+class Watch:
+    """Senses over a simulated robot that stands."""
+
+    robot: Gone
+    spool: RecordingSpool
+    senses: Senses
+    clock: Clock
+
+    def after(self, seconds: float) -> None:
+        self.clock.wait_until(self.clock.now().mission_s + seconds)
+
+
+@pytest.fixture
+def watch() -> Iterator[Watch]:
+    with simulated(HarnessSettings(fidelity="kinematic", speed=0), seed=1) as harness:
+        robot, spool = Gone(WorldSettings()), RecordingSpool()
+        clock = LockstepClock(robot.advance_to, at_s=robot.at_s, wall=lambda: robot.at_s)
+        crew = Crew(
+            robot_id=RobotId("vbot-1"),
+            robot=_as_robot(robot),
+            providers={},
+            clock=clock,
+            ids=SeededIds(1),
+            spool=spool,
+            prepare=lambda mission: None,
+            revive=lambda: False,
+        )
+        yield Watch(robot, spool, Senses(runtime=harness.runtime, crew=crew), clock)
+
+
+def _as_robot(robot: Gone) -> Robot:
+    return robot
+
+
+def test_each_sample_is_seen_once_in_the_order_of_its_number(watch: Watch) -> None:
+    for _ in range(3):
+        watch.after(1.0)
+        assert watch.senses.collect(OPEN)
+    assert watch.senses.collect(OPEN)
+    numbers = [sample.seq for sample in watch.spool.samples(OPEN)]
+    assert numbers == sorted(set(numbers)) and len(numbers) > 100
+    assert [sample.seq for sample in watch.senses.recent] == numbers
+
+
+def test_samples_of_no_execution_are_spooled_for_nobody(watch: Watch) -> None:
+    watch.after(1.0)
+    assert watch.senses.collect(None)
+    assert watch.spool.names == set() and watch.senses.recent
+    watch.after(1.0)
+    assert watch.senses.collect(OPEN)
+    first = watch.spool.samples(OPEN)[0]
+    assert first.at_s > watch.robot.at_s - 1.01 and watch.spool.names == {OPEN}
+
+
+def test_only_the_last_seconds_are_kept_and_a_silent_robot_changes_nothing(watch: Watch) -> None:
+    watch.after(RECENT_S + 5.0)
+    assert watch.senses.collect(None)
+    kept = watch.senses.recent
+    horizon_s = watch.senses.recent[-1].at_s - RECENT_S
+    assert kept and min(sample.at_s for sample in kept) >= horizon_s
+    watch.robot.off = True
+    assert not watch.senses.collect(OPEN)
+    assert watch.senses.recent == kept and watch.spool.names == set()
+
+
+def test_a_seal_names_frame_and_map_only_where_all_poses_agree(watch: Watch) -> None:
+    watch.after(1.0)
+    assert watch.senses.collect(None)
+    poses = [one for one in watch.senses.recent if isinstance(one, Pose)]
+    rest = [one for one in watch.senses.recent if not isinstance(one, Pose)]
+    whole, trajectory = watch.senses.seal([*rest, *poses], source="robot")
+    assert (whole.frame, whole.map_version, whole.confidence) == ("map", poses[0].map_version, 0.95)
+    assert (whole.from_s, whole.until_s) == (trajectory.odometry[0].at_s, trajectory.imu[-1].at_s)
+    torn, _ = watch.senses.seal([poses[0], replace(poses[1], map_version="other")], source="robot")
+    assert (torn.frame, torn.map_version) == ("map", "")
+    blind, kept = watch.senses.seal(rest, source="robot")
+    assert (blind.frame, blind.map_version, blind.confidence, kept.poses) == ("", "", 1.0, ())
+    nothing, _ = watch.senses.seal([], source="robot")
+    assert (nothing.from_s, nothing.until_s) == (0.0, 0.0)
