@@ -4,6 +4,7 @@ from typing import Any
 
 from app.accounts import Accounts
 from app.permissions import Permission, permissions_of
+from app.reviewing import WORDS as AT_THE_DESK
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Authority, Refused
 
@@ -17,8 +18,9 @@ WORDS: dict[str, Permission] = {
     "ReturnControl": "decide",
     "CloseQuestion": "decide",
     "MarkDispatched": "decide",
+    **AT_THE_DESK,
 }
-"""What a person's word at a handoff needs, by the command that carries it to the gate."""
+"""What a person's word at a gate needs, by the command that carries it there."""
 
 
 def authority(accounts: Accounts) -> Authority:
@@ -32,6 +34,6 @@ def authority(accounts: Accounts) -> Authority:
         account = accounts.store.account(actor.name)
         if account is None or (not account.disabled and needed in permissions_of(account.roles)):
             return None
-        return Refused("role_revoked", f"{actor.name} may no longer answer a handoff: their role was taken back.")
+        return Refused("role_revoked", f"{actor.name} may no longer decide this: their role was taken back.")
 
     return still

@@ -12,12 +12,14 @@ from fastapi import Depends, Request
 
 from app.alerts import Alerts
 from app.doors import Doors
+from app.evaluated import Evaluated
 from app.fleet import Fleet, no_fleet
 from app.history import Histories
 from app.lists import Lists
 from app.live import SignalBroker
 from app.measured import Measurements
 from app.presence import Presence
+from app.reviewing import GuardedDesk
 from app.scene import Scenes
 from app.security import actor_of
 from app.settings import ConsoleSettings
@@ -99,6 +101,8 @@ class Console:
     lists: Lists
     measurements: Measurements
     alerts: Alerts
+    desk: GuardedDesk
+    evaluated: Evaluated
     clock: Callable[[], float]
     starts: Starts = no_journal
     cards: Cards = no_cards
@@ -121,6 +125,7 @@ class Console:
             now_s=self.clock(),
             present=self.presence.people(),
             alerts=self.alerts.waiting(self.clock()),
+            reviewing=sum(one.status in ("in_review", "authorised") for one in self.desk.reviews()),
         )
 
     def control(self) -> Control:

@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from app.views.measures import number
+from app.views.saying import said, word
 
 
 def clock(at_s: float) -> str:
@@ -15,7 +16,7 @@ def clock(at_s: float) -> str:
 
 def instant(at_s: float) -> str:
     """Date and time in UTC, as a person reads it."""
-    return datetime.fromtimestamp(at_s, UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
+    return said("{instant} UTC", instant=datetime.fromtimestamp(at_s, UTC))
 
 
 def iso(at_s: float) -> str:
@@ -26,11 +27,16 @@ def iso(at_s: float) -> str:
 def duration(seconds: float) -> str:
     """2 min 41 s; below ten seconds with one decimal."""
     if seconds < 10:
-        return f"{max(seconds, 0.0):.1f} s"
+        return said("{seconds} s", seconds=f"{max(seconds, 0.0):.1f}")
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
-    parts = [f"{hours} h" if hours else "", f"{minutes} min" if minutes else "", f"{rest} s" if not hours else ""]
-    return " ".join(part for part in parts if part)
+    if hours:
+        return said("{hours} h {minutes} min", hours=hours, minutes=minutes)
+    return (
+        said("{minutes} min {seconds} s", minutes=minutes, seconds=rest)
+        if minutes
+        else said("{seconds} s", seconds=rest)
+    )
 
 
 def elapsed(seconds: float) -> str:
@@ -45,8 +51,8 @@ def short(digest: str) -> str:
 
 
 def words(slug: str) -> str:
-    """awaiting_human reads as awaiting human."""
-    return slug.replace("_", " ")
+    """awaiting_human reads as awaiting human, in every language that knows the word."""
+    return word(slug)
 
 
 def pretty(value: Any) -> str:

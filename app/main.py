@@ -22,15 +22,19 @@ from app.authority import authority
 from app.console import Cards, Console, Dossier, Starts, Wheel, no_cards, no_journal
 from app.doors import Doors
 from app.errors import PortBusy
+from app.evaluated import Evaluated
 from app.exposure import check_exposure
 from app.fleet import Fleet, no_fleet
 from app.guard import GuardedRuntime
 from app.history import Histories
 from app.idempotency import Idempotency
+from app.languages import Languages
 from app.limits import Buckets
 from app.lists import Lists
 from app.live import SignalBroker
 from app.measured import Measurements
+from app.notices import Notices
+from app.reviewing import GuardedDesk
 from app.routes import (
     account,
     alerts,
@@ -62,6 +66,7 @@ from app.routes import (
 from app.scene import Scenes
 from app.security import Doorkeeper, Threshold
 from app.settings import ConsoleSettings
+from harness.adapters.notify.services import AppriseNotifier
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.bootstrap import open_lists
 from harness.contracts.ids import MissionId
@@ -96,14 +101,18 @@ def create_app(
     doors = _doors(store, settings)
     runtime.obey(authority(doors.accounts))
     inbox = Alerts(runtime)
+    desk = GuardedDesk(runtime, doors.accounts.told)
     watched = Watched(fleet=fleet or no_fleet(), starts=starts, free_bytes=_free(folder), clock=time.time)
-    alert_watch = AlertWatch(runtime, inbox, watched)
+    services = AppriseNotifier({name: address.get_secret_value() for name, address in settings.notify.items()})
+    notices = Notices(runtime, services, time.time, settings.address)
+    alert_watch = AlertWatch(runtime, inbox, watched, tell=notices.offer)
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         yield
         broker.close()
         alert_watch.close()
+        notices.close()
         if fleet is not None:
             fleet.close()
         scenes.close()
@@ -113,6 +122,7 @@ def create_app(
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, lifespan=lifespan)
     app.state.doors = doors
     app.state.alert_watch = alert_watch
+    app.state.notices = notices
     app.state.console = Console(
         runtime=GuardedRuntime(runtime, doors.accounts.told),
         settings=settings,
@@ -123,6 +133,8 @@ def create_app(
         lists=lists,
         measurements=Measurements(runtime),
         alerts=inbox,
+        desk=desk,
+        evaluated=Evaluated(desk, folder.absolute().with_name(f"{folder.absolute().name}-evaluator") if folder else None),
         clock=time.time,
         starts=starts,
         cards=cards,
@@ -158,6 +170,7 @@ def create_app(
     errors.install(app)
     app.add_middleware(Idempotency, store=store, clock=time.time)
     app.add_middleware(Doorkeeper, doors=doors, threshold=_threshold(settings))
+    app.add_middleware(Languages, secure=settings.secure)
     return app
 
 

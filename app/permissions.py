@@ -9,8 +9,8 @@ from harness.contracts.errors import HarnessError
 
 Role = Literal["viewer", "operator", "reviewer", "releaser", "admin"]
 Permission = Literal[
-    "read", "export", "drive", "stop", "observe", "decide", "dispute", "attest", "alerts", "review", "release", "trail",
-    "people",
+    "read", "export", "drive", "stop", "observe", "decide", "dispute", "attest", "alerts", "propose", "review",
+    "release", "trail", "people",
 ]  # fmt: skip
 ROLES: tuple[str, ...] = get_args(Role)
 GRANTS: Mapping[Permission, tuple[Role, ...]] = {
@@ -23,6 +23,7 @@ GRANTS: Mapping[Permission, tuple[Role, ...]] = {
     "dispute": ("operator", "reviewer"),
     "attest": ("operator",),
     "alerts": ("operator", "admin"),
+    "propose": ("releaser", "reviewer", "operator"),
     "review": ("reviewer",),
     "release": ("releaser",),
     "trail": ("reviewer", "releaser", "admin"),
@@ -39,6 +40,8 @@ COMMANDS: Mapping[str, Permission] = {
     "SetAutonomy": "drive",
     "LimitAutonomy": "drive",
     "AttachCloud": "drive",
+    "SavePlace": "drive",
+    "RemovePlace": "drive",
     "RaiseVeto": "stop",
     "TightenConstraints": "stop",
     "LookAgain": "observe",
@@ -72,6 +75,7 @@ MEANING: Mapping[Permission, str] = {
     "dispute": "dispute an accepted completion",
     "attest": "attest to what was seen",
     "alerts": "acknowledge, shelve, suppress and assign alerts",
+    "propose": "propose changes to the harness and speak about them",
     "review": "review candidates",
     "release": "release and roll back configurations",
     "trail": "read who signed in and who commanded what",

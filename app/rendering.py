@@ -1,6 +1,6 @@
-"""Templates: strict, escaped, and given exactly one page. The only place that knows Jinja."""
+"""Templates: strict, escaped, in the reader's language, and given exactly one page. The only place that knows Jinja."""
 
-from functools import cache
+from functools import cache, partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -9,20 +9,41 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from starlette.responses import HTMLResponse
 
 from app import filters
+from app.languages import CHOICE, ENGLISH, catalogue, told, translated, ways
+from app.phrases import script_messages, spoken
 from app.settings import ROOT
 
 
-def environment(folder: Path) -> Environment:
+class SpokenLoader(FileSystemLoader):
+    """Templates with their words in one language, translated once, when they are loaded."""
+
+    def __init__(self, folder: Path, language: str) -> None:
+        super().__init__(folder)
+        self._language = language
+
+    def get_source(self, environment: Environment, template: str) -> tuple[str, str, Any]:
+        """The source that Jinja compiles; raises jinja2.TemplateNotFound."""
+        source, filename, fresh = super().get_source(environment, template)
+        if self._language == ENGLISH:
+            return source, filename, fresh
+        return spoken(source, partial(translated, language=self._language)), filename, fresh
+
+
+def environment(folder: Path, language: str = ENGLISH) -> Environment:
     """Undefined names are errors, everything is escaped, whitespace around blocks is dropped."""
     jinja = Environment(
-        loader=FileSystemLoader(folder),
+        loader=SpokenLoader(folder, language),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
     jinja.filters.update(filters.FILTERS)
+    jinja.filters["told"] = partial(told, language=language)
     jinja.globals["asset"] = asset
+    jinja.globals["language"] = language
+    jinja.globals["languages"] = ways
+    jinja.globals["phrases"] = {one: catalogue(language)[one] for one in script_phrases() if one in catalogue(language)}
     return jinja
 
 
@@ -33,9 +54,23 @@ def asset(path: str) -> str:
     return f"/static/{path}?v={stamp}"
 
 
+@cache
+def script_phrases() -> tuple[str, ...]:
+    """Every message that a script of the console says, once."""
+    sources = sorted((ROOT / "static" / "js").glob("*.js"))
+    return tuple(dict.fromkeys(one for path in sources for one in script_messages(path.read_text(encoding="utf-8"))))
+
+
 TEMPLATES = environment(ROOT / "templates")
 
 
+@cache
+def templates(language: str) -> Environment:
+    """The templates in one language."""
+    return TEMPLATES if language == ENGLISH else environment(ROOT / "templates", language)
+
+
 def render(template: str, page: Any, *, status: int = 200) -> HTMLResponse:
-    """One template with one page. Raises jinja2.UndefinedError if they disagree."""
-    return HTMLResponse(TEMPLATES.get_template(template).render(page=page), status_code=status)
+    """One template with one page, in the language of the request. Raises jinja2.UndefinedError if they disagree."""
+    chosen = templates(CHOICE.get().language)
+    return HTMLResponse(chosen.get_template(template).render(page=page), status_code=status)

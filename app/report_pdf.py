@@ -4,6 +4,7 @@ What the font lacks (Chinese, for one) is drawn as an empty box, and the documen
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from io import BytesIO
 from pathlib import Path
@@ -80,7 +81,15 @@ class _Paper(FPDF):
         self.set_font(FONT, size=9)
 
 
-def report_pdf(page: ReportPage, pictures: Mapping[str, bytes], *, fonts: Path, made_s: float) -> bytes:
+@dataclass(frozen=True)
+class Document:
+    """A finished PDF. `lacking` signs of its text are drawn as empty boxes."""
+
+    body: bytes
+    lacking: int
+
+
+def report_pdf(page: ReportPage, pictures: Mapping[str, bytes], *, fonts: Path, made_s: float) -> Document:
     """A4. `pictures`: bytes by digest of those that verify; the others are named as broken.
 
     Raises PictureUnreadable for bytes that are no picture.
@@ -103,7 +112,7 @@ def report_pdf(page: ReportPage, pictures: Mapping[str, bytes], *, fonts: Path, 
             f"{paper.lacking} signs are drawn as {MISSING}: this document's font has no Chinese and no symbols beyond "
             "European scripts. The report in the console and its JSON hold them all."
         )
-    return bytes(paper.output())
+    return Document(body=bytes(paper.output()), lacking=paper.lacking)
 
 
 def _summary(paper: _Paper, page: ReportPage) -> None:

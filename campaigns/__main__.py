@@ -65,8 +65,8 @@ def main() -> None:
 def _run(asked: argparse.Namespace) -> None:
     share = min(1.0, asked.missions / MISSIONS)
     full = asked.missions >= MISSIONS and asked.minutes is None
-    found = _found(asked, share=1.0 if full or asked.publish else share)
     made = {"command": _command(asked), "code": _code()}
+    found = _found(asked, share=1.0 if full or asked.publish else share)
     result: dict[str, Any] = {"seed": asked.seed, "command": made["command"]}
     for figures, _ in found.values():
         result |= figures

@@ -46,6 +46,7 @@ from harness.gate.decide import DECIDER as MISSION
 from harness.gate.handoffs import DECIDER as HANDOFF
 from harness.gate.leases import DECIDER as LEASE
 from harness.gate.maps import DECIDER as MAP
+from harness.gate.places import DECIDER as PLACE
 from harness.memory.fabric import MemoryFabric
 from harness.planning.planner import GRAPH_ORDER, Planner
 from harness.projections.mission import Mission
@@ -59,6 +60,7 @@ from harness.verification.verdict import Verifier, verify
 Deciders = Mapping[str, Decider[Any, Any, Any]]
 """A decider for every family of streams: `release` decides on `release/...`."""
 Select = Callable[[Runtime, RobotId], Digest | None]
+Trial = Callable[[Runtime, Digest], bool]
 """Which configuration version a new mission of a robot is pinned to; None: the one the harness was opened with."""
 
 DECIDERS: dict[str, Decider[Any, Any, Any]] = {
@@ -68,7 +70,13 @@ DECIDERS: dict[str, Decider[Any, Any, Any]] = {
     "control": CONTROL,
     "map": MAP,
     "alert": ALERT,
+    "place": PLACE,
 }
+
+
+def nothing_on_trial(runtime: Runtime, configuration_id: Digest) -> bool:
+    """No release desk, or a suite or experiment: no version is in canary."""
+    return False
 
 
 def nothing_selected(runtime: Runtime, robot_id: RobotId) -> Digest | None:
@@ -126,6 +134,7 @@ class Parts:
     planner: Planner = GRAPH_ORDER
     deciders: Deciders = field(default_factory=dict)
     select: Select = nothing_selected
+    trial: Trial = nothing_on_trial
     configuration: Configuration = field(default_factory=baseline)
     site: Site = field(default_factory=shipped_site)
 
@@ -207,6 +216,9 @@ def runtime_on(parts: Parts, clocks: Mapping[RobotId, Clock] = MappingProxyType(
     def selected(robot_id: RobotId) -> Digest | None:
         return parts.select(runtime, robot_id)
 
+    def on_trial(configuration_id: Digest) -> bool:
+        return parts.trial(runtime, configuration_id)
+
     runtime = Runtime(
         gate=Gate(
             store=parts.store,
@@ -220,7 +232,7 @@ def runtime_on(parts: Parts, clocks: Mapping[RobotId, Clock] = MappingProxyType(
         ids=parts.ids,
         signals=parts.signals,
         configurations=StoredConfigurations(
-            parts.store, first=parts.configuration, shipped=(baseline(),), selected=selected
+            parts.store, first=parts.configuration, shipped=(baseline(),), selected=selected, on_trial=on_trial
         ),
         site=parts.site,
         memory=MemoryFabric(store=parts.store, index=parts.index),

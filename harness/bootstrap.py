@@ -35,11 +35,13 @@ from harness.assembly import (
     Member,
     Parts,
     Select,
+    Trial,
     Unheard,
     assemble,
     directly,
     joined,
     local_providers,
+    nothing_on_trial,
     nothing_selected,
     runtime_on,
 )
@@ -63,9 +65,27 @@ from harness.runtime import Runtime
 from harness.settings import HarnessSettings
 
 __all__ = [
-    "DECIDERS", "Deciders", "Harness", "Parts", "Select", "Unheard", "assemble", "check_faults", "directly",
-    "edit_harness", "local_providers", "move_log", "nothing_selected", "open_harness", "open_lists", "owner_of",
-    "read_harness", "runtime_on", "simulated",
+    "DECIDERS",
+    "Deciders",
+    "Harness",
+    "Parts",
+    "Select",
+    "Trial",
+    "Unheard",
+    "assemble",
+    "check_faults",
+    "directly",
+    "edit_harness",
+    "local_providers",
+    "move_log",
+    "nothing_on_trial",
+    "nothing_selected",
+    "open_harness",
+    "open_lists",
+    "owner_of",
+    "read_harness",
+    "runtime_on",
+    "simulated",
 ]  # fmt: skip
 """What the house is built with: here, and from the words of `assembly`."""
 
@@ -78,10 +98,12 @@ def open_harness(
     url: str = "",
     deciders: Deciders = MappingProxyType({}),
     select: Select = nothing_selected,
+    trial: Trial = nothing_on_trial,
 ) -> Iterator[Harness]:
     """The runtime on this data folder with every simulated robot as a child process, until the block ends.
 
-    `deciders` are for further families of streams, `select` says which version new missions are pinned to.
+    `deciders` are for further families of streams, `select` says which version new missions are pinned to, `trial`
+    whether one is in canary, so that a person approves each motion.
     Raises StoreOwned if another supervisor owns the folder, StoreUnavailable or StoreNewer if it cannot be used.
     """
     with ExitStack() as stack:
@@ -105,6 +127,7 @@ def open_harness(
             snapshots=snapshots,
             deciders=deciders,
             select=select,
+            trial=trial,
         )
         members = [_kept_member(parts, one, folder) for one in kept]
         yield replace(joined(stack, settings, parts, members), token=token)
@@ -155,12 +178,13 @@ def simulated(
     wire: Callable[[Robot], Robot] = directly,
     deciders: Deciders = MappingProxyType({}),
     select: Select = nothing_selected,
+    trial: Trial = nothing_on_trial,
 ) -> Iterator[Harness]:
     """Everything in this process and in virtual time: kinematic robot, stores in memory. For suites and tests.
 
     `configuration` is what missions are pinned to, H_0 without one; `site` the places they name, the shipped ones
     without one; `hidden` what the simulated site does to the robot again and again; `wire` stands between the
-    harness and the robot; `deciders` and `select` as in `open_harness`.
+    harness and the robot; `deciders`, `select` and `trial` as in `open_harness`.
     """
     with ExitStack() as stack:
         robots = [
@@ -181,6 +205,7 @@ def simulated(
             site=site or shipped_site(),
             deciders=deciders,
             select=select,
+            trial=trial,
         )
 
         joining = [_simulated_member(parts, *pair) for pair in zip(robots, clocks, strict=True)]

@@ -20,6 +20,7 @@ from harness.contracts.ids import (
     Digest,
     HandoffId,
     MissionId,
+    PlaceId,
     ResourceId,
     RobotId,
     StreamId,
@@ -28,18 +29,23 @@ from harness.contracts.ids import (
     mission_stream,
 )
 from harness.contracts.observations import AnySample
-from harness.contracts.places import Site
+from harness.contracts.place_events import place_stream
+from harness.contracts.places import Place, Site
 from harness.contracts.ports import BlobStore, Configurations, EventStore, Head, Ids, Record, Signals, StoredEvent
 from harness.contracts.protocol import InvocationReport, RobotStatus
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.contracts.values import Value
 from harness.gate.commit import Gate, Request
+from harness.gate.places import DECIDER as PLACE
 from harness.memory.fabric import MemoryFabric
 from harness.planning.compile import compile_contract
 from harness.planning.templates import by_name, select
 from harness.projections.handoffs import Handoff
 from harness.projections.leases import Lease
 from harness.projections.mission import Mission
+from harness.projections.places import Places, changed_site
+
+COMPILED = ("ContractCompiled", "ContractRecompiled")
 
 
 class Live(Value):
@@ -97,11 +103,39 @@ class Runtime:
         self._ids = ids
         self._signals = signals
         self._configurations = configurations
-        self.site = site
+        self._shipped = site
+        self._sites: dict[tuple[MissionId, Digest], Site] = {}
         self.memory = memory
         self._live: dict[MissionId, Live] = {}
         self._live_lock = Lock()
         self._desk: Callable[[PersonCommand], Decision[AnyEvent]] | None = None
+
+    @property
+    def site(self) -> Site:
+        """The places as people have changed them: what new missions are compiled with (R193)."""
+        return changed_site(self._shipped, self.places())
+
+    def site_of(self, mission: Mission) -> Site:
+        """The places that a mission was compiled with: what people changed since is not its own."""
+        key = (mission.mission_id, mission.configuration)
+        if key not in self._sites:
+            self._sites[key] = self._site_before(mission.mission_id)
+        return self._sites[key]
+
+    def _site_before(self, mission_id: MissionId) -> Site:
+        changes = self._store.load(place_stream(self._shipped.name))
+        compiled = [one.position for one in self.events(mission_id) if one.kind in COMPILED] if changes else []
+        known = [PLACE.codec.decode(one) for one in changes if compiled and one.position < compiled[-1]]
+        return changed_site(self._shipped, PLACE.fold(PLACE.initial, known))
+
+    def places(self) -> Places:
+        """The changes to this site's places."""
+        places: Places = self._gate.state(place_stream(self._shipped.name))
+        return places
+
+    def shipped_place(self, place_id: PlaceId) -> Place | None:
+        """A place as it shipped, whatever people made of it since."""
+        return next((one for one in self._shipped.places if one.place_id == place_id), None)
 
     # commands -------------------------------------------------------------------------------------------------------
 
@@ -130,6 +164,7 @@ class Runtime:
             labels=start.labels or {},
             autonomy=start.autonomy,
             replay=start.replay,
+            trial=self.on_trial(configuration.configuration_id),
         )
         version = self._configurations.record(pinned)
         return self.commit([Request(mission_stream(mission_id), create)], records=(version,))
@@ -187,6 +222,10 @@ class Runtime:
     def current_configuration(self, robot_id: RobotId) -> Configuration:
         """Raises ConfigurationMissing."""
         return self._configurations.current(robot_id)
+
+    def on_trial(self, configuration_id: Digest) -> bool:
+        """Whether a version is in canary: a person then approves each motion of its missions (D28)."""
+        return self._configurations.on_trial(configuration_id)
 
     def configuration_of(self, mission: Mission) -> Configuration:
         """What this mission is pinned to, whatever is current now (D35). Raises ConfigurationMissing."""

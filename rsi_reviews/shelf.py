@@ -121,6 +121,12 @@ class Shelf:
         return digest(loaded)
 
 
+def on_trial(runtime: Runtime, configuration_id: Digest) -> bool:
+    """Whether a version is in canary (D28, D34). For `open_harness(trial=...)`."""
+    pointer: Pointer = runtime.fold(POINTER)
+    return bool(pointer.version) and pointer.canary == configuration_id
+
+
 def selected(runtime: Runtime, robot_id: RobotId) -> Digest | None:
     """What the pointer says for a robot's next mission; None while nothing was ever proposed here.
 

@@ -1,15 +1,153 @@
-"""/places: what words for places mean here."""
+"""/places: what words for places mean here; add, change, remove one. Every version is kept."""
+
+from collections.abc import Sequence
 
 from fastapi import APIRouter
-from starlette.responses import HTMLResponse
+from starlette.responses import HTMLResponse, RedirectResponse, Response
 
-from app.console import ActorDep, ConsoleDep
+from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.rendering import render
+from app.views import place_editor
+from app.views.forms import Wrong, wrong_reason
+from app.views.place_editor import PlaceForm, Version
 from app.views.places import places_page
+from harness.contracts.actors import Actor
+from harness.contracts.any_events import AnyEvent
+from harness.contracts.decider import Codec
+from harness.contracts.decisions import Accepted, Refused
+from harness.contracts.errors import UnknownName
+from harness.contracts.ids import PlaceId
+from harness.contracts.place_events import (
+    PlaceCommand,
+    PlaceEvent,
+    PlaceRemoved,
+    PlaceSaved,
+    RemovePlace,
+    SavePlace,
+    place_stream,
+)
+from harness.contracts.places import Place
 
 router = APIRouter(prefix="/places")
+EVENTS: Codec[PlaceEvent] = Codec(PlaceEvent)
 
 
 @router.get("")
 def index(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
     return render("places/index.html", places_page(console.shell("Places", "places", actor), console.runtime.site))
+
+
+@router.get("/new")
+def new(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
+    return render("places/edit.html", _form(console, actor, {}, new=True))
+
+
+@router.post("/new")
+def add(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
+    place_id = typed.get("place_id", "")
+    known = any(one.place_id == place_id for one in console.runtime.site.places)
+    wrong = [Wrong("place_id", f"There is a place {place_id} already.")] if known else []
+    return _save(console, actor, typed, wrong, new=True)
+
+
+@router.get("/{place_id}/edit")
+def edit(console: ConsoleDep, actor: ActorDep, place_id: PlaceId) -> HTMLResponse:
+    return render("places/edit.html", _form(console, actor, _as_it_is(console, place_id)))
+
+
+@router.post("/{place_id}/edit")
+def save(console: ConsoleDep, actor: ActorDep, place_id: PlaceId, typed: FormDep) -> Response:
+    _as_it_is(console, place_id)
+    return _save(console, actor, {**typed, "place_id": place_id}, [])
+
+
+@router.post("/{place_id}/remove")
+def remove(console: ConsoleDep, actor: ActorDep, place_id: PlaceId, typed: FormDep) -> Response:
+    shown = _as_it_is(console, place_id)
+    wrong = [Wrong("reason", text) for text in wrong_reason(typed.get("reason", ""))]
+    if wrong:
+        return render("places/edit.html", _form(console, actor, shown, wrong), status=422)
+    command = RemovePlace(place_id=place_id, basis=_basis(typed), actor=actor, reason=typed["reason"].strip())
+    decision = told(console, command)
+    if isinstance(decision, Refused):
+        return render("places/edit.html", _form(console, actor, shown, [Wrong("", decision.message)]), status=409)
+    return RedirectResponse("/places", status_code=303)
+
+
+def told(console: Console, command: PlaceCommand) -> Accepted[AnyEvent] | Refused:
+    """One change of a place, through the gate."""
+    return console.runtime.decide([(place_stream(console.runtime.site.name), command)])
+
+
+def _save(console: Console, actor: Actor, typed: dict[str, str], wrong: list[Wrong], *, new: bool = False) -> Response:
+    site = console.runtime.site
+    wrong = wrong + place_editor.wrong_place(typed, site)
+    if wrong:
+        return render("places/edit.html", _form(console, actor, typed, wrong, new=new), status=422)
+    place = place_editor.place_of(typed, site, by=actor.name)
+    basis = console.runtime.places().revision(place.place_id) if new else _basis(typed)
+    decision = told(console, SavePlace(place=place, basis=basis, actor=actor, reason=typed["reason"].strip()))
+    if isinstance(decision, Refused):
+        page = _form(console, actor, typed, [Wrong("", decision.message)], new=new)
+        return render("places/edit.html", page, status=409)
+    return RedirectResponse(f"/places#{place.place_id}", status_code=303)
+
+
+def _form(
+    console: Console, actor: Actor, typed: dict[str, str], wrong: Sequence[Wrong] = (), *, new: bool = False
+) -> PlaceForm:
+    title = "Add a place" if new else f"Place {typed.get('name') or typed.get('place_id', '')}"
+    place_id = PlaceId(typed.get("place_id", ""))
+    return place_editor.place_form(
+        console.shell(title, "places", actor),
+        console.runtime.site,
+        typed,
+        basis=console.runtime.places().revision(place_id),
+        wrong=wrong,
+        versions=_versions(console, place_id),
+        new=new,
+    )
+
+
+def _as_it_is(console: Console, place_id: PlaceId) -> dict[str, str]:
+    """The fields of a place as it stands, or as it was before it was removed. Raises UnknownName."""
+    now = next((one for one in console.runtime.site.places if one.place_id == place_id), None)
+    place = now or _before(console, place_id)
+    if place is None:
+        raise UnknownName(f"There is no place {place_id[:40]}", do="choose one from the list of places")
+    return place_editor.fields_of(place)
+
+
+def _before(console: Console, place_id: PlaceId) -> Place | None:
+    saved = [one for one in _changes(console, place_id) if isinstance(one, PlaceSaved)]
+    return saved[-1].place if saved else console.runtime.shipped_place(place_id)
+
+
+def _versions(console: Console, place_id: PlaceId) -> tuple[Version, ...]:
+    """Every change to this place, newest first."""
+    return tuple(
+        Version(
+            revision=one.revision,
+            text="removed" if isinstance(one, PlaceRemoved) else _said(one.place),
+            who=one.actor.name,
+            reason=one.reason,
+            at_s=one.at_s,
+        )
+        for one in reversed(_changes(console, place_id))
+    )
+
+
+def _said(place: Place) -> str:
+    fields = place_editor.fields_of(place)
+    names = f"{place.name} ({fields['aliases']})" if place.aliases else place.name
+    return f"{names} at {fields['x']}, {fields['y']} m, facing {fields['heading']}°, {place.verification}"
+
+
+def _changes(console: Console, place_id: PlaceId) -> list[PlaceEvent]:
+    every = [EVENTS.decode(one) for one in console.runtime.stream(place_stream(console.runtime.site.name))]
+    return [one for one in every if place_id == (one.place.place_id if isinstance(one, PlaceSaved) else one.place_id)]
+
+
+def _basis(typed: dict[str, str]) -> int:
+    given = typed.get("basis", "")
+    return int(given) if given.isdecimal() and len(given) < 10 else 0

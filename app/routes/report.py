@@ -40,9 +40,9 @@ def portable(console: ConsoleDep, actor: ActorDep, mission_id: MissionId) -> Res
     page = page_of(console, actor, mission_id)
     pictures = {one.blob: console.runtime.blob(Digest(one.blob)) for one in page.pictures if not one.broken}
     fonts = console.settings.static / "vendor" / "dejavu-2.37"
-    body = report_pdf(page, pictures, fonts=fonts, made_s=console.clock())
+    made = report_pdf(page, pictures, fonts=fonts, made_s=console.clock())
     name = f'attachment; filename="{mission_id}.pdf"'
-    return Response(body, media_type="application/pdf", headers={"Content-Disposition": name})
+    return Response(made.body, media_type="application/pdf", headers={"Content-Disposition": name})
 
 
 @router.get("/dossier")

@@ -8,13 +8,13 @@ from harness.contracts.ids import MissionId
 from harness.settings import HarnessSettings
 from rsi_reviews.deciding import DECIDERS
 from rsi_reviews.desk import Desk
-from rsi_reviews.shelf import selected
+from rsi_reviews.shelf import on_trial, selected
 
 
 @contextmanager
 def running(settings: HarnessSettings) -> Iterator[Harness]:
     """Robots and supervisor on this folder. Missions that ended while it was open are taken into the canary."""
-    with open_harness(settings, deciders=DECIDERS, select=selected) as harness:
+    with open_harness(settings, deciders=DECIDERS, select=selected, trial=on_trial) as harness:
         desk = Desk(harness.runtime)
         desk.take_up("terminal")
         yield harness

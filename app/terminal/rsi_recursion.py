@@ -28,7 +28,7 @@ from rsi_reviews.generate.interface import GenerationBudget, Generator
 from rsi_reviews.generate.miner import TraceMiner
 from rsi_reviews.generate.trace import read_trace
 from rsi_reviews.recursion.experiment import FleetOutcome, Terms
-from rsi_reviews.recursion.publish import found, publish
+from rsi_reviews.recursion.publish import WORDS, found, publish
 from rsi_reviews.recursion.run import blind_tasks, outcomes, tasks
 from rsi_reviews.shelf import Shelf, selected
 
@@ -180,7 +180,7 @@ def _shown(row: dict[str, Any], name: str) -> str:
 
 
 def _answer(one: dict[str, Any]) -> str:
-    return f"{'REFUTED' if one['refuted'] else 'not refuted'}: {one['refutes']}. {one['sentence']}"
+    return f"{WORDS[one['refuted']]}: {one['refutes']}. {one['sentence']}"
 
 
 def _differences(report: Counterfactual) -> list[str]:

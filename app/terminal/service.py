@@ -82,6 +82,7 @@ def up(
             wheel=harness.wheel,
         )
         app.state.alert_watch.watch()
+        app.state.notices.watch()
         doors = app.state.doors
         link = "" if doors.has_accounts else f"{console.address}{doors.invite()}"
         way_in = f"Sign in once: {link}" if link else "Sign in with your account."

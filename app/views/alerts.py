@@ -6,6 +6,7 @@ from typing import assert_never
 
 from app.views.listing import Filter, Option, address
 from app.views.missions import Group
+from app.views.saying import said, word
 from app.views.shell import Shell
 from harness.contracts.alert_events import (
     PRIORITIES,
@@ -216,20 +217,35 @@ def sentence(event: AlertEvent) -> str:
         case AlertRaised(occurrence=one):
             return f"{one.title}. {one.text}"
         case AlertCleared():
-            return f"Over: {event.condition.replace('_', ' ')}. {event.reason}"
+            return said("Over: {condition}. {reason}", condition=word(event.condition), reason=event.reason)
         case AlertAcknowledged():
-            return f"{event.actor.name} acknowledged it. {event.note}".strip()
+            return said("{actor} acknowledged it. {note}", actor=event.actor.name, note=event.note)
         case AlertShelved():
-            return f"{event.actor.name} shelved it for {(event.until_s - event.at_s) / 60:.0f} min: {event.reason}"
+            return said(
+                "{actor} shelved it for {minutes} min: {reason}",
+                actor=event.actor.name,
+                minutes=f"{(event.until_s - event.at_s) / 60:.0f}",
+                reason=event.reason,
+            )
         case AlertSuppressed():
-            return f"{event.actor.name} suppressed it: {event.reason}"
+            return said("{actor} suppressed it: {reason}", actor=event.actor.name, reason=event.reason)
         case AlertRestored():
-            return f"{event.actor.name} restored it. {event.reason}".strip()
+            return said("{actor} restored it. {reason}", actor=event.actor.name, reason=event.reason)
         case AlertAssigned():
-            return f"{event.actor.name} gave it to {event.assignee or 'nobody'}"
+            return said("{actor} gave it to {assignee}", actor=event.actor.name, assignee=event.assignee or "nobody")
         case AlertNotified():
-            word = "took the message, by its own word" if event.outcome == "sent" else f"was not told: {event.reason}"
-            return f"{event.service} {word} (tries: {event.tries})"
+            if event.outcome == "sent":
+                return said(
+                    "{service} took the message, by its own word (tries: {tries})",
+                    service=event.service,
+                    tries=event.tries,
+                )
+            return said(
+                "{service} was not told: {reason} (tries: {tries})",
+                service=event.service,
+                reason=event.reason,
+                tries=event.tries,
+            )
         case _:
             assert_never(event)
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from app.views.saying import word
 from harness.contracts.configuration import SPENDING
 from harness.contracts.ids import NodeId
 from harness.projections.mission import Mission
@@ -42,17 +43,12 @@ def budget(mission: Mission, node_id: str) -> Budget:
     if contract is None or node_id not in mission.nodes:
         return Budget(node_id=node_id, meters=(), tries=())
     node, state = contract.node(NodeId(node_id)), mission.of(NodeId(node_id))
-    actions = [
-        _meter(action.replace("_", " "), state.spent(action), getattr(node.recovery, action)) for action in SPENDING
-    ]
+    actions = [_meter(word(action), state.spent(action), getattr(node.recovery, action)) for action in SPENDING]
     totals = [
         _meter("this stage", state.spent_total, node.recovery.total),
         _meter("whole mission", mission.spent_total, contract.recovery_total),
     ]
-    tries = tuple(
-        Try(action=s.action.replace("_", " "), after=s.failure.replace("_", " "), reason=s.reason, cost=s.cost)
-        for s in state.spends
-    )
+    tries = tuple(Try(action=word(s.action), after=word(s.failure), reason=s.reason, cost=s.cost) for s in state.spends)
     return Budget(node_id=node_id, meters=(*totals, *actions), tries=tries)
 
 

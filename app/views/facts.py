@@ -22,6 +22,7 @@ class FactRow:
     kind: str
     node_id: str
     condition_id: str
+    packet_id: str
     k: int
     at_s: float
     elapsed_s: float
@@ -105,6 +106,7 @@ def _row(mission_id: str, fact: CommittedFact, *, begin_s: float, disputed: bool
         kind=fact.kind,
         node_id=fact.node_id,
         condition_id=fact.condition_id,
+        packet_id=fact.packet_id,
         k=fact.k,
         at_s=fact.at_s,
         elapsed_s=fact.at_s - begin_s,

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from app.views.preview import Preview
+from app.views.saying import said
 from app.views.shell import Shell
 from harness.contracts.errors import HarnessError
 from harness.contracts.places import Place
@@ -25,7 +26,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class ParameterField:
-    """One thing a template lets the person choose. `places` is empty for text and numbers; `wrong` says what to mend."""
+    """One thing a template lets the person choose. `places` is empty for text and numbers; `wrong`: what to mend."""
 
     name: str
     title: str
@@ -147,13 +148,18 @@ def wrong_start(typed: Mapping[str, str], template: TaskTemplate | None, robots:
     if not goal:
         wrong.append(Wrong("goal", "Say the goal in your own words."))
     if len(goal) > GOAL_SIGNS:
-        wrong.append(Wrong("goal", f"Keep the goal below {GOAL_SIGNS} signs."))
+        wrong.append(Wrong("goal", said("Keep the goal below {count} signs.", count=GOAL_SIGNS)))
     for parameter in template.parameters if template else ():
         value = typed.get(parameter.name, "").strip()
         if not value and parameter.default is None:
-            wrong.append(Wrong(parameter.name, f"{parameter.title} is missing."))
+            wrong.append(Wrong(parameter.name, said("{title} is missing.", title=parameter.title)))
         if value and parameter.type == "number" and not _is_number(value):
-            wrong.append(Wrong(parameter.name, f"{parameter.title} must be a number, not “{value[:40]}”."))
+            wrong.append(
+                Wrong(
+                    parameter.name,
+                    said("{title} must be a number, not “{value}”.", title=parameter.title, value=value[:40]),
+                )
+            )
     return wrong
 
 
@@ -186,7 +192,9 @@ def arguments(typed: Mapping[str, str], template: TaskTemplate) -> dict[str, str
 def wrong_reason(reason: str) -> list[str]:
     if not reason.strip():
         return ["Say why: the reason is kept with the decision."]
-    return [f"Keep the reason below {REASON_SIGNS} signs."] if len(reason.strip()) > REASON_SIGNS else []
+    return (
+        [said("Keep the reason below {count} signs.", count=REASON_SIGNS)] if len(reason.strip()) > REASON_SIGNS else []
+    )
 
 
 def _fields(

@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from app.views.saying import said, word
 from harness.contracts.handoff_events import HandoffEvent
 from harness.contracts.read_models import HandoffItem
-from harness.projections.handoffs import Handoff
+from harness.projections.handoffs import Answer, Handoff
 from harness.projections.mission import Mission
 
 Told = Sequence[tuple[int, float, HandoffEvent]]
@@ -51,12 +52,12 @@ def steps(handoff: Handoff, mission: Mission, told: Told) -> tuple[Step, ...]:
     answer = handoff.answer
     if answer is None or handoff.status in ENDED:
         return _ended(handoff, mission, taken)
-    said = answer.decision.replace("_", " ")
-    first = Step(
-        name=said, state="done", text=f"{answer.actor.name}: {answer.reason}. Decision taken up at event {taken}"
-    )
+    first = Step(name=word(answer.decision), state="done", text=_taken_up(answer, taken))
     if handoff.status == "voided":
-        return (first, Step(name="void", state="bad", text=f"{handoff.outcome}. Nothing was sent"))
+        return (
+            first,
+            Step(name="void", state="bad", text=said("{outcome}. Nothing was sent", outcome=handoff.outcome)),
+        )
     return (first, *_followed(handoff, mission))
 
 
@@ -77,27 +78,35 @@ def _followed(handoff: Handoff, mission: Mission) -> tuple[Step, ...]:
         Step(
             name="verified",
             state="done" if good else "bad" if known else "pending",
-            text=f"{handoff.status}: {handoff.outcome}" if known else "the harness has not confirmed an effect yet",
+            text=_found(handoff) if known else "the harness has not confirmed an effect yet",
         ),
     )
 
 
 def _ended(handoff: Handoff, mission: Mission, taken: int | None) -> tuple[Step, ...]:
     answer, acted = handoff.answer, handoff.unanswered
-    who = f"{answer.actor.name}: {answer.reason}. Decision taken up at event {taken}" if answer else handoff.outcome
+    who = _taken_up(answer, taken) if answer else handoff.outcome
     found = [Step(name=handoff.status, state="done", text=who or "nobody answered in time")]
     if acted is not None:
-        name = acted.action.replace("_", " ")
-        found.append(Step(name=name, state="done" if acted.done else "bad", text=acted.reason))
-    status = mission.status.replace("_", " ")
+        found.append(Step(name=word(acted.action), state="done" if acted.done else "bad", text=acted.reason))
     found.append(
         Step(
             name="mission",
             state="done" if mission.ended else "pending",
-            text=f"{status}. {mission.reason}".strip(),
+            text=said("{status}. {reason}", status=word(mission.status), reason=mission.reason),
         )
     )
     return tuple(found)
+
+
+def _found(handoff: Handoff) -> str:
+    return said("{status}: {outcome}", status=word(handoff.status), outcome=handoff.outcome)
+
+
+def _taken_up(answer: Answer, taken: int | None) -> str:
+    return said(
+        "{who}: {reason}. Decision taken up at event {taken}", who=answer.actor.name, reason=answer.reason, taken=taken
+    )
 
 
 def similar(items: Sequence[HandoffItem], handoff: Handoff) -> tuple[Similar, ...]:

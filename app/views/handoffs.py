@@ -7,6 +7,7 @@ from app.views.handoff_shown import ACTIONS, Difference, ShownQuestion, shown_qu
 from app.views.handoff_steps import Line, Similar, Step, Told, history, similar, steps
 from app.views.places import SiteMap
 from app.views.robots import CameraView, RobotWord
+from app.views.saying import said, word
 from app.views.shell import Shell
 from harness.contracts.handoff_events import HandoffOpened
 from harness.contracts.read_models import HandoffItem
@@ -143,12 +144,13 @@ def title(handoff: Handoff, mission: Mission | None) -> str:
     """A sentence that the robot could say."""
     opened = handoff.opened
     if opened is None:
-        return f"Handoff {handoff.handoff_id}"
-    stage = opened.node_id.replace("_", " ")
+        return said("Handoff {handoff_id}", handoff_id=handoff.handoff_id)
+    stage = word(opened.node_id)
     if mission is not None and mission.contract is not None and opened.node_id in mission.nodes:
         stage = mission.contract.node(opened.node_id).subgoal
-    verb = "cannot finish" if handoff.waits else "asked about"
-    return f"{opened.robot_id} {verb} “{stage}”" + (" and asks you" if handoff.waits else "")
+    if handoff.waits:
+        return said("{robot} cannot finish “{stage}” and asks you", robot=opened.robot_id, stage=stage)
+    return said("{robot} asked about “{stage}”", robot=opened.robot_id, stage=stage)
 
 
 def row(handoff: Handoff, mission: Mission | None) -> HandoffRow:
@@ -164,7 +166,7 @@ def row(handoff: Handoff, mission: Mission | None) -> HandoffRow:
         holder=handoff.claim.actor.name if handoff.claim and handoff.waits else "",
         opened_at_s=opened.opened_at_s,
         deadline_at_s=opened.deadline_at_s,
-        answered=f"{answer.actor.name}: {answer.reason}" if answer else handoff.outcome,
+        answered=said("{who}: {reason}", who=answer.actor.name, reason=answer.reason) if answer else handoff.outcome,
     )
 
 
@@ -191,7 +193,7 @@ def handoff_page(shell: Shell, handoff: Handoff, mission: Mission, surface: Surf
         marks=_marks(opened, surface.live_at),
         hold=_holding(handoff, surface),
         viewers=tuple(name for name in surface.viewers if name != surface.person),
-        escalated=tuple(level.replace("_", " ") for level in handoff.escalated),
+        escalated=tuple(word(level) for level in handoff.escalated),
         choices=_choices(opened),
         attestable=_attestable(opened, mission),
         steps=steps(handoff, mission, surface.told),
@@ -233,7 +235,7 @@ def _marks(opened: HandoffOpened, live: tuple[float, float, float] | None) -> tu
     seen = opened.snapshot
     found = [_mark("when it was looked at", (seen.x_m, seen.y_m), seen.yaw_rad, live=False)]
     if live is not None:
-        found.append(_mark(f"{opened.robot_id} now", (live[0], live[1]), live[2], live=True))
+        found.append(_mark(said("{robot} now", robot=opened.robot_id), (live[0], live[1]), live[2], live=True))
     return tuple(found)
 
 

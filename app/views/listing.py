@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from app.views.saying import said, word
 from harness.contracts.read_models import MANY, ListQuery, Tally
 
 ORDERS: tuple[tuple[str, str], ...] = (("newest", "newest first"), ("oldest", "oldest first"))
@@ -68,7 +69,7 @@ def paging(path: str, sought: Sought, following: ListQuery | None, *, shown: int
     after = following.after if following is not None else None
     return Paging(
         shown=shown,
-        found=f"more than {MANY:,}".replace(",", " ") if found > MANY else str(found),
+        found=said("more than {many}", many=f"{MANY:,}".replace(",", " ")) if found > MANY else str(found),
         following=address(path, sought.params, after=f"{after.amount!r}~{after.seq}") if after is not None else "",
         first=address(path, sought.params) if sought.deep else "",
     )
@@ -81,10 +82,7 @@ def facet_filter(name: str, title: str, tallies: Sequence[Tally], sought: Sought
     if chosen and chosen not in dict(known):
         known.append((chosen, 0))
     options = [Option(value="", title="any", count=0, chosen=not chosen)]
-    options += [
-        Option(value=value, title=value.replace("_", " "), count=count, chosen=value == chosen)
-        for value, count in known
-    ]
+    options += [Option(value=value, title=word(value), count=count, chosen=value == chosen) for value, count in known]
     return Filter(name=name, title=title, options=tuple(options))
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from app.views.contexts import ContextView
 from app.views.listing import Filter, Paging, Sought, address, facet_filter, order_filter, paging
 from app.views.measures import ConditionRow, condition_row
+from app.views.saying import said
 from app.views.shell import Shell
 from app.views.timeline import Entry
 from harness.contracts.events import MissionEnded
@@ -210,13 +211,15 @@ def sentence(mission: Mission) -> str:
         return mission.report
     match mission.status:
         case "awaiting_human":
-            return f"{mission.robot_id} waits for a person: {mission.reason}"
+            return said("{robot_id} waits for a person: {reason}", robot_id=mission.robot_id, reason=mission.reason)
         case "stopping":
             if mission.stopped is not None and not mission.stopped.static:
-                return f"Stopping: acknowledged, but the body is not shown static. {mission.stopped.reason}".strip()
-            return f"Stopping ({mission.reason}): not acknowledged yet."
+                return said(
+                    "Stopping: acknowledged, but the body is not shown static. {reason}", reason=mission.stopped.reason
+                )
+            return said("Stopping ({reason}): not acknowledged yet.", reason=mission.reason)
         case "paused":
-            return f"Paused: {mission.reason}"
+            return said("Paused: {reason}", reason=mission.reason)
         case "cancelled" | "safe_stopped" | "failed" | "handed_off":
             return f"{mission.reason[:1].upper()}{mission.reason[1:]}"
         case "succeeded":

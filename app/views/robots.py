@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from app.fleet import Shots, Word
 from app.views.missions import sentence, tone
+from app.views.saying import said
 from app.views.shell import Shell
 from harness.contracts.control import LEVELS, Autonomy
 from harness.projections.control import Control, Wheel
@@ -298,7 +299,7 @@ def robot_card(
 def _in_control(mission: Mission | None, wheel: Wheel | None) -> str:
     """Who moves the robot now, in words."""
     if wheel is not None:
-        return f"{wheel.actor.name}, by hand from {wheel.device}"
+        return said("{who}, by hand from {device}", who=wheel.actor.name, device=wheel.device)
     if mission is None:
         return "nobody"
     match mission.status:

@@ -2,6 +2,7 @@
 
 from typing import Literal, assert_never
 
+from app.views.saying import said, word
 from harness.contracts.control import AutonomySet
 from harness.contracts.events import (
     CommitRejected,
@@ -70,88 +71,187 @@ def sentence(event: MissionEvent) -> str:
     """What happened, as a person would say it."""
     match event:
         case MissionCreated():
-            return f"{event.requested_by.name} asked: “{event.goal}”"
+            return said("{requested_by} asked: “{goal}”", requested_by=event.requested_by.name, goal=event.goal)
         case ContractCompiled():
-            return f"Compiled to {len(event.contract.nodes)} stages under {event.contract.template}"
+            return said(
+                "Compiled to {count} stages under {template}",
+                count=len(event.contract.nodes),
+                template=event.contract.template,
+            )
         case ContractRecompiled():
-            return f"Compiled again: configuration {event.configuration[:12]} became current before it began"
+            return said(
+                "Compiled again: configuration {configuration} became current before it began",
+                configuration=event.configuration[:12],
+            )
         case MissionActivated():
             return "The mission began"
         case NodePlanned():
-            return f"{event.node_id}: {event.provider_id} chosen. {event.reason}".strip()
+            return said(
+                "{node_id}: {provider_id} chosen. {reason}",
+                node_id=event.node_id,
+                provider_id=event.provider_id,
+                reason=event.reason,
+            )
         case DispatchIntended():
             kind = "verify only" if event.verify_only else event.capability
-            return f"{event.node_id}: attempt {event.attempt} intended, {kind} by {event.provider_id}, k {event.k_ctx}"
+            return said(
+                "{node_id}: attempt {attempt} intended, {kind} by {provider_id}, k {k_ctx}",
+                node_id=event.node_id,
+                attempt=event.attempt,
+                kind=kind,
+                provider_id=event.provider_id,
+                k_ctx=event.k_ctx,
+            )
         case InvocationAccepted():
-            return f"The provider accepted {event.invocation_id}"
+            return said("The provider accepted {invocation_id}", invocation_id=event.invocation_id)
         case InvocationStopRequested():
-            return f"Stop of {event.invocation_id} requested: {event.reason}"
+            return said(
+                "Stop of {invocation_id} requested: {reason}", invocation_id=event.invocation_id, reason=event.reason
+            )
         case InvocationResumed():
-            return f"The supervisor went on with {event.invocation_id}"
+            return said("The supervisor went on with {invocation_id}", invocation_id=event.invocation_id)
         case InvocationEnded():
-            return f"{event.invocation_id} ended {event.status}: {event.reason}"
+            return said(
+                "{invocation_id} ended {status}: {reason}",
+                invocation_id=event.invocation_id,
+                status=event.status,
+                reason=event.reason,
+            )
         case PreconditionRefused():
-            return f"{event.node_id} waits: {event.precondition} does not hold. {event.reason}".strip()
+            return said(
+                "{node_id} waits: {precondition} does not hold. {reason}",
+                node_id=event.node_id,
+                precondition=event.precondition,
+                reason=event.reason,
+            )
         case PacketRetained():
             return _packet(event)
         case VerdictRecorded():
-            return f"Verdict {event.verdict.verdict}: {event.verdict.reason or 'every condition was tested'}"
+            return said(
+                "Verdict {verdict}: {reason}",
+                verdict=event.verdict.verdict,
+                reason=event.verdict.reason or "every condition was tested",
+            )
         case NodeCommitted():
-            return f"Accepted: {event.node_id}, {len(event.facts)} facts, under every rule of the gate"
+            return said(
+                "Accepted: {node_id}, {count} facts, under every rule of the gate",
+                node_id=event.node_id,
+                count=len(event.facts),
+            )
         case CommitRejected():
-            return f"Refused: {event.node_id} by rule {event.rule}. {event.message}"
+            return said(
+                "Refused: {node_id} by rule {rule}. {message}",
+                node_id=event.node_id,
+                rule=event.rule,
+                message=event.message,
+            )
         case ObservationRecorded():
-            against = f", against {', '.join(event.contradicts)}" if event.contradicts else ""
-            return f"{event.reference.kind} from {event.reference.source} recorded{against}"
+            against = (
+                said(", against {contradicts}", contradicts=", ".join(event.contradicts)) if event.contradicts else ""
+            )
+            return said(
+                "{kind} from {source} recorded{against}",
+                kind=event.reference.kind,
+                source=event.reference.source,
+                against=against,
+            )
         case EpochChanged():
-            return f"Map epoch changed to {event.map_version}: {event.reason}"
+            return said(
+                "Map epoch changed to {map_version}: {reason}", map_version=event.map_version, reason=event.reason
+            )
         case VetoRaised():
-            return f"{event.layer} raised a veto: {event.reason}"
+            return said("{layer} raised a veto: {reason}", layer=event.layer, reason=event.reason)
         case VetoCleared():
-            return f"{event.layer} cleared its veto: {event.reason}"
+            return said("{layer} cleared its veto: {reason}", layer=event.layer, reason=event.reason)
         case FailureClassified():
-            return f"{event.node_id}: {_words(event.failure)}. {event.reason}".strip()
+            return said(
+                "{node_id}: {failure}. {reason}",
+                node_id=event.node_id,
+                failure=word(event.failure),
+                reason=event.reason,
+            )
         case RecoveryAuthorised():
-            price = f"costs {event.cost}" if event.cost else "free"
-            return f"{event.node_id}: {_words(event.action)} authorised after {_words(event.failure)} ({price})"
+            price = said("costs {cost}", cost=event.cost) if event.cost else "free"
+            return said(
+                "{node_id}: {action} authorised after {failure} ({price})",
+                node_id=event.node_id,
+                action=word(event.action),
+                failure=word(event.failure),
+                price=price,
+            )
         case NodeFailed():
-            return f"{event.node_id} failed for good: {event.reason}"
+            return said("{node_id} failed for good: {reason}", node_id=event.node_id, reason=event.reason)
         case GraphRevised():
             again = ", ".join(event.reopened) or "no stage"
-            return f"Graph revision {event.revision} for {event.responsible}: {again} opened again. {event.reason}"
+            return said(
+                "Graph revision {revision} for {responsible}: {again} opened again. {reason}",
+                revision=event.revision,
+                responsible=event.responsible,
+                again=again,
+                reason=event.reason,
+            )
         case ConstraintsTightened():
-            return f"{event.layer} added a restriction: {event.reason}"
+            return said("{layer} added a restriction: {reason}", layer=event.layer, reason=event.reason)
         case HandoffRequested():
-            return f"{event.node_id}: a person is asked, after {_words(event.failure)}. {event.reason}".strip()
+            return said(
+                "{node_id}: a person is asked, after {failure}. {reason}",
+                node_id=event.node_id,
+                failure=word(event.failure),
+                reason=event.reason,
+            )
         case HandoffAnswered():
-            said = _words(event.decision)
-            return f"{event.actor.name} ({event.actor.channel}): {said}. {event.reason}".strip()
+            return said(
+                "{actor} ({channel}): {decision}. {reason}",
+                actor=event.actor.name,
+                channel=event.actor.channel,
+                decision=word(event.decision),
+                reason=event.reason,
+            )
         case OperatorRetryGranted():
-            return f"{event.node_id}: one further attempt granted by a person"
+            return said("{node_id}: one further attempt granted by a person", node_id=event.node_id)
         case AttestationRecorded():
-            return f"{event.actor.name} attested {event.condition_id} with their own eyes"
+            return said(
+                "{actor} attested {condition_id} with their own eyes",
+                actor=event.actor.name,
+                condition_id=event.condition_id,
+            )
         case CompletionDisputed():
-            return f"{event.actor.name} disputes {event.condition_id}, which was accepted: {event.reason}"
+            return said(
+                "{actor} disputes {condition_id}, which was accepted: {reason}",
+                actor=event.actor.name,
+                condition_id=event.condition_id,
+                reason=event.reason,
+            )
         case AutonomySet():
             bound = "this mission" if event.scope == "mission" else "every mission"
-            return f"{event.actor.name} set autonomy of {bound} to {_words(event.autonomy)}: {event.reason}"
+            return said(
+                "{actor} set autonomy of {bound} to {autonomy}: {reason}",
+                actor=event.actor.name,
+                bound=bound,
+                autonomy=word(event.autonomy),
+                reason=event.reason,
+            )
         case MissionPaused():
-            return f"{event.actor.name} paused the mission: {event.reason}"
+            return said("{actor} paused the mission: {reason}", actor=event.actor.name, reason=event.reason)
         case MissionResumed():
-            return f"{event.actor.name} resumed the mission: {event.reason}"
+            return said("{actor} resumed the mission: {reason}", actor=event.actor.name, reason=event.reason)
         case StopRequested():
-            return f"{event.actor.name} asked to stop: {event.reason}"
+            return said("{actor} asked to stop: {reason}", actor=event.actor.name, reason=event.reason)
         case StopAcknowledged():
             at_rest = "body static" if event.static else "body not shown static"
-            return f"Stop acknowledged, {at_rest}. {event.reason}".strip()
+            return said("Stop acknowledged, {at_rest}. {reason}", at_rest=at_rest, reason=event.reason)
         case GoalVerified():
-            return f"Goal verdict {event.verdict.verdict}: {event.verdict.reason or 'original conditions tested again'}"
+            return said(
+                "Goal verdict {verdict}: {reason}",
+                verdict=event.verdict.verdict,
+                reason=event.verdict.reason or "original conditions tested again",
+            )
         case MissionEnded():
-            return f"The mission ended {_words(event.status)}: {event.reason}"
+            return said("The mission ended {status}: {reason}", status=word(event.status), reason=event.reason)
         case CompletionReported():
-            return f"Reported to the user: {event.text}"
+            return said("Reported to the user: {text}", text=event.text)
         case FailureReported():
-            return f"Reported to the user, not as a completion: {event.text}"
+            return said("Reported to the user, not as a completion: {text}", text=event.text)
         case _:
             assert_never(event)
 
@@ -191,9 +291,10 @@ def _judged(event: VerdictRecorded | GoalVerified) -> Tone:
 def _packet(event: PacketRetained) -> str:
     packet = event.packet
     pieces = len(packet.before) + len(packet.after) + len(packet.estimates)
-    kept = f"{pieces} references, {len(packet.receipts)} receipts"
-    return f"{packet.identity.node_id}: packet kept, {packet.terminal}, {kept}"
-
-
-def _words(slug: str) -> str:
-    return slug.replace("_", " ")
+    kept = said("{pieces} references, {count} receipts", pieces=pieces, count=len(packet.receipts))
+    return said(
+        "{node_id}: packet kept, {terminal}, {kept}",
+        node_id=packet.identity.node_id,
+        terminal=packet.terminal,
+        kept=kept,
+    )

@@ -33,6 +33,7 @@ class Shell:
     running: int
     waiting: int
     alerts: int
+    reviewing: int
     robots: tuple[StopControl, ...]
     topics: str
     position: int
@@ -59,6 +60,7 @@ class Surroundings:
     now_s: float
     present: Sequence[str] = ()
     alerts: int = 0
+    reviewing: int = 0
 
 
 def shell(title: str, section: str, around: Surroundings, *, topics: Sequence[str] = ()) -> Shell:
@@ -71,8 +73,9 @@ def shell(title: str, section: str, around: Surroundings, *, topics: Sequence[st
         running=sum(not mission.ended for mission in around.missions),
         waiting=around.waiting,
         alerts=around.alerts,
+        reviewing=around.reviewing,
         robots=stop_controls(around.missions, around.robots),
-        topics=" ".join((*topics, "mission/", "handoff/", "alert/")),
+        topics=" ".join((*topics, "mission/", "handoff/", "alert/", "candidate/", "release/")),
         position=around.position,
         now_s=around.now_s,
         others=", ".join(one for one in around.present if one != around.actor.name),

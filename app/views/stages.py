@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from math import hypot
 
 from app.views.measures import Measure, quantity
+from app.views.saying import said, word
 from app.views.timeline import Entry
 from harness.contracts.effects import Metric
 from harness.contracts.events import CommitRejected, NodeCommitted
@@ -184,8 +185,8 @@ def _colour(state: NodeState) -> str:
 
 def _status(state: NodeState, now: Observed) -> str:
     if now.report and now.report.status == "running" and state.status == "dispatched":
-        return f"running, {now.report.progress.share:.0%}"
-    return "running" if state.status == "dispatched" else state.status
+        return said("running, {share}", share=f"{now.report.progress.share:.0%}")
+    return "running" if state.status == "dispatched" else word(state.status)
 
 
 def _declared(state: NodeState, now: Observed) -> tuple[Measure, ...]:
@@ -236,7 +237,7 @@ def _acceptance(mission_id: str, state: NodeState, entries: Sequence[Entry]) -> 
             case NodeCommitted(node_id=state.node_id):
                 return Acceptance(text=f"k {state.committed_k}", tone="good", href=href)
             case CommitRejected(node_id=state.node_id, rule=rule):
-                return Acceptance(text=f"refused: {rule.replace('_', ' ')}", tone="bad", href=href)
+                return Acceptance(text=said("refused: {rule}", rule=word(rule)), tone="bad", href=href)
             case _:
                 continue
     return Acceptance(text="not yet", tone="plain", href="")
@@ -247,10 +248,12 @@ def _note(state: NodeState) -> str:
     if state.waiting_for:
         return state.waiting_for
     if state.failure is not None:
-        return f"{state.failure.failure.replace('_', ' ')}: {state.failure.reason}"
+        return said("{failure}: {reason}", failure=word(state.failure.failure), reason=state.failure.reason)
     if state.attempt > 1 or state.spends:
         tried = ", ".join(spend.action.replace("_", " ") for spend in state.spends)
-        return f"attempt {state.attempt}" + (f" after {tried}" if tried else "")
+        if not tried:
+            return said("attempt {count}", count=state.attempt)
+        return said("attempt {count} after {tried}", count=state.attempt, tried=tried)
     return ""
 
 
@@ -258,7 +261,7 @@ def _box(place: tuple[int, int], stage: Stage) -> Box:
     return Box(
         x=place[0],
         y=place[1],
-        title=stage.node_id.replace("_", " "),
+        title=word(stage.node_id),
         label=stage.status.split(",")[0],
         state=stage.state,
         href=stage.href,

@@ -99,9 +99,12 @@ def _started(tail: Tail) -> MissionCommand | None:
                 labels=created.labels,
                 autonomy=created.autonomy,
                 replay=created.replay,
+                trial=created.trial,
             )
         case [ContractRecompiled() as again, *_]:
-            return RecompileContract(configuration=again.configuration, contract=again.contract, policy=again.policy)
+            return RecompileContract(
+                configuration=again.configuration, contract=again.contract, policy=again.policy, trial=again.trial
+            )
         case [MissionActivated(), *_]:
             return ActivateMission()
         case _:

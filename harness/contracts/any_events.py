@@ -6,5 +6,6 @@ from harness.contracts.events import MissionEvent
 from harness.contracts.handoff_events import HandoffEvent
 from harness.contracts.lease_events import LeaseEvent
 from harness.contracts.maps import CloudAttached
+from harness.contracts.place_events import PlaceEvent
 
-AnyEvent = MissionEvent | LeaseEvent | HandoffEvent | ControlEvent | CloudAttached | AlertEvent
+AnyEvent = MissionEvent | LeaseEvent | HandoffEvent | ControlEvent | CloudAttached | AlertEvent | PlaceEvent

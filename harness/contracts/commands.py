@@ -24,6 +24,7 @@ from harness.contracts.ids import (
     RobotId,
 )
 from harness.contracts.maps import AttachCloud
+from harness.contracts.place_events import PlaceCommand
 from harness.contracts.proposals import RecoveryProposal, Signature
 from harness.contracts.protocol import InvocationStatus
 from harness.contracts.revision_commands import (
@@ -51,6 +52,7 @@ class CreateMission(Command, tag=True):
     labels: dict[str, str] = msgspec.field(default_factory=dict)
     autonomy: Autonomy = "autonomous"
     replay: bool = False
+    trial: bool = False
 
 
 class RecompileContract(Command, tag=True):
@@ -59,6 +61,7 @@ class RecompileContract(Command, tag=True):
     configuration: Digest
     contract: TaskContract
     policy: RecoveryPolicy
+    trial: bool = False
 
 
 class ActivateMission(Command, tag=True):
@@ -377,4 +380,4 @@ HandoffCommand = (
 )
 
 
-AnyCommand = MissionCommand | LeaseCommand | HandoffCommand | ControlCommand | AttachCloud | AlertCommand
+AnyCommand = MissionCommand | LeaseCommand | HandoffCommand | ControlCommand | AttachCloud | AlertCommand | PlaceCommand

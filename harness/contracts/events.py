@@ -39,6 +39,8 @@ from harness.contracts.verdicts import GoalVerdict, NodeVerdict
 
 
 class MissionCreated(Event, tag=True):
+    """`trial`: the configuration it is pinned to is in canary, so a person approves each motion (D28, D34)."""
+
     mission_id: MissionId
     robot_id: RobotId
     goal: str
@@ -49,6 +51,7 @@ class MissionCreated(Event, tag=True):
     labels: dict[str, str] = msgspec.field(default_factory=dict)
     autonomy: Autonomy = "autonomous"
     replay: bool = False
+    trial: bool = False
 
 
 class ContractCompiled(Event, tag=True):
@@ -70,6 +73,7 @@ class ContractRecompiled(Event, tag=True):
     contract: TaskContract
     contract_digest: Digest
     policy: RecoveryPolicy
+    trial: bool = False
 
 
 class MissionActivated(Event, tag=True):

@@ -110,6 +110,9 @@ class Configurations(Protocol):
     def get(self, configuration_id: Digest) -> Configuration:
         """A version by its id. Raises ConfigurationMissing if it is not here or this release cannot read it."""
 
+    def on_trial(self, configuration_id: Digest) -> bool:
+        """Whether a version is in canary."""
+
     def record(self, configuration_id: Digest) -> Record:
         """The version's bytes as they are stored beside the decision that first names it. Raises as `get` does."""
 

@@ -153,6 +153,7 @@ def _create(mission: Mission, command: CreateMission) -> Decision[MissionEvent]:
         labels=command.labels,
         autonomy=command.autonomy,
         replay=command.replay,
+        trial=command.trial,
     )
     compiled = ContractCompiled(
         contract=command.contract, contract_digest=digest(command.contract), policy=command.policy

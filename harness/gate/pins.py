@@ -29,5 +29,6 @@ def recompile(mission: Mission, command: RecompileContract) -> Decision[MissionE
         contract=command.contract,
         contract_digest=digest(command.contract),
         policy=command.policy,
+        trial=command.trial,
     )
     return Accepted((again,))

@@ -129,6 +129,7 @@ class Mission(Value):
     autonomy: Autonomy = "autonomous"
     autonomy_limit: Autonomy = "autonomous"
     replay: bool = False
+    trial: bool = False
     status: MissionStatus = "draft"
     contract: TaskContract | None = None
     policy: RecoveryPolicy | None = None

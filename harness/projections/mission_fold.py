@@ -76,7 +76,7 @@ def _folded(m: Mission, event: MissionEvent) -> Mission:
         case ContractRecompiled():
             nodes = {node.node_id: NodeState(node_id=node.node_id) for node in event.contract.nodes}
             compiled = replace(m, contract=event.contract, policy=event.policy, status="compiled", nodes=nodes)
-            return replace(compiled, configuration=event.configuration, k=m.k + 1)
+            return replace(compiled, configuration=event.configuration, trial=event.trial, k=m.k + 1)
         case MissionActivated():
             return replace(m, status="active")
         case NodePlanned():
@@ -183,6 +183,7 @@ def _created(m: Mission, event: MissionCreated) -> Mission:
         labels=event.labels,
         autonomy=event.autonomy,
         replay=event.replay,
+        trial=event.trial,
     )
 
 

@@ -16,6 +16,8 @@ def approval_required(*, mission: Mission, node: Node, action: RecoveryAction | 
         return ""
     if node.risk == "high" and action not in OBSERVING:
         return f"Node {node.node_id} is of high risk."
+    if mission.trial and moves:
+        return f"Configuration {mission.configuration[:12]} is in canary: a person approves each of its motions."
     if reason := _by_autonomy(mission, node, moves):
         return reason
     spent, allowed = mission.of(node.node_id).spent_total, share * node.recovery.total

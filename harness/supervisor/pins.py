@@ -38,6 +38,7 @@ def _again(runtime: Runtime, mission: Mission, current: Digest) -> Accepted[AnyE
         configuration=current,
         contract=compile_again(required_contract(mission), template=template, site=runtime.site),
         policy=configuration.recovery,
+        trial=runtime.on_trial(current),
     )
     return runtime.submit(mission.mission_id, command, records=(runtime.configuration_record(current),))
 

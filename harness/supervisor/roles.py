@@ -46,7 +46,7 @@ class Roles:
             mission=mission,
             at_s=self.crew.clock.now().mission_s,
             rules=self.runtime.configuration_of(mission).context_rules,
-            site=self.runtime.site,
+            site=self.runtime.site_of(mission),
             status=self.senses.status,
             recent=self.senses.recent,
             recovery=required_policy(mission),

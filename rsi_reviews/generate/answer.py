@@ -1,6 +1,5 @@
 """Pure: one change in the few words a model may use. Strict: another shape, another key or prose is a typed refusal."""
 
-from collections.abc import Callable
 from typing import Annotated, Literal
 
 import msgspec
@@ -9,8 +8,8 @@ from harness.contracts.configuration import Configuration, FailureClass, Recover
 from harness.contracts.values import Name, NonNegative, Positive, Value
 from rsi_reviews.contracts import Metric, Motive, Section, Sentence
 from rsi_reviews.errors import CandidateInvalid
-from rsi_reviews.generate.changes import Change, motives, with_ladder, with_node, with_wait, with_weight
-from rsi_reviews.generate.trace import MissionTrace, Trace
+from rsi_reviews.generate.changes import Change, failures_of, motives, with_ladder, with_timeout, with_wait, with_weight
+from rsi_reviews.generate.trace import Trace
 
 LONGEST_ANSWER = 20_000
 ANSWER_SHAPE = (
@@ -96,23 +95,18 @@ def _changed(said: Said, current: Configuration) -> tuple[Section, Configuration
             names = {(one.name, node.get("node_id")) for one in current.templates for node in one.nodes}
             if (template, node_id) not in names:
                 raise _refused(f"There is no stage {node_id} in a template {template}", "unknown_name")
-            return "templates", with_node(
-                current, template=template, node_id=node_id, edit=lambda node: {**node, "timeout_s": timeout_s}
-            )
+            return "templates", with_timeout(current, template=template, node_id=node_id, timeout_s=timeout_s)
 
 
 def _motives(said: Said, trace: Trace) -> tuple[Motive, ...]:
     """The missions whose records are about what is changed; for weights and waits, those that failed at all."""
-    wanted: dict[str, Callable[[str], bool]] = {
-        "ladder": lambda failure: failure == getattr(said.change, "failure", ""),
-        "timeout": lambda failure: failure == "timeout",
-    }
-    about = wanted.get(said.change.__struct_config__.tag, lambda failure: True)  # type: ignore[arg-type]
-
-    def positions(mission: MissionTrace) -> list[int]:
-        return [one.position for one in mission.failures if about(one.failure)]
-
-    return motives(trace, positions)
+    match said.change:
+        case NewLadder(failure=failure):
+            return motives(trace, failures_of(failure))
+        case NewTimeout():
+            return motives(trace, failures_of("timeout"))
+        case NewWait() | NewWeight():
+            return motives(trace, lambda mission: [one.position for one in mission.failures])
 
 
 def _refused(what: str, rule: str) -> CandidateInvalid:

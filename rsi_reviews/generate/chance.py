@@ -7,7 +7,7 @@ from itertools import islice
 from harness.contracts.configuration import SPENDING, Configuration
 from harness.contracts.ids import Digest
 from rsi_reviews.contracts import Author, Candidate, Metric, Section
-from rsi_reviews.generate.changes import Change, Ladder, candidate, with_ladder, with_node, with_wait, with_weight
+from rsi_reviews.generate.changes import Change, Ladder, candidate, with_ladder, with_timeout, with_wait, with_weight
 from rsi_reviews.generate.interface import GenerationBudget
 from rsi_reviews.generate.ladders import SMALLEST_EFFECT
 from rsi_reviews.generate.miner import ranked
@@ -60,11 +60,8 @@ class RandomSearch:
         for node in nodes:
             for factor in TIMEOUT_FACTORS:
                 shorter_s = float(round(factor * float(node["timeout_s"])))
-                changed = with_node(
-                    current,
-                    template=self._template,
-                    node_id=str(node["node_id"]),
-                    edit=lambda node, at=shorter_s: {**node, "timeout_s": at},  # type: ignore[misc]
+                changed = with_timeout(
+                    current, template=self._template, node_id=str(node["node_id"]), timeout_s=shorter_s
                 )
                 yield _drawn("templates", changed, f"the timeout of {node['node_id']}", metric="mission_s")
 

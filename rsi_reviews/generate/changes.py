@@ -11,6 +11,8 @@ from rsi_reviews.contracts import BETTER, Author, Candidate, Manifest, Metric, M
 from rsi_reviews.generate.trace import MissionTrace, Trace
 
 Ladder = tuple[RecoveryAction, ...]
+Positions = Callable[[MissionTrace], Iterable[int]]
+"""Which events of a mission lead to a change, by their position in the log."""
 LONGEST_REASON = 2000
 MOST_MOTIVES = 20
 
@@ -70,12 +72,10 @@ def with_items(current: Configuration, **items: int) -> Configuration:
     return replace(current, context_rules=replace(current.context_rules, **items))
 
 
-def with_node(
-    current: Configuration, *, template: str, node_id: str, edit: Callable[[dict[str, Any]], dict[str, Any]]
-) -> Configuration:
-    """The same configuration with one stage of one template edited."""
+def with_timeout(current: Configuration, *, template: str, node_id: str, timeout_s: float) -> Configuration:
+    """The same configuration with another timeout of one stage of one template."""
     templates = tuple(
-        replace(one, nodes=tuple(edit(node) if node.get("node_id") == node_id else node for node in one.nodes))
+        replace(one, nodes=tuple(_timed(node, node_id, timeout_s) for node in one.nodes))
         if one.name == template
         else one
         for one in current.templates
@@ -83,7 +83,16 @@ def with_node(
     return replace(current, templates=templates)
 
 
-def motives(trace: Trace, positions: Callable[[MissionTrace], Iterable[int]]) -> tuple[Motive, ...]:
+def _timed(node: dict[str, Any], node_id: str, timeout_s: float) -> dict[str, Any]:
+    return {**node, "timeout_s": timeout_s} if node.get("node_id") == node_id else node
+
+
+def failures_of(failure: FailureClass) -> Positions:
+    """Where a mission's failures of one class stand."""
+    return lambda mission: [one.position for one in mission.failures if one.failure == failure]
+
+
+def motives(trace: Trace, positions: Positions) -> tuple[Motive, ...]:
     """The missions that lead to a change, each with the positions of the events that did."""
     found = ((mission.mission_id, tuple(positions(mission))) for mission in trace.missions)
     return tuple(Motive(mission_id=mission_id, positions=where) for mission_id, where in found if where)

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from harness.contracts.configuration import Configuration, FailureClass
 from rsi_reviews.contracts import Author, Candidate
-from rsi_reviews.generate.changes import Change, candidate, motives
+from rsi_reviews.generate.changes import Change, candidate, failures_of, motives
 from rsi_reviews.generate.interface import GenerationBudget
 from rsi_reviews.generate.ladders import LEAST_EPISODES, SMALLEST_EFFECT, TASK_BUDGET
 from rsi_reviews.generate.miner import mined, ranked
@@ -49,12 +49,7 @@ def loosening(trace: Trace, current: Configuration) -> Iterator[Change]:
             metric="recovery_cost",
             smallest_effect=SMALLEST_EFFECT,
             worth=saved / len(trace.missions),
-            motives=motives(
-                trace,
-                lambda mission, failure=failure: [  # type: ignore[misc]
-                    one.position for one in mission.failures if one.failure == failure
-                ],
-            ),
+            motives=motives(trace, failures_of(failure)),
         )
 
 

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Sequence
 from harness.contracts.configuration import SPENDING, Configuration, FailureClass, RecoveryAction
 from harness.contracts.values import Value
 from harness.recovery.standing import OBSERVING
-from rsi_reviews.generate.changes import Change, Ladder, motives, with_ladder
-from rsi_reviews.generate.trace import MissionTrace, Rung, Trace
+from rsi_reviews.generate.changes import Change, Ladder, failures_of, motives, with_ladder
+from rsi_reviews.generate.trace import Rung, Trace
 from rsi_reviews.restrictions import LOCKED_LADDERS
 
 TASK_BUDGET = 8.0
@@ -100,13 +100,9 @@ def _change(trace: Trace, current: Configuration, *, failure: FailureClass, ladd
         metric="recovery_cost",
         smallest_effect=SMALLEST_EFFECT,
         worth=saved * episodes / max(missions, 1),
-        motives=motives(trace, lambda mission: _positions(mission, failure)),
+        motives=motives(trace, failures_of(failure)),
     )
 
 
 def _told(tried: Tried) -> str:
     return f"{tried.action} helped {tried.helped} of {tried.times} times"
-
-
-def _positions(mission: MissionTrace, failure: FailureClass) -> list[int]:
-    return [one.position for one in mission.failures if one.failure == failure]

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from harness.contracts.configuration import Configuration
 from harness.contracts.ids import ProviderId
 from harness.contracts.values import Value
-from rsi_reviews.generate.changes import Change, motives, with_weight
+from rsi_reviews.generate.changes import Change, Positions, motives, with_weight
 from rsi_reviews.generate.ladders import SMALLEST_EFFECT
-from rsi_reviews.generate.trace import Execution, MissionTrace, Trace
+from rsi_reviews.generate.trace import Execution, Trace
 from rsi_reviews.restrictions import WEIGHT_CEILING
 
 LEAST = 4
@@ -48,10 +48,7 @@ def routing_changes(trace: Trace, current: Configuration) -> Iterator[Change]:
             metric="recovery_cost",
             smallest_effect=SMALLEST_EFFECT,
             worth=worst.failed / len(trace.missions),
-            motives=motives(
-                trace,
-                lambda mission, worst=worst, place=place: _refuted(mission, worst.provider_id, place),  # type: ignore[misc]
-            ),
+            motives=motives(trace, _refuted(worst.provider_id, place)),
         )
 
 
@@ -73,8 +70,8 @@ def _judged(one: Execution) -> bool:
     return not one.verify_only and one.verdict in ("satisfied", "violated", "unsafe")
 
 
-def _refuted(mission: MissionTrace, provider_id: ProviderId, place: str) -> list[int]:
-    return [
+def _refuted(provider_id: ProviderId, place: str) -> Positions:
+    return lambda mission: [
         one.position
         for one in mission.executions
         if one.provider_id == provider_id and one.place == place and one.verdict in ("violated", "unsafe")

@@ -6,9 +6,17 @@ from collections.abc import Iterator
 
 from harness.contracts.configuration import Configuration, FailureClass
 from harness.contracts.ids import NodeId
-from rsi_reviews.generate.changes import Change, motives, with_items, with_node, with_wait
+from rsi_reviews.generate.changes import (
+    Change,
+    Positions,
+    failures_of,
+    motives,
+    with_items,
+    with_timeout,
+    with_wait,
+)
 from rsi_reviews.generate.ladders import SMALLEST_EFFECT, TASK_BUDGET
-from rsi_reviews.generate.trace import Execution, MissionTrace, Trace
+from rsi_reviews.generate.trace import Execution, Trace
 from rsi_reviews.restrictions import ITEM_CEILINGS, WAIT_CEILING_S
 
 WAITED: tuple[FailureClass, ...] = ("precondition_unmet", "resource_conflict")
@@ -41,7 +49,7 @@ def wait_changes(trace: Trace, current: Configuration) -> Iterator[Change]:
             metric="recovery_cost",
             smallest_effect=SMALLEST_EFFECT,
             worth=0.5 * TASK_BUDGET * asked / len(trace.missions),
-            motives=motives(trace, lambda mission, failure=failure: _of_class(mission, failure)),  # type: ignore[misc]
+            motives=motives(trace, failures_of(failure)),
         )
 
 
@@ -63,19 +71,14 @@ def timeout_changes(trace: Trace, current: Configuration) -> Iterator[Change]:
         if tighter_s <= WORTH_TIGHTENING * now_s:
             yield Change(
                 section="templates",
-                configuration=with_node(
-                    current,
-                    template=template,
-                    node_id=node_id,
-                    edit=lambda node, at=tighter_s: {**node, "timeout_s": at},  # type: ignore[misc]
-                ),
+                configuration=with_timeout(current, template=template, node_id=node_id, timeout_s=tighter_s),
                 reason=f"{node_id} of {template} ran into its timeout of {now_s:g} s {times} times; the longest "
                 f"accepted execution took {longest_s:.0f} s, and the slowest provider expects {slowest_s:.0f} s.",
                 intended=f"It gives up after {tighter_s:g} s and goes on to the next rung.",
                 metric="mission_s",
                 smallest_effect=SMALLEST_S,
                 worth=(now_s - tighter_s) * times / len(trace.missions) / SECONDS_PER_SPEND,
-                motives=motives(trace, lambda mission: _of_class(mission, "timeout")),
+                motives=motives(trace, failures_of("timeout")),
             )
 
 
@@ -95,10 +98,7 @@ def item_changes(trace: Trace, current: Configuration) -> Iterator[Change]:
                 metric="recovery_cost",
                 smallest_effect=SMALLEST_EFFECT,
                 worth=0.5 * TASK_BUDGET * times / len(trace.missions),
-                motives=motives(
-                    trace,
-                    lambda mission, said=said: [one.position for one in mission.failures if said in one.reason],  # type: ignore[misc]
-                ),
+                motives=motives(trace, _saying(said)),
             )
 
 
@@ -106,5 +106,5 @@ def _executions(trace: Trace, template: str) -> list[Execution]:
     return [one for mission in trace.missions if mission.template == template for one in mission.executions]
 
 
-def _of_class(mission: MissionTrace, failure: FailureClass) -> list[int]:
-    return [one.position for one in mission.failures if one.failure == failure]
+def _saying(words: str) -> Positions:
+    return lambda mission: [one.position for one in mission.failures if words in one.reason]

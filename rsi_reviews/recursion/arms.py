@@ -17,7 +17,7 @@ from harness.contracts.ids import Digest
 from harness.contracts.regularities import HiddenSite
 from rsi_reviews.contracts import Candidate
 from rsi_reviews.generate.chance import RandomSearch
-from rsi_reviews.generate.changes import with_node
+from rsi_reviews.generate.changes import with_timeout
 from rsi_reviews.generate.eager import EagerMiner
 from rsi_reviews.generate.interface import GenerationBudget, Generator
 from rsi_reviews.generate.miner import TraceMiner
@@ -148,10 +148,5 @@ def written_by_hand(expert: Expert | None) -> Configuration:
     current = replace(current, recovery=recovery, routing=replace(current.routing, **expert.routing))
     for template, nodes in expert.timeouts_s.items():
         for node_id, timeout_s in nodes.items():
-            current = with_node(
-                current,
-                template=template,
-                node_id=node_id,
-                edit=lambda node, at=timeout_s: {**node, "timeout_s": at},  # type: ignore[misc]
-            )
+            current = with_timeout(current, template=template, node_id=node_id, timeout_s=timeout_s)
     return current

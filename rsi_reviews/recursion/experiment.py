@@ -13,7 +13,7 @@ from harness.contracts.values import Count, Name, Value
 from rsi_reviews.contracts import Metric
 from rsi_reviews.held_out import Secret
 from rsi_reviews.hidden_sites import hidden_site, site_file
-from rsi_reviews.recursion.arms import ARMS, Arm, Line, Setting, step, written_by_hand
+from rsi_reviews.recursion.arms import ARMS, Arm, Line, Recorded, Setting, step, written_by_hand
 from rsi_reviews.recursion.gating import Judgement, Scale, SiteGate
 from rsi_reviews.recursion.missions import Series, Stop, everyday, series
 from rsi_reviews.regression.cases import Case, seeds_digest
@@ -104,11 +104,7 @@ def run_fleet(task: Task) -> FleetOutcome:
             if generation < terms.generations:
                 setting = Setting(
                     gate=gates[line.arm],
-                    recorded=lambda configuration, at, site=site: (
-                        book.run(  # type: ignore[misc]
-                            everyday(site, key, "recorded", at, count=terms.recorded), configuration
-                        ).trace
-                    ),
+                    recorded=_recorded(book, terms, key, site),
                     site=site,
                     proposals=terms.proposals,
                     generations=terms.generations,
@@ -135,6 +131,13 @@ def _gate(terms: Terms, key: str, book: _Book) -> SiteGate:
         secret=secret,
         scale=terms.scale,
         key=key,
+    )
+
+
+def _recorded(book: _Book, terms: Terms, key: str, site: HiddenSite) -> Recorded:
+    """What everyday missions of a generation recorded under a configuration: all that a generator gets."""
+    return lambda configuration, at: (
+        book.run(everyday(site, key, "recorded", at, count=terms.recorded), configuration).trace
     )
 
 

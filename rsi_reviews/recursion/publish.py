@@ -23,6 +23,7 @@ COLUMNS = (
     "arm", "n", "verified_completion", "false_completion", "epistemic_false_completion", "handoffs", "recovery_cost",
     "mission_s", "proposed", "accepted", "gate_missions_per_release",
 )  # fmt: skip
+WORDS = {True: "**Refuted**", False: "Not refuted", None: "Not answered"}
 Found = Mapping[str, Any]
 
 
@@ -89,10 +90,7 @@ def figures(result: Found) -> str:
         "",
         "### What would have refuted the claim",
         "",
-        *(
-            f"- {'**Refuted**' if one['refuted'] else 'Not refuted'}: {one['refutes']}. {one['sentence']}"
-            for one in result["answers"]
-        ),
+        *(f"- {WORDS[one['refuted']]}: {one['refutes']}. {one['sentence']}" for one in result["answers"]),
         "",
         "### Along the way",
         "",

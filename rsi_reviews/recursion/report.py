@@ -1,7 +1,7 @@
 """Pure: from fleets' outcomes to rows, contrasts and answers to what would refute the claim. Intervals over fleets."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, Literal
 
 from harness.contracts.values import Value
@@ -44,10 +44,13 @@ class Contrast(Value):
 
 
 class Answered(Value):
-    """One thing that would refute the claim, written down before the run: whether it came about, and the numbers."""
+    """One thing that would refute the claim, written down before the run, and the numbers.
+
+    `refuted`: whether it came about; None where nothing was measured that could tell.
+    """
 
     refutes: str
-    refuted: bool
+    refuted: bool | None
     sentence: str
 
 
@@ -121,7 +124,7 @@ def _row(arm: Arm, generation: int, parts: Sequence[Measured]) -> dict[str, Any]
         "fleets": len(parts),
     }
     for name, measure in SHOWN.items():
-        found = _over(parts, lambda part, measure=measure: part.sums[measure] / part.missions, f"{arm}/{generation}")  # type: ignore[misc]
+        found = _over(parts, measure, f"{arm}/{generation}")
         row |= {name: round(found.mean, 5), f"{name}_ci": [round(found.low, 5), round(found.high, 5)]}
     done = sum(part.sums["verified_completion"] for part in parts)
     row["verified_mission_s"] = round(sum(part.sums["verified_s"] for part in parts) / done, 2) if done else None
@@ -129,8 +132,9 @@ def _row(arm: Arm, generation: int, parts: Sequence[Measured]) -> dict[str, Any]
     return row
 
 
-def _over(parts: Sequence[Measured], value: Callable[[Measured], float], key: str) -> Interval:
-    return paired({"fleets": [value(part) for part in parts]}, key=f"recursion/{key}", alpha=TWO_SIDED)
+def _over(parts: Sequence[Measured], measure: str, key: str) -> Interval:
+    means = [part.sums[measure] / part.missions for part in parts]
+    return paired({"fleets": means}, key=f"recursion/{key}", alpha=TWO_SIDED)
 
 
 def _decisions(outcomes: Sequence[FleetOutcome], arm: Arm, *, before: int) -> dict[str, Any]:
@@ -193,7 +197,7 @@ def _calm(outcomes: Sequence[FleetOutcome]) -> Answered:
     most = upper_bound(released, lines) if lines else 1.0
     return Answered(
         refutes="worlds without regularities release more often than alpha",
-        refuted=bool(lines) and released / lines > ALPHA,
+        refuted=released / lines > ALPHA if lines else None,
         sentence=f"{released} of {lines} gated lines of {len(fleets)} fleets without regularities released anything, "
         f"from {looks} candidates; alpha is {ALPHA:g} for each; the count does not refute a share of {most:.2f}.",
     )

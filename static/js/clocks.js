@@ -1,11 +1,14 @@
 // Times that go on by themselves, by the server's clock: the clock in the bar, deadlines, ages.
+import { tr } from "./phrases.js";
+
 const offset = Number(document.body.dataset.now) - Date.now() / 1000;
 const now = () => Date.now() / 1000 + offset;
 
 function span(seconds) {
   const whole = Math.max(0, Math.round(seconds));
   const minutes = Math.floor(whole / 60);
-  return minutes ? `${minutes} min ${whole % 60} s` : `${whole} s`;
+  const fields = { minutes, seconds: whole % 60 };
+  return minutes ? tr("{minutes} min {seconds} s", fields) : tr("{seconds} s", fields);
 }
 
 function write(element, text) {
@@ -19,12 +22,12 @@ function tick() {
   }
   for (const one of document.querySelectorAll("[data-countdown]")) {
     const left = Number(one.dataset.countdown) - at;
-    write(one, left > 0 ? `${span(left)} left` : "the time is over");
+    write(one, left > 0 ? tr("{time} left", { time: span(left) }) : tr("the time is over"));
   }
   for (const one of document.querySelectorAll("time[data-since]")) write(one, span(at - Number(one.dataset.since)));
   for (const one of document.querySelectorAll("[data-fresh-until]")) {
     const old = Number(one.dataset.freshUntil) < at;
-    if (old && !one.disabled) { one.disabled = true; one.dataset.old = ""; write(one, "Picture too old: look again"); }
+    if (old && !one.disabled) { one.disabled = true; one.dataset.old = ""; write(one, tr("Picture too old: look again")); }
   }
 }
 

@@ -1,10 +1,16 @@
-// Comfort: the list of keys, ways by key, UTC or local time, printing, and the newest line in view.
-const WAYS = { o: "/", m: "/missions", h: "/handoffs", e: "/evidence" };
+// Comfort: the list of keys, ways by key, UTC or local time, a call for a new question, printing, the newest line.
+import { tr } from "./phrases.js";
+
+const WAYS = { o: "/", m: "/missions", h: "/handoffs", a: "/alerts", r: "/robots", e: "/evidence", s: "/missions/new" };
 const sheet = document.getElementById("keys");
+const title = document.title;
 let going = 0;
+let waiting = questions();
+let flashing = 0;
 
 const inField = (on) => on.closest?.("input, select, textarea, [contenteditable]");
 const local = () => localStorage.getItem("clock") === "local";
+const called = () => localStorage.getItem("call") === "on";
 
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || inField(event.target) || sheet?.open) return;
@@ -23,17 +29,22 @@ document.addEventListener("keydown", (event) => {
 document.addEventListener("click", (event) => {
   if (event.target.closest?.("[data-help]")) sheet?.showModal();
   if (event.target.closest?.("[data-zone]")) zone();
+  if (event.target.closest?.("[data-call]")) call();
   if (event.target.closest?.("[data-print=now]")) print();
 });
+
+// A short word in the one status line: it is read aloud, takes no focus and goes by itself.
+function say(text) {
+  const status = document.getElementById("status");
+  if (!status) return;
+  status.textContent = text;
+  setTimeout(() => { if (status.textContent === text) status.textContent = ""; }, 4000);
+}
 
 function zone() {
   localStorage.setItem("clock", local() ? "utc" : "local");
   times();
-  const status = document.getElementById("status");
-  if (status) {
-    status.textContent = local() ? "All times are shown in local time." : "All times are shown in UTC.";
-    setTimeout(() => { if (status.textContent.startsWith("All times")) status.textContent = ""; }, 3000);
-  }
+  say(local() ? tr("All times are shown in local time.") : tr("All times are shown in UTC."));
 }
 
 // Every <time datetime> keeps its UTC text aside and shows local time on demand.
@@ -50,6 +61,48 @@ function times() {
   }
 }
 
+// Off until somebody asks for it: a tone and a flashing title when one more question waits than before.
+function call() {
+  localStorage.setItem("call", called() ? "off" : "on");
+  pressed();
+  say(called() ? tr("A tone and the title will tell of a new question.") : tr("New questions come without a tone."));
+  if (called()) tone();
+}
+
+function pressed() {
+  for (const button of document.querySelectorAll("[data-call]")) button.setAttribute("aria-pressed", String(called()));
+}
+
+function questions() {
+  return Number(document.querySelector("#rail a[href='/handoffs'] .count")?.firstChild?.textContent || 0);
+}
+
+function noticed() {
+  const now = questions();
+  if (now > waiting && called()) { tone(); flash(); }
+  waiting = now;
+}
+
+function tone() {
+  const sound = new AudioContext();
+  const wave = new OscillatorNode(sound, { frequency: 660 });
+  const volume = new GainNode(sound, { gain: 0.08 });
+  wave.connect(volume).connect(sound.destination);
+  wave.onended = () => sound.close();
+  wave.start();
+  wave.stop(sound.currentTime + 0.35);
+}
+
+function flash() {
+  clearInterval(flashing);
+  let left = 20;
+  flashing = setInterval(() => {
+    left -= 1;
+    document.title = left % 2 ? tr("A question waits") : title;
+    if (left <= 0 || !questions()) { clearInterval(flashing); document.title = title; }
+  }, 700);
+}
+
 // The list of events shows the one that the reader stands at, or the newest, without moving the page.
 function inView() {
   const box = document.querySelector("#events .scroll");
@@ -58,6 +111,7 @@ function inView() {
   if (row) box.scrollTop = row.offsetTop - box.clientHeight / 2;
 }
 
-document.addEventListener("htmx:after:swap", () => { if (local()) times(); inView(); });
+document.addEventListener("htmx:after:swap", () => { if (local()) times(); noticed(); inView(); });
 times();
+pressed();
 inView();

@@ -1,5 +1,7 @@
 // One time cursor for the whole mission page: graph, stages, lanes, plots, images, events and the reader's own 3D view.
 // The instant stands in the address (?t=seconds or ?at=event) and survives a reload; without one the page follows live.
+import { tr } from "./phrases.js";
+
 const dock = document.getElementById("dock");
 const WIDTH = 99;
 const PARTS = ["head", "robot", "graph", "stages", "budget", "view", "timeline", "plots", "frames", "contract", "facts", "evidence", "contexts", "events"];
@@ -46,9 +48,9 @@ function begin() {
     const left = `${(WIDTH * Math.min(t / Math.max(total(), 0.001), 1)).toFixed(3)}%`;
     for (const line of document.querySelectorAll("line.cursor")) { line.setAttribute("x1", left); line.setAttribute("x2", left); }
     slider.value = t;
-    document.getElementById("cursor-time").textContent = `${clock(t)} of ${clock(total())}`;
-    document.getElementById("cursor-place").textContent = `event ${place} of ${count}`;
-    const text = live ? "following" : "back to now";
+    document.getElementById("cursor-time").textContent = tr("{here} of {end}", { here: clock(t), end: clock(total()) });
+    document.getElementById("cursor-place").textContent = tr("event {place} of {count}", { place, count });
+    const text = live ? tr("following") : tr("back to now");
     if (follow.textContent !== text) follow.textContent = text;
     for (const plot of document.querySelectorAll("svg.plot")) value(plot);
   }
@@ -144,8 +146,8 @@ function begin() {
 
   function press(on) {
     play.setAttribute("aria-pressed", String(on));
-    play.textContent = on ? "Pause" : "Play";
-    play.setAttribute("aria-label", on ? "Pause" : "Play");
+    play.textContent = on ? tr("Pause") : tr("Play");
+    play.setAttribute("aria-label", play.textContent);
   }
 
   function pause() {

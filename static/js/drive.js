@@ -1,4 +1,6 @@
 // Driving by hand: a velocity is sent again and again as long as a key or a button is held, and zero when it is let go.
+import { tr } from "./phrases.js";
+
 const EVERY_MS = 100;
 const pad = document.querySelector(".pad");
 if (pad) begin(pad);
@@ -20,22 +22,22 @@ function begin(pad) {
         method: "POST", keepalive: true, headers: { "Content-Type": "application/json" },
         body: JSON.stringify({ session: pad.dataset.session, v_mps: v, w_radps: w }), signal: AbortSignal.timeout(1500),
       });
-      if (!answer.ok) { halt("The robot does not take it: take the wheel again."); return; }
+      if (!answer.ok) { halt(tr("The robot does not take it: take the wheel again.")); return; }
       const report = await answer.json();
       if (!held && again) return;
-      say(report.reason || (report.status === "driving" ? `driving, ${report.v_mps.toFixed(2)} m/s` : report.status));
+      say(report.reason || (report.status === "driving" ? tr("driving, {speed} m/s", { speed: report.v_mps.toFixed(2) }) : report.status));
     } catch {
-      halt("The link is lost: the robot stops by itself.");
+      halt(tr("The link is lost: the robot stops by itself."));
     } finally { busy = false; }
   }
 
   function hold(button) {
     if (held === button) return;
-    if (document.body.dataset.link === "lost") { say("Not live: nothing is sent."); return; }
+    if (document.body.dataset.link === "lost") { say(tr("Not live: nothing is sent.")); return; }
     held = button;
     button.dataset.held = "";
     clearInterval(timer);
-    const order = () => document.body.dataset.link === "lost" ? halt("The link is lost: the robot stops by itself.") : send(Number(button.dataset.v), Number(button.dataset.w), true);
+    const order = () => document.body.dataset.link === "lost" ? halt(tr("The link is lost: the robot stops by itself.")) : send(Number(button.dataset.v), Number(button.dataset.w), true);
     order();
     timer = setInterval(order, EVERY_MS);
   }
@@ -49,7 +51,7 @@ function begin(pad) {
 
   function release() {
     if (!held) return;
-    halt("stopping");
+    halt(tr("stopping"));
     send(0, 0, false);
     later = [700, 1500].map((wait) => setTimeout(() => held || send(0, 0, false), wait));
   }

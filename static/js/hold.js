@@ -1,4 +1,6 @@
 // Press and hold: pointer, Space or Enter. Letting go early changes nothing. One-tap reasons. A changed question.
+import { tr } from "./phrases.js";
+
 let timer = null;
 let held = null;
 
@@ -8,9 +10,9 @@ function begin(button) {
   if (reason && !reason.reportValidity()) return;
   held = button;
   button.dataset.held = "";
-  say("Keep holding.");
+  say(tr("Keep holding."));
   timer = setTimeout(() => {
-    end("Sent.");
+    end(tr("Sent."));
     button.form.dataset.sure = "";
     button.form.requestSubmit(button);
   }, Number(button.dataset.hold));
@@ -30,14 +32,14 @@ document.addEventListener("pointerdown", (event) => {
   const button = event.target.closest("button[data-hold]");
   if (button && event.button === 0) begin(button);
 });
-for (const name of ["pointerup", "pointercancel", "blur"]) addEventListener(name, () => held && end("Let go too early: nothing was sent."));
+for (const name of ["pointerup", "pointercancel", "blur"]) addEventListener(name, () => held && end(tr("Let go too early: nothing was sent.")));
 
 document.addEventListener("keydown", (event) => {
   const button = event.target.closest?.("button[data-hold]");
   if (button && (event.key === " " || event.key === "Enter")) { event.preventDefault(); if (!event.repeat) begin(button); }
 });
 document.addEventListener("keyup", (event) => {
-  if (held && (event.key === " " || event.key === "Enter")) { event.preventDefault(); end("Let go too early: nothing was sent."); }
+  if (held && (event.key === " " || event.key === "Enter")) { event.preventDefault(); end(tr("Let go too early: nothing was sent.")); }
 });
 document.addEventListener("submit", (event) => {
   const button = event.submitter;

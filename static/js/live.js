@@ -1,10 +1,12 @@
 // One EventSource per page. It carries names; the regions fetch themselves. A page that is not live says so.
+import { tr } from "./phrases.js";
+
 const LOST_AFTER_MS = 1600;
 const OPENS_WITHIN_MS = 8000;
 const body = document.body;
 const topics = (body.dataset.topics || "").split(" ").filter(Boolean);
-const exact = { mission: "live:mission", live: "live:observations", handoff: "live:handoff", alert: "live:alert" };
-const families = { mission: "live:missions", handoff: "live:handoffs", alert: "live:alerts" };
+const exact = { mission: "live:mission", live: "live:observations", handoff: "live:handoff", alert: "live:alert", candidate: "live:candidate" };
+const families = { mission: "live:missions", handoff: "live:handoffs", alert: "live:alerts", candidate: "live:candidates", release: "live:releases" };
 let position = body.dataset.position;
 let heard = performance.now();
 let source = null;
@@ -32,9 +34,9 @@ function lost() {
   if (body.dataset.link === "opening" && performance.now() < OPENS_WITHIN_MS) return;
   const since = new Date(Date.now() - (performance.now() - heard)).toISOString().slice(11, 19);
   body.dataset.link = "lost";
-  for (const region of document.querySelectorAll("[data-region]")) region.dataset.stale = `not live since ${since} UTC`;
+  for (const region of document.querySelectorAll("[data-region]")) region.dataset.stale = tr("not live since {time} UTC", { time: since });
   buttons(true);
-  say(`Not live since ${since} UTC. What you see may be old. Stop still works if the console answers.`);
+  say(tr("Not live since {time} UTC. What you see may be old. Stop still works if the console answers.", { time: since }));
 }
 
 // Heard again after a silence: every region is fetched anew before the page calls itself live.
@@ -55,7 +57,7 @@ function live() {
   const back = body.dataset.link === "lost";
   body.dataset.link = "live";
   buttons(false);
-  say(back ? "Live again." : "");
+  say(back ? tr("Live again.") : "");
   if (back) setTimeout(() => body.dataset.link === "live" && say(""), 4000);
 }
 

@@ -21,6 +21,8 @@ from harness.contracts.ids import HandoffId, MissionId, RobotId
 from harness.projections.mission import Mission
 from harness.runtime import Start
 from harness.settings import HarnessSettings
+from rsi_reviews.deciding import DECIDERS
+from rsi_reviews.shelf import selected
 
 BASE = "http://127.0.0.1:8000"
 OWN = {"Origin": BASE, "Sec-Fetch-Site": "same-origin"}
@@ -89,7 +91,9 @@ def console_stand(*, seed: int = 1, settings: ConsoleSettings | None = None) -> 
     settings = settings or ConsoleSettings(
         port=8000, robots=("vbot-1",), owner_token=SecretStr(OWNER), password_memory_kib=19456
     )
-    with simulated(HarnessSettings(fidelity="kinematic", speed=0), seed=seed) as harness:
+    with simulated(
+        HarnessSettings(fidelity="kinematic", speed=0), seed=seed, deciders=DECIDERS, select=selected
+    ) as harness:
         scenes = Scenes(harness.runtime)
         try:
             yield Stand(

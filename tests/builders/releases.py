@@ -10,7 +10,7 @@ from typing import Any
 from msgspec.structs import replace
 
 from harness.baseline.load import baseline
-from harness.bootstrap import Harness, simulated
+from harness.bootstrap import Harness, nothing_on_trial, simulated
 from harness.contracts.actors import Actor
 from harness.contracts.commands import StopMission
 from harness.contracts.configuration import Configuration
@@ -34,7 +34,7 @@ from rsi_reviews.contracts import (
 from rsi_reviews.deciding import DECIDERS
 from rsi_reviews.desk import Desk, Say, Seen
 from rsi_reviews.regression.cases import Case, Situation, seeds_digest
-from rsi_reviews.shelf import selected
+from rsi_reviews.shelf import on_trial, selected
 
 ROBOT = RobotId("vbot-1")
 MINER = "trace-miner 1"
@@ -208,10 +208,14 @@ class Bench:
 
 
 @contextmanager
-def bench(*, seed: int = 3, store: EventStore | None = None) -> Iterator[Bench]:
-    """A harness on the kinematic robot that is opened with the desk's deciders and its pointer."""
+def bench(*, seed: int = 3, store: EventStore | None = None, watched: bool = False) -> Iterator[Bench]:
+    """A harness on the kinematic robot that is opened with the desk's deciders and its pointer.
+
+    `watched`: a person approves each motion of a canary mission, as outside suites and experiments.
+    """
     settings = HarnessSettings(speed=0, fidelity="kinematic")
-    with simulated(settings, seed=seed, store=store, deciders=DECIDERS, select=selected) as harness:
+    trial = on_trial if watched else nothing_on_trial
+    with simulated(settings, seed=seed, store=store, deciders=DECIDERS, select=selected, trial=trial) as harness:
         yield Bench(harness=harness, desk=Desk(harness.runtime, judge=partial(accepted, predicate=PREDICATE)))
 
 

@@ -311,3 +311,15 @@ def test_workers_uptake_is_on_record_once_per_revision() -> None:
             expect(on.desk.take_up("worker-1"))
         (uptake,) = on.desk.pointer().uptakes
         assert (uptake.worker, uptake.revision) == ("worker-1", 1)
+
+
+def test_a_person_approves_each_motion_of_a_canary_mission_and_none_of_the_next_release() -> None:
+    with bench(watched=True) as on:
+        before = on.harness.runtime.mission(on.mission())
+        assert before.status == "succeeded" and not before.trial
+        on.in_canary(MADE)
+        watched = on.harness.runtime.mission(on.mission())
+        assert watched.trial and watched.status == "awaiting_human"
+        question = on.harness.runtime.handoffs()[0].opened
+        assert question is not None and "is in canary" in question.reason
+        assert not [start for start in on.harness.starts(watched.mission_id) if start.moves]

@@ -17,10 +17,16 @@ def nothing_selected(robot_id: RobotId) -> Digest | None:
     return None
 
 
+def nothing_on_trial(configuration_id: Digest) -> bool:
+    """No release is in canary."""
+    return False
+
+
 class StoredConfigurations:
     """Versions are immutable, so each is read and decoded once.
 
-    `first` is what robots work under until `selected` names another version; `shipped` are known without the log.
+    `first` is what robots work under until `selected` names another version; `shipped` are known without the log;
+    `on_trial` says which version is in canary.
     """
 
     def __init__(
@@ -30,7 +36,9 @@ class StoredConfigurations:
         first: Configuration,
         shipped: Iterable[Configuration] = (),
         selected: Callable[[RobotId], Digest | None] = nothing_selected,
+        on_trial: Callable[[Digest], bool] = nothing_on_trial,
     ) -> None:
+        self.on_trial = on_trial
         self._store = store
         self._first = first.configuration_id
         self._selected = selected

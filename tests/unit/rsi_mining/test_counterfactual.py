@@ -16,7 +16,7 @@ from harness.contracts.regularities import HiddenSite, Regularity
 from harness.runtime import Start
 from harness.settings import HarnessSettings
 from rsi_reviews.counterfactual import Counterfactual, MissionCounterfactual, counterfactual
-from rsi_reviews.generate.changes import with_items, with_ladder, with_node, with_wait, with_weight
+from rsi_reviews.generate.changes import with_items, with_ladder, with_timeout, with_wait, with_weight
 from rsi_reviews.generate.trace import MissionTrace, read_trace
 
 H0 = baseline()
@@ -72,7 +72,7 @@ def test_another_ladder_changes_the_first_rung_and_says_what_it_was(harness: Har
 def test_a_longer_wait_and_a_shorter_timeout_differ_where_they_are_used(harness: Harness) -> None:
     waits = under(harness, with_wait(H0, 40.0))[0].differences
     assert [(one.kind, one.before, one.after) for one in waits] == [("wait", "20 s", "40 s")]
-    shorter = with_node(H0, template="circuit", node_id="circuit", edit=lambda node: {**node, "timeout_s": 95.0})
+    shorter = with_timeout(H0, template="circuit", node_id="circuit", timeout_s=95.0)
     found = [one for one in under(harness, shorter)[0].differences if one.kind == "timeout"]
     assert [(one.before, one.after) for one in found] == [("180 s", "95 s")] * 3
 

@@ -344,6 +344,7 @@ def test_a_release_where_nothing_recurs_and_a_false_completion_refute() -> None:
     assert "1 of 9" in by_claim["worlds without regularities release more often than alpha"].sentence
     false = {one.refutes: one.refuted for one in answers([outcome(1, false=1.0)])}
     assert false["the gated loop makes contract false completions"]
+    assert false["worlds without regularities release more often than alpha"] is None
 
 
 def test_contrasts_are_paired_by_fleet_and_signed_so_that_more_is_better() -> None:

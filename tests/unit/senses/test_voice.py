@@ -11,6 +11,7 @@ from harness.adapters.providers.speech.espeak import synthesise
 from harness.adapters.providers.speech.speaker import PacedSpeaker
 from harness.adapters.providers.speech.voice import CARD, EspeakVoice
 from harness.contracts.errors import ProviderFailed
+from harness.contracts.ids import sha256
 from tests.unit.senses.builders import EPOCH_S, Blobs, StillClock, request_to
 
 REPORT = "Two boxes obstruct the storage passage."
@@ -44,6 +45,14 @@ def test_synthesis_gives_audible_and_repeatable_samples() -> None:
 def test_an_unknown_voice_is_refused() -> None:
     with pytest.raises(ProviderFailed, match="no-such-voice"):
         synthesise(REPORT, voice="no-such-voice")
+
+
+def test_a_clock_that_steps_back_has_nothing_played_twice() -> None:
+    samples = np.arange(1000, dtype="<i2")
+    speaker = PacedSpeaker()
+    speaker.begin(samples, rate_hz=100, at_s=EPOCH_S)
+    assert [speaker.consumed(EPOCH_S + at_s) for at_s in (4.0, 2.0, 3.0, 10.0)] == [400, 400, 400, 1000]
+    assert speaker.heard() == sha256(samples.tobytes())
 
 
 @pytest.mark.ledger("R182", symbol="harness.adapters.providers.speech.speaker:PacedSpeaker.consumed")

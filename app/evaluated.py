@@ -1,0 +1,75 @@
+"""What evaluations measured, read from the log once per result set: pages show it again and again. Writes nothing."""
+
+from collections import OrderedDict
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from threading import Lock
+
+from app.views.review_results import Measured, measured
+from harness.contracts.ids import Digest
+from rsi_reviews.contracts import ResultSet
+from rsi_reviews.projections import Review
+from rsi_reviews.regression.cases import Case, cases_of
+from rsi_reviews.regression.suite import shipped
+from rsi_reviews.shelf import Shelf
+
+KEPT = 4
+
+
+class Evaluated:
+    """Safe between threads; the newest KEPT result sets stay in memory."""
+
+    def __init__(self, shelf: Shelf, folder: Path | None = None) -> None:
+        """`folder`: where the evaluator of this installation keeps finished cases while it runs."""
+        self._shelf, self._folder = shelf, folder
+        self._known: OrderedDict[Digest, tuple[ResultSet, Measured]] = OrderedDict()
+        self._lock = Lock()
+
+    def of(self, candidate: Digest) -> tuple[ResultSet, Measured] | None:
+        """What was measured of a candidate, and how it is shown; None before. Raises UnknownName."""
+        review = self._shelf.review(candidate)
+        if review.evaluation is None or review.manifest is None:
+            return None
+        name = review.evaluation.result_set
+        with self._lock:
+            if name not in self._known:
+                results = self._shelf.results(candidate)
+                if results is None:
+                    return None
+                self._known[name] = results, measured(results, review.manifest, regression_cases(), situations())
+                while len(self._known) > KEPT:
+                    self._known.popitem(last=False)
+            self._known.move_to_end(name)
+            return self._known[name]
+
+    def progress(self, review: Review) -> str:
+        """How many results of an evaluation under way its evaluator has kept, in words; empty where nobody can tell."""
+        terms = review.terms
+        if terms is None:
+            return ""
+        needed = f"{2 * terms.cases:,} missions to run".replace(",", " ")
+        path = self._folder / f"results-{terms.evaluator.rpartition('+')[2]}.jsonl" if self._folder else None
+        if path is None or not path.is_file():
+            return needed
+        body = path.read_bytes()
+        kept = sum(body.count(f'"configuration":"{one}"'.encode()) for one in (terms.baseline, terms.configuration))
+        return f"{min(kept, 2 * terms.cases):,} of {needed}".replace(",", " ")
+
+
+@cache
+def regression_cases() -> frozenset[str]:
+    """The cases of the shipped regression suite: those that the declared metric is judged on."""
+    return frozenset(case.case_id for case in cases_of(shipped("regression")))
+
+
+@cache
+def situations() -> Mapping[str, str]:
+    """Every shipped case in words. A case of an older suite is not here; its family and seed still say what it was."""
+    return {case.case_id: _words(case) for name in ("regression", "safety") for case in cases_of(shipped(name))}
+
+
+def _words(case: Case) -> str:
+    situation = case.situation
+    outside = [f"{one.kind} held by somebody else for {one.for_s:g} s" for one in situation.outside]
+    return ", ".join((situation.template, *situation.faults, *outside))

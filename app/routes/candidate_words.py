@@ -1,0 +1,78 @@
+"""What a person says about a candidate, from a form to the desk's word. Parses; decides nothing."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, get_args
+
+from harness.contracts.actors import Actor
+from harness.contracts.decider import Codec
+from harness.contracts.decisions import Accepted, Refused
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.ids import Digest, MissionId, RobotId
+from rsi_reviews.contracts import Finding, Subject
+from rsi_reviews.desk import Desk, Say, Seen
+from rsi_reviews.events import CandidateEvent, ReviewOpened
+
+Typed = Mapping[str, str]
+Answered = Accepted[Any] | Refused
+Said = Callable[[Desk, Digest, Say, Seen, Typed], Answered]
+CODEC: Codec[CandidateEvent] = Codec(CandidateEvent)
+LONGEST_KEY = 200
+
+
+def say_of(actor: Actor, typed: Typed, word: str) -> Say:
+    """Who, why and under which one-use key. Raises ContractInvalid without a key."""
+    key = typed.get("key", "")
+    if not 1 <= len(key) <= LONGEST_KEY:
+        raise ContractInvalid("The form carries no key", where="key", do="open the page again and use its form")
+    return Say(actor=actor, reason=typed.get("reason", "").strip(), key=f"{word}:{key}"[:LONGEST_KEY])
+
+
+def seen_of(typed: Typed) -> Seen:
+    """What the form was shown with. What it does not name equals nothing, and so is refused by the desk."""
+    cycle = typed.get("cycle", "")
+    known = cycle.isascii() and cycle.isdigit() and len(cycle) < 10
+    return Seen(cycle=int(cycle) if known else 0, subject=Digest(typed.get("subject", "")))
+
+
+def robot_of(typed: Typed) -> RobotId:
+    """Raises ContractInvalid where none is named."""
+    if not typed.get("robot_id", "").strip():
+        raise ContractInvalid("No robot is named", where="robot_id", do="say which robot tries it first")
+    return RobotId(typed["robot_id"].strip())
+
+
+def finding_of(text: str) -> Finding:
+    """Raises ContractInvalid for a finding that nobody can make."""
+    for finding in get_args(Finding):
+        if finding == text:
+            known: Finding = finding
+            return known
+    raise ContractInvalid(
+        f"{text[:40]!r} is no finding", where="finding", do=f"choose from {', '.join(get_args(Finding))}"
+    )
+
+
+def subject_in(desk: Desk, candidate: str, digest: str) -> Subject | None:
+    """The subject that a form was shown with, as it stood when its review was opened."""
+    opened = (CODEC.decode(stored) for stored in desk.events(candidate))
+    return next((one.subject for one in opened if isinstance(one, ReviewOpened) and one.subject_digest == digest), None)
+
+
+WORDS: Mapping[str, Said] = {
+    "submit": lambda desk, name, say, seen, typed: desk.submit(name, say),
+    "comment": lambda desk, name, say, seen, typed: desk.comment(name, say),
+    "recall": lambda desk, name, say, seen, typed: desk.recall(name, say),
+    "request-changes": lambda desk, name, say, seen, typed: desk.request_changes(name, say, seen),
+    "approve": lambda desk, name, say, seen, typed: desk.approve(name, say, seen),
+    "reject": lambda desk, name, say, seen, typed: desk.reject(name, say, seen),
+    "authorise": lambda desk, name, say, seen, typed: desk.authorise(name, say, seen),
+    "release": lambda desk, name, say, seen, typed: desk.release(
+        name, say, seen, robot_id=robot_of(typed)
+    ),
+    "adjudicate": lambda desk, name, say, seen, typed: desk.adjudicate(
+        name, MissionId(typed.get("mission_id", "")), finding_of(typed.get("finding", "")), say
+    ),
+    "rollback": lambda desk, name, say, seen, typed: desk.rollback(name, say),
+    "withdraw": lambda desk, name, say, seen, typed: desk.withdraw(name, say),
+}
+"""By the word in the address."""

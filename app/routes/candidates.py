@@ -1,0 +1,187 @@
+"""/candidates: proposed changes to the harness itself; who says what about them, and what follows."""
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Depends, Request
+from starlette.responses import HTMLResponse, RedirectResponse, Response
+
+from app.console import ActorDep, Console, ConsoleDep, FormDep
+from app.evaluated import situations
+from app.rendering import render
+from app.routes.candidate_words import WORDS, say_of, seen_of, subject_in
+from app.views import candidates, forms
+from app.views.candidates import Asked, BoardPage
+from app.views.review import Left, ReviewPage, Seen, review_page
+from app.views.review_cases import CasesPage, cases_page
+from app.views.review_replay import ReplayPage, replay_page
+from app.views.rollback import RollbackPage, rollback_page
+from harness.contracts.actors import Actor
+from harness.contracts.decisions import Refused
+from harness.contracts.errors import ConfigurationMissing, ContractInvalid, UnknownName
+from harness.contracts.ids import Digest, MissionId, mission_stream
+from rsi_reviews.counterfactual import counterfactual
+
+router = APIRouter(prefix="/candidates")
+TOPICS = ("candidate/", "release/")
+REPLAYED = 40
+
+
+def asked_of(request: Request) -> Asked:
+    """Search, filters and place from the address. Raises UnknownName or ContractInvalid for what no page ever gave."""
+    params = request.query_params
+    group, skip = params.get("status", ""), params.get("skip", "0")
+    if group not in {value for value, _, _ in candidates.GROUPS}:
+        raise UnknownName(f"There is no group of candidates called {group[:40]}", do="choose one of the tabs")
+    if not skip.isascii() or not skip.isdigit() or len(skip) > 6:
+        raise ContractInvalid(f"{skip[:40]!r} is no place in a list", where="skip", do="begin at the first page")
+    return Asked(
+        words=params.get("q", "")[:200].strip(),
+        group=group,
+        component=params.get("component", "")[:40],
+        metric=params.get("metric", "")[:40],
+        skip=int(skip),
+    )
+
+
+AskedDep = Annotated[Asked, Depends(asked_of)]
+
+
+@router.get("")
+def index(console: ConsoleDep, actor: ActorDep, asked: AskedDep) -> HTMLResponse:
+    return render("candidates/index.html", board_of(console, actor, asked))
+
+
+@router.get("/list")
+def listing(console: ConsoleDep, actor: ActorDep, asked: AskedDep) -> HTMLResponse:
+    return render("candidates/_list.html", board_of(console, actor, asked))
+
+
+@router.get("/{candidate}")
+def show(console: ConsoleDep, actor: ActorDep, candidate: str) -> HTMLResponse:
+    return render("candidates/detail.html", page_of(console, actor, candidate))
+
+
+@router.get("/{candidate}/review")
+def review(console: ConsoleDep, actor: ActorDep, candidate: str) -> HTMLResponse:
+    return render("candidates/_review.html", page_of(console, actor, candidate))
+
+
+@router.get("/{candidate}/cases")
+def cases(
+    console: ConsoleDep, actor: ActorDep, candidate: str, change: str = "", family: str = "", skip: int = 0
+) -> HTMLResponse:
+    return render("candidates/cases.html", cases_of(console, actor, candidate, change=change, family=family, skip=skip))
+
+
+@router.get("/{candidate}/replay")
+def replay(console: ConsoleDep, actor: ActorDep, candidate: str) -> HTMLResponse:
+    return render("candidates/replay.html", replayed(console, actor, candidate))
+
+
+@router.get("/{candidate}/rollback")
+def rolling_back(console: ConsoleDep, actor: ActorDep, candidate: str) -> HTMLResponse:
+    return render("candidates/rollback.html", rollback_of(console, actor, candidate))
+
+
+@router.post("/{candidate}/{word}")
+def say(console: ConsoleDep, actor: ActorDep, candidate: str, word: str, typed: FormDep) -> Response:
+    """One word: 303 taken, 422 not well said, 409 refused with the reason and the page as it is now."""
+    if word not in WORDS:
+        raise UnknownName(f"Nobody can say {word[:40]!r} about a candidate", do="use a button of its page")
+    name = console.desk.review(candidate).candidate
+    if wrong := forms.wrong_reason(typed.get("reason", "")):
+        return _again(console, actor, name, word, typed, refused=" ".join(wrong), status=422)
+    decision = WORDS[word](console.desk, name, say_of(actor, typed, word), seen_of(typed), typed)
+    if isinstance(decision, Refused):
+        return _again(console, actor, name, word, typed, refused=decision.message, status=409)
+    return RedirectResponse(f"/candidates/{name}", status_code=303)
+
+
+def _again(
+    console: Console, actor: Actor, candidate: str, word: str, typed: dict[str, str], *, refused: str, status: int
+) -> Response:
+    if word == "rollback" and "second-step" in typed:
+        page = rollback_of(console, actor, candidate, refused=refused, typed=typed.get("reason", ""))
+        return render("candidates/rollback.html", page, status=status)
+    seen = subject_in(console.desk, candidate, typed.get("subject", ""))
+    left = Left(reason=typed.get("reason", ""), refused=refused, subject=seen)
+    return render("candidates/detail.html", page_of(console, actor, candidate, left), status=status)
+
+
+def board_of(console: Console, actor: Actor, asked: Asked) -> BoardPage:
+    reviews = console.desk.reviews()
+    progress = {one.candidate: console.evaluated.progress(one) for one in reviews if one.status == "evaluating"}
+    shell = console.shell("Candidates", "candidates", actor, topics=TOPICS)
+    return candidates.board_page(shell, reviews, console.desk.pointer(), asked, progress)
+
+
+def page_of(console: Console, actor: Actor, candidate: str, left: Left = Left()) -> ReviewPage:
+    """The page as it is now, with a fresh key. Raises UnknownName."""
+    desk = console.desk
+    review = desk.review(candidate)
+    name = review.candidate
+    found = console.evaluated.of(name)
+    seen = Seen(
+        difference=desk.diff(name),
+        measured=found[1] if found else None,
+        clauses=desk.clauses(name),
+        pointer=desk.pointer(),
+        pins=desk.pins(),
+        versions=desk.versions(),
+        known=_known(console, [one.mission_id for one in review.manifest.motives] if review.manifest else []),
+        loads=_loads(console, review.manifest.rollback if review.manifest else review.baseline),
+        progress=console.evaluated.progress(review) if review.status == "evaluating" else "",
+    )
+    shell = console.shell(candidates.title_of(review), "candidates", actor, topics=(f"candidate/{name}", "release/"))
+    return review_page(
+        shell, review, seen, actor, robots=console.settings.robots, key=console.doors.key(), left=left
+    )
+
+
+def cases_of(
+    console: Console, actor: Actor, candidate: str, *, change: str, family: str, skip: int
+) -> CasesPage:
+    review = console.desk.review(candidate)
+    found = console.evaluated.of(review.candidate)
+    if found is None or review.manifest is None:
+        raise UnknownName("No case of this candidate was measured yet", do="wait for its evaluation")
+    shell = console.shell("Every case", "candidates", actor, topics=TOPICS)
+    return cases_page(shell, review, found[0], situations(), change=change, family=family, skip=skip)
+
+
+def replayed(console: Console, actor: Actor, candidate: str) -> ReplayPage:
+    """The newest stored missions under the candidate, decision by decision; no robot is touched."""
+    desk, runtime = console.desk, console.runtime
+    review = desk.review(candidate)
+    newest = [one.mission_id for one in runtime.missions() if not one.replay][:REPLAYED]
+    found: Any = counterfactual(runtime, runtime.stored_configuration(review.configuration), newest)
+    rows = [
+        (one.mission_id, one.template, one.status, sum(one.derived.values()), one.differences, len(one.unreadable))
+        for one in found.missions
+    ]
+    shell = console.shell("Counterfactual replay", "candidates", actor, topics=TOPICS)
+    return replay_page(shell, review, rows, held=len(runtime.missions()))
+
+
+def rollback_of(
+    console: Console, actor: Actor, candidate: str, *, refused: str = "", typed: str = ""
+) -> RollbackPage:
+    review = console.desk.review(candidate)
+    shell = console.shell("Roll back", "candidates", actor, topics=TOPICS)
+    pinned = console.desk.pins().get(review.configuration, ())
+    return rollback_page(
+        shell, review, console.desk.pointer(), pinned, key=console.doors.key(), refused=refused, typed=typed
+    )
+
+
+def _known(console: Console, missions: list[str]) -> frozenset[str]:
+    return frozenset(one for one in missions if console.runtime.stream(mission_stream(MissionId(one))))
+
+
+def _loads(console: Console, configuration: str) -> str:
+    """Empty if the rollback target can be loaded at this moment and keeps its name, else why not."""
+    try:
+        same = console.desk.loads(Digest(configuration)) == configuration
+    except ConfigurationMissing as error:
+        return str(error)
+    return "" if same else "It loads, but not as the same version."

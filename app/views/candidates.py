@@ -1,0 +1,201 @@
+"""Pure: the board of candidates: where each stands, what it changes, and whose it is."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from app.views.listing import Filter, Option, address
+from app.views.shell import Shell
+from rsi_reviews.contracts import ClauseAnswer
+from rsi_reviews.difference import NAMES
+from rsi_reviews.pointers import Pointer
+from rsi_reviews.projections import Review
+
+SHOWN = 100
+GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
+    ("", "all", ()),
+    ("draft", "drafts", ("draft",)),
+    ("evaluating", "evaluating", ("evaluating",)),
+    ("accepted", "accepted", ("accepted",)),
+    ("in_review", "in review", ("in_review",)),
+    ("authorised", "authorised", ("authorised",)),
+    ("canary", "canary", ("canary",)),
+    ("current", "current", ("current",)),
+    ("not_accepted", "rejected, inconclusive", ("rejected", "inconclusive")),
+    ("taken_back", "rolled back, withdrawn", ("rolled_back", "withdrawn")),
+)
+TONES = {"in_review": "warn", "authorised": "warn", "rejected": "bad", "rolled_back": "bad", "current": "good"}
+
+
+@dataclass(frozen=True)
+class CandidateRow:
+    """One candidate in the list. `stale`: its baseline is no longer current, so nobody can approve it."""
+
+    candidate: str
+    title: str
+    reason: str
+    status: str
+    tone: str
+    component: str
+    metric: str
+    authors: str
+    cycle: int
+    note: str
+    stale: bool
+    proposed_s: float
+
+
+@dataclass(frozen=True)
+class Tab:
+    """One group of the board with how many it holds."""
+
+    title: str
+    href: str
+    count: int
+    chosen: bool
+
+
+@dataclass(frozen=True)
+class BoardPage:
+    """The board as the address asks for it. `total` counts all candidates, `query` is the address's own end."""
+
+    shell: Shell
+    tabs: tuple[Tab, ...]
+    rows: tuple[CandidateRow, ...]
+    words: str
+    group: str
+    filters: tuple[Filter, ...]
+    found: int
+    total: int
+    query: str
+    following: str
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What the address asks for; `skip` rows were shown on earlier pages."""
+
+    words: str = ""
+    group: str = ""
+    component: str = ""
+    metric: str = ""
+    skip: int = 0
+
+    @property
+    def params(self) -> dict[str, str]:
+        return {"q": self.words, "status": self.group, "component": self.component, "metric": self.metric}
+
+
+def board_page(
+    shell: Shell, reviews: Sequence[Review], pointer: Pointer, asked: Asked, progress: Mapping[str, str]
+) -> BoardPage:
+    """`reviews` newest first; `progress` says of a candidate under evaluation how far it is."""
+    known = [one for one in reviews if one.manifest is not None]
+    alike = [one for one in known if _like(one, asked)]
+    statuses = Counter(str(one.status) for one in alike)
+    chosen = [one for one in alike if one.status in _statuses(asked.group, statuses)]
+    shown = chosen[asked.skip : asked.skip + SHOWN]
+    more = asked.skip + SHOWN < len(chosen)
+    return BoardPage(
+        shell=shell,
+        tabs=tuple(_tab(asked, value, title, statuses) for value, title, _ in GROUPS),
+        rows=tuple(candidate_row(one, pointer, progress.get(one.candidate, "")) for one in shown),
+        words=asked.words,
+        group=asked.group,
+        filters=_filters(known, asked),
+        found=len(chosen),
+        total=len(known),
+        query=address("", asked.params),
+        following=address("/candidates", asked.params, skip=str(asked.skip + SHOWN)) if more else "",
+    )
+
+
+def candidate_row(review: Review, pointer: Pointer, progress: str = "") -> CandidateRow:
+    manifest = review.manifest
+    return CandidateRow(
+        candidate=review.candidate,
+        title=title_of(review),
+        reason=manifest.reason if manifest else "",
+        status=review.status,
+        tone=TONES.get(review.status, "plain"),
+        component=NAMES[manifest.component] if manifest else "",
+        metric=f"{manifest.metric.replace('_', ' ')}, {manifest.direction}" if manifest else "",
+        authors=", ".join(sorted(review.authors)),
+        cycle=review.cycle,
+        note=progress or note_of(review),
+        stale=stale(review, pointer),
+        proposed_s=review.said[0].by.at_s if review.said else 0.0,
+    )
+
+
+def title_of(review: Review) -> str:
+    """What it is meant to do, as its manifest says; the digest where it says nothing."""
+    return review.manifest.intended_effect.strip().rstrip(".") if review.manifest else review.candidate[:12]
+
+
+def stale(review: Review, pointer: Pointer) -> bool:
+    """Whether it still waits for somebody although its baseline is no longer current."""
+    waits = review.status in ("draft", "evaluating", "accepted", "in_review", "authorised")
+    return waits and bool(pointer.version) and review.baseline != pointer.configuration
+
+
+def note_of(review: Review) -> str:
+    """What is to be known beside the status, in a few words."""
+    match review.status:
+        case "in_review":
+            return f"cycle {review.cycle}, {len(review.approvals)} approvals"
+        case "canary":
+            needed = review.manifest.canary.missions if review.manifest else 0
+            return f"on {review.robot_id}, exercised in {len(review.exercised)} of {needed} missions"
+        case "rejected" | "rolled_back" | "withdrawn" | "current":
+            return review.ended_reason
+        case "inconclusive":
+            return next((one.sentence for one in _clauses(review) if one.answer != "pass"), "")
+        case _:
+            return ""
+
+
+def _clauses(review: Review) -> tuple[ClauseAnswer, ...]:
+    return review.evaluation.report.clauses if review.evaluation else ()
+
+
+def _statuses(group: str, counted: Counter[str]) -> set[str]:
+    stands_for = next((statuses for value, _, statuses in GROUPS if value == group), ())
+    return set(stands_for) or set(counted)
+
+
+def _like(review: Review, asked: Asked) -> bool:
+    manifest = review.manifest
+    if manifest is None:
+        return False
+    text = f"{review.candidate} {manifest.reason} {manifest.intended_effect} {' '.join(sorted(review.authors))}".lower()
+    return (
+        all(word in text for word in asked.words.lower().split())
+        and asked.component in ("", manifest.component)
+        and asked.metric in ("", manifest.metric)
+    )
+
+
+def _tab(asked: Asked, value: str, title: str, statuses: Counter[str]) -> Tab:
+    return Tab(
+        title=title,
+        href=address("/candidates", asked.params, status=value),
+        count=sum(statuses[one] for one in _statuses(value, statuses)),
+        chosen=value == asked.group,
+    )
+
+
+def _filters(known: Sequence[Review], asked: Asked) -> tuple[Filter, ...]:
+    components = Counter(one.manifest.component for one in known if one.manifest)
+    metrics = Counter(one.manifest.metric for one in known if one.manifest)
+    named = [(value, NAMES[value], count) for value, count in sorted(components.items())]
+    measured = [(value, value.replace("_", " "), count) for value, count in sorted(metrics.items())]
+    return (
+        Filter(name="component", title="component", options=_options(named, asked.component)),
+        Filter(name="metric", title="metric", options=_options(measured, asked.metric)),
+    )
+
+
+def _options(values: Sequence[tuple[str, str, int]], chosen: str) -> tuple[Option, ...]:
+    first = Option(value="", title="any", count=0, chosen=not chosen)
+    return (first, *(Option(value=value, title=title, count=n, chosen=value == chosen) for value, title, n in values))

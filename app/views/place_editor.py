@@ -1,0 +1,213 @@
+"""Pure: the form that adds or changes a place, what is wrong with what was typed, and the place it stands for."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import degrees, hypot, isfinite, radians
+from typing import get_args
+
+from app.views.forms import Wrong, wrong_reason
+from app.views.places import SiteMap, site_map
+from app.views.shell import Shell
+from harness.contracts.ids import PlaceId
+from harness.contracts.place_events import Verification
+from harness.contracts.places import Place, Site
+from harness.contracts.values import Point
+
+SLUG = re.compile(r"[a-z][a-z0-9_]{0,39}")
+NAME_SIGNS = 80
+ALIASES = 12
+NEAR_M = 0.4
+
+
+@dataclass(frozen=True)
+class Typed:
+    """What stands in a field, and what is wrong with it."""
+
+    value: str
+    wrong: str
+
+
+@dataclass(frozen=True)
+class Version:
+    """One change to the place, as it stands in the log."""
+
+    revision: int
+    text: str
+    who: str
+    reason: str
+    at_s: float
+
+
+@dataclass(frozen=True)
+class PlaceForm:
+    """The editor. `basis` is the revision it was filled from; `spot` is where the place stands on the map."""
+
+    shell: Shell
+    place_id: str
+    new: bool
+    basis: int
+    removed: bool
+    frame: str
+    map_version: str
+    identifier: Typed
+    name: Typed
+    aliases: Typed
+    x: Typed
+    y: Typed
+    heading: Typed
+    region: Typed
+    verification: Typed
+    reason: Typed
+    errors: tuple[str, ...]
+    warnings: tuple[str, ...]
+    versions: tuple[Version, ...]
+    map: SiteMap
+    spot_x: float
+    spot_y: float
+
+
+def fields_of(place: Place) -> dict[str, str]:
+    """A place as the form's fields show it."""
+    return {
+        "place_id": place.place_id,
+        "name": place.name,
+        "aliases": ", ".join(place.aliases),
+        "x": f"{place.approach_m[0]:g}",
+        "y": f"{place.approach_m[1]:g}",
+        "heading": f"{degrees(place.yaw_rad):.1f}".rstrip("0").rstrip("."),
+        "region": "; ".join(f"{x:g}, {y:g}" for x, y in place.region_m),
+        "verification": place.verification,
+    }
+
+
+def place_form(
+    shell: Shell,
+    site: Site,
+    typed: Mapping[str, str],
+    *,
+    basis: int,
+    wrong: Sequence[Wrong] = (),
+    versions: Sequence[Version] = (),
+    new: bool = False,
+) -> PlaceForm:
+    """The form as the person left it."""
+    beside = {one.field: one.text for one in wrong if one.field}
+
+    def of(name: str, default: str = "") -> Typed:
+        return Typed(value=typed.get(name, default), wrong=beside.get(name, ""))
+
+    x, y = _number(typed.get("x", "")), _number(typed.get("y", ""))
+    place_id = typed.get("place_id", "")
+    return PlaceForm(
+        shell=shell,
+        place_id=place_id,
+        new=new,
+        basis=basis,
+        removed=not new and all(one.place_id != place_id for one in site.places),
+        frame=site.frame,
+        map_version=site.map_version,
+        identifier=of("place_id"),
+        name=of("name"),
+        aliases=of("aliases"),
+        x=of("x"),
+        y=of("y"),
+        heading=of("heading", "0"),
+        region=of("region"),
+        verification=of("verification", "configured"),
+        reason=of("reason"),
+        errors=tuple(one.text for one in wrong),
+        warnings=_far_routes(site, place_id, x, y),
+        versions=tuple(versions),
+        map=site_map(site),
+        spot_x=x if x is not None else 0.0,
+        spot_y=-y if y is not None else 0.0,
+    )
+
+
+def wrong_place(typed: Mapping[str, str], site: Site) -> list[Wrong]:
+    """What a person must mend before the place can be saved."""
+    wrong = []
+    place_id, name = typed.get("place_id", ""), typed.get("name", "").strip()
+    if not SLUG.fullmatch(place_id):
+        wrong.append(Wrong("place_id", "An identifier is small letters, digits and _, and begins with a letter."))
+    if not 1 <= len(name) <= NAME_SIGNS:
+        wrong.append(Wrong("name", f"A name has 1 to {NAME_SIGNS} signs."))
+    aliases = _aliases(typed)
+    if len(aliases) > ALIASES or any(len(one) > NAME_SIGNS for one in aliases):
+        wrong.append(Wrong("aliases", f"At most {ALIASES} other names of {NAME_SIGNS} signs."))
+    wrong += _taken(place_id, (name, *aliases), site)
+    for field, title in (("x", "x"), ("y", "y"), ("heading", "The heading")):
+        if _number(typed.get(field, "")) is None:
+            wrong.append(Wrong(field, f"{title} must be a number."))
+    if _region(typed.get("region", "")) is None:
+        wrong.append(
+            Wrong("region", "Write corners as x, y; x, y; x, y with at least three of them, or leave it empty.")
+        )
+    if typed.get("verification") not in get_args(Verification):
+        wrong.append(Wrong("verification", "Choose configured, verified or disputed."))
+    wrong += [Wrong("reason", text) for text in wrong_reason(typed.get("reason", ""))]
+    return wrong
+
+
+def place_of(typed: Mapping[str, str], site: Site, *, by: str) -> Place:
+    """The place that a form without mistakes stands for."""
+    verification = next(one for one in get_args(Verification) if one == typed["verification"])
+    return Place(
+        place_id=PlaceId(typed["place_id"]),
+        name=typed["name"].strip(),
+        frame=site.frame,
+        map_version=site.map_version,
+        approach_m=(float(typed["x"]), float(typed["y"])),
+        provenance=f"entered by {by}"[:200],
+        verification=verification,
+        aliases=_aliases(typed),
+        yaw_rad=radians(float(typed["heading"])),
+        region_m=_region(typed.get("region", "")) or (),
+    )
+
+
+def _taken(place_id: str, words: Sequence[str], site: Site) -> list[Wrong]:
+    """A word that names two places names none."""
+    others = {
+        word.casefold(): one.name
+        for one in site.places
+        if one.place_id != place_id
+        for word in (one.place_id, one.name, *one.aliases)
+    }
+    taken = [word for word in words if word.casefold() in others]
+    return [Wrong("aliases" if word != words[0] else "name", f"“{word}” names {others[word.casefold()]} already.")
+            for word in taken]  # fmt: skip
+
+
+def _far_routes(site: Site, place_id: str, x: float | None, y: float | None) -> tuple[str, ...]:
+    """Reference routes that lead to where the place used to be."""
+    if x is None or y is None:
+        return ()
+    ends = [(route, route.waypoints_m[-1]) for route in site.routes if route.end == place_id]
+    ends += [(route, route.waypoints_m[0]) for route in site.routes if route.start == place_id]
+    return tuple(
+        f"Route {route.name} has its end {hypot(at[0] - x, at[1] - y):.2f} m from here: survey it again."
+        for route, at in ends
+        if hypot(at[0] - x, at[1] - y) > NEAR_M
+    )
+
+
+def _aliases(typed: Mapping[str, str]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(one.strip() for one in typed.get("aliases", "").split(",") if one.strip()))
+
+
+def _region(text: str) -> tuple[Point, ...] | None:
+    corners = [corner.split(",") for corner in text.split(";") if corner.strip()]
+    points = [tuple(_number(part) for part in corner) for corner in corners]
+    if any(len(point) != 2 or None in point for point in points) or len(points) in (1, 2):
+        return None
+    return tuple((float(point[0] or 0.0), float(point[1] or 0.0)) for point in points)
+
+
+def _number(text: str) -> float | None:
+    try:
+        number = float(text)
+    except ValueError:
+        return None
+    return number if isfinite(number) else None

@@ -1,0 +1,185 @@
+"""Pure: what an evaluation measured, as a reviewer reads it: what became worse first, pairs with their intervals."""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+from rsi_reviews.bounds import paired
+from rsi_reviews.contracts import BETTER, FAMILIES, CaseResult, Manifest, Metric, ResultSet
+
+TWO_SIDED = 0.025
+WIDTH = 460.0
+ROW = 26.0
+FLIPS = 50
+Pair = tuple[CaseResult, CaseResult]
+"""The same case under the baseline and under the candidate."""
+
+
+@dataclass(frozen=True)
+class CaseRow:
+    """One case under both configurations. `before` and `after` are the declared metric, `change` which way it went."""
+
+    case: str
+    family: str
+    seed: int
+    situation: str
+    before: float
+    after: float
+    before_status: str
+    after_status: str
+    change: str
+    note: str
+
+
+@dataclass(frozen=True)
+class FamilyRow:
+    """One family, or all: pairs, flips, means of the declared metric, and the paired gain with its 95 % interval.
+
+    Positive gains are better. `x`, `low_x`, `high_x`, `y` are places on the plot, in its own units.
+    """
+
+    name: str
+    n: int
+    worse: int
+    better: int
+    before: float
+    after: float
+    gain: float
+    low: float
+    high: float
+    x: float
+    low_x: float
+    high_x: float
+    y: float
+
+
+@dataclass(frozen=True)
+class Shape:
+    """The plot's size, and where no effect and the declared effect lie on it."""
+
+    width: float
+    height: float
+    zero_x: float
+    declared_x: float
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Everything that is shown of a result set. `worse` and `better` hold at most FLIPS rows each, of so many."""
+
+    pairs: int
+    safety_pairs: int
+    worse: tuple[CaseRow, ...]
+    worse_total: int
+    better: tuple[CaseRow, ...]
+    better_total: int
+    families: tuple[FamilyRow, ...]
+    plot: Shape
+    seconds: float
+
+
+def measured(
+    results: ResultSet, manifest: Manifest, regression: Collection[str], situations: Mapping[str, str]
+) -> Measured:
+    """`regression`: the cases that the declared metric is judged on; `situations` says in words what a case is."""
+    pairs = pairs_of(results, manifest.baseline)
+    judged = [pair for pair in pairs if pair[0].case in regression] or pairs
+    worse = [pair for pair in pairs if passes(pair[0]) and not passes(pair[1])]
+    better = [pair for pair in pairs if not passes(pair[0]) and passes(pair[1])]
+    families, shape = _families(judged, pairs, manifest, key=results.terms)
+    return Measured(
+        pairs=len(judged),
+        safety_pairs=len(pairs),
+        worse=tuple(case_row(pair, manifest.metric, situations) for pair in worse[:FLIPS]),
+        worse_total=len(worse),
+        better=tuple(case_row(pair, manifest.metric, situations) for pair in better[:FLIPS]),
+        better_total=len(better),
+        families=families,
+        plot=shape,
+        seconds=results.seconds,
+    )
+
+
+def pairs_of(results: ResultSet, baseline: str) -> list[Pair]:
+    """Cases that have a result under both configurations, in the order in which they were run."""
+    before = {one.case: one for one in results.results if one.configuration == baseline}
+    return [(before[one.case], one) for one in results.results if one.configuration != baseline and one.case in before]
+
+
+def passes(result: CaseResult) -> bool:
+    """Verified completion, without any false completion, duplicate start or safety violation."""
+    broken = (
+        result.contract_false_completion + result.epistemic_false_completion
+        + result.duplicate_starts + result.safety_violations
+    )  # fmt: skip
+    return result.outcome == "finished" and result.verified_completion >= 1.0 and not broken
+
+
+def case_row(pair: Pair, metric: Metric, situations: Mapping[str, str]) -> CaseRow:
+    before, after = pair
+    gain = _gain(pair, metric)
+    flip = {(True, False): "pass to fail", (False, True): "fail to pass"}.get((passes(before), passes(after)))
+    return CaseRow(
+        case=before.case,
+        family=before.family,
+        seed=before.seed,
+        situation=situations.get(before.case, ""),
+        before=getattr(before, metric),
+        after=getattr(after, metric),
+        before_status=before.status or before.outcome,
+        after_status=after.status or after.outcome,
+        change=flip or ("worse" if gain < 0 else "better" if gain > 0 else "same"),
+        note=after.note,
+    )
+
+
+def _gain(pair: Pair, metric: Metric) -> float:
+    difference = float(getattr(pair[1], metric) - getattr(pair[0], metric))
+    return difference if BETTER[metric] == "higher" else -difference
+
+
+def _families(
+    judged: Sequence[Pair], every: Sequence[Pair], manifest: Manifest, *, key: str
+) -> tuple[tuple[FamilyRow, ...], Shape]:
+    parts = {name: [pair for pair in judged if pair[0].family == name] for name in FAMILIES}
+    flips = {name: [pair for pair in every if pair[0].family == name] for name in FAMILIES}
+    named = [("all", list(judged), list(every))]
+    named += [(name, part, flips[name]) for name, part in parts.items() if part]
+    found = []
+    for name, part, whole in named:
+        strata = parts if name == "all" else {name: part}
+        gains = {one: [_gain(pair, manifest.metric) for pair in pairs] for one, pairs in strata.items() if pairs}
+        if gains:
+            interval = paired(gains, key=f"page\n{key}\n{name}", alpha=TWO_SIDED)
+            found.append((name, part, whole, (interval.mean, interval.low, interval.high)))
+    ends = [value for *_, three in found for value in three] + [0.0, manifest.smallest_effect]
+    left, right = min(ends), max(ends)
+    span = (right - left) or 1.0
+
+    def place(value: float) -> float:
+        return round(10.0 + (value - left) / span * (WIDTH - 20.0), 1)
+
+    rows = tuple(
+        FamilyRow(
+            name=name.replace("_", " "),
+            n=len(part),
+            worse=sum(passes(one) and not passes(other) for one, other in whole),
+            better=sum(not passes(one) and passes(other) for one, other in whole),
+            before=_mean(part, 0, manifest.metric),
+            after=_mean(part, 1, manifest.metric),
+            gain=gain,
+            low=low,
+            high=high,
+            x=place(gain),
+            low_x=place(low),
+            high_x=place(high),
+            y=ROW * (index + 0.5),
+        )
+        for index, (name, part, whole, (gain, low, high)) in enumerate(found)
+    )
+    return rows, Shape(
+        width=WIDTH, height=ROW * len(rows), zero_x=place(0.0), declared_x=place(manifest.smallest_effect)
+    )
+
+
+def _mean(pairs: Sequence[Pair], side: int, metric: Metric) -> float:
+    return sum(float(getattr(pair[side], metric)) for pair in pairs) / len(pairs)

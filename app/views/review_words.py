@@ -1,0 +1,116 @@
+"""Pure: what a visitor may say about a candidate now, and why not, told before the click by the desk's own rules."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from harness.contracts.actors import Actor
+from harness.contracts.decisions import Refused
+from harness.contracts.ids import RobotId
+from harness.contracts.values import Moment
+from rsi_reviews.commands import (
+    ApproveCandidate,
+    AuthoriseRelease,
+    BeginCanary,
+    CandidateCommand,
+    Confirm,
+    OpenReview,
+    RecallReview,
+    RejectCandidate,
+    RequestChanges,
+    RollBack,
+    WithdrawCandidate,
+)
+from rsi_reviews.deciding import decide
+from rsi_reviews.pointers import Pointer
+from rsi_reviews.pointing import decide as pointing
+from rsi_reviews.projections import Review
+
+KEY = "asked-before-the-click"
+
+
+@dataclass(frozen=True)
+class Offer:
+    """One word: what its button says, whether it counts now, and the desk's sentence where it would not."""
+
+    word: str
+    title: str
+    why_not: str
+    hold: bool
+    danger: bool
+
+
+def offers(review: Review, pointer: Pointer, actor: Actor, *, now_s: float, robot: str) -> tuple[Offer, ...]:
+    """The words that the candidate's status asks for, in the order in which they are usually said."""
+    now = Moment(mission_s=0.0, wall_s=now_s)
+    found = []
+    for word, title, hold, danger in _asked(review.status):
+        command = _command(word, review, pointer, actor, robot=robot)
+        decision: Any = decide(review, command, now)
+        if not isinstance(decision, Refused) and (rest := _rests_on(word, review, pointer)) is not None:
+            decision = pointing(pointer, rest, now)
+        why_not = decision.message if isinstance(decision, Refused) else ""
+        found.append(Offer(word=word, title=title, why_not=why_not, hold=hold, danger=danger))
+    return tuple(found)
+
+
+def _asked(status: str) -> Sequence[tuple[str, str, bool, bool]]:
+    """(word, title, press and hold, danger)."""
+    match status:
+        case "accepted":
+            return (("submit", "Ask for review", False, False), ("withdraw", "Withdraw", False, True))
+        case "in_review":
+            return (
+                ("approve", "Hold to approve", True, False),
+                ("authorise", "Hold to authorise the release", True, False),
+                ("request-changes", "Request changes", False, False),
+                ("recall", "Take it back", False, False),
+                ("reject", "Reject", False, True),
+            )
+        case "authorised":
+            return (("release", "Hold to release", True, False), ("withdraw", "Withdraw", False, True))
+        case "canary":
+            return (("rollback", "Roll back", False, True), ("withdraw", "Withdraw", False, True))
+        case "current":
+            return (("rollback", "Roll back", False, True),)
+        case "draft" | "inconclusive":
+            return (("withdraw", "Withdraw", False, True),)
+        case _:
+            return ()
+
+
+def _command(word: str, review: Review, pointer: Pointer, actor: Actor, *, robot: str) -> CandidateCommand:
+    fields: dict[str, Any] = {"actor": actor, "reason": "asked", "key": KEY}
+    seen: dict[str, Any] = {"cycle": review.cycle, "subject": review.subject_digest}
+    policy = pointer.policy
+    rollback = review.manifest.rollback if review.manifest else review.baseline
+    match word:
+        case "submit":
+            return OpenReview(**fields)
+        case "approve":
+            return ApproveCandidate(policy=policy, **seen, **fields)
+        case "authorise":
+            return AuthoriseRelease(policy=policy, rollback=rollback, proven=rollback, **seen, **fields)
+        case "request-changes":
+            return RequestChanges(**seen, **fields)
+        case "recall":
+            return RecallReview(**fields)
+        case "reject":
+            return RejectCandidate(**seen, **fields)
+        case "release":
+            return BeginCanary(robot_id=RobotId(robot), policy=policy, **seen, **fields)
+        case "rollback":
+            return RollBack(**fields)
+        case _:
+            return WithdrawCandidate(**fields)
+
+
+def _rests_on(word: str, review: Review, pointer: Pointer) -> Any:
+    """What the pointer would be asked to confirm with this word; None where it is asked nothing."""
+    match word:
+        case "submit":
+            return Confirm(baseline=review.baseline, configuration=review.configuration)
+        case "approve" | "authorise" | "release":
+            return Confirm(baseline=review.baseline, policy=pointer.policy, configuration=review.configuration)
+        case _:
+            return None

@@ -1,0 +1,35 @@
+"""Pure: a sentence that remembers its message and its fields, so that a template can say it in another language."""
+
+from datetime import datetime
+from typing import Any, Self
+
+
+class Said(str):
+    """English text, made of a `message` with named holes and the `fields` that fill them; a str to everybody else.
+
+    A field may be Said itself, or an aware UTC datetime, which every language writes in its own way.
+    """
+
+    __slots__ = ("fields", "message")
+    message: str
+    fields: dict[str, Any]
+
+    def __new__(cls, message: str, fields: dict[str, Any]) -> Self:
+        made = super().__new__(cls, message.format(**{name: english(value) for name, value in fields.items()}).strip())
+        made.message, made.fields = message, fields
+        return made
+
+
+def said(message: str, /, **fields: Any) -> str:
+    """`said("{who} asked", who="ada")`. The message must be a literal: the catalogues are extracted from the source."""
+    return Said(message, fields)
+
+
+def english(value: Any) -> Any:
+    """A field as English text: instants to the second, everything else as it is."""
+    return value.strftime("%Y-%m-%d %H:%M:%S") if isinstance(value, datetime) else value
+
+
+def word(slug: str) -> str:
+    """One word of the vocabulary, as contracts spell it: awaiting_human is said as awaiting human."""
+    return slug if isinstance(slug, Said) else Said(slug.replace("_", " ").replace("{", "{{").replace("}", "}}"), {})

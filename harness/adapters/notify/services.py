@@ -1,0 +1,56 @@
+"""Services that tell people outside (chat, mail, push), through Apprise: only those configured, none by redirect.
+
+Their addresses carry secrets: they come from settings, are kept here, and stand in no event, log or page.
+"""
+
+import logging
+import warnings
+from collections.abc import Collection, Mapping
+from urllib.parse import urlsplit
+
+import apprise
+
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.notification import Message
+
+logging.getLogger("apprise").setLevel(logging.CRITICAL)
+
+
+class AppriseNotifier:
+    """Implements Notifier. `addresses`: Apprise URL by service. Raises ContractInvalid for one that is none."""
+
+    def __init__(self, addresses: Mapping[str, str]) -> None:
+        asset = apprise.AppriseAsset(
+            app_id="RegenHarness", app_desc="RegenHarness", app_url="", http_redirects=False, image_url_mask=""
+        )
+        self._services = {}
+        for name, address in addresses.items():
+            built = apprise.Apprise(asset=asset)
+            if not urlsplit(address).scheme or not _added(built, address):
+                raise ContractInvalid(
+                    f"The address of the service {name[:40]!r} is none that Apprise knows",
+                    where="REGEN_NOTIFY",
+                    do='give {"NAME": "SCHEME://..."} as in the documentation of Apprise; it is not shown here',
+                )
+            self._services[name] = built
+
+    @property
+    def services(self) -> Collection[str]:
+        """Names."""
+        return tuple(self._services)
+
+    def send(self, service: str, message: Message) -> str:
+        """One try. Whatever an address or a service brings about is answered in words of our own."""
+        kind = apprise.NotifyType.FAILURE if message.urgent else apprise.NotifyType.WARNING
+        try:
+            sent = self._services[service].notify(title=message.title, body=message.body, notify_type=kind)
+        except (OSError, RuntimeError, TypeError, ValueError) as error:
+            return f"the service failed: {type(error).__name__}"
+        return "" if sent else "the service did not take it, or does not answer"
+
+
+def _added(built: apprise.Apprise, address: str) -> bool:
+    """Whether Apprise knows the address. Its first use loads every plugin, some of which import what is deprecated."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        return bool(built.add(address))

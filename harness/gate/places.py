@@ -1,0 +1,69 @@
+"""Pure: may this place be saved or removed? Who changes it must have seen it as it is now."""
+
+from math import isfinite, tau
+from typing import assert_never
+
+from harness.contracts.decider import Codec, Decider
+from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.place_events import PlaceCommand, PlaceEvent, PlaceRemoved, PlaceSaved, RemovePlace, SavePlace
+from harness.contracts.places import Place
+from harness.contracts.values import Moment
+from harness.projections.places import Places, apply
+
+FARTHEST_M = 1e5
+CORNERS = 64
+
+
+def decide(places: Places, command: PlaceCommand, now: Moment) -> Decision[PlaceEvent]:
+    """Refuse a change on an older revision, and a place that lies nowhere."""
+    match command:
+        case SavePlace(place=place):
+            revision = places.revision(place.place_id)
+            refused = _stale(revision, command.basis, place.place_id) or _nowhere(place)
+            if refused is not None:
+                return refused
+            saved = PlaceSaved(
+                place=place,
+                revision=revision + 1,
+                actor=command.actor,
+                reason=command.reason,
+                at_s=now.wall_s,
+            )
+            return Accepted((saved,))
+        case RemovePlace():
+            revision = places.revision(command.place_id)
+            stale = _stale(revision, command.basis, command.place_id)
+            if stale is not None:
+                return stale
+            removed = PlaceRemoved(
+                place_id=command.place_id,
+                revision=revision + 1,
+                actor=command.actor,
+                reason=command.reason,
+                at_s=now.wall_s,
+            )
+            return Accepted((removed,))
+        case _:
+            assert_never(command)
+
+
+def _stale(revision: int, basis: int, place_id: str) -> Refused | None:
+    if revision == basis:
+        return None
+    return Refused("changed_meanwhile", f"{place_id} was changed meanwhile: it is at revision {revision} now.")
+
+
+def _nowhere(place: Place) -> Refused | None:
+    every = (*place.approach_m, *(value for corner in place.region_m for value in corner))
+    if not all(isfinite(value) and abs(value) <= FARTHEST_M for value in every):
+        return Refused("nowhere", f"Coordinates are finite and within {FARTHEST_M / 1000:.0f} km of the map's origin.")
+    if not isfinite(place.yaw_rad) or abs(place.yaw_rad) > tau:
+        return Refused("no_heading", "The heading is between -360 and 360 degrees.")
+    if place.region_m and not 3 <= len(place.region_m) <= CORNERS:
+        return Refused("no_region", f"A region has 3 to {CORNERS} corners, or none.")
+    return None
+
+
+DECIDER: Decider[Places, PlaceCommand, PlaceEvent] = Decider(
+    initial=Places(), apply=apply, decide=decide, codec=Codec(PlaceEvent)
+)
