@@ -22,6 +22,8 @@ from campaigns.planted import RED, PlantedReport, planted_bugs
 from campaigns.publish import publish
 from campaigns.races import RaceReport, races
 from campaigns.regen import ROOT
+from campaigns.release_races import release_races
+from campaigns.rivals import rival_rounds
 from campaigns.simulate import one_mission, seeds_of, simulated_campaign
 from campaigns.suspended import SuspensionReport, suspensions
 from campaigns.tally import summary
@@ -29,10 +31,10 @@ from harness.contracts.ids import sha256
 
 MISSIONS, SEED = 100_000, 1
 PROCESSES = 2
-FULL = {"answers": 200, "appends": 1000, "suspensions": 100, "planted": 400}
-SMALLEST = {"answers": 3, "appends": 24, "suspensions": 3, "planted": 250}
+FULL = {"answers": 200, "appends": 1000, "rivals": 1000, "releases": 1000, "suspensions": 100, "planted": 400}
+SMALLEST = {"answers": 3, "appends": 24, "rivals": 10, "releases": 9, "suspensions": 3, "planted": 250}
 QUICK = 24
-PARTS = ("planted", "races", "suspended", "damage", "kills", "simulation")
+PARTS = ("planted", "races", "rivals", "releases", "suspended", "damage", "kills", "simulation")
 
 
 def main() -> None:
@@ -88,6 +90,8 @@ def _found(asked: argparse.Namespace, *, share: float) -> dict[str, tuple[dict[s
     parts: dict[str, Callable[[], tuple[dict[str, Any], list[str]]]] = {
         "planted": lambda: _planted(planted_bugs(missions=sizes["planted"], seed=asked.seed)),
         "races": lambda: _plain("races", races(answers=sizes["answers"], appends=sizes["appends"], seed=asked.seed)),
+        "rivals": lambda: _plain("rivals", rival_rounds(sizes["rivals"])),
+        "releases": lambda: _plain("release_races", release_races(sizes["releases"])),
         "suspended": lambda: _plain("suspended_holders", suspensions(sizes["suspensions"])),
         "damage": lambda: _plain("damage", damages()),
         "kills": lambda: _killed(kill_campaign(most=points, seed=asked.seed)),

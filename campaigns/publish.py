@@ -1,5 +1,6 @@
 """Writes what a campaign found to docs/: figures as JSON, and the pages' tables from them."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -86,9 +87,12 @@ def _kills(killed: dict[str, Any]) -> list[tuple[str, str]]:
     return [("fail-points with SIGKILL", struck), ("how those missions ended", ends)]
 
 
-def _races(raced: dict[str, Any]) -> list[tuple[str, str]]:
-    rounds = f"{raced['rounds']:,} rounds of {raced['responders']}, {raced['effective']:,} with a winner"
-    return [("races", rounds + _offences(raced))]
+def _raced(title: str) -> Callable[[dict[str, Any]], list[tuple[str, str]]]:
+    def told(raced: dict[str, Any]) -> list[tuple[str, str]]:
+        rounds = f"{raced['rounds']:,} rounds of {raced['responders']}, {raced['effective']:,} with a winner"
+        return [(title, rounds + _offences(raced))]
+
+    return told
 
 
 def _suspended(held: dict[str, Any]) -> list[tuple[str, str]]:
@@ -101,7 +105,14 @@ def _damage(damaged: dict[str, Any]) -> list[tuple[str, str]]:
     return [("damaged folders and disks", cases)]
 
 
-CAMPAIGNS = {"kill_campaign": _kills, "races": _races, "suspended_holders": _suspended, "damage": _damage}
+CAMPAIGNS = {
+    "kill_campaign": _kills,
+    "races": _raced("races of answers and appends"),
+    "rivals": _raced("races of approvals with their rivals"),
+    "release_races": _raced("races at the release desk"),
+    "suspended_holders": _suspended,
+    "damage": _damage,
+}
 
 
 def _offences(found: dict[str, Any]) -> str:

@@ -1,13 +1,10 @@
 """Sixteen persons decide on the same release at once: one is taken, and the pointer moves once.
 
-`python -m campaigns.release_races --rounds 1000`. Every responder has a gate and a connection of its own on one file,
-as separate processes would: only the log's expected version keeps them apart. Three kinds of round, in turn: authorise
+Every responder has a gate and a connection of its own on one file, as separate processes
+would: only the log's expected version keeps them apart. Three kinds of round, in turn: authorise
 against reject, release against release, and two candidates that both want the one canary.
 """
 
-import argparse
-import json
-import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -265,17 +262,3 @@ def _pointer(gate: Gate) -> Pointer:
 def _taken(decision: Any) -> None:
     if not isinstance(decision, Accepted):
         raise RuntimeError(f"{decision.rule}: {decision.message}")
-
-
-def main() -> int:
-    """Run the rounds and print the report as one JSON object; 1 if anything went wrong."""
-    parser = argparse.ArgumentParser(description=release_races.__doc__)
-    parser.add_argument("--rounds", type=int, default=1000)
-    report = release_races(parser.parse_args().rounds)
-    sys.stdout.write(json.dumps({"rounds": report.rounds, "effective": report.effective,
-                                 "responders": report.responders, "offences": report.offences}) + "\n")  # fmt: skip
-    return 1 if report.offences else 0
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -1,4 +1,4 @@
-"""Sixteen persons at one release: a slice of `python -m campaigns.release_races --rounds 1000`."""
+"""Sixteen persons at one release: a slice of `python -m campaigns run --only releases`."""
 
 from campaigns.release_races import release_races
 
