@@ -16,9 +16,11 @@ from harness.contracts.protocol import DriveReport, RobotStatus
 from harness.contracts.read_models import EvidenceItem
 from harness.contracts.tasks import TaskTemplate
 from harness.projections.handoffs import Handoff
+from rsi_reviews.contracts import HeldOutAnswer, ReleasePolicy
 
 PATH = "/api/v1/openapi.json"
 CONTRACTS = (CapabilityCard, EvidenceItem, Handoff, Head, MapCloud, Site, TaskTemplate, DriveReport, RobotStatus)
+REVIEWED = (HeldOutAnswer, ReleasePolicy)
 TEXT: dict[str, Any] = {"type": "string"}
 NUMBER: dict[str, Any] = {"type": "number"}
 COUNT: dict[str, Any] = {"type": "integer", "minimum": 0}
@@ -64,6 +66,16 @@ EVENT = {
     "previous": TEXT,
     "digest": TEXT,
     "event": OBJECT,
+}
+CANDIDATE = {
+    "candidate": TEXT,
+    "status": TEXT,
+    "component": TEXT,
+    "metric": TEXT,
+    "author": TEXT,
+    "cycle": COUNT,
+    "configuration": TEXT,
+    "baseline": TEXT,
 }
 TOKEN = {
     "token_id": TEXT,
@@ -202,6 +214,65 @@ SHAPES: dict[str, dict[str, Any]] = {
         conditions=_many(TEXT),
         history=_many(_record("One line of its history.", at_s=NUMBER, text=TEXT, position=COUNT)),
     ),
+    "CandidateSummary": _record("A proposed change to the harness itself.", **CANDIDATE),
+    "Candidate": _record(
+        "A candidate with what a decision needs; a decision names `digest` and `cycle`.",
+        **CANDIDATE,
+        digest=TEXT,
+        manifest=_maybe(OBJECT),
+        authors=_many(TEXT),
+        clauses=_many(OBJECT),
+        approvals=_many(TEXT),
+        said=_many(OBJECT),
+        canary=_many(OBJECT),
+        canary_outcome=TEXT,
+        reason=TEXT,
+    ),
+    "ConfigurationDifference": _record("By component, and raw.", changes=_many(OBJECT), raw=TEXT),
+    "Results": _record(
+        "What an evaluation measured. `better_by` is positive where the candidate is better.",
+        pairs=COUNT,
+        safety_pairs=COUNT,
+        pass_to_fail=_many(OBJECT),
+        pass_to_fail_total=COUNT,
+        fail_to_pass=_many(OBJECT),
+        fail_to_pass_total=COUNT,
+        families=_many(
+            _record(
+                "Pairs of one family, with the 95 % interval of their difference.",
+                family=TEXT,
+                n=COUNT,
+                baseline=NUMBER,
+                candidate=NUMBER,
+                better_by=NUMBER,
+                low=NUMBER,
+                high=NUMBER,
+            )
+        ),
+        held_out=_maybe({"$ref": "#/components/schemas/HeldOutAnswer"}),
+        seconds=NUMBER,
+    ),
+    "Replay": _record(
+        "Stored decisions derived again under a candidate.",
+        missions=COUNT,
+        decisions=COUNT,
+        differing=_many(_record("One mission.", mission_id=TEXT, differences=_many(OBJECT))),
+    ),
+    "Releases": _record(
+        "The pointer to what new missions run under.",
+        revision=COUNT,
+        configuration=TEXT,
+        canary=_maybe(TEXT),
+        canary_robot=_maybe(TEXT),
+        current_at=_maybe(TEXT),
+        history=_many(OBJECT),
+        versions=OBJECT,
+        pins=OBJECT,
+        quarantined=_many(OBJECT),
+        looks=_many(OBJECT),
+        uptakes=_many(OBJECT),
+        policy={"$ref": "#/components/schemas/ReleasePolicy"},
+    ),
     "SignInLink": _record("A link that lets one person in once.", url=TEXT),
 }
 
@@ -214,7 +285,7 @@ def document(app: FastAPI) -> dict[str, Any]:
         description="Everything the pages can do. Commands go to the gate; failures are problem documents (RFC 9457).",
         routes=app.routes,
     )
-    _, contracts = msgspec.json.schema_components(CONTRACTS, ref_template="#/components/schemas/{name}")
+    _, contracts = msgspec.json.schema_components((*CONTRACTS, *REVIEWED), ref_template="#/components/schemas/{name}")
     components = described.setdefault("components", {})
     components["schemas"] = {**components.get("schemas", {}), **contracts, **SHAPES}
     components["securitySchemes"] = {"token": {"type": "http", "scheme": "bearer"}}

@@ -18,7 +18,7 @@ from harness.contracts.ids import sha256
 
 INVITATION_S = 3600.0
 ROTATE_S, GRACE_S, SEEN_S = 900.0, 60.0, 30.0
-INVITED_ROLES = ("operator", "admin")
+INVITED_ROLES = ("operator", "reviewer", "releaser", "admin")
 
 
 @dataclass(frozen=True)

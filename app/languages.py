@@ -40,7 +40,8 @@ class Choice:
     query: str = ""
 
 
-CHOICE: ContextVar[Choice] = ContextVar("choice", default=Choice())
+UNCHOSEN = Choice()
+CHOICE: ContextVar[Choice] = ContextVar("choice", default=UNCHOSEN)
 """Of the present request. Set by Languages alone."""
 
 

@@ -44,10 +44,15 @@ from app.routes import (
     api_handoffs,
     api_maps,
     api_people,
+    api_places,
     api_reading,
+    api_releases,
     api_robots,
     audit,
+    candidate_editor,
+    candidates,
     driving,
+    evaluation,
     evidence,
     handoffs,
     live,
@@ -58,6 +63,7 @@ from app.routes import (
     places,
     providers,
     queue,
+    releases,
     report,
     robots,
     scene,
@@ -134,7 +140,9 @@ def create_app(
         measurements=Measurements(runtime),
         alerts=inbox,
         desk=desk,
-        evaluated=Evaluated(desk, folder.absolute().with_name(f"{folder.absolute().name}-evaluator") if folder else None),
+        evaluated=Evaluated(
+            desk, folder.absolute().with_name(f"{folder.absolute().name}-evaluator") if folder else None
+        ),
         clock=time.time,
         starts=starts,
         cards=cards,
@@ -158,13 +166,28 @@ def create_app(
         handoffs,
         alerts,
         evidence,
+        candidate_editor,
+        candidates,
+        releases,
+        evaluation,
         account,
         audit,
         live,
         metrics,
     ):
         app.include_router(room.router, include_in_schema=False)
-    for room in (api, api_handoffs, api_alerts, api_maps, api_reading, api_robots, api_people, api_events):
+    for room in (
+        api,
+        api_handoffs,
+        api_alerts,
+        api_maps,
+        api_places,
+        api_reading,
+        api_releases,
+        api_robots,
+        api_people,
+        api_events,
+    ):
         app.include_router(room.router)
     description.install(app)
     errors.install(app)

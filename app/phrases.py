@@ -20,7 +20,11 @@ _NAME = re.compile(r"<(/?)([a-zA-Z][\w-]*)")
 _ATTRIBUTE = re.compile(rf'(?<=\s)({"|".join(SHOWN)})="([^"]*)"', re.DOTALL)
 _EDGES = re.compile(r"(\s*)(.*?)(\s*)\Z", re.DOTALL)
 _EXPRESSION, _STATEMENT = re.compile("[\ue000-\uefff]"), re.compile("([\uf000-\uf8ff])")
+_PLAIN = re.compile("[\ue000-\uefff]|&#?\\w+;")
 _LETTER = re.compile(r"[A-Za-z]{2}")
+_CONSTANT = re.compile(r'(?:^|else|\bor|~|\()\s*"([^"]+)"\s*(?=if|else|$|\)|~)')
+_TOLD = re.compile(r"\{\{ \((.*?)\) \| told \}\}", re.DOTALL)
+_QUOTED = re.compile(r'"([^"]+)"')
 _SCRIPT = re.compile(r'\btr\("((?:[^"\\]|\\.)*)"')
 
 
@@ -49,8 +53,16 @@ def messages(source: str) -> Iterator[str]:
         found.append(message)
         return message
 
-    spoken(source, note)
+    said = spoken(source, note)
     yield from found
+    for part in _TOLD.findall(said):
+        yield from (one for one in _CONSTANT.findall(part) if _LETTER.search(one))
+
+
+def quoted(source: str) -> Iterator[str]:
+    """Every text constant in a template's statements and expressions: some of them reach a person."""
+    for part in _JINJA.findall(source):
+        yield from _QUOTED.findall(part)
 
 
 def script_messages(source: str) -> Iterator[str]:
@@ -119,7 +131,7 @@ def _run(masked: _Masked, run: str, translate: Translate) -> str:
     assert edges is not None
     before, core, after = edges.groups()
     holes = _EXPRESSION.findall(core)
-    if not _LETTER.search(_EXPRESSION.sub("", core)):
+    if not _LETTER.search(_PLAIN.sub("", core)) or '="' in core:
         return before + _EXPRESSION.sub(lambda sign: masked.expression(sign.group()), core) + after
     number = {sign: str(place) for place, sign in enumerate(holes, 1)}
     message = _EXPRESSION.sub(lambda sign: f"{{{number[sign.group()]}}}", " ".join(core.split()))

@@ -61,6 +61,12 @@ class _Paper(FPDF):
         self.lacking += drawn.count(MISSING) - text.count(MISSING)
         return drawn
 
+    def close_fonts(self) -> None:
+        """The files behind the fonts; nothing can be drawn afterwards."""
+        for font in self.fonts.values():
+            if isinstance(font, TTFFont):
+                font.ttfont.close()
+
     def title_line(self, text: str, *, size: int = 12) -> None:
         self.ln(2)
         self.set_font(FONT, "B", size)
@@ -95,6 +101,14 @@ def report_pdf(page: ReportPage, pictures: Mapping[str, bytes], *, fonts: Path, 
     Raises PictureUnreadable for bytes that are no picture.
     """
     paper = _Paper(page, fonts)
+    try:
+        body = _drawn(paper, page, pictures, made_s=made_s)
+    finally:
+        paper.close_fonts()
+    return Document(body=body, lacking=paper.lacking)
+
+
+def _drawn(paper: _Paper, page: ReportPage, pictures: Mapping[str, bytes], *, made_s: float) -> bytes:
     paper.set_creation_date(datetime.fromtimestamp(made_s, UTC))
     paper.set_title(f"Report {page.mission_id}")
     paper.set_lang("en")
@@ -112,7 +126,7 @@ def report_pdf(page: ReportPage, pictures: Mapping[str, bytes], *, fonts: Path, 
             f"{paper.lacking} signs are drawn as {MISSING}: this document's font has no Chinese and no symbols beyond "
             "European scripts. The report in the console and its JSON hold them all."
         )
-    return Document(body=bytes(paper.output()), lacking=paper.lacking)
+    return bytes(paper.output())
 
 
 def _summary(paper: _Paper, page: ReportPage) -> None:

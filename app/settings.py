@@ -40,6 +40,7 @@ class ConsoleSettings(BaseSettings):
     notify: dict[str, SecretStr] = {}
     static: Path = ROOT / "static"
     templates: Path = ROOT / "templates"
+    results: Path = ROOT / "docs" / "results"
 
     @property
     def services(self) -> tuple[str, ...]:

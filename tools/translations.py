@@ -16,7 +16,7 @@ from babel.messages.catalog import Catalog
 from babel.messages.pofile import read_po, write_po
 
 from app.languages import ENGLISH, FOLDER, LOCALES
-from app.phrases import messages, script_messages
+from app.phrases import messages, quoted, script_messages
 from app.settings import ROOT
 from harness.contracts import (
     alert_events,
@@ -44,7 +44,7 @@ VOCABULARY = (
 )  # fmt: skip
 NOT_YET = (
     "templates/account/index.html", "templates/account/people.html", "templates/audit/", "templates/candidates/",
-    "templates/evidence/", "templates/memory/", "templates/missions/packet.html", "templates/places/",
+    "templates/evaluation/", "templates/evidence/", "templates/memory/", "templates/missions/packet.html", "templates/places/",
     "templates/providers/", "templates/releases/", "app/views/audit.py", "app/views/canary.py",
     "app/views/evidence.py", "app/views/place_editor.py", "app/views/providers.py", "app/views/review.py",
 )  # fmt: skip
@@ -63,7 +63,13 @@ def said() -> dict[str, str]:
 
 def known() -> set[str]:
     """Every text that may stand in a catalogue: what must, and every other constant that a view can show."""
-    return {one for one, _ in _everything()} | {one for path in _views() for one in _constants(path)}
+    templates = [path.read_text(encoding="utf-8") for path in (ROOT / "templates").rglob("*.html")]
+    return (
+        {one for one, _ in _everything()}
+        | {one for path in _views() for one in _constants(path)}
+        | {one for text in templates for one in quoted(text)}
+        | {one for path in (ROOT / "app" / "routes").glob("*.py") for one in _constants(path)}
+    )
 
 
 def wrong(catalogue: Mapping[str, str]) -> list[str]:
@@ -95,7 +101,7 @@ def read(locale: str) -> dict[str, str]:
 def mended(catalogue: Mapping[str, str]) -> dict[str, str]:
     """The same with what is missing, empty, and without what is stale."""
     must, may = said(), known()
-    return {one: text for one, text in catalogue.items() if one in may} | {
+    return {one: text for one, text in catalogue.items() if one in may and (text or one in must)} | {
         one: "" for one in must if one not in catalogue
     }
 

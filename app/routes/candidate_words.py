@@ -66,9 +66,7 @@ WORDS: Mapping[str, Said] = {
     "approve": lambda desk, name, say, seen, typed: desk.approve(name, say, seen),
     "reject": lambda desk, name, say, seen, typed: desk.reject(name, say, seen),
     "authorise": lambda desk, name, say, seen, typed: desk.authorise(name, say, seen),
-    "release": lambda desk, name, say, seen, typed: desk.release(
-        name, say, seen, robot_id=robot_of(typed)
-    ),
+    "release": lambda desk, name, say, seen, typed: desk.release(name, say, seen, robot_id=robot_of(typed)),
     "adjudicate": lambda desk, name, say, seen, typed: desk.adjudicate(
         name, MissionId(typed.get("mission_id", "")), finding_of(typed.get("finding", "")), say
     ),

@@ -133,14 +133,10 @@ def page_of(console: Console, actor: Actor, candidate: str, left: Left = Left())
         progress=console.evaluated.progress(review) if review.status == "evaluating" else "",
     )
     shell = console.shell(candidates.title_of(review), "candidates", actor, topics=(f"candidate/{name}", "release/"))
-    return review_page(
-        shell, review, seen, actor, robots=console.settings.robots, key=console.doors.key(), left=left
-    )
+    return review_page(shell, review, seen, actor, robots=console.settings.robots, key=console.doors.key(), left=left)
 
 
-def cases_of(
-    console: Console, actor: Actor, candidate: str, *, change: str, family: str, skip: int
-) -> CasesPage:
+def cases_of(console: Console, actor: Actor, candidate: str, *, change: str, family: str, skip: int) -> CasesPage:
     review = console.desk.review(candidate)
     found = console.evaluated.of(review.candidate)
     if found is None or review.manifest is None:
@@ -163,9 +159,7 @@ def replayed(console: Console, actor: Actor, candidate: str) -> ReplayPage:
     return replay_page(shell, review, rows, held=len(runtime.missions()))
 
 
-def rollback_of(
-    console: Console, actor: Actor, candidate: str, *, refused: str = "", typed: str = ""
-) -> RollbackPage:
+def rollback_of(console: Console, actor: Actor, candidate: str, *, refused: str = "", typed: str = "") -> RollbackPage:
     review = console.desk.review(candidate)
     shell = console.shell("Roll back", "candidates", actor, topics=TOPICS)
     pinned = console.desk.pins().get(review.configuration, ())

@@ -10,6 +10,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.rendering import render
 from app.routes.listing import searching
+from app.security import VisitorDep
 from app.views import events, forms, missions
 from app.views import preview as previews
 from app.views.forms import Again, Before, Offer, StopPage, Wrong
@@ -69,8 +70,9 @@ def new(request: Request, console: ConsoleDep, actor: ActorDep, rerun_of: str = 
 
 
 @router.post("/preview")
-def preview(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> HTMLResponse:
+def preview(console: ConsoleDep, visitor: VisitorDep, actor: ActorDep, typed: FormDep) -> HTMLResponse:
     """The form with the contract it would be compiled to; nothing is written."""
+    visitor.acting("drive")
     order, wrong = _order(console, actor, typed)
     if order is None:
         return _form(console, actor, typed, wrong=wrong)

@@ -109,30 +109,34 @@ def fact(
 
 @router.post("/facts/{packet_id}/{condition_id}/dispute")
 def dispute(
-    console: ConsoleDep, actor: ActorDep, mission_id: MissionId, packet_id: str, condition_id: str, typed: FormDep
+    console: ConsoleDep, visitor: VisitorDep, mission_id: MissionId, packet_id: str, condition_id: str, typed: FormDep
 ) -> Response:
     """Say that this acceptance is wrong (D21). `from` says which page it was said on, to go back to it."""
-    wrong = tuple(forms.wrong_reason(typed.get("reason", "")))
-    status = 422
+    asked = DisputeCompletion(
+        condition_id=ConditionId(condition_id),
+        actor=visitor.acting("dispute"),
+        reason=typed.get("reason", "").strip()[: forms.REASON_SIGNS] or "none",
+    )
+    wrong, status = tuple(forms.wrong_reason(typed.get("reason", ""))), 422
     if not wrong:
-        mission = console.runtime.mission(mission_id)
-        if any((one.packet_id, one.condition_id) == (packet_id, condition_id) for one in mission.facts):
-            asked = DisputeCompletion(
-                condition_id=ConditionId(condition_id), actor=actor, reason=typed["reason"].strip()
-            )
-            decision = console.runtime.submit(mission_id, asked)
-            wrong = (decision.message,) if isinstance(decision, Refused) else ()
-        else:
-            wrong = ("This acceptance does not stand any more: the stage was opened again since.",)
-        status = 409
+        wrong, status = _disputed(console, mission_id, packet_id, asked), 409
     reported = typed.get("from") == "report"
     if wrong and reported:
-        return render("missions/report.html", page_of(console, actor, mission_id, wrong), status=status)
+        return render("missions/report.html", page_of(console, visitor.actor, mission_id, wrong), status=status)
     if wrong:
-        page = _fact(console, actor, mission_id, (packet_id, condition_id), wrong)
+        page = _fact(console, visitor.actor, mission_id, (packet_id, condition_id), wrong)
         return render("missions/fact.html", page, status=status)
     back = "report#facts-title" if reported else f"facts/{quote(packet_id)}/{quote(condition_id)}"
     return RedirectResponse(f"/missions/{mission_id}/{back}", status_code=303)
+
+
+def _disputed(console: Console, mission_id: MissionId, packet_id: str, asked: DisputeCompletion) -> tuple[str, ...]:
+    """Empty if it is disputed now, else why not."""
+    standing = {(one.packet_id, one.condition_id) for one in console.runtime.mission(mission_id).facts}
+    if (packet_id, asked.condition_id) not in standing:
+        return ("This acceptance does not stand: it was never made, or the stage was opened again since.",)
+    decision = console.runtime.submit(mission_id, asked)
+    return (decision.message,) if isinstance(decision, Refused) else ()
 
 
 def _fact(

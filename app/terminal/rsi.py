@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import msgspec
 import typer
 
+from app.sheets import row, sheet
 from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show, table
 from app.terminal.missions import me
 from app.terminal.opening import deciding
@@ -19,9 +20,8 @@ from harness.contracts.errors import ContractInvalid, HarnessError, UnknownName
 from harness.contracts.ids import RobotId
 from rsi_reviews.candidates import LARGEST_BYTES, read_candidate
 from rsi_reviews.deciding import DECIDERS
-from rsi_reviews.desk import Desk, Say
+from rsi_reviews.desk import Say
 from rsi_reviews.difference import NAMES
-from rsi_reviews.projections import Review
 from rsi_reviews.shelf import Shelf, selected
 
 app = typer.Typer(no_args_is_help=True, help="Propose, evaluate, review, release and roll back configurations.")
@@ -123,38 +123,6 @@ def reading(data: Path) -> Iterator[Shelf]:
     """The shelf without owning the folder: a console may run on it meanwhile."""
     with read_harness(settings(data_folder=data), deciders=DECIDERS, select=selected) as runtime:
         yield Shelf(runtime)
-
-
-def row(review: Review) -> dict[str, Any]:
-    """One line of the list."""
-    manifest = review.manifest
-    return {
-        "candidate": review.candidate,
-        "status": review.status,
-        "component": manifest.component if manifest else "",
-        "metric": manifest.metric if manifest else "",
-        "author": manifest.author.name if manifest else "",
-        "cycle": review.cycle,
-        "configuration": review.configuration,
-        "baseline": review.baseline,
-    }
-
-
-def sheet(shelf: Shelf | Desk, candidate: str) -> dict[str, Any]:
-    """Everything of one candidate that a decision needs; `digest` and `cycle` are what it must name."""
-    review = shelf.review(candidate)
-    return {
-        **row(review),
-        "digest": review.subject_digest,
-        "manifest": msgspec.to_builtins(review.manifest),
-        "authors": sorted(review.authors),
-        "clauses": [msgspec.to_builtins(clause) for clause in shelf.clauses(candidate)],
-        "approvals": [approval.actor.name for approval in review.approvals],
-        "said": [msgspec.to_builtins(said) for said in review.said],
-        "canary": [msgspec.to_builtins(entry) for entry in review.canary],
-        "canary_outcome": shelf.canary_outcome(candidate) if review.status == "canary" else "",
-        "reason": review.ended_reason,
-    }
 
 
 def sheet_lines(answer: dict[str, Any]) -> list[str]:

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 from pydantic import SecretStr
 
+from app.desk_watch import DeskWatch
 from app.exposure import check_exposure
 from app.fleet import Fleet
 from app.live import SignalBroker
@@ -19,11 +20,16 @@ from app.settings import ConsoleSettings
 from app.starting import starting
 from app.terminal.accounts import opened
 from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show
+from app.terminal.opening import duplicate_starts
+from app.terminal.rsi_shipped import put_in_review
 from harness.bootstrap import Harness, check_faults, open_harness, owner_of, read_harness
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, HarnessError, StoreUnavailable
 from harness.runtime import Start
+from rsi_reviews.deciding import DECIDERS
+from rsi_reviews.desk import Desk
+from rsi_reviews.shelf import selected
 
 
 def up(
@@ -56,7 +62,9 @@ def up(
         broker = SignalBroker()
         sys.stderr.write(f"Opening {chosen.data_folder} and starting {', '.join(chosen.fleet)} ...\n")
         with starting(console, listener, chosen.fleet):
-            harness = stack.enter_context(open_harness(chosen, signals=broker, url=console.local_address))
+            harness = stack.enter_context(
+                open_harness(chosen, signals=broker, url=console.local_address, deciders=DECIDERS, select=selected)
+            )
         console = console.model_copy(
             update={
                 "speed": chosen.speed,
@@ -82,12 +90,26 @@ def up(
             wheel=harness.wheel,
         )
         app.state.alert_watch.watch()
+        _watch_desk(stack, harness, begun=start is not None)
         app.state.notices.watch()
         doors = app.state.doors
         link = "" if doors.has_accounts else f"{console.address}{doors.invite()}"
         way_in = f"Sign in once: {link}" if link else "Sign in with your account."
         typer.echo(f"RegenHarness is at {console.address}  {way_in}")
         serve(app, listener)
+
+
+def _watch_desk(stack: ExitStack, harness: Harness, *, begun: bool) -> None:
+    """The review desk follows what ends; where missions were begun by `--start`, it has a candidate to show."""
+    desk = Desk(harness.runtime)
+    watch = DeskWatch(
+        desk=desk,
+        position=lambda: harness.runtime.head().position,
+        duplicate_starts=lambda mission_id: duplicate_starts(harness, mission_id),
+        first=(lambda: put_in_review(desk)) if begun else None,
+    )
+    watch.watch()
+    stack.callback(watch.close)
 
 
 def _begin(harness: Harness, template: str | None, *, seed: int, faults: Mapping[str, str]) -> None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from app.views.listing import Filter, Option, address
 from app.views.shell import Shell
+from harness.contracts.ids import Digest
 from rsi_reviews.contracts import ClauseAnswer
 from rsi_reviews.difference import NAMES
 from rsi_reviews.pointers import Pointer
@@ -39,7 +40,6 @@ class CandidateRow:
     component: str
     metric: str
     authors: str
-    cycle: int
     note: str
     stale: bool
     proposed_s: float
@@ -87,15 +87,15 @@ class Asked:
 
 
 def board_page(
-    shell: Shell, reviews: Sequence[Review], pointer: Pointer, asked: Asked, progress: Mapping[str, str]
+    shell: Shell, reviews: Sequence[Review], pointer: Pointer, asked: Asked, progress: Mapping[Digest, str]
 ) -> BoardPage:
     """`reviews` newest first; `progress` says of a candidate under evaluation how far it is."""
     known = [one for one in reviews if one.manifest is not None]
     alike = [one for one in known if _like(one, asked)]
     statuses = Counter(str(one.status) for one in alike)
-    chosen = [one for one in alike if one.status in _statuses(asked.group, statuses)]
-    shown = chosen[asked.skip : asked.skip + SHOWN]
-    more = asked.skip + SHOWN < len(chosen)
+    rows = chosen(reviews, asked)
+    shown = rows[asked.skip : asked.skip + SHOWN]
+    more = asked.skip + SHOWN < len(rows)
     return BoardPage(
         shell=shell,
         tabs=tuple(_tab(asked, value, title, statuses) for value, title, _ in GROUPS),
@@ -103,11 +103,17 @@ def board_page(
         words=asked.words,
         group=asked.group,
         filters=_filters(known, asked),
-        found=len(chosen),
+        found=len(rows),
         total=len(known),
         query=address("", asked.params),
         following=address("/candidates", asked.params, skip=str(asked.skip + SHOWN)) if more else "",
     )
+
+
+def chosen(reviews: Sequence[Review], asked: Asked) -> list[Review]:
+    """Those that the address asks for, in the given order."""
+    wanted = _statuses(asked.group, Counter(str(one.status) for one in reviews))
+    return [one for one in reviews if one.status in wanted and _like(one, asked)]
 
 
 def candidate_row(review: Review, pointer: Pointer, progress: str = "") -> CandidateRow:
@@ -121,7 +127,6 @@ def candidate_row(review: Review, pointer: Pointer, progress: str = "") -> Candi
         component=NAMES[manifest.component] if manifest else "",
         metric=f"{manifest.metric.replace('_', ' ')}, {manifest.direction}" if manifest else "",
         authors=", ".join(sorted(review.authors)),
-        cycle=review.cycle,
         note=progress or note_of(review),
         stale=stale(review, pointer),
         proposed_s=review.said[0].by.at_s if review.said else 0.0,
@@ -143,7 +148,7 @@ def note_of(review: Review) -> str:
     """What is to be known beside the status, in a few words."""
     match review.status:
         case "in_review":
-            return f"cycle {review.cycle}, {len(review.approvals)} approvals"
+            return f"cycle {review.cycle}, approved by {len(review.approvals) or 'nobody'}"
         case "canary":
             needed = review.manifest.canary.missions if review.manifest else 0
             return f"on {review.robot_id}, exercised in {len(review.exercised)} of {needed} missions"

@@ -136,7 +136,7 @@ def wrong_place(typed: Mapping[str, str], site: Site) -> list[Wrong]:
     aliases = _aliases(typed)
     if len(aliases) > ALIASES or any(len(one) > NAME_SIGNS for one in aliases):
         wrong.append(Wrong("aliases", f"At most {ALIASES} other names of {NAME_SIGNS} signs."))
-    wrong += _taken(place_id, (name, *aliases), site)
+    wrong += taken(place_id, (name, *aliases), site)
     for field, title in (("x", "x"), ("y", "y"), ("heading", "The heading")):
         if _number(typed.get(field, "")) is None:
             wrong.append(Wrong(field, f"{title} must be a number."))
@@ -167,7 +167,7 @@ def place_of(typed: Mapping[str, str], site: Site, *, by: str) -> Place:
     )
 
 
-def _taken(place_id: str, words: Sequence[str], site: Site) -> list[Wrong]:
+def taken(place_id: str, words: Sequence[str], site: Site) -> list[Wrong]:
     """A word that names two places names none."""
     others = {
         word.casefold(): one.name
@@ -175,9 +175,9 @@ def _taken(place_id: str, words: Sequence[str], site: Site) -> list[Wrong]:
         if one.place_id != place_id
         for word in (one.place_id, one.name, *one.aliases)
     }
-    taken = [word for word in words if word.casefold() in others]
+    twice = [word for word in words if word.casefold() in others]
     return [Wrong("aliases" if word != words[0] else "name", f"“{word}” names {others[word.casefold()]} already.")
-            for word in taken]  # fmt: skip
+            for word in twice]  # fmt: skip
 
 
 def _far_routes(site: Site, place_id: str, x: float | None, y: float | None) -> tuple[str, ...]:

@@ -58,7 +58,7 @@ def preview(contract: TaskContract, site: Site) -> Preview:
     nodes = [contract.node(name) for name in names]
     risks = ("low", "medium", "high")
     return Preview(
-        graph=graph(contract, [_pending(node) for node in nodes], goal="not tested"),
+        graph=graph(contract, [_pending(node) for node in nodes], goal="pending"),
         stages=tuple(_plan(node) for node in nodes),
         conditions=tuple(condition.text for condition in contract.completion_conditions),
         recovery_total=contract.recovery_total,
@@ -112,7 +112,7 @@ def _pending(node: Node) -> Stage:
     return Stage(
         node_id=node.node_id,
         title=node.node_id.replace("_", " "),
-        state="waiting",
+        state="pending",
         status=f"risk {node.risk}",
         verdict="",
         progress=None,

@@ -32,6 +32,7 @@ from app.views.review_rows import (
 from app.views.review_words import Offer, offers
 from app.views.shell import Shell
 from harness.contracts.actors import Actor
+from harness.contracts.ids import Digest
 from harness.contracts.values import encode
 from rsi_reviews.contracts import ClauseAnswer, Subject
 from rsi_reviews.difference import Difference
@@ -69,8 +70,8 @@ class Seen:
     measured: Measured | None
     clauses: Sequence[ClauseAnswer]
     pointer: Pointer
-    pins: Mapping[str, Sequence[str]]
-    versions: Mapping[str, str]
+    pins: Mapping[Digest, Sequence[str]]
+    versions: Mapping[Digest, str]
     known: frozenset[str]
     loads: str
     progress: str

@@ -40,7 +40,14 @@ class CasesPage:
 
 
 def cases_page(
-    shell: Shell, review: Review, results: ResultSet, situations: Mapping[str, str], *, change: str, family: str, skip: int
+    shell: Shell,
+    review: Review,
+    results: ResultSet,
+    situations: Mapping[str, str],
+    *,
+    change: str,
+    family: str,
+    skip: int,
 ) -> CasesPage:
     """Raises UnknownName or ContractInvalid for an address that no page ever gave."""
     if change not in CHANGES or family not in ("", *FAMILIES):

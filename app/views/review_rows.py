@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from harness.contracts.ids import Digest
 from rsi_reviews.contracts import ClauseAnswer
 from rsi_reviews.difference import NAMES, Difference
 from rsi_reviews.pointers import Pointer
@@ -249,9 +250,9 @@ def motive_rows(review: Review, known: frozenset[str]) -> tuple[MotiveRow, ...]:
 
 
 def pin_rows(
-    review: Review, pointer: Pointer, pins: Mapping[str, Sequence[str]], versions: Mapping[str, str]
+    review: Review, pointer: Pointer, pins: Mapping[Digest, Sequence[str]], versions: Mapping[Digest, str]
 ) -> tuple[PinRow, ...]:
-    roles: dict[str, str] = {
+    roles: dict[Digest, str] = {
         pointer.configuration: "current",
         review.baseline: "its baseline",
         review.configuration: "this candidate",

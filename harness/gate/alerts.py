@@ -80,9 +80,7 @@ def _raise(alert: Alert, command: RaiseAlert) -> Decision[AlertEvent]:
 def _clear(alert: Alert, command: ClearAlert) -> Decision[AlertEvent]:
     if command.condition not in alert.standing:
         return Accepted(())
-    cleared = AlertCleared(
-        condition=command.condition, reason=command.reason, at_s=command.at_s, source=command.source
-    )
+    cleared = AlertCleared(condition=command.condition, reason=command.reason, at_s=command.at_s, source=command.source)
     return Accepted((cleared,))
 
 

@@ -198,7 +198,7 @@ def _raise(about: About, kind: AlertKind, priority: Priority, title: str, text: 
         kind=kind,
         priority=priority,
         title=f"{about.robot_id}: {title}"[:LONGEST_TITLE],
-        text=f"{text or 'no reason given'}. Goal: {about.goal}"[:LONGEST_TEXT],
+        text=f"{text.strip(' .') or 'no reason given'}. Goal: {about.goal}"[:LONGEST_TEXT],
         condition=f"{kind} {lasting}" if lasting else "",
         source=about.position,
         robot_id=about.robot_id,

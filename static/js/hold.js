@@ -63,3 +63,12 @@ document.addEventListener("htmx:after:swap", () => {
   form.querySelector("[data-changed]").hidden = false;
   for (const button of form.querySelectorAll("button[name=decision]")) button.disabled = true;
 });
+
+// A review whose cycle moved on while somebody read it: their word would be about another question.
+document.addEventListener("htmx:after:swap", () => {
+  const words = document.getElementById("words");
+  const review = document.getElementById("review");
+  if (!words || !review || words.querySelector("[data-asked]").dataset.asked === review.dataset.cycle) return;
+  words.querySelector("[data-changed]").hidden = false;
+  for (const button of words.querySelectorAll("button")) button.disabled = true;
+});

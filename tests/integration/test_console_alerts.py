@@ -12,9 +12,9 @@ from app.alert_watch import AlertWatch, Watched
 from app.alerts import Alerts
 from app.fleet import Fleet
 from app.notices import Notices
-from harness.adapters.notify.services import AppriseNotifier
 from harness.adapters.clock import SystemClock
 from harness.adapters.ids import SeededIds
+from harness.adapters.notify.services import AppriseNotifier
 from harness.adapters.stores.blobs import FileBlobStore
 from harness.adapters.stores.memory import MemoryEventStore, MemorySpool
 from harness.bootstrap import Parts, Unheard, runtime_on

@@ -13,8 +13,11 @@ from app.limits import LARGEST_BODY
 from app.permissions import GRANTS, ROLES, Permission
 from app.settings import ConsoleSettings
 from harness.contracts.ids import MissionId
+from harness.contracts.values import encode
+from rsi_reviews.desk import Desk
 from tests.builders.consoles import BASE, FOREIGN, OWN, Stand, console_stand
 from tests.builders.people import PASSWORD, SETTING_UP, browser, counted, everybody, program, store_of
+from tests.builders.releases import LAUNCHER, candidate, expect, say, tried
 
 OPEN = {"/healthz", "/readyz", "/account/sign-in"}
 READ: dict[str, Permission] = {
@@ -22,6 +25,7 @@ READ: dict[str, Permission] = {
     "/api/v1/accounts": "people",
     "/api/v1/tokens": "people",
     "/missions/{mission_id}/scene/export.{form}": "export",
+    "/missions/{mission_id}/dossier": "export",
     "/audit/access": "trail",
     "/api/v1/audit/access": "trail",
 }
@@ -33,8 +37,10 @@ OWN_BUSINESS = {
     "/account/sign-out-everywhere",
     "/account/password",
     "/missions/{mission_id}/scene/{view}/instant",
+    "/candidates/check",
 }
 TURNS = ("claim", "release", "on-my-way", "choose", "take-over", "hand-back", "close")
+ALERT_TURNS = ("acknowledge", "shelve", "suppress", "restore", "assign")
 ROBOT_TURNS: dict[str, Permission] = {"autonomy": "drive", "pause": "stop", "resume": "drive", "safe": "stop"}
 CHANGE: dict[tuple[str, str], Permission] = {
     ("POST", "/missions"): "drive",
@@ -58,6 +64,14 @@ CHANGE: dict[tuple[str, str], Permission] = {
     ("POST", "/api/v1/robots/{robot_id}/wheel"): "drive",
     ("POST", "/api/v1/robots/{robot_id}/wheel/turn"): "drive",
     ("POST", "/api/v1/robots/{robot_id}/wheel/return"): "stop",
+    **{("POST", f"{door}/alerts/{{alert_id}}/{turn}"): "alerts" for door in ("", "/api/v1") for turn in ALERT_TURNS},
+    ("POST", "/api/v1/places/{place_id}"): "drive",
+    ("POST", "/api/v1/places/{place_id}/remove"): "drive",
+    ("POST", "/places/new"): "drive",
+    ("POST", "/places/{place_id}/edit"): "drive",
+    ("POST", "/places/{place_id}/remove"): "drive",
+    ("POST", "/missions/preview"): "drive",
+    ("POST", "/missions/{mission_id}/facts/{packet_id}/{condition_id}/dispute"): "dispute",
     ("POST", "/account/people"): "people",
     ("POST", "/account/people/{name}"): "people",
     ("POST", "/account/tokens"): "people",
@@ -74,6 +88,11 @@ CHANGE: dict[tuple[str, str], Permission] = {
     ("POST", "/api/v1/tokens"): "people",
     ("DELETE", "/api/v1/tokens/{token_id}"): "people",
     ("POST", "/api/v1/sign-in-links"): "people",
+    ("POST", "/queue/{mission_id}/withdraw"): "stop",
+    ("POST", "/api/v1/missions/{mission_id}/withdraw"): "stop",
+    **{("POST", f"{door}/candidates"): "propose" for door in ("", "/api/v1")},
+    **{("POST", f"{door}/candidates/{{candidate}}/{{word}}"): "propose" for door in ("", "/api/v1")},
+    **{("POST", f"{door}/releases/policy"): "people" for door in ("", "/api/v1")},
 }
 """What every changing route needs. A route that is not here fails the test: say who may use it."""
 
@@ -87,17 +106,23 @@ class House:
     mission_id: MissionId
     handoff_id: str
     token_id: str
+    alert_id: str = "alert_1"
+    candidate: str = "none"
 
     def address(self, path: str) -> str:
         names = {
             "mission_id": self.mission_id,
             "handoff_id": self.handoff_id,
             "token_id": self.token_id,
+            "alert_id": self.alert_id,
+            "place_id": "office_storage",
             "name": "somebody",
             "robot_id": "vbot-1",
             "digest": "0" * 64,
             "position": "1",
             "form": "viser",
+            "candidate": self.candidate,
+            "word": "comment",
         }
         return re.sub(r"\{(\w+)(:\w+)?\}", lambda found: names.get(found[1], "1"), path)
 
@@ -106,7 +131,7 @@ class House:
         handoff = self.stand.harness.runtime.handoff(self.handoff_id)  # type: ignore[arg-type]
         assert handoff.opened is not None
         last = path.rsplit("/", 1)[-1]
-        if last == "missions":
+        if last in ("missions", "preview"):
             return {"template": "circuit", "robot_id": "vbot-1", "goal": "Walk the circuit", "key": "k1"}
         if last == "decision":
             return {
@@ -117,17 +142,46 @@ class House:
                 "subject": handoff.opened.subject,
                 "evidence": handoff.opened.evidence,
             }
+        if last == "dispute" and not path.startswith("/api/"):
+            return {"reason": "because", "from": "report"}
+        if path == "/api/v1/places/{place_id}":
+            return {"name": "Office", "x_m": 1.0, "y_m": 1.0, "reason": "because"}
+        if path == "/api/v1/places/{place_id}/remove":
+            return {"basis": 7, "reason": "because"}
+        if last in ALERT_TURNS or path.startswith("/places/"):
+            return self.looked_after(last)
         if last in (*TURNS, "attest"):
             return self.turn(last, handoff.cycle, api=path.startswith("/api/"))
         if last in ("people", "accounts"):
             return {"name": "newcomer", "roles": ["viewer"], "password": PASSWORD}
+        if last == "{word}":
+            return {"reason": "because", "key": "k3"}
+        if last == "candidates":
+            return proposal(api=path.startswith("/api/"))
+        if last == "policy":
+            kept = {} if path.startswith("/api/") else {"key": "k4"}
+            return {"kind": "two_person", "quorum": 1, "reason": "because", **kept}
         if last == "tokens":
             return {"name": "newcomer", "scopes": ["read"]}
         if last == "{name}":
             return {"roles": ["viewer"]}
         if last in ("autonomy", "safe", "stand", "posture", "wheel", "drive", "turn", "return"):
             return self.at_robot(last)
-        return {"reason": "because"} if last in ("stop", "pause", "resume", "dispute") else {}
+        return {"reason": "because"} if last in ("stop", "pause", "resume", "dispute", "withdraw") else {}
+
+    def looked_after(self, last: str) -> dict[str, object]:
+        """Well-formed words for an alert or a place."""
+        place = {"name": "Bay", "x": "1", "y": "1", "heading": "0", "verification": "configured", "reason": "because"}
+        known: dict[str, dict[str, object]] = {
+            "acknowledge": {"seen": 1},
+            "shelve": {"reason": "because", "for_s": 900},
+            "suppress": {"reason": "because"},
+            "assign": {"assignee": "eve"},
+            "new": {**place, "place_id": "bay_1"},
+            "edit": {**place, "name": "Office", "basis": "0"},
+            "remove": {"reason": "because", "basis": "1"},
+        }
+        return known.get(last, {})
 
     def at_robot(self, last: str) -> dict[str, object]:
         """Well-formed words for what is asked of a robot."""
@@ -160,6 +214,15 @@ class House:
         return client.request(method, address, data=body).status_code
 
 
+def proposal(*, api: bool) -> dict[str, object]:
+    """A candidate that may be proposed, as the form or as the API takes it."""
+    if api:
+        made = candidate(tried(wait_s=7.0))
+        return {"configuration": encode(made.configuration).decode(), "manifest": encode(made.manifest).decode()}
+    manifest = {"reason": "because", "intended_effect": "less waiting", "metric": "recovery_cost"}
+    return {**manifest, "smallest_effect": "0.1", "by": "fields", "recovery.wait_s": "8"}
+
+
 def routes(stand: Stand) -> list[tuple[str, str]]:
     """(method, path) of every route of the running application."""
     found = []
@@ -178,7 +241,11 @@ def house() -> Iterator[House]:
         program(stand, "read")
         stand.app.state.doors.accounts.add("somebody", roles=["viewer"], password=PASSWORD, by=SETTING_UP)
         token_id = store_of(stand).tokens()[0].token_id
-        yield House(stand, people, stand.created(), handoff_id, token_id)
+        stand.app.state.alert_watch.step()
+        ((alert_id, _),) = stand.app.state.alert_watch.alerts.all()
+        made = candidate()
+        expect(Desk(stand.harness.runtime).propose(made, say(LAUNCHER)))
+        yield House(stand, people, stand.created(), handoff_id, token_id, alert_id, made.candidate_id)
 
 
 def test_the_matrix_knows_every_route(house: House) -> None:

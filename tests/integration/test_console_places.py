@@ -11,7 +11,7 @@ from harness.projections.mission import required_contract
 from tests.builders.consoles import Stand, console_stand
 
 DOCK = {
-    "place_id": "dock_1", "name": "Loading dock", "aliases": "dock, ramp", "x": "2.5", "y": "-1", "heading": "90",
+    "place_id": "dock_1", "name": "Loading dock", "aliases": "ramp, bay two", "x": "2.5", "y": "-1", "heading": "90",
     "region": "2, -2; 3, -2; 3, 0", "verification": "configured", "reason": "new ramp", "basis": "0",
 }  # fmt: skip
 
@@ -36,7 +36,7 @@ def as_it_ships(stand: Stand, place_id: str) -> dict[str, str]:
     assert place is not None
     return {
         "name": place.name, "aliases": ", ".join(place.aliases), "x": str(place.approach_m[0]),
-        "y": str(place.approach_m[1]), "heading": "0", "region": "", "verification": "verified", "reason": "walked there",
+        "y": str(place.approach_m[1]), "heading": "0", "region": "", "verification": "verified", "reason": "measured",
         "basis": "0",
     }  # fmt: skip
 
@@ -45,7 +45,7 @@ def as_it_ships(stand: Stand, place_id: str) -> dict[str, str]:
 def test_a_place_keeps_everything_that_was_entered(stand: Stand, operator: TestClient) -> None:
     assert operator.post("/places/new", data=DOCK).status_code == 303
     place = stand.harness.runtime.site.places[-1]
-    assert (place.place_id, place.name, place.aliases) == ("dock_1", "Loading dock", ("dock", "ramp"))
+    assert (place.place_id, place.name, place.aliases) == ("dock_1", "Loading dock", ("ramp", "bay two"))
     assert (place.approach_m, place.region_m) == ((2.5, -1.0), ((2.0, -2.0), (3.0, -2.0), (3.0, 0.0)))
     assert (place.frame, place.map_version) == (
         stand.harness.runtime.site.frame,
@@ -53,7 +53,7 @@ def test_a_place_keeps_everything_that_was_entered(stand: Stand, operator: TestC
     )
     assert (place.verification, place.provenance) == ("configured", "entered by operator")
     assert place.yaw_rad == pytest.approx(1.5708, abs=1e-4)
-    assert "dock, ramp" in operator.get("/places").text
+    assert "ramp, bay two" in operator.get("/places").text
 
 
 @pytest.mark.ledger("R193", symbol="harness.projections.places:changed_site")

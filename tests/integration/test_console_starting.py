@@ -90,9 +90,9 @@ def test_running_again_fills_in_the_form_and_the_new_mission_names_the_old_one(
     assert START["goal"] in form
     assert '<option value="office_storage" selected>' in form
     assert "nothing accepted there counts here" in form
-    operator.post("/missions", data={**START, "rerun_of": first.mission_id})
+    operator.post("/missions", data={**START, "key": "again", "rerun_of": first.mission_id})
     second = stand.harness.runtime.missions()[0]
     assert second.labels == {"rerun_of": first.mission_id}
     assert second.facts == ()
     assert f'href="/missions/{first.mission_id}"' in operator.get(f"/missions/{second.mission_id}").text
-    assert operator.post("/missions", data={**START, "rerun_of": "msn_none"}).status_code == 404
+    assert operator.post("/missions", data={**START, "key": "third", "rerun_of": "msn_none"}).status_code == 404

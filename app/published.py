@@ -1,0 +1,57 @@
+"""The published evaluation and recursion documents, read from docs/results when they change. Writes nothing."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from harness.contracts.errors import ContractInvalid, UnknownName
+from rsi_reviews.evaluation.report import load
+
+Document = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Published:
+    """Both documents as JSON values; None where there is none yet. `wrong` says why one cannot be read."""
+
+    evaluation: Document | None
+    recursion: Document | None
+    wrong: tuple[str, ...]
+
+
+def published(folder: Path) -> Published:
+    """What docs/results holds now."""
+    wrong = []
+    found: dict[str, Document | None] = {}
+    for name, read in (("evaluation", _evaluation), ("recursion", _recursion)):
+        path = folder / f"{name}.json"
+        try:
+            found[name] = read(path, path.stat().st_mtime_ns) if path.is_file() else None
+        except (ContractInvalid, UnknownName) as error:
+            found[name] = None
+            wrong.append(str(error))
+    return Published(evaluation=found["evaluation"], recursion=found["recursion"], wrong=tuple(wrong))
+
+
+@lru_cache(maxsize=2)
+def _evaluation(path: Path, changed: int) -> Document:
+    made: Document = msgspec.to_builtins(load(path))
+    return made
+
+
+@lru_cache(maxsize=2)
+def _recursion(path: Path, changed: int) -> Document:
+    try:
+        found = json.loads(path.read_bytes())
+    except ValueError as error:
+        raise ContractInvalid(
+            f"It cannot be read: {error}", where=str(path), do="run `regen rsi recursion --publish` again"
+        ) from error
+    if not isinstance(found, dict) or not isinstance(found.get("rows"), list):
+        raise ContractInvalid("It holds no rows", where=str(path), do="run `regen rsi recursion --publish` again")
+    return found

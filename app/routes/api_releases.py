@@ -1,0 +1,200 @@
+"""/api/v1/candidates and /releases: all that the pages can do. Decisions are for people, bound to what they saw."""
+
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Query
+from pydantic import Field, StringConstraints
+from starlette.responses import JSONResponse, Response
+
+from app.console import ActorDep, ConsoleDep
+from app.errors import problem
+from app.routes.api_words import CHECKED, PROBLEMS, Body, Reason, Sha256, Slug, Text, Words, answers, plain, refusal
+from app.routes.candidate_words import WORDS
+from app.routes.candidates import replayed
+from app.routes.releases import instant_of, saved
+from app.sheets import row, sheet
+from app.views import candidates as board
+from app.views.review_results import CaseRow
+from harness.contracts.decisions import Refused
+from harness.contracts.errors import ContractInvalid, UnknownName
+from harness.contracts.ids import Digest, RobotId
+from rsi_reviews.candidates import LARGEST_BYTES, read_candidate
+from rsi_reviews.contracts import Finding, ReleasePolicy
+from rsi_reviews.desk import Say, Seen
+
+router = APIRouter(
+    prefix="/api/v1", default_response_class=JSONResponse, responses=PROBLEMS, dependencies=CHECKED, tags=["candidates"]
+)
+Json = Annotated[str, StringConstraints(min_length=2, max_length=LARGEST_BYTES)]
+Group = Literal[
+    "", "draft", "evaluating", "accepted", "in_review", "authorised", "canary", "current", "not_accepted", "taken_back"
+]
+Said = Literal[
+    "submit", "comment", "recall", "request_changes", "approve", "reject", "authorise", "release", "adjudicate",
+    "rollback", "withdraw",
+]  # fmt: skip
+
+
+class CandidateBody(Body):
+    """A configuration and its manifest, as JSON texts; `supersedes` is the candidate that this one edits."""
+
+    configuration: Json
+    manifest: Json
+    supersedes: Text = ""
+
+
+class WordBody(Body):
+    """One word about a candidate. A decision names the cycle and the digest that were shown; a key counts once."""
+
+    reason: Reason
+    key: Slug
+    cycle: Annotated[int, Field(ge=0, le=2**31)] = 0
+    subject: Sha256 | Literal[""] = ""
+    robot_id: Text = ""
+    mission_id: Text = ""
+    finding: Finding = "sound"
+
+
+class PolicyBody(Body):
+    """Who must agree before a release; a single operator waits so long after the evaluation."""
+
+    kind: Literal["two_person", "single_operator"]
+    quorum: Annotated[int, Field(ge=1, le=10)] = 1
+    cooling_off_s: Annotated[float, Field(ge=0, le=30 * 86400)] = 0.0
+    reason: Reason
+
+
+@router.get("/candidates", responses=answers("CandidateSummary", many=True))
+def listed(
+    console: ConsoleDep, q: Words = "", status: Group = "", limit: Annotated[int, Query(ge=1, le=500)] = 200
+) -> Any:
+    """Newest first. `status` is a tab of the board."""
+    asked = board.Asked(words=q, group=status)
+    return [row(one) for one in board.chosen(console.desk.reviews(), asked)][:limit]
+
+
+@router.post("/candidates", responses=answers("Candidate"))
+def propose(console: ConsoleDep, actor: ActorDep, body: CandidateBody) -> Any:
+    """Put a candidate on record. What loosens anything is refused with every rule it breaks, before anything runs."""
+    candidate = read_candidate(body.configuration.encode(), body.manifest.encode())
+    desk = console.desk
+    supersedes = desk.review(body.supersedes).candidate if body.supersedes else None
+    say = Say(actor, candidate.manifest.reason, f"propose:{candidate.candidate_id}")
+    decision = desk.propose(candidate, say, supersedes=supersedes)
+    if isinstance(decision, Refused):
+        return _refused(decision, [f"{one.rule}: {one.path}: {one.message}" for one in desk.refusals(candidate)])
+    return sheet(desk, candidate.candidate_id)
+
+
+@router.get("/candidates/{candidate}", responses=answers("Candidate"))
+def show(console: ConsoleDep, candidate: str) -> Any:
+    """One candidate: manifest, clauses, what persons said, and the digest that a decision must name."""
+    return sheet(console.desk, _named(candidate))
+
+
+@router.get("/candidates/{candidate}/difference", responses=answers("ConfigurationDifference"))
+def difference(console: ConsoleDep, candidate: str) -> Any:
+    """What it changes against its baseline: by component, and raw."""
+    return plain(console.desk.diff(_named(candidate)))
+
+
+@router.get("/candidates/{candidate}/results", responses=answers("Results"))
+def results(console: ConsoleDep, candidate: str) -> Any:
+    """Flips, paired differences with intervals, and the held-out answer with its look."""
+    name = console.desk.review(_named(candidate)).candidate
+    found = console.evaluated.of(name)
+    if found is None:
+        raise UnknownName("No case of this candidate was measured yet", do="wait for its evaluation")
+    whole, shown = found
+    return {
+        "pairs": shown.pairs,
+        "safety_pairs": shown.safety_pairs,
+        "pass_to_fail": [_case(one) for one in shown.worse],
+        "pass_to_fail_total": shown.worse_total,
+        "fail_to_pass": [_case(one) for one in shown.better],
+        "fail_to_pass_total": shown.better_total,
+        "families": [
+            {"family": one.name, "n": one.n, "baseline": one.before, "candidate": one.after, "better_by": one.gain,
+             "low": one.low, "high": one.high} for one in shown.families
+        ],
+        "held_out": plain(whole.held_out),
+        "seconds": whole.seconds,
+    }  # fmt: skip
+
+
+@router.get("/candidates/{candidate}/replay", responses=answers("Replay"))
+def replay(console: ConsoleDep, actor: ActorDep, candidate: str) -> Any:
+    """Which decisions of the newest stored missions would have come out otherwise. No robot is touched."""
+    found = replayed(console, actor, _named(candidate))
+    return {
+        "missions": found.looked,
+        "decisions": found.decisions,
+        "differing": [
+            {"mission_id": one.mission_id, "differences": [vars(each) for each in one.rows]} for one in found.differing
+        ],
+    }
+
+
+@router.post("/candidates/{candidate}/{word}", responses=answers("Candidate"))
+def say(console: ConsoleDep, actor: ActorDep, candidate: str, word: Said, body: WordBody) -> Any:
+    """One word, with the reason kept; refused with 409 and why."""
+    name = console.desk.review(_named(candidate)).candidate
+    typed = {"robot_id": body.robot_id, "mission_id": body.mission_id, "finding": body.finding}
+    spoken = WORDS[word.replace("_", "-")]
+    seen = Seen(cycle=body.cycle, subject=Digest(body.subject))
+    decision = spoken(console.desk, name, Say(actor, body.reason, body.key), seen, typed)
+    return refusal(decision) if isinstance(decision, Refused) else sheet(console.desk, name)
+
+
+@router.get("/releases", responses=answers("Releases"))
+def releases(
+    console: ConsoleDep,
+    at: Annotated[str, Query(max_length=40, description="An instant: what was current then is `current_at`.")] = "",
+    robot: Text = "",
+) -> Any:
+    """The pointer: where it stands, its history, what is pinned to what, quarantine, looks, uptake and the policy."""
+    desk = console.desk
+    pointer = desk.pointer()
+    instant_s = instant_of(at) if at else None
+    if at and instant_s is None:
+        raise ContractInvalid(f"{at!r} is no instant", where="at", do="write it as 2026-11-20T09:30:00Z")
+    then = desk.current_at(instant_s, robot_id=RobotId(robot) if robot else None) if instant_s is not None else None
+    return {
+        "revision": pointer.revision,
+        "configuration": desk.current(),
+        "canary": pointer.canary,
+        "canary_robot": pointer.robot_id,
+        "current_at": then,
+        "history": plain(pointer.history),
+        "versions": plain(desk.versions()),
+        "pins": plain(desk.pins()),
+        "quarantined": plain(list(pointer.quarantined.values())),
+        "looks": plain(pointer.looks),
+        "uptakes": plain(pointer.uptakes),
+        "policy": plain(pointer.policy),
+    }
+
+
+@router.post("/releases/policy", responses=answers("ReleasePolicy"))
+def policy(console: ConsoleDep, actor: ActorDep, body: PolicyBody) -> Any:
+    """Say who must agree before a release. One that nobody could meet is refused now."""
+    chosen = ReleasePolicy(kind=body.kind, quorum=body.quorum, cooling_off_s=body.cooling_off_s)
+    decision = saved(console, chosen, Say(actor, body.reason, f"policy:{console.doors.key()}"))
+    return refusal(decision) if isinstance(decision, Refused) else plain(console.desk.pointer().policy)
+
+
+def _named(candidate: str) -> str:
+    """A beginning that somebody chose on purpose. Raises UnknownName for one that is too short to be that."""
+    if len(candidate) < 6:
+        raise UnknownName(f"There is no candidate {candidate[:40]}", do="name at least six signs of its digest")
+    return candidate
+
+
+def _refused(decision: Refused, found: list[str]) -> Response:
+    return problem(
+        409, code=decision.rule, title="Refused", detail=decision.message, do="; ".join(found[:20]) or "see the message"
+    )
+
+
+def _case(case: CaseRow) -> dict[str, Any]:
+    return dict(vars(case))

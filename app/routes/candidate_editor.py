@@ -1,0 +1,95 @@
+"""/candidates/new: a person's own candidate, from fields or as JSON, checked before anything runs."""
+
+from collections.abc import Mapping
+
+import msgspec
+from fastapi import APIRouter
+from starlette.responses import HTMLResponse, RedirectResponse, Response
+
+from app.console import ActorDep, Console, ConsoleDep, FormDep
+from app.rendering import render
+from app.views.candidate_editor import EditorPage, Found, edited_text, editor_page
+from harness.contracts.actors import Actor
+from harness.contracts.configuration import Configuration
+from harness.contracts.decisions import Refused
+from rsi_reviews.contracts import Candidate, Refusal
+from rsi_reviews.desk import Say
+from rsi_reviews.difference import difference
+from rsi_reviews.errors import CandidateInvalid
+from rsi_reviews.generate.person import Intention, edited
+
+router = APIRouter(prefix="/candidates")
+NOTHING = Found()
+
+
+@router.get("/new")
+def new(console: ConsoleDep, actor: ActorDep, by: str = "fields", supersedes: str = "") -> HTMLResponse:
+    typed = {"by": by, "supersedes": supersedes[:64]}
+    return render("candidates/new.html", page_of(console, actor, typed))
+
+
+@router.post("/check")
+def check(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
+    """What the edit would change and which rules it breaks; nothing is written."""
+    _, found = read(console, actor, typed)
+    status = 422 if found.errors or found.refusals else 200
+    return render("candidates/new.html", page_of(console, actor, typed, found), status=status)
+
+
+@router.post("")
+def propose(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
+    """303 to the new candidate, 422 with what to mend, 409 with why the desk refused."""
+    candidate, found = read(console, actor, typed)
+    if candidate is None:
+        return render("candidates/new.html", page_of(console, actor, typed, found), status=422)
+    name = candidate.candidate_id
+    before = typed.get("supersedes", "").strip()
+    supersedes = console.desk.review(before).candidate if before else None
+    say = Say(actor, candidate.manifest.reason, f"propose:{name}")
+    decision = console.desk.propose(candidate, say, supersedes=supersedes)
+    if isinstance(decision, Refused):
+        again = page_of(console, actor, typed, Found(errors=(decision.message,)))
+        return render("candidates/new.html", again, status=409)
+    return RedirectResponse(f"/candidates/{name}", status_code=303)
+
+
+def read(console: Console, actor: Actor, typed: Mapping[str, str]) -> tuple[Candidate | None, Found]:
+    """The candidate of a form that breaks no rule, or None; and what was found about it."""
+    current = current_of(console)
+    text = typed.get("configuration", "") if _by_text(typed) else edited_text(current, typed)
+    try:
+        made = edited(text, current, _intention(typed), who=actor.name)
+    except CandidateInvalid as error:
+        refusal = Refusal(rule=error.rule, path=error.where or "edit", message=f"{error.what}; {error.do}.")
+        return None, Found(errors=(f"{error.what}; {error.do}.",), refusals=(refusal,))
+    except msgspec.ValidationError as error:
+        return None, Found(errors=(f"The manifest does not stand: {error}.",))
+    refusals = console.desk.refusals(made)
+    found = Found(refusals=refusals, difference=difference(current, made.configuration))
+    return (None if refusals else made), found
+
+
+def current_of(console: Console) -> Configuration:
+    """What is current everywhere: the baseline of every new candidate."""
+    return console.runtime.stored_configuration(console.desk.current())
+
+
+def page_of(console: Console, actor: Actor, typed: Mapping[str, str], found: Found = NOTHING) -> EditorPage:
+    shell = console.shell("Propose a change", "candidates", actor)
+    return editor_page(shell, current_of(console), typed, by_text=_by_text(typed), found=found)
+
+
+def _by_text(typed: Mapping[str, str]) -> bool:
+    return typed.get("by", "fields") == "text"
+
+
+def _intention(typed: Mapping[str, str]) -> Intention:
+    """Raises msgspec.ValidationError for what cannot stand in a manifest."""
+    effect = typed.get("smallest_effect", "").strip()
+    stated = {
+        "reason": typed.get("reason", "").strip(),
+        "intended_effect": typed.get("intended_effect", "").strip(),
+        "metric": typed.get("metric", ""),
+        "smallest_effect": effect,
+    }
+    return msgspec.convert(stated, Intention, strict=False)

@@ -1,0 +1,120 @@
+"""/releases: what new missions run under, how it came to that, and who must agree before it changes."""
+
+from collections.abc import Mapping
+from datetime import UTC, datetime
+
+from fastapi import APIRouter
+from starlette.responses import HTMLResponse, RedirectResponse, Response
+
+from app.console import ActorDep, Console, ConsoleDep, FormDep
+from app.permissions import permissions_of
+from app.rendering import render
+from app.routes.candidate_words import say_of
+from app.views import forms
+from app.views.releases import Around, ReleasesPage, at_instant, policy_form, releases_page
+from harness.contracts.actors import Actor
+from harness.contracts.decisions import Accepted, Refused
+from harness.contracts.errors import ContractInvalid
+from rsi_reviews.contracts import ReleasePolicy
+from rsi_reviews.desk import Say
+
+router = APIRouter(prefix="/releases")
+TOPICS = ("candidate/", "release/", "mission/")
+MOST_HOURS = 24.0 * 30.0
+NOBODY: Mapping[str, str] = {}
+
+
+@router.get("")
+def index(console: ConsoleDep, actor: ActorDep, at: str = "") -> HTMLResponse:
+    return render("releases/index.html", page_of(console, actor, at=at))
+
+
+@router.get("/now")
+def now(console: ConsoleDep, actor: ActorDep, at: str = "") -> HTMLResponse:
+    return render("releases/_now.html", page_of(console, actor, at=at))
+
+
+@router.post("/policy")
+def save_policy(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
+    """303 saved, 422 not well said, 409 refused because nobody could meet it."""
+    if wrong := forms.wrong_reason(typed.get("reason", "")):
+        return _again(console, actor, typed, refused=" ".join(wrong), status=422)
+    try:
+        policy = policy_in(typed)
+    except ContractInvalid as error:
+        return _again(console, actor, typed, refused=f"{error.what}; {error.do}.", status=422)
+    decision = saved(console, policy, say_of(actor, typed, "policy"))
+    if isinstance(decision, Refused):
+        return _again(console, actor, typed, refused=decision.message, status=409)
+    return RedirectResponse("/releases#policy", status_code=303)
+
+
+def saved(console: Console, policy: ReleasePolicy, say: Say) -> Accepted[object] | Refused:
+    """Asked with the people who hold the roles now."""
+    around = around_of(console)
+    return console.desk.save_policy(policy, say, reviewers=tuple(around.reviewers), releasers=tuple(around.releasers))
+
+
+def policy_in(typed: Mapping[str, str]) -> ReleasePolicy:
+    """The policy of a form; hours become seconds. Raises ContractInvalid for what is none."""
+    kind, quorum = typed.get("kind", ""), typed.get("quorum", "")
+    if kind not in ("two_person", "single_operator"):
+        raise ContractInvalid("There is no such policy", where="kind", do="choose one of the two")
+    if quorum not in {str(number) for number in range(1, 11)}:
+        raise ContractInvalid("Approvals are counted from 1 to 10", where="quorum", do="write a whole number")
+    try:
+        hours = float(typed.get("cooling_off_h", "") or 0.0)
+    except ValueError:
+        hours = -1.0
+    if not 0.0 <= hours <= MOST_HOURS:
+        raise ContractInvalid("The cooling-off time is no number of hours", where="cooling_off_h", do="0 to 720 h")
+    return ReleasePolicy(
+        kind="single_operator" if kind == "single_operator" else "two_person",
+        quorum=int(quorum),
+        cooling_off_s=hours * 3600.0,
+    )
+
+
+def instant_of(text: str) -> float | None:
+    """Wall seconds of an ISO instant, UTC where it names no zone; None for what is none."""
+    try:
+        found = datetime.fromisoformat(text)
+        return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
+    except (ValueError, OverflowError):
+        return None
+
+
+def around_of(console: Console) -> Around:
+    """Candidates, pins, versions, and who may review and release now."""
+    accounts = [one for one in console.doors.accounts.store.accounts() if not one.disabled]
+    alone = () if console.doors.has_accounts else (console.settings.operator,)
+    return Around(
+        reviews=console.desk.reviews(),
+        pins=console.desk.pins(),
+        versions=console.desk.versions(),
+        robots=console.settings.robots,
+        reviewers=(*(one.name for one in accounts if "reviewer" in one.roles), *alone),
+        releasers=(*(one.name for one in accounts if "releaser" in one.roles), *alone),
+    )
+
+
+def page_of(
+    console: Console, actor: Actor, *, at: str = "", typed: Mapping[str, str] = NOBODY, refused: str = ""
+) -> ReleasesPage:
+    pointer, around = console.desk.pointer(), around_of(console)
+    asked = at[:40].strip()
+    return releases_page(
+        console.shell("Releases", "releases", actor, topics=TOPICS),
+        pointer,
+        around,
+        actor,
+        key=console.doors.key(),
+        at=at_instant(pointer, asked, instant_of(asked), console.settings.robots) if asked else None,
+        policy=policy_form(
+            pointer, around, may="people" in permissions_of(actor.role.split("+")), typed=typed, refused=refused
+        ),
+    )
+
+
+def _again(console: Console, actor: Actor, typed: Mapping[str, str], *, refused: str, status: int) -> Response:
+    return render("releases/index.html", page_of(console, actor, typed=typed, refused=refused), status=status)

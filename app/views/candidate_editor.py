@@ -1,0 +1,190 @@
+"""Pure: the editor of a candidate: the fields of H with unit, bound and meaning, and what is wrong beside each."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, get_args
+
+import msgspec
+
+from app.views.forms import Choice
+from app.views.review_rows import Component, component_rows
+from app.views.shell import Shell
+from harness.contracts.configuration import Configuration, RecoveryAction
+from harness.contracts.fields import Field, fields
+from harness.contracts.values import encode
+from rsi_reviews.contracts import BETTER, Metric, Refusal
+from rsi_reviews.difference import NAMES, Difference
+
+LADDERS = "recovery.ladders"
+SECTIONS = ("context_rules", "routing", "recovery")
+LADDER_NOTE = (
+    f"A ladder is what is tried after a failure of its class, in order. Rungs: {', '.join(get_args(RecoveryAction))}."
+)
+
+
+@dataclass(frozen=True)
+class EditField:
+    """One field of H. `was` is what is current; `wrong` says what to mend."""
+
+    path: str
+    title: str
+    value: str
+    was: str
+    unit: str
+    bound: str
+    meaning: str
+    wrong: str
+
+
+@dataclass(frozen=True)
+class EditSection:
+    """One component with its fields."""
+
+    name: str
+    note: str
+    fields: tuple[EditField, ...]
+
+
+@dataclass(frozen=True)
+class Broken:
+    """One rule that the edit breaks, where, and from what to what."""
+
+    rule: str
+    path: str
+    message: str
+    old: str
+    new: str
+
+
+@dataclass(frozen=True)
+class Found:
+    """What was found about an edit: sentences above the form, rules broken, and, if it holds, what it changes."""
+
+    errors: Sequence[str] = ()
+    refusals: Sequence[Refusal] = ()
+    difference: Difference | None = None
+
+
+@dataclass(frozen=True)
+class EditorPage:
+    """The form as the person left it. `by_text` shows the configuration as one JSON text instead of fields."""
+
+    shell: Shell
+    baseline: str
+    by_text: bool
+    sections: tuple[EditSection, ...]
+    text: str
+    metrics: tuple[Choice, ...]
+    smallest_effect: str
+    reason: str
+    intended: str
+    supersedes: str
+    errors: tuple[str, ...]
+    broken: tuple[Broken, ...]
+    changes: tuple[Component, ...]
+
+
+def editor_page(
+    shell: Shell, current: Configuration, typed: Mapping[str, str], *, by_text: bool, found: Found
+) -> EditorPage:
+    chosen = typed.get("metric", "recovery_cost")
+    wrong = {_field_path(one.path): one.message for one in found.refusals}
+    return EditorPage(
+        shell=shell,
+        baseline=current.configuration_id,
+        by_text=by_text,
+        sections=() if by_text else _sections(current, typed, wrong),
+        text=typed.get("configuration", msgspec.json.format(encode(current), indent=2).decode()) if by_text else "",
+        metrics=tuple(
+            Choice(one, f"{one.replace('_', ' ')}, {BETTER[one]} is better", one == chosen) for one in get_args(Metric)
+        ),
+        smallest_effect=typed.get("smallest_effect", "0.1"),
+        reason=typed.get("reason", ""),
+        intended=typed.get("intended_effect", ""),
+        supersedes=typed.get("supersedes", ""),
+        errors=tuple(found.errors),
+        broken=tuple(Broken(one.rule, one.path, one.message, one.old, one.new) for one in found.refusals),
+        changes=component_rows(found.difference) if found.difference and not found.refusals else (),
+    )
+
+
+def edited_text(current: Configuration, typed: Mapping[str, str]) -> str:
+    """The configuration with the typed fields in it, as JSON. What was typed wrongly stays text: reading refuses it."""
+    tree: dict[str, Any] = msgspec.to_builtins(current)
+    for path, was in _leaves(tree):
+        text = typed.get(path)
+        if text is not None and text.strip() != _shown(was):
+            section, _, rest = path.partition(".")
+            owner = tree[section][LADDERS.partition(".")[2]] if path.startswith(f"{LADDERS}.") else tree[section]
+            owner[rest.rpartition(".")[2]] = _typed(text.strip(), was)
+    return msgspec.json.encode(tree).decode()
+
+
+def _sections(current: Configuration, typed: Mapping[str, str], wrong: Mapping[str, str]) -> tuple[EditSection, ...]:
+    known = {one.path: one for one in fields()}
+    leaves = list(_leaves(msgspec.to_builtins(current)))
+    return tuple(
+        EditSection(
+            name=NAMES[section],
+            note=LADDER_NOTE if section == "recovery" else "",
+            fields=tuple(
+                _field(path, was, known, typed, wrong) for path, was in leaves if path.startswith(f"{section}.")
+            ),
+        )
+        for section in SECTIONS
+    )
+
+
+def _field(
+    path: str, was: Any, known: Mapping[str, Field], typed: Mapping[str, str], wrong: Mapping[str, str]
+) -> EditField:
+    about = known.get(path) or known.get(path.rpartition(".")[0])
+    ladder = path.startswith(f"{LADDERS}.")
+    return EditField(
+        path=path,
+        title=path.rpartition(".")[2].removesuffix("_s").replace("_", " "),
+        value=typed.get(path, _shown(was)),
+        was=_shown(was),
+        unit=about.unit if about else "",
+        bound="" if ladder or about is None else about.bound,
+        meaning="" if ladder or about is None else about.meaning,
+        wrong=wrong.get(path, ""),
+    )
+
+
+def _leaves(tree: Mapping[str, Any]) -> list[tuple[str, Any]]:
+    """(path, value) of the three sections that fields can be typed for; ladders one by one."""
+    found: list[tuple[str, Any]] = []
+    for section in SECTIONS:
+        for name, value in tree[section].items():
+            path = f"{section}.{name}"
+            if path == LADDERS:
+                found += [(f"{LADDERS}.{failure}", ladder) for failure, ladder in sorted(value.items())]
+            else:
+                found.append((path, value))
+    return found
+
+
+def _shown(value: Any) -> str:
+    return (
+        " > ".join(value)
+        if isinstance(value, list | tuple)
+        else f"{value:g}"
+        if isinstance(value, float)
+        else str(value)
+    )
+
+
+def _typed(text: str, was: Any) -> Any:
+    """Of the same kind as what was there, if it can be read as that; else the text as it stands."""
+    if isinstance(was, list | tuple):
+        return [one.strip() for one in text.split(">") if one.strip()]
+    try:
+        return int(text) if isinstance(was, int) else float(text)
+    except ValueError:
+        return text
+
+
+def _field_path(path: str) -> str:
+    """A refusal's path as the form names its field."""
+    return path.removeprefix("$.").removeprefix("candidate, $.").replace("[...]", "")

@@ -1,0 +1,69 @@
+"""An evaluated candidate as it ships: what it was, under which terms, and every result, so that people can look at one.
+
+It was measured by `regen rsi evaluate` like any other. Its bytes are checked against their digest, and it is judged
+again, by the acceptance predicate as it is now, wherever it is taken up.
+"""
+
+import gzip
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+
+import msgspec
+
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.ids import sha256
+from harness.contracts.values import Name, Value
+from rsi_reviews.acceptance import Evaluation
+from rsi_reviews.contracts import Candidate, EvaluationTerms, ResultSet
+from rsi_reviews.regression.cases import cases_of
+from rsi_reviews.regression.suite import shipped
+
+SUMS = "SHA256SUMS"
+
+
+class Shipped(Value):
+    """One evaluation with the UTC instants between which it ran; `note` says what a reader must know besides."""
+
+    begun: Name
+    ended: Name
+    note: str
+    candidate: Candidate
+    terms: EvaluationTerms
+    results: ResultSet
+
+    @property
+    def label(self) -> str:
+        """When, with what, how many, in one sentence that stands beside the figures."""
+        return (
+            f"Evaluated from {self.begun} to {self.ended} with {self.terms.suite_version}: {self.terms.cases} cases "
+            f"under both configurations, evaluator {self.terms.evaluator}. {self.note} "
+            "It ships with the program; `regen rsi evaluate` measures any candidate the same way."
+        )
+
+    def judged_on(self) -> Evaluation:
+        """What the acceptance predicate is asked about, on the suites as they ship now."""
+        return Evaluation(
+            terms=self.terms,
+            manifest=self.candidate.manifest,
+            regression=cases_of(shipped("regression")),
+            safety=cases_of(shipped("safety")),
+            results=self.results,
+        )
+
+
+def shipped_evaluation(folder: Traversable | None = None) -> Shipped:
+    """The newest one that ships. Raises ContractInvalid if it is not there, damaged or cannot be read."""
+    place = folder or files("rsi_reviews").joinpath("evaluated")
+    try:
+        digest, name = place.joinpath(SUMS).read_text(encoding="utf-8").splitlines()[-1].split()
+        body = place.joinpath(name).read_bytes()
+    except (OSError, ValueError, IndexError) as error:
+        raise ContractInvalid(
+            f"No evaluation ships: {error}", where="rsi_reviews/evaluated", do="restore it"
+        ) from error
+    if sha256(body) != digest:
+        raise ContractInvalid("Its bytes are not those that were kept", where=name, do="restore it from the release")
+    try:
+        return msgspec.json.decode(gzip.decompress(body), type=Shipped)
+    except (OSError, EOFError, msgspec.MsgspecError) as error:
+        raise ContractInvalid(f"It cannot be read: {error}", where=name, do="restore it from the release") from error

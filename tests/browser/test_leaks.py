@@ -1,0 +1,61 @@
+"""A console left open all night: going from page to page leaves nothing behind in the browser or on the server."""
+
+from typing import Any
+
+from playwright.sync_api import CDPSession, Page
+
+from tests.browser.conftest import OpenPage
+from tests.builders.serving import Serving, serving
+
+ROUNDS = 6
+REFRESH = """async (times) => { for (let n = 0; n < times; n++) {
+    document.body.dispatchEvent(new CustomEvent("live:resync")); await new Promise((go) => setTimeout(go, 60)); } }"""
+SLACK = 1.2
+"""Heap after the rounds against heap before them."""
+
+
+def heap(session: CDPSession) -> dict[str, Any]:
+    """Bytes in use and nodes alive, after a collection of garbage."""
+    session.send("HeapProfiler.collectGarbage")
+    found = {one["name"]: one["value"] for one in session.send("Performance.getMetrics")["metrics"]}
+    return {name: found[name] for name in ("JSHeapUsedSize", "Nodes", "JSEventListeners", "Documents")}
+
+
+def wander(served: Serving, page: Page) -> None:
+    """Through the rooms an operator uses."""
+    for path in ("/", "/missions", f"/handoffs/{served.asked.handoff_id}", "/alerts", "/robots", "/queue"):
+        served.open(page, path)
+
+
+def test_navigating_leaves_heap_and_streams_as_they_were(open_page: OpenPage) -> None:
+    with serving() as served:
+        page = served.enter(open_page())
+        session = page.context.new_cdp_session(page)
+        session.send("Performance.enable")
+        wander(served, page)
+        served.open(page, "/")
+        before = heap(session)
+        for _ in range(ROUNDS):
+            wander(served, page)
+        served.open(page, "/")
+        after = heap(session)
+        assert after["JSHeapUsedSize"] <= SLACK * before["JSHeapUsedSize"], (before, after)
+        assert after["Nodes"] <= SLACK * before["Nodes"], (before, after)
+        assert after["JSEventListeners"] <= SLACK * before["JSEventListeners"], (before, after)
+        page.wait_for_timeout(800)
+        assert served.broker.watching <= 2
+
+
+def test_a_page_that_refreshes_itself_for_hours_keeps_its_size(open_page: OpenPage) -> None:
+    with serving() as served:
+        page = served.enter(open_page())
+        session = page.context.new_cdp_session(page)
+        session.send("Performance.enable")
+        page.evaluate(REFRESH, 10)
+        page.wait_for_timeout(300)
+        before = heap(session)
+        page.evaluate(REFRESH, 60)
+        page.wait_for_timeout(500)
+        after = heap(session)
+        assert after["JSHeapUsedSize"] <= SLACK * before["JSHeapUsedSize"], (before, after)
+        assert after["JSEventListeners"] <= SLACK * before["JSEventListeners"], (before, after)

@@ -1,0 +1,93 @@
+"""The link breaks and comes back: the page says so within two seconds, and nothing moves under the pointer."""
+
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import FloatRect, Page, expect
+
+from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
+from tests.builders.serving import Serving, serving
+from tests.builders.waiting import BOB
+from tests.builders.wires import Wire, wire
+
+LOST = "body[data-link=lost]"
+LIVE = "body[data-link=live]"
+
+
+@pytest.fixture
+def cable() -> Iterator[Wire]:
+    with wire() as made:
+        yield made
+
+
+@pytest.fixture
+def served(cable: Wire) -> Iterator[Serving]:
+    with serving(wire=cable) as made:
+        yield made
+
+
+def at(page: Page, selector: str) -> FloatRect:
+    """Where a control is drawn now."""
+    box = page.locator(selector).bounding_box()
+    assert box is not None
+    return box
+
+
+def deciding(served: Serving, page: Page) -> Page:
+    """The question is open, a reason is typed, and the pointer rests on Reject."""
+    served.enter(page, f"/handoffs/{served.asked.handoff_id}")
+    expect(page.locator(LIVE)).to_have_count(1)
+    page.locator("#reason").fill("somebody stands there")
+    page.locator("#reject").scroll_into_view_if_needed()
+    page.locator("#reject").hover()
+    return page
+
+
+def test_a_lost_link_is_said_within_two_seconds_and_buttons_rest_until_it_is_back(
+    served: Serving, cable: Wire, open_page: OpenPage, console_watch: ConsoleWatch, take_picture: TakePicture
+) -> None:
+    console_watch.expect("ERR_|Failed to load|Failed to fetch|network")
+    page = deciding(served, open_page())
+    before = at(page, "#reject")
+    page.evaluate(
+        """() => { window.begun = performance.now();
+            new MutationObserver(() => { if (document.body.dataset.link === "lost" && !window.told)
+                window.told = performance.now(); }).observe(document.body, { attributes: true }); }"""
+    )
+    cable.cut()
+    page.wait_for_selector(LOST, timeout=5000)
+    assert page.evaluate("window.told - window.begun") < 2000
+    expect(page.locator("#status")).to_contain_text("Not live since")
+    expect(page.locator("#question")).to_have_attribute("data-stale", "not live since " + _since(page))
+    expect(page.locator("#reject")).to_be_disabled()
+    assert at(page, "#reject") == before
+    take_picture(page, "network-lost")
+    cable.mend()
+    page.wait_for_selector(LIVE, timeout=10_000)
+    expect(page.locator("#reject")).to_be_enabled()
+    expect(page.locator("[data-stale]")).to_have_count(0)
+    assert at(page, "#reject") == before
+    assert page.locator("#reason").input_value() == "somebody stands there"
+
+
+def test_what_somebody_else_decided_meanwhile_leaves_nothing_to_press_under_the_pointer(
+    served: Serving, cable: Wire, open_page: OpenPage, console_watch: ConsoleWatch
+) -> None:
+    console_watch.expect("ERR_|Failed to load|Failed to fetch|network")
+    page = deciding(served, open_page())
+    box = at(page, "#reject")
+    middle = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    cable.cut()
+    page.wait_for_selector(LOST, timeout=5000)
+    served.asked.decide("reject", actor=BOB, reason="not safe")
+    cable.mend()
+    page.wait_for_selector(LIVE, timeout=10_000)
+    expect(page.locator("#question")).to_contain_text("bob")
+    under = page.evaluate(
+        "([x, y]) => document.elementFromPoint(x, y)?.closest('button:not(:disabled), a.button')?.id ?? ''", middle
+    )
+    assert under == ""
+
+
+def _since(page: Page) -> str:
+    return page.locator("#status").inner_text().removeprefix("Not live since ").split(".")[0]

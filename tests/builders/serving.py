@@ -1,0 +1,106 @@
+"""A console that answers on a port of its own over missions in virtual time, for browsers to open."""
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from threading import Thread
+
+import uvicorn
+from fastapi import FastAPI
+from playwright.sync_api import Page
+from pydantic import SecretStr
+
+from app.fleet import Fleet
+from app.live import SignalBroker
+from app.main import bind, create_app
+from app.scene import Scenes
+from app.settings import ConsoleSettings
+from harness.contracts.decisions import Accepted
+from harness.contracts.ids import MissionId
+from harness.runtime import Start
+from tests.builders.missions_run import ROBOT
+from tests.builders.waiting import ADA, Waiting, waiting
+from tests.builders.wires import Wire
+
+
+VIEWER = r"'unsafe-eval' is not an allowed source of script.*'wasm-unsafe-eval' blob:|policy violation: script-src eval"
+"""What viser's own client tries in its frame, and its frame's policy forbids."""
+
+
+@dataclass(frozen=True)
+class Serving:
+    """A console at an address, and what waits and what has ended behind it."""
+
+    app: FastAPI
+    broker: SignalBroker
+    address: str
+    asked: Waiting
+    ended: MissionId
+    pages: list[Page] = field(default_factory=list)
+
+    def enter(self, page: Page, path: str = "/") -> Page:
+        """Sign in by a one-use link and open a page; it is closed before the console ends."""
+        self.pages.append(page)
+        page.goto(self.address + self.app.state.doors.invite())
+        page.wait_for_url(re.compile(r"/$"))
+        return self.open(page, path)
+
+    def open(self, page: Page, path: str) -> Page:
+        page.goto(self.address + path)
+        return page
+
+    def begin(self, template: str = "warehouse-inspection", *faults: str) -> MissionId:
+        """A mission that nothing has run yet."""
+        labels = {"faults": ",".join(faults)} if faults else {}
+        begun = self.asked.runtime.start(Start(actor=ADA, robot_id=ROBOT, template=template, seed=3, labels=labels))
+        assert isinstance(begun, Accepted), begun
+        return self.asked.runtime.missions()[0].mission_id
+
+    def run(self, mission_id: MissionId) -> str:
+        """Run it until it is over or waits; returns its status."""
+        return self.asked.supervisor.run(mission_id).status
+
+
+@contextmanager
+def serving(*, finished: bool = False, waits: bool = True, wire: Wire | None = None) -> Iterator[Serving]:
+    """`finished`: a mission has ended before; `waits`: another one asks a person. Browsers come by the `wire`."""
+    broker = SignalBroker()
+    with waiting(signals=broker) as made:
+        listener = bind(0)
+        settings = ConsoleSettings(
+            port=wire.port if wire else listener.getsockname()[1],
+            robots=(ROBOT,),
+            owner_token=SecretStr("t"),
+            password_memory_kib=19456,
+        )
+        if wire is not None:
+            wire.target = listener.getsockname()[1]
+        fleet = Fleet(made.harness.robots, made.harness.cameras, lambda: made.wall_s)
+        app = create_app(
+            made.runtime,
+            settings,
+            broker,
+            Scenes(made.runtime),
+            starts=made.harness.starts,
+            fleet=fleet,
+            wheel=made.harness.wheel,
+        )
+        server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1))
+        thread = Thread(target=server.run, kwargs={"sockets": [listener]})
+        thread.start()
+        served = Serving(app, broker, f"http://127.0.0.1:{settings.port}", made, MissionId(""))
+        try:
+            if finished:
+                served = replace(served, ended=served.begin())
+                served.run(served.ended)
+            if waits:
+                made.asked()
+            yield served
+        finally:
+            for page in served.pages:
+                page.context.close()
+            broker.close()
+            server.should_exit = True
+            thread.join(timeout=20)
+            listener.close()

@@ -1,0 +1,338 @@
+"""Candidates, reviews and releases through the console: what the pages show, who may say what, and what follows."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+
+import msgspec
+import pytest
+from fastapi.testclient import TestClient
+
+from app.desk_watch import DeskWatch
+from app.settings import ConsoleSettings
+from harness.contracts.ids import Digest
+from harness.contracts.values import encode
+from rsi_reviews.acceptance import accepted
+from rsi_reviews.desk import Desk
+from tests.builders.consoles import Stand, console_stand
+from tests.builders.people import PASSWORD, SETTING_UP, browser, everybody
+from tests.builders.releases import (
+    PREDICATE,
+    RELEASER,
+    Bench,
+    candidate,
+    evaluation,
+    expect,
+    routed,
+    say,
+    terms_of,
+    tried,
+)
+
+BOUND = ("key", "cycle", "subject")
+
+
+@dataclass(frozen=True)
+class House:
+    """A console, its people by role, and the desk behind it."""
+
+    stand: Stand
+    bench: Bench
+    people: dict[str, TestClient]
+
+    def page(self, who: str, path: str) -> str:
+        answer = self.people[who].get(path)
+        assert answer.status_code == 200, answer.text
+        return answer.text
+
+    def bound(self, who: str, name: str) -> dict[str, str]:
+        """What the form of this person's page carries."""
+        text = self.page(who, f"/candidates/{name}")
+        return {field: re.findall(rf'name="{field}" value="([^"]*)"', text)[0] for field in BOUND}
+
+    def said(self, who: str, name: str, word: str, **typed: str) -> tuple[int, str]:
+        """One word from this person's own page: status, and the page that comes back."""
+        fields = {**self.bound(who, name), "reason": f"{word}, because", **typed}
+        answer = self.people[who].post(f"/candidates/{name}/{word}", data=fields)
+        return answer.status_code, answer.text
+
+    def status(self, name: str) -> str:
+        return self.bench.desk.review(name).status
+
+
+@pytest.fixture
+def house() -> Iterator[House]:
+    with console_stand() as stand:
+        desk = Desk(stand.harness.runtime, judge=partial(accepted, predicate=PREDICATE))
+        people = everybody(stand)
+        accounts = stand.app.state.doors.accounts
+        accounts.add("the-other-reviewer", roles=["reviewer"], password=PASSWORD, by=SETTING_UP)
+        people["other-reviewer"] = browser(stand, "the-other-reviewer")
+        accounts.add("lea", roles=["operator", "reviewer", "releaser"], password=PASSWORD, by=SETTING_UP)
+        people["author"] = browser(stand, "lea")
+        yield House(stand, Bench(harness=stand.harness, desk=desk), people)
+
+
+def shows(text: str, *parts: str) -> None:
+    """Every part stands on the page, each behind the one before."""
+    places = [text.find(part) for part in parts]
+    assert -1 not in places, [part for part, place in zip(parts, places, strict=True) if place < 0]
+    assert places == sorted(places)
+
+
+def test_the_board_keeps_search_and_filters_in_the_address(house: House) -> None:
+    waits, draft = house.bench.in_review(candidate()), house.bench.proposed(routed())
+    text = house.page("viewer", "/candidates")
+    assert waits in text and draft in text and "in review" in text
+    only = house.page("viewer", "/candidates?status=draft")
+    assert draft in only and waits not in only
+    found = house.page("viewer", "/candidates?component=recovery&q=sooner")
+    assert waits in found and draft not in found
+    assert 'hx-get="/candidates/list?q=sooner&amp;component=recovery"' in found
+    assert house.people["viewer"].get("/candidates?status=nonsense").status_code == 404
+
+
+def test_the_review_page_tells_what_got_worse_first_and_everything_a_reviewer_needs(house: House) -> None:
+    name = house.bench.in_review(candidate())
+    text = house.page("viewer", f"/candidates/{name}")
+    shows(text, "Pass to fail", "Fail to pass", "Paired differences", "Held-out, apart", "clause by clause",
+          "The change, by component", "The raw difference", "Your word", "Because", "Counterfactual replay",
+          "Who is pinned to what", "Rollback target", "What a release changes", "Said so far")  # fmt: skip
+    shows(text, "resource conflict", "<svg", "better by")
+    assert "loaded just now and keeps its name" in text
+    assert text.count('data-verdict="satisfied"') >= 4
+    assert "10.0" in text and "recovery.wait_s" in text
+
+
+def test_a_case_that_got_worse_is_listed_before_those_that_got_better(house: House) -> None:
+    made = candidate()
+    name = house.bench.proposed(made)
+    expect(house.bench.desk.begin(terms_of(made), say(RELEASER)))
+    found = evaluation(made)
+    own = made.configuration.configuration_id
+    cases = sorted({one.case for one in found.results.results})
+    fails = {(cases[0], own), (cases[1], made.baseline)}
+    results = tuple(
+        msgspec.structs.replace(one, verified_completion=0.0, status="awaiting_human")
+        if (one.case, one.configuration) in fails
+        else one
+        for one in found.results.results
+    )
+    whole = msgspec.structs.replace(found.results, results=results)
+    judged = type(found)(found.terms, found.manifest, found.regression, found.safety, whole)
+    expect(house.bench.desk.submit_results(judged, say(RELEASER)))
+    text = house.page("viewer", f"/candidates/{name}")
+    shows(text, "Pass to fail: 1 of 100", cases[0][:8], "Fail to pass: 1 of 100", cases[1][:8])
+    only = house.page("viewer", f"/candidates/{name}/cases?change=pass%20to%20fail")
+    assert cases[0][:8] in only and cases[1][:8] not in only
+
+
+def test_an_author_is_told_before_the_click_and_refused_after_it(house: House) -> None:
+    name = house.bench.in_review(candidate())
+    text = house.page("author", f"/candidates/{name}")
+    assert "lea is an author of it" in text
+    button = re.findall(r'<button id="approve"[^>]*>', text)[0]
+    assert "disabled" in button
+    status, told = house.said("author", name, "approve")
+    assert status == 409 and "lea is an author of it" in told
+    assert house.bench.desk.review(name).approvals == ()
+
+
+def test_a_word_without_a_reason_is_sent_back_and_a_form_sent_twice_counts_once(house: House) -> None:
+    name = house.bench.in_review(candidate())
+    assert house.said("reviewer", name, "approve", reason=" ")[0] == 422
+    fields = {**house.bound("reviewer", name), "reason": "the figures hold"}
+    for _ in range(2):
+        assert house.people["reviewer"].post(f"/candidates/{name}/approve", data=fields).status_code == 303
+    assert [one.actor.name for one in house.bench.desk.review(name).approvals] == ["the-reviewer"]
+    assert house.bench.desk.review(name).approvals[0].actor.role == "reviewer"
+
+
+@pytest.mark.parametrize(
+    ("who", "word"),
+    [("viewer", "comment"), ("operator", "approve"), ("reviewer", "authorise"), ("releaser", "approve"),
+     ("reviewer", "rollback"), ("admin", "release"), ("releaser", "adjudicate"), ("operator", "reject")],
+)  # fmt: skip
+def test_whoever_has_not_the_role_is_refused_whatever_the_page_hides(house: House, who: str, word: str) -> None:
+    name = house.bench.in_review(candidate())
+    typed = {"robot_id": "vbot-1", "mission_id": "m", "finding": "sound"}
+    assert house.said(who, name, word, **typed)[0] == 403
+    assert house.status(name) == "in_review"
+
+
+def test_requested_changes_void_approvals_and_an_old_page_is_answered_with_what_changed(house: House) -> None:
+    made = candidate()
+    name = house.bench.in_review(made)
+    assert house.said("reviewer", name, "approve")[0] == 303
+    old = {**house.bound("other-reviewer", name), "reason": "seen it"}
+    assert house.said("other-reviewer", name, "request-changes")[0] == 303
+    assert house.bench.desk.review(name).approvals == ()
+    assert house.said("operator", name, "submit")[0] == 303
+    assert house.bench.desk.review(name).cycle == 2
+    answer = house.people["other-reviewer"].post(f"/candidates/{name}/approve", data=old)
+    assert answer.status_code == 409 and "it is in cycle 2, not 1" in answer.text
+    assert "seen it" in answer.text
+
+
+def test_the_second_of_two_reviewers_learns_who_decided_what(house: House) -> None:
+    name = house.bench.in_review(candidate())
+    late = {**house.bound("other-reviewer", name), "reason": "looks good"}
+    assert house.said("reviewer", name, "reject", reason="too small an effect")[0] == 303
+    answer = house.people["other-reviewer"].post(f"/candidates/{name}/approve", data=late)
+    assert answer.status_code == 409
+    shows(answer.text, "the-reviewer: rejected at", "too small an effect")
+    assert house.status(name) == "rejected"
+
+
+def test_a_candidate_whose_baseline_is_no_longer_current_cannot_be_approved(house: House) -> None:
+    older = house.bench.in_review(candidate())
+    house.bench.current(candidate(tried(wait_s=30.0)), look=2)
+    text = house.page("reviewer", f"/candidates/{older}")
+    shows(text, "Stale.", "is no longer current")
+    status, told = house.said("reviewer", older, "approve")
+    assert status == 409 and "is no longer current" in told
+    assert "stale" in house.page("viewer", "/candidates?status=in_review")
+
+
+def test_a_release_runs_through_its_canary_and_back_again_by_two_clicks(house: House) -> None:
+    shipped = house.bench.desk.current()
+    name = house.bench.in_review(routed())
+    assert house.said("reviewer", name, "approve")[0] == 303
+    assert house.said("releaser", name, "release", robot_id="vbot-1")[0] == 409
+    assert house.said("releaser", name, "authorise")[0] == 303
+    assert house.said("releaser", name, "release", robot_id="vbot-1")[0] == 303
+    for number in range(5):
+        mission = house.bench.mission()
+        text = house.page("other-reviewer", f"/candidates/{name}")
+        assert f"{number + 1} of 5" in text and mission in text
+        assert house.said("other-reviewer", name, "adjudicate", mission_id=mission, finding="sound")[0] == 303
+    assert house.status(name) == "current"
+    text = house.page("releaser", "/releases")
+    shows(text, "Roll back", "released to every robot", "canary began", "shipped with the program")
+    second = house.page("releaser", f"/candidates/{name}/rollback")
+    assert shipped[:8] in second
+    fields = {"key": re.findall(r'name="key" value="([^"]*)"', second)[0], "second-step": "yes"}
+    assert (
+        house.people["releaser"].post(f"/candidates/{name}/rollback", data=fields | {"reason": ""}).status_code == 422
+    )
+    answer = house.people["releaser"].post(f"/candidates/{name}/rollback", data=fields | {"reason": "slower"})
+    assert answer.status_code == 303
+    assert (house.status(name), house.bench.desk.current()) == ("rolled_back", shipped)
+    shows(house.page("viewer", "/releases"), "rolled back", "quarantined", "slower")
+
+
+def test_a_false_completion_found_in_the_canary_rolls_back_at_once(house: House) -> None:
+    shipped = house.bench.desk.current()
+    name = house.bench.in_canary(routed())
+    mission = house.bench.mission()
+    status, _ = house.said("reviewer", name, "adjudicate", mission_id=mission, finding="false_completion")
+    assert status == 303
+    assert (house.status(name), house.bench.desk.current()) == ("rolled_back", shipped)
+    text = house.page("viewer", f"/candidates/{name}")
+    shows(text, "rolled back", "false completion")
+    assert house.said("reviewer", name, "adjudicate", mission_id=mission, finding="nonsense")[0] == 422
+
+
+def test_whoever_released_does_not_adjudicate(house: House) -> None:
+    accounts = house.stand.app.state.doors.accounts
+    accounts.add("sam", roles=["releaser", "reviewer"], password=PASSWORD, by=SETTING_UP)
+    house.people["sam"] = browser(house.stand, "sam")
+    name = house.bench.in_canary(routed())
+    mission = house.bench.mission()
+    assert "You released it" in house.page("sam", f"/candidates/{name}")
+    status, told = house.said("sam", name, "adjudicate", mission_id=mission, finding="sound")
+    assert status == 409 and "sam released it" in told
+
+
+def test_what_was_current_at_an_instant_is_told_for_every_robot(house: House) -> None:
+    name = house.bench.in_canary(routed())
+    own, shipped = house.bench.desk.review(name).configuration, house.bench.desk.current()
+    text = house.page("viewer", "/releases?at=2100-01-01T00:00:00Z")
+    shows(text, shipped, "on vbot-1, in canary, to", own)
+    assert "was not written yet" in house.page("viewer", "/releases?at=1999-01-01")
+    assert "Write an instant" in house.page("viewer", "/releases?at=yesterday")
+    found = house.people["viewer"].get("/api/v1/releases?at=2100-01-01T00:00:00Z&robot=vbot-1").json()
+    assert (found["current_at"], found["canary_robot"], found["revision"]) == (own, "vbot-1", 1)
+
+
+def test_a_single_operator_decides_alone_only_by_a_policy_and_after_cooling_off(house: House) -> None:
+    name = house.bench.in_review(candidate())
+    form = {"kind": "single_operator", "quorum": "1", "cooling_off_h": "0", "reason": "night shift", "key": "k"}
+    admin = house.people["admin"]
+    assert house.people["releaser"].post("/releases/policy", data=form).status_code == 403
+    refused = admin.post("/releases/policy", data=form)
+    assert refused.status_code == 409 and "cooling-off time above 0" in refused.text
+    assert admin.post("/releases/policy", data=form | {"cooling_off_h": "many"}).status_code == 422
+    assert admin.post("/releases/policy", data=form | {"cooling_off_h": "2", "key": "k2"}).status_code == 303
+    assert "Single operator: an author may decide alone, 2 h after" in house.page("author", f"/candidates/{name}")
+    status, told = house.said("author", name, "approve")
+    assert status == 409 and "A single operator waits" in told
+    clock = house.stand.harness.clock
+    clock.wait_until(clock.now().mission_s + 7300.0)
+    assert house.said("author", name, "approve")[0] == 303
+    assert house.bench.desk.review(name).approvals[0].override
+    assert "by the single-operator policy" in house.page("viewer", f"/candidates/{name}")
+
+
+def test_a_person_proposes_by_fields_and_what_loosens_is_refused_beside_its_field(house: House) -> None:
+    author = house.people["author"]
+    typed = {"by": "fields", "reason": "waiting never helped", "intended_effect": "Ask sooner", "metric": "handoffs",
+             "smallest_effect": "0.1"}  # fmt: skip
+    wrong = author.post("/candidates", data=typed | {"recovery.wait_s": "1000"})
+    assert wrong.status_code == 422 and "wait bounds" in wrong.text and 'id="wrong-recovery.wait_s"' in wrong.text
+    assert 'value="1000"' in wrong.text and "waiting never helped" in wrong.text
+    older = author.post("/candidates/check", data=typed | {"context_rules.pose_age_s": "5"})
+    assert older.status_code == 422 and "freshness" in older.text
+    assert author.post("/candidates", data=typed | {"recovery.wait_s": "soon"}).status_code == 422
+    assert author.post("/candidates", data=typed).status_code == 422
+    fine = author.post("/candidates/check", data=typed | {"recovery.wait_s": "12"})
+    assert fine.status_code == 200 and "No rule is broken" in fine.text
+    assert house.bench.desk.reviews() == []
+    made = author.post("/candidates", data=typed | {"recovery.wait_s": "12"})
+    assert made.status_code == 303
+    review = house.bench.desk.review(made.headers["location"].rpartition("/")[2])
+    assert review.status == "draft" and review.authors == {"lea"}
+    assert house.bench.desk.candidate(review.candidate).configuration.recovery.wait_s == 12.0
+
+
+def test_the_api_says_every_word_and_names_every_rule_that_refuses(house: House) -> None:
+    loose = candidate(tried(wait_s=500.0))
+    sent = {"configuration": encode(loose.configuration).decode(), "manifest": encode(loose.manifest).decode()}
+    refused = house.people["operator"].post("/api/v1/candidates", json=sent)
+    assert refused.status_code == 409 and refused.json()["code"] == "wait_bounds"
+    name = house.bench.in_review(candidate())
+    seen = house.people["reviewer"].get(f"/api/v1/candidates/{name[:12]}").json()
+    word = {"reason": "holds", "key": "k", "cycle": seen["cycle"], "subject": seen["digest"]}
+    stale = house.people["reviewer"].post(f"/api/v1/candidates/{name}/approve", json=word | {"cycle": 7})
+    assert stale.status_code == 409 and stale.json()["code"] == "wrong_cycle"
+    done = house.people["reviewer"].post(f"/api/v1/candidates/{name}/approve", json=word)
+    assert done.status_code == 200 and done.json()["approvals"] == ["the-reviewer"]
+    results = house.people["viewer"].get(f"/api/v1/candidates/{name}/results").json()
+    assert results["families"][0]["n"] == 100 and results["held_out"]["answer"] == "pass"
+    assert house.people["viewer"].get("/api/v1/candidates/abc").status_code == 404
+
+
+def test_the_evaluation_page_draws_what_is_published_and_says_where_nothing_is(house: House, tmp_path: object) -> None:
+    text = house.page("viewer", "/evaluation?measure=success")
+    shows(text, "The arms under faults", "<svg", "Commands and seeds", "Does the loop improve?")
+    with console_stand(settings=ConsoleSettings(port=8000, results=tmp_path)) as empty:
+        nothing = empty.operator().get("/evaluation").text
+    shows(nothing, "No evaluation is published yet", "No run of the recursion experiment is published yet")
+
+
+def test_the_watch_takes_the_pointer_up_and_ended_canary_missions_in(house: House) -> None:
+    name = house.bench.in_canary(routed())
+    runtime = house.stand.harness.runtime
+    watch = DeskWatch(desk=house.bench.desk, position=lambda: runtime.head().position, duplicate_starts=lambda one: 0)
+    watch.step()
+    assert [(one.worker, one.revision) for one in house.bench.desk.pointer().uptakes] == [("console", 1)]
+    mission = house.bench.begun()
+    house.stand.harness.supervisor.run(mission)
+    assert house.bench.desk.review(name).canary == ()
+    watch.step()
+    assert [one.measured.mission_id for one in house.bench.desk.review(name).canary] == [mission]
+    before = runtime.head()
+    watch.step()
+    assert runtime.head() == before
+    assert isinstance(house.bench.desk.current(), str) and Digest(name)
