@@ -12,6 +12,7 @@ COPY harness harness
 COPY rsi_reviews rsi_reviews
 COPY templates templates
 COPY static static
+COPY locale locale
 RUN pip install --no-deps --no-build-isolation -e . \
     && useradd --uid 10001 --create-home regen \
     && install -d -o regen /srv/regen/var

@@ -22,6 +22,7 @@ from app.terminal import (
     providers,
     releases,
     robots,
+    rsi_cases,
     rsi_evaluate,
     rsi_recursion,
     service,
@@ -36,6 +37,7 @@ app.add_typer(handoffs.app, name="handoff")
 app.add_typer(leases.app, name="lease")
 app.add_typer(alerts.app, name="alert")
 app.add_typer(releases.app, name="rsi")
+releases.app.command("case")(rsi_cases.case)
 releases.app.command("evaluate")(rsi_evaluate.evaluate)
 releases.app.command("recursion")(rsi_recursion.recursion)
 releases.app.command("counterfactual")(rsi_recursion.replayed)

@@ -17,9 +17,21 @@ from harness.contracts.read_models import EvidenceItem
 from harness.contracts.tasks import TaskTemplate
 from harness.projections.handoffs import Handoff
 from rsi_reviews.contracts import HeldOutAnswer, ReleasePolicy
+from rsi_reviews.growth import CaseAdded
 
 PATH = "/api/v1/openapi.json"
-CONTRACTS = (CapabilityCard, EvidenceItem, Handoff, Head, MapCloud, Site, TaskTemplate, DriveReport, RobotStatus)
+CONTRACTS = (
+    CapabilityCard,
+    CaseAdded,
+    EvidenceItem,
+    Handoff,
+    Head,
+    MapCloud,
+    Site,
+    TaskTemplate,
+    DriveReport,
+    RobotStatus,
+)
 REVIEWED = (HeldOutAnswer, ReleasePolicy)
 TEXT: dict[str, Any] = {"type": "string"}
 NUMBER: dict[str, Any] = {"type": "number"}

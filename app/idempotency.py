@@ -4,6 +4,7 @@ An answer is kept for a day. A request that was begun and whose answer is not kn
 never done again: its second sender is told so.
 """
 
+import re
 from collections.abc import Callable
 
 from msgspec.structs import replace
@@ -19,7 +20,7 @@ from harness.adapters.stores.accounts_rows import KeptAnswer
 from harness.contracts.ids import sha256
 
 KEPT_S = 86400.0
-LONGEST_KEY = 200
+KEY = re.compile("[!-~]{1,200}")
 SECRET_ANSWERS = ("/api/v1/tokens", "/api/v1/sign-in-links")
 """Their answers carry a secret that is shown once: that they were given is remembered, not what they said."""
 
@@ -37,9 +38,9 @@ class Idempotency:
         if not wanted or key is None or visitor is None or scope["method"] in ("GET", "HEAD", "OPTIONS"):
             await self._app(scope, receive, send)
             return
-        if not 1 <= len(key) <= LONGEST_KEY:
+        if KEY.fullmatch(key) is None:
             answer = problem(
-                422, code="bad_key", title="An idempotency key has 1 to 200 signs", detail="Idempotency-Key"
+                422, code="bad_key", title="An idempotency key has 1 to 200 printable ASCII signs and no space", detail="Idempotency-Key"
             )
             await answer(scope, receive, send)
             return

@@ -74,10 +74,12 @@ class SignalBroker:
     def __init__(self) -> None:
         self._subscriptions: set[Subscription] = set()
         self._lock = Lock()
+        self._changes = 0
         self._closed = False
 
     def changed(self, name: str) -> None:
         with self._lock:
+            self._changes += 1
             watching = tuple(self._subscriptions)
         for subscription in watching:
             subscription.offer(name)
@@ -101,6 +103,11 @@ class SignalBroker:
             watching = tuple(self._subscriptions)
         for subscription in watching:
             subscription.close()
+
+    @property
+    def changes(self) -> int:
+        """How many changes were told so far: what was shown before the newest one may be old."""
+        return self._changes
 
     @property
     def watching(self) -> int:

@@ -72,6 +72,7 @@ from app.routes import (
 from app.scene import Scenes
 from app.security import Doorkeeper, Threshold
 from app.settings import ConsoleSettings
+from app.sharing import Shared
 from harness.adapters.notify.services import AppriseNotifier
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.bootstrap import open_lists
@@ -191,6 +192,7 @@ def create_app(
         app.include_router(room.router)
     description.install(app)
     errors.install(app)
+    app.add_middleware(Shared, changes=lambda: broker.changes, clock=time.monotonic)
     app.add_middleware(Idempotency, store=store, clock=time.time)
     app.add_middleware(Doorkeeper, doors=doors, threshold=_threshold(settings))
     app.add_middleware(Languages, secure=settings.secure)

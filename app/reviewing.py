@@ -8,11 +8,12 @@ from app.guard import VISITOR, Trail
 from app.permissions import NotPermitted, Permission, Visitor
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted, Refused
-from harness.contracts.ids import Digest, RobotId, StreamId
+from harness.contracts.ids import Digest, MissionId, RobotId, StreamId
 from harness.contracts.ports import Record
 from harness.runtime import Runtime
 from rsi_reviews.contracts import ReleasePolicy
 from rsi_reviews.desk import Desk, Say, Seen
+from rsi_reviews.growth import GROWTH
 
 WORDS: dict[str, Permission] = {
     "ProposeCandidate": "propose",
@@ -28,6 +29,7 @@ WORDS: dict[str, Permission] = {
     "BeginCanary": "release",
     "RollBack": "release",
     "SavePolicy": "people",
+    "AddCase": "dispute",
 }
 """What a person's word at the desk needs, by its name. Whose own candidate it is, the desk itself asks."""
 
@@ -46,6 +48,12 @@ class GuardedDesk(Desk):
         """Raises NotPermitted before an authorisation that is over is marked so."""
         _allowed("BeginCanary")
         return super().release(candidate, say, seen, robot_id=robot_id)
+
+    def add_case(self, mission_id: MissionId, say: Say) -> Accepted[Any] | Refused:
+        actor = _allowed("AddCase")
+        decision = super().add_case(mission_id, Say(actor=actor, reason=say.reason, key=say.key))
+        self._told("AddCase", actor, GROWTH, decision)
+        return decision
 
     def save_policy(
         self, policy: ReleasePolicy, say: Say, *, reviewers: tuple[str, ...], releasers: tuple[str, ...]

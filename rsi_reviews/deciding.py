@@ -28,6 +28,7 @@ from rsi_reviews.commands import (
     WithdrawCandidate,
 )
 from rsi_reviews.events import CandidateEvent
+from rsi_reviews.growth import DECIDER as SUITE
 from rsi_reviews.pointing import DECIDER as RELEASE
 from rsi_reviews.projections import Review, apply
 from rsi_reviews.release import authorise, begin_canary, expire, promote
@@ -96,5 +97,5 @@ def _released(
 CANDIDATE: Decider[Review, CandidateCommand, CandidateEvent] = Decider(
     initial=Review(), apply=apply, decide=decide, codec=Codec(CandidateEvent)
 )
-DECIDERS: dict[str, Decider[Any, Any, Any]] = {"candidate": CANDIDATE, "release": RELEASE}
+DECIDERS: dict[str, Decider[Any, Any, Any]] = {"candidate": CANDIDATE, "release": RELEASE, "suite": SUITE}
 """By family of streams: what `open_harness(deciders=...)` takes."""

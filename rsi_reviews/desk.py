@@ -38,6 +38,7 @@ from rsi_reviews.commands import (
 )
 from rsi_reviews.contracts import AcceptanceReport, Candidate, EvaluationTerms, Finding, ReleasePolicy
 from rsi_reviews.courses import recent_values
+from rsi_reviews.growth import GROWTH, AddCase, case_of
 from rsi_reviews.pointers import POINTER, candidate_stream
 from rsi_reviews.projections import Review
 from rsi_reviews.rollback import DESK
@@ -116,6 +117,14 @@ class Desk(Shelf):
         counted = CountLook(candidate=terms.candidate, terms=digest(terms), answer=look) if look else None
         records = (_record("result_set", results), _record("acceptance_report", report))
         return self._asked(self.review(terms.candidate).candidate, command, counted, *records)
+
+    def add_case(self, mission_id: MissionId, say: Say) -> Answered:
+        """A disputed mission becomes a case of the regression suite here. Raises UnknownName for no such mission."""
+        case = case_of(self._runtime.mission(mission_id))
+        if isinstance(case, Refused):
+            return case
+        command = AddCase(actor=say.actor, mission_id=mission_id, case=case, reason=say.reason)
+        return self._runtime.decide([(GROWTH, command)])
 
     # reviewing ------------------------------------------------------------------------------------------------------
 

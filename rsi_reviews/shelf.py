@@ -11,6 +11,7 @@ from harness.runtime import Runtime
 from rsi_reviews.canary import Outcome, outcome
 from rsi_reviews.contracts import AcceptanceReport, Candidate, ClauseAnswer, Refusal, ResultSet
 from rsi_reviews.difference import Difference, difference
+from rsi_reviews.growth import GROWTH, Growth
 from rsi_reviews.manifest import unfounded
 from rsi_reviews.pointers import POINTER, Draining, Pointer, candidate_stream, current_at, pins, versions
 from rsi_reviews.projections import Review
@@ -91,6 +92,11 @@ class Shelf:
         return outcome(self.review(candidate))
 
     # pointer --------------------------------------------------------------------------------------------------------
+
+    def growth(self) -> Growth:
+        """What persons added to the shipped regression suite here."""
+        growth: Growth = self._runtime.fold(GROWTH)
+        return growth
 
     def pointer(self) -> Pointer:
         """Where the pointer stands, its history, policy, looks and quarantine."""

@@ -67,6 +67,7 @@ def prepared(
     suites: tuple[Suite, Suite],
     *,
     launched_by: tuple[str, ...],
+    suite_edited_by: tuple[str, ...] = (),
     most: int | None = None,
 ) -> Trial:
     """The trial of a candidate on the regression and the safety suite.
@@ -95,6 +96,7 @@ def prepared(
         evaluator=evaluator_version(),
         cases=len(cases),
         launched_by=launched_by,
+        suite_edited_by=suite_edited_by,
     )
     return Trial(candidate=candidate, baseline=baseline, regression=regression, safety=safety, terms=terms)
 

@@ -112,7 +112,7 @@ def write(locale: str, catalogue: Mapping[str, str]) -> None:
     book = Catalog(locale=locale, project="RegenHarness", fuzzy=False)
     for message in sorted(catalogue):
         spot = where.get(message, "")
-        book.add(message, catalogue[message], locations=[(spot, None)] if spot else [])
+        book.add(message, catalogue[message], auto_comments=[spot] if spot else [])
     path = catalogue_path(locale)
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("wb") as file:

@@ -8,7 +8,20 @@ from starlette.responses import JSONResponse, Response
 
 from app.console import ActorDep, ConsoleDep
 from app.errors import problem
-from app.routes.api_words import CHECKED, PROBLEMS, Body, Reason, Sha256, Slug, Text, Words, answers, plain, refusal
+from app.routes.api_words import (
+    CHECKED,
+    PROBLEMS,
+    Body,
+    Reason,
+    ReasonBody,
+    Sha256,
+    Slug,
+    Text,
+    Words,
+    answers,
+    plain,
+    refusal,
+)
 from app.routes.candidate_words import WORDS
 from app.routes.candidates import replayed
 from app.routes.releases import instant_of, saved
@@ -17,7 +30,7 @@ from app.views import candidates as board
 from app.views.review_results import CaseRow
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
-from harness.contracts.ids import Digest, RobotId
+from harness.contracts.ids import Digest, MissionId, RobotId
 from rsi_reviews.candidates import LARGEST_BYTES, read_candidate
 from rsi_reviews.contracts import Finding, ReleasePolicy
 from rsi_reviews.desk import Say, Seen
@@ -84,6 +97,15 @@ def propose(console: ConsoleDep, actor: ActorDep, body: CandidateBody) -> Any:
     if isinstance(decision, Refused):
         return _refused(decision, [f"{one.rule}: {one.path}: {one.message}" for one in desk.refusals(candidate)])
     return sheet(desk, candidate.candidate_id)
+
+
+@router.post("/missions/{mission_id}/case", responses=answers("CaseAdded"))
+def add_case(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: ReasonBody) -> Any:
+    """A disputed mission becomes a case of the regression suite: every later candidate is run on it too."""
+    decision = console.desk.add_case(mission_id, Say(actor, body.reason, mission_id))
+    if isinstance(decision, Refused):
+        return refusal(decision)
+    return plain(next(one for one in console.desk.growth().added if one.mission_id == mission_id))
 
 
 @router.get("/candidates/{candidate}", responses=answers("Candidate"))

@@ -12,7 +12,7 @@ from app.rendering import render
 from app.routes.robots import RobotPath, card, signed
 from app.security import VisitorDep
 from app.views import forms
-from app.views.robots import DrivePage
+from app.views.driving import DrivePage, TakenOver, taken_over
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ProviderFailed
@@ -46,6 +46,9 @@ def take(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: Ro
     wheel = console.wheel
     if wheel is None:
         return _pad(console, actor, robot_id, errors=["No supervisor runs here."], status=409)
+    held = console.control().wheels.get(robot_id)
+    if held is not None and held.actor.name == actor.name:
+        return RedirectResponse(f"/robots/{robot_id}/drive", status_code=303)
     decision = signed(
         console,
         visitor,
@@ -70,6 +73,7 @@ def turn(console: ConsoleDep, visitor: VisitorDep, robot_id: RobotPath, body: An
 
 @router.post("/drive/return")
 def give_back(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: RobotPath) -> Response:
+    """Back to the question if the robot was taken over for one. A wheel that went back by itself is no mistake."""
     wheel = console.wheel
     if wheel is None:
         return _pad(console, actor, robot_id, errors=["No supervisor runs here."], status=409)
@@ -79,9 +83,10 @@ def give_back(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_i
         ("stop", "ReturnWheel", robot_id),
         lambda who: wheel.give_back(robot_id, actor=who, reason="returned by a person"),
     )
-    if isinstance(decision, Refused):
+    if isinstance(decision, Refused) and decision.rule != "not_at_the_wheel":
         return _pad(console, actor, robot_id, errors=[decision.message], status=409)
-    return RedirectResponse(f"/robots/{robot_id}", status_code=303)
+    taken = _taken(console, actor, robot_id)
+    return RedirectResponse(f"/handoffs/{taken.handoff_id}" if taken else f"/robots/{robot_id}", status_code=303)
 
 
 def turned(console: Console, visitor: Visitor, robot_id: RobotId, order: Turn) -> DriveReport | Refused:
@@ -97,6 +102,16 @@ def turned(console: Console, visitor: Visitor, robot_id: RobotId, order: Turn) -
         return Refused(error.code, error.what)
 
 
+def _taken(console: Console, actor: Actor, robot_id: RobotId) -> TakenOver | None:
+    """The question for which this person took the robot over."""
+    for mission in console.open_missions():
+        if mission.robot_id == robot_id and mission.handoff_id is not None:
+            found = taken_over(console.runtime.handoff(mission.handoff_id), mission, person=actor.name)
+            if found is not None:
+                return found
+    return None
+
+
 def _pad(
     console: Console, actor: Actor, robot_id: RobotId, *, errors: list[str] | None = None, status: int = 200
 ) -> HTMLResponse:
@@ -105,6 +120,7 @@ def _pad(
         shell=console.shell(f"Drive {robot_id}", "robots", actor, topics=[f"robot/{robot_id}"]),
         robot=card(console, robot_id),
         session=held.session if held is not None and held.actor.name == actor.name else "",
+        taken=_taken(console, actor, robot_id),
         errors=tuple(errors or ()),
     )
     return render("robots/drive.html", page, status=status)

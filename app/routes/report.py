@@ -24,6 +24,7 @@ from harness.contracts.decisions import Refused
 from harness.contracts.errors import HarnessError, UnknownName
 from harness.contracts.ids import ConditionId, Digest, MissionId
 from harness.contracts.revision_commands import DisputeCompletion
+from rsi_reviews.desk import Say
 
 router = APIRouter(prefix="/missions/{mission_id}")
 LONGEST = 200
@@ -107,6 +108,18 @@ def fact(
     return render("missions/fact.html", _fact(console, actor, mission_id, (packet_id, condition_id)))
 
 
+@router.post("/case")
+def case(console: ConsoleDep, visitor: VisitorDep, mission_id: MissionId) -> Response:
+    """A disputed mission becomes a case of the regression suite: every later candidate has to pass it."""
+    disputes = console.runtime.mission(mission_id).disputes
+    reason = disputes[-1].reason if disputes else "none"
+    decision = console.desk.add_case(mission_id, Say(actor=visitor.acting("dispute"), reason=reason, key=mission_id))
+    if isinstance(decision, Refused):
+        page = page_of(console, visitor.actor, mission_id, (decision.message,))
+        return render("missions/report.html", page, status=409)
+    return RedirectResponse(f"/missions/{mission_id}/report#case", status_code=303)
+
+
 @router.post("/facts/{packet_id}/{condition_id}/dispute")
 def dispute(
     console: ConsoleDep, visitor: VisitorDep, mission_id: MissionId, packet_id: str, condition_id: str, typed: FormDep
@@ -150,6 +163,8 @@ def _fact(
 
 def _journal(console: Console, mission_id: MissionId) -> Journal:
     starts = console.starts(mission_id)
+    is_case = any(one.mission_id == mission_id for one in console.desk.growth().added)
     if starts is None:
-        return Journal(starts=None, duplicates=None)
-    return Journal(starts=len(starts), duplicates=len(starts) - len({one.request_id for one in starts}))
+        return Journal(starts=None, duplicates=None, is_case=is_case)
+    duplicates = len(starts) - len({one.request_id for one in starts})
+    return Journal(starts=len(starts), duplicates=duplicates, is_case=is_case)

@@ -32,6 +32,7 @@ from rsi_reviews.deciding import DECIDERS
 from rsi_reviews.desk import Desk, Say
 from rsi_reviews.held_out import Looks, secret_in
 from rsi_reviews.regression.executors import Executor, local
+from rsi_reviews.regression.growing import with_growth
 from rsi_reviews.regression.results import Kept, evaluator_version
 from rsi_reviews.regression.runner import Advance
 from rsi_reviews.regression.suite import shipped
@@ -118,10 +119,11 @@ def told(trial: Trial, outcome: Outcome, *, recorded: bool) -> dict[str, Any]:
 
 def _trial(name: str, how: How) -> Trial:
     with read_harness(settings(data_folder=how.data), deciders=DECIDERS, select=selected) as runtime:
-        candidate = Shelf(runtime).candidate(name)
+        shelf = Shelf(runtime)
+        candidate, growth = shelf.candidate(name), shelf.growth()
         baseline = runtime.stored_configuration(candidate.baseline)
-    suites = (shipped("regression"), shipped("safety"))
-    return prepared(candidate, baseline, suites, launched_by=(me().name,), most=how.cases)
+    suites = (with_growth(shipped("regression"), growth), shipped("safety"))
+    return prepared(candidate, baseline, suites, launched_by=(me().name,), suite_edited_by=growth.hands, most=how.cases)
 
 
 def _run(trial: Trial, how: How, executor: Executor) -> Outcome:

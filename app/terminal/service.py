@@ -29,7 +29,7 @@ from harness.contracts.errors import ContractInvalid, HarnessError, StoreUnavail
 from harness.runtime import Start
 from rsi_reviews.deciding import DECIDERS
 from rsi_reviews.desk import Desk
-from rsi_reviews.shelf import selected
+from rsi_reviews.shelf import on_trial, selected
 
 
 def up(
@@ -63,7 +63,14 @@ def up(
         sys.stderr.write(f"Opening {chosen.data_folder} and starting {', '.join(chosen.fleet)} ...\n")
         with starting(console, listener, chosen.fleet):
             harness = stack.enter_context(
-                open_harness(chosen, signals=broker, url=console.local_address, deciders=DECIDERS, select=selected)
+                open_harness(
+                    chosen,
+                    signals=broker,
+                    url=console.local_address,
+                    deciders=DECIDERS,
+                    select=selected,
+                    trial=on_trial,
+                )
             )
         console = console.model_copy(
             update={

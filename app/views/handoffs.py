@@ -78,6 +78,7 @@ class Holding:
     until_at_s: float
     token: str
     device: str
+    control_reason: str
     taken_over: bool
     can_extend: bool
     extended_by: str
@@ -225,6 +226,7 @@ def _holding(handoff: Handoff, surface: Surface) -> Holding:
         until_at_s=claim.until_at_s if claim else 0.0,
         token=claim.claim if claim and mine else surface.key,
         device=handoff.control.device if handoff.control else "",
+        control_reason=handoff.control.reason if handoff.control else "",
         taken_over=handoff.status == "taken_over",
         can_extend=handoff.extended_by is None and limit_s > opened.deadline_at_s + 1.0,
         extended_by=handoff.extended_by.name if handoff.extended_by else "",

@@ -222,6 +222,8 @@ def sentence(mission: Mission) -> str:
             return said("Paused: {reason}", reason=mission.reason)
         case "cancelled" | "safe_stopped" | "failed" | "handed_off":
             return f"{mission.reason[:1].upper()}{mission.reason[1:]}"
+        case "compiled":
+            return said("Compiled; it begins when {robot_id} is free.", robot_id=mission.robot_id)
         case "succeeded":
             return "The original completion conditions are satisfied."
         case _:

@@ -88,16 +88,22 @@ class ReportPage:
     errors: tuple[str, ...]
     starts: int | None
     duplicates: int | None
+    is_case: bool
     position: int
     digest: str
 
 
 @dataclass(frozen=True)
 class Journal:
-    """What the robot's own journal says: physical starts and repeated ones; None where it cannot be read."""
+    """What is known of a mission outside its own events.
+
+    Physical starts and repeated ones by the robot's journal, None where it cannot be read; whether the regression
+    suite holds it as a case.
+    """
 
     starts: int | None
     duplicates: int | None
+    is_case: bool = False
 
 
 def report_page(
@@ -140,6 +146,7 @@ def report_page(
         errors=tuple(errors),
         starts=journal.starts,
         duplicates=journal.duplicates,
+        is_case=journal.is_case,
         position=entries[-1].position,
         digest=entries[-1].digest,
     )

@@ -37,7 +37,7 @@ from harness.contracts.values import encode
 from rsi_reviews.contracts import ClauseAnswer, Subject
 from rsi_reviews.difference import Difference
 from rsi_reviews.pointers import Pointer
-from rsi_reviews.projections import Review
+from rsi_reviews.projections import ENDED, Review
 
 
 @dataclass(frozen=True)
@@ -178,7 +178,9 @@ def review_page(
 
 
 def _effects(review: Review, seen: Seen, *, robot: str) -> tuple[str, ...]:
-    """What a release will change, said before it happens."""
+    """What a release will change, said before it happens; nothing once it has."""
+    if review.released_by is not None or review.status in ENDED:
+        return ()
     manifest = review.manifest
     needed = manifest.canary.missions if manifest else 5
     running = sum(len(missions) for missions in seen.pins.values())

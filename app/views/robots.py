@@ -156,16 +156,6 @@ class CameraRegion:
 
 
 @dataclass(frozen=True)
-class DrivePage:
-    """The pad that drives a robot by hand. `session` is empty until this person has the wheel."""
-
-    shell: Shell
-    robot: RobotCard
-    session: str
-    errors: tuple[str, ...]
-
-
-@dataclass(frozen=True)
 class Stoppable:
     """One mission that a stop of everything would stop."""
 

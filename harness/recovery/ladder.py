@@ -55,10 +55,17 @@ def _impossible(action: RecoveryAction, standing: Standing, other: ProviderId | 
 
 
 def _reason(rung: Rung, standing: Standing, *, said: str, provider: ProviderId | None) -> str:
-    failure = f"{standing.failure} ({said})" if said else standing.failure
-    tried = ", ".join(standing.tried()) or "nothing"
+    """For a person: what failed, what was tried, what is next, what is left."""
+    failure = f"{_words(standing.failure)} ({said})" if said else _words(standing.failure)
+    tried = ", ".join(_words(one) for one in standing.tried()) or "nothing"
     by = f" by {provider}" if provider else ""
+    following = "a person is asked" if rung.action == "human" else f"{_words(rung.action)}{by}"
     return (
-        f"{failure}: {rung.action}{by}. Tried for it before: {tried}. "
-        f"Left before this: {standing.left_node} for the node, {standing.left_mission} for the mission."
+        f"{failure[:1].upper()}{failure[1:]}. Tried before: {tried}. "
+        f"Next: {following}. "
+        f"Left before this: {standing.left_node} for the stage, {standing.left_mission} for the mission."
     )
+
+
+def _words(slug: str) -> str:
+    return slug.replace("_", " ")

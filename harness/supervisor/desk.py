@@ -15,6 +15,7 @@ from harness.contracts.commands import (
 )
 from harness.contracts.configuration import RecoveryAction
 from harness.contracts.contexts import Context
+from harness.contracts.control import CONTROL
 from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.handoff_commands import (
     AttestCondition,
@@ -42,6 +43,7 @@ from harness.contracts.revision_commands import RecordAttestation
 from harness.contracts.values import encode
 from harness.gate.commit import Request
 from harness.gate.handoffs import decide
+from harness.projections.control import Control
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import Failure, Mission, required_contract
 from harness.supervisor.dispatch import Approval, Attempt, Dispatcher
@@ -232,7 +234,10 @@ class Desk:
     def _hand_back(
         self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: HandBack
     ) -> Decision[AnyEvent]:
-        """The robot is the harness's again: seen afresh, and one look without motion at the present state version."""
+        """The robot is the harness's again: seen afresh, and one look without motion at the present state version.
+
+        Refused while somebody still has the wheel: nobody drives a robot that the harness judges.
+        """
         back = ReturnControl(
             actor=command.actor,
             claim=command.claim,
@@ -243,6 +248,11 @@ class Desk:
         )
         if settled := self._foreseen(mission, handoff, back):
             return settled
+        control: Control = self._runtime.fold(CONTROL)
+        wheel = control.wheels.get(mission.robot_id)
+        if wheel is not None:
+            who = f"{wheel.actor.name} still has the wheel of {mission.robot_id} from {wheel.device}"
+            return Refused("wheel_held", f"{who}. Return the wheel first, then hand back.")
         word = Approval(handoff_id=handoff.handoff_id, command=back)
         return self._dispatcher.dispatch(mission, _look(opened, opened.node_id, word, why="a person handed it back"))
 

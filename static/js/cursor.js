@@ -35,6 +35,7 @@ function begin() {
   let wanted = null;
   let seeking = false;
   let sought = null;
+  let together = false;
 
   const marks = () => (document.getElementById("timeline").dataset.marks || "").split(" ").filter(Boolean).map((one) => {
     const [position, second] = one.split("@");
@@ -205,10 +206,18 @@ function begin() {
     act();
   });
 
+  // What the log gained is fetched once for the whole page, not region by region.
+  document.addEventListener("live:mission", () => {
+    if (!live) return;
+    together = true;
+    setTimeout(() => { together = false; });
+    load(address(null));
+  }, true);
+
   // While the page shows the past, what happens now must not be drawn into it.
   document.addEventListener("htmx:before:request", (event) => {
     const from = event.detail.ctx?.sourceElement;
-    if (!live && from && PARTS.includes(from.id)) event.preventDefault();
+    if ((!live || together) && from && PARTS.includes(from.id)) event.preventDefault();
   });
   document.addEventListener("htmx:after:swap", () => {
     const list = marks();

@@ -12,6 +12,8 @@ let heard = performance.now();
 let source = null;
 let waiting = new Set();
 let asked = -Infinity;
+let signalled = 0;
+const lag = document.getElementById("lag");
 
 function tell(name) {
   body.dispatchEvent(new CustomEvent(name));
@@ -69,8 +71,18 @@ function hello(event) {
   position = event.data;
 }
 
+// How long the page needed from the last signal to the changed region; said in the foot, read aloud by nobody.
+function shown() {
+  if (!signalled || !lag) return;
+  const ms = Math.round(performance.now() - signalled);
+  signalled = 0;
+  lag.textContent = ms < 1000 ? tr("changes shown after {ms} ms", { ms }) : tr("changes shown after {seconds} s: this page lags", { seconds: (ms / 1000).toFixed(1) });
+  lag.dataset.late = ms < 1000 ? "no" : "yes";
+}
+
 function changed(event) {
   alive();
+  signalled ||= performance.now();
   const name = event.data;
   const family = name.split("/", 1)[0];
   if (topics.includes(name) && exact[family]) tell(exact[family]);
@@ -87,6 +99,7 @@ function open() {
 }
 
 document.addEventListener("htmx:after:swap", () => {
+  shown();
   if (body.dataset.link === "lost") for (const region of document.querySelectorAll("[data-region]:not([data-stale])")) waiting.delete(region.id);
   if (body.dataset.link !== "live" && !waiting.size && performance.now() - heard < LOST_AFTER_MS) live();
 });

@@ -17,6 +17,8 @@ from harness.contracts.events import MissionCreated
 from harness.contracts.ids import MissionId, RobotId
 from harness.runtime import Start
 from harness.settings import HarnessSettings
+from rsi_reviews.deciding import DECIDERS
+from rsi_reviews.shelf import selected
 from tests.builders.consoles import OWNER, Stand
 
 ONE, TWO = RobotId("vbot-1"), RobotId("vbot-2")
@@ -26,7 +28,8 @@ ADA = Actor(name="ada", role="operator")
 @contextmanager
 def two_robots(seed: int = 3) -> Iterator[Harness]:
     """Kinematic robots, stores in memory."""
-    with simulated(HarnessSettings(fidelity="kinematic", speed=0, robots=(ONE, TWO)), seed=seed) as harness:
+    settings = HarnessSettings(fidelity="kinematic", speed=0, robots=(ONE, TWO))
+    with simulated(settings, seed=seed, deciders=DECIDERS, select=selected) as harness:
         yield harness
 
 

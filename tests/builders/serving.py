@@ -23,7 +23,6 @@ from tests.builders.missions_run import ROBOT
 from tests.builders.waiting import ADA, Waiting, waiting
 from tests.builders.wires import Wire
 
-
 VIEWER = r"'unsafe-eval' is not an allowed source of script.*'wasm-unsafe-eval' blob:|policy violation: script-src eval"
 """What viser's own client tries in its frame, and its frame's policy forbids."""
 

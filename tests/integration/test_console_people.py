@@ -81,6 +81,8 @@ CHANGE: dict[tuple[str, str], Permission] = {
     ("POST", "/api/v1/missions/{mission_id}/pause"): "stop",
     ("POST", "/api/v1/missions/{mission_id}/resume"): "drive",
     ("POST", "/api/v1/missions/{mission_id}/facts/{condition_id}/dispute"): "dispute",
+    ("POST", "/missions/{mission_id}/case"): "dispute",
+    ("POST", "/api/v1/missions/{mission_id}/case"): "dispute",
     ("POST", "/api/v1/handoffs/{handoff_id}/look"): "observe",
     ("POST", "/api/v1/handoffs/{handoff_id}/decision"): "decide",
     ("POST", "/api/v1/accounts"): "people",
@@ -95,6 +97,9 @@ CHANGE: dict[tuple[str, str], Permission] = {
     **{("POST", f"{door}/releases/policy"): "people" for door in ("", "/api/v1")},
 }
 """What every changing route needs. A route that is not here fails the test: say who may use it."""
+
+
+REASONED = ("stop", "pause", "resume", "dispute", "withdraw", "case")
 
 
 @dataclass(frozen=True)
@@ -167,7 +172,7 @@ class House:
             return {"roles": ["viewer"]}
         if last in ("autonomy", "safe", "stand", "posture", "wheel", "drive", "turn", "return"):
             return self.at_robot(last)
-        return {"reason": "because"} if last in ("stop", "pause", "resume", "dispute", "withdraw") else {}
+        return {"reason": "because"} if last in REASONED else {}
 
     def looked_after(self, last: str) -> dict[str, object]:
         """Well-formed words for an alert or a place."""

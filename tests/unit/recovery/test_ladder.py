@@ -190,7 +190,7 @@ def test_a_context_without_a_failure_is_refused() -> None:
 
 def test_the_reason_names_the_failure_what_was_tried_and_what_is_left() -> None:
     reason = recover(c4(failing("violated", "re_perceive"))).reason
-    for part in ("violated (seen so)", "retry by route-follower", "Tried for it before: re_perceive", "3 for the node"):
+    for part in ("Violated (seen so)", "Next: retry by route-follower", "Tried before: re perceive", "3 for the stage"):
         assert part in reason
 
 

@@ -1,0 +1,48 @@
+"""A harness with the review desk whose signals somebody hears: kinematic robot, stores in memory, virtual time."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+
+from harness.adapters.clock import LockstepClock
+from harness.adapters.ids import SeededIds
+from harness.adapters.providers.simulation.camera import CAMERA
+from harness.adapters.providers.simulation.hand import SimulatedHand
+from harness.adapters.providers.simulation.robot import SimulatedRobot
+from harness.adapters.providers.simulation.world import WorldSettings
+from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
+from harness.assembly import Harness, Member, Parts, joined, local_providers
+from harness.baseline.load import site
+from harness.contracts.ports import Signals
+from harness.settings import HarnessSettings
+from rsi_reviews.deciding import DECIDERS
+from rsi_reviews.shelf import selected
+from tests.builders.missions_run import ROBOT
+
+
+@contextmanager
+def heard(signals: Signals, *, seed: int = 3) -> Iterator[Harness]:
+    """Nobody approves the motion of canary missions here: what is tested is the desk."""
+    with ExitStack() as stack:
+        robot = SimulatedRobot(WorldSettings(fidelity="kinematic", seed=seed), robot_id=ROBOT)
+        clock = LockstepClock(robot.advance_to, at_s=robot.at_s)
+        parts = Parts(
+            store=MemoryEventStore(),
+            blobs=MemoryBlobStore(),
+            spool=MemorySpool(),
+            ids=SeededIds(seed),
+            clock=clock,
+            signals=signals,
+            site=site(),
+            deciders=DECIDERS,
+            select=selected,
+        )
+        member = Member(
+            robot_id=ROBOT,
+            robot=robot,
+            clock=clock,
+            local=local_providers(parts, camera=CAMERA, folder=None),
+            configure=lambda mission: robot.configure(mission.mission_id, mission.seed, ()),
+            camera=robot,
+            hand=SimulatedHand(robot),
+        )
+        yield joined(stack, HarnessSettings(speed=0, fidelity="kinematic"), parts, [member])

@@ -1,0 +1,80 @@
+"""The evaluated candidate that ships: its bytes, its terms, and the predicate that judges it again today."""
+
+import gzip
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from app.terminal.rsi_shipped import put_in_review
+from harness.baseline.load import baseline
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.ids import sha256
+from harness.contracts.values import digest
+from rsi_reviews.acceptance import accepted, predicate_digest
+from rsi_reviews.desk import Desk
+from rsi_reviews.regression.cases import cases_of, seeds_digest
+from rsi_reviews.regression.suite import shipped
+from rsi_reviews.shipped_evaluation import SUMS, Shipped, shipped_evaluation
+from tests.builders.releases import bench, candidate
+
+
+@cache
+def one() -> Shipped:
+    return shipped_evaluation()
+
+
+def test_it_is_about_what_ships_now() -> None:
+    found, cases = one(), (*cases_of(shipped("regression")), *cases_of(shipped("safety")))
+    assert found.candidate.baseline == baseline().configuration_id
+    assert found.terms.candidate == found.candidate.candidate_id
+    assert found.terms.predicate == predicate_digest(), "the predicate changed: evaluate the candidate anew"
+    assert found.terms.seeds == seeds_digest(tuple(dict.fromkeys(cases)))
+    assert len(found.results.results) == 2 * found.terms.cases == 6244
+    assert found.results.terms == digest(found.terms)
+
+
+def test_a_result_that_is_missing_is_no_pass() -> None:
+    found = one()
+    fewer = msgspec.structs.replace(found.results, results=found.results.results[1:])
+    cut = msgspec.structs.replace(found, results=fewer)
+    assert accepted(cut.judged_on()).answer == "error"
+
+
+def test_damaged_bytes_are_refused(tmp_path: Path) -> None:
+    place = files("rsi_reviews").joinpath("evaluated")
+    name = place.joinpath(SUMS).read_text().split()[-1]
+    body = place.joinpath(name).read_bytes()
+    (tmp_path / SUMS).write_text(place.joinpath(SUMS).read_text())
+    (tmp_path / name).write_bytes(body[:-1])
+    with pytest.raises(ContractInvalid, match="not those that were kept"):
+        shipped_evaluation(tmp_path)
+    other = gzip.compress(b"{}")
+    (tmp_path / name).write_bytes(other)
+    (tmp_path / SUMS).write_text(f"{sha256(other)}  {name}\n")
+    with pytest.raises(ContractInvalid, match="cannot be read"):
+        shipped_evaluation(tmp_path)
+    with pytest.raises(ContractInvalid, match="No evaluation ships"):
+        shipped_evaluation(tmp_path / "nowhere")
+
+
+def test_a_new_data_folder_shows_it_in_review_judged_by_the_predicate_of_today() -> None:
+    with bench() as made:
+        desk = Desk(made.harness.runtime)
+        put_in_review(desk)
+        [review] = desk.reviews()
+        assert (review.status, review.cycle, review.candidate) == ("in_review", 1, one().candidate.candidate_id)
+        assert [clause.answer for clause in desk.clauses(review.candidate)] == ["pass", "pass", "pass", "inconclusive"]
+        assert any(said.by.reason == one().label for said in review.said)
+        head = made.harness.runtime.head()
+        put_in_review(desk)
+        assert made.harness.runtime.head() == head
+
+
+def test_where_anything_was_proposed_before_nothing_is_shown() -> None:
+    with bench() as made:
+        made.proposed(candidate())
+        put_in_review(made.desk)
+        assert len(made.desk.reviews()) == 1
