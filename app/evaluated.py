@@ -57,6 +57,11 @@ class Evaluated:
         return f"{min(kept, 2 * terms.cases):,} of {needed}".replace(",", " ")
 
 
+def evaluator_folder(data: Path) -> Path:
+    """Where the evaluator of a data folder keeps its secret, its looks and its results: beside it."""
+    return data.absolute().with_name(f"{data.absolute().name}-evaluator")
+
+
 @cache
 def regression_cases() -> frozenset[str]:
     """The cases of the shipped regression suite: those that the declared metric is judged on."""

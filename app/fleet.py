@@ -14,6 +14,8 @@ from harness.contracts.ports import LiveCamera, Robot
 from harness.contracts.protocol import Picture, RobotStatus
 
 KEPT_S = 20.0
+FETCHED_S = 6.0
+"""A picture that a page named a moment ago is still there when the browser fetches it."""
 MOST_SHOTS = 24
 MOST_BYTES = 4 * 1024 * 1024
 WORD_EVERY_S = 1.0
@@ -115,13 +117,17 @@ class Fleet:
             self._look(post)
         with post.lock:
             self._forget(post)
-            return Shots(kept=tuple(post.ring), trouble=post.trouble)
+            kept = [one for one in post.ring if now_s - one.taken_s <= KEPT_S or one is post.ring[-1]]
+            return Shots(kept=tuple(kept), trouble=post.trouble)
 
     def shot(self, robot_id: str, number: int) -> Shot:
         """Raises UnknownName for a picture that is no longer kept."""
-        for one in self.shots(robot_id).kept:
-            if one.number == number:
-                return one
+        self.shots(robot_id)
+        post = self._post(robot_id)
+        with post.lock:
+            found = next((one for one in post.ring if one.number == number), None)
+        if found is not None:
+            return found
         raise UnknownName(f"Picture {number} of {robot_id} is not kept any more", do="look at the newest one")
 
     def _post(self, robot_id: str) -> _Post:
@@ -170,10 +176,10 @@ class Fleet:
                 self._forget(post)
 
     def _forget(self, post: _Post) -> None:
-        """Older than KEPT_S, more than MOST_SHOTS or MOST_BYTES: the oldest go first; the newest stays."""
+        """Older than KEPT_S + FETCHED_S, more than MOST_SHOTS or MOST_BYTES: the oldest go first; the newest stays."""
         now_s = self._clock()
         while len(post.ring) > 1 and (
-            now_s - post.ring[0].taken_s > KEPT_S
+            now_s - post.ring[0].taken_s > KEPT_S + FETCHED_S
             or len(post.ring) > MOST_SHOTS
             or sum(len(one.picture.body) for one in post.ring) > MOST_BYTES
         ):

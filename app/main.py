@@ -22,7 +22,7 @@ from app.authority import authority
 from app.console import Cards, Console, Dossier, Starts, Wheel, no_cards, no_journal
 from app.doors import Doors
 from app.errors import PortBusy
-from app.evaluated import Evaluated
+from app.evaluated import Evaluated, evaluator_folder
 from app.exposure import check_exposure
 from app.fleet import Fleet, no_fleet
 from app.guard import GuardedRuntime
@@ -141,9 +141,7 @@ def create_app(
         measurements=Measurements(runtime),
         alerts=inbox,
         desk=desk,
-        evaluated=Evaluated(
-            desk, folder.absolute().with_name(f"{folder.absolute().name}-evaluator") if folder else None
-        ),
+        evaluated=Evaluated(desk, evaluator_folder(folder) if folder else None),
         clock=time.time,
         starts=starts,
         cards=cards,

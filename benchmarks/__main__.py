@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 from benchmarks import (
     approve,
+    browsers,
     console_lists,
     first_page,
     first_pixels,
@@ -37,6 +38,7 @@ def whole() -> dict[str, Measure]:
         "replaying": lambda: replaying.measure(files=replaying.recordings(), count=5),
         "suite": lambda: suite.measure(missions=1000),
         "console_lists": lambda: console_lists.measure(missions=console_lists.SIZES, count=20),
+        "browsers": lambda: browsers.measure(readers=100, pages=3, events=100, per_s=5.0),
         "first_pixels": lambda: first_pixels.measure(points=10_000_000, count=2),
         "first_page": lambda: first_page.measure(count=2),
     }
@@ -52,6 +54,7 @@ def quick() -> dict[str, Measure]:
         "replaying": lambda: replaying.measure(files=replaying.recordings()[:1], count=1),
         "suite": lambda: suite.measure(missions=40),
         "console_lists": lambda: console_lists.measure(missions=(200,), count=2),
+        "browsers": lambda: browsers.measure(readers=10, pages=1, events=15, per_s=5.0),
         "first_pixels": lambda: first_pixels.measure(points=200_000, count=1),
     }
 

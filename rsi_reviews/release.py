@@ -47,13 +47,17 @@ def authorise(review: Review, command: AuthoriseRelease, now: Moment) -> Decisio
 
 
 def unsatisfied(review: Review, policy: ReleasePolicy, *, with_name: str) -> Refused | None:
-    """Enough approvals, and two people in all: authors who are persons, approvers, and who decides now (D33)."""
+    """Enough approvals, and two people in all: authors who spoke here, approvers, and who decides now (D33).
+
+    A name that only stands in a manifest or in terms is an author's, and nobody's word.
+    """
     approvers = {approval.actor.name for approval in review.approvals if not approval.override}
     if policy.kind == "single_operator":
         approvers = {approval.actor.name for approval in review.approvals}
     if len(approvers) < policy.quorum:
         return Refused("no_quorum", f"{len(approvers)} of {policy.quorum} approvals are there.")
-    people = {hand.name for hand in review.hands if hand.person} | approvers | {with_name}
+    spoke = {one.by.actor.name for one in review.said if one.by.actor.channel == "human"}
+    people = (spoke & review.authors) | approvers | {with_name}
     if policy.kind == "two_person" and len(people) < PEOPLE:
         return Refused("one_person", f"{', '.join(people)} alone did everything; a second person is needed.")
     return None

@@ -15,6 +15,7 @@ from harness.contracts.ids import sha256
 from harness.contracts.values import Name, Value
 from rsi_reviews.acceptance import Evaluation
 from rsi_reviews.contracts import Candidate, EvaluationTerms, ResultSet
+from rsi_reviews.held_out import Look
 from rsi_reviews.regression.cases import cases_of
 from rsi_reviews.regression.suite import shipped
 
@@ -22,7 +23,10 @@ SUMS = "SHA256SUMS"
 
 
 class Shipped(Value):
-    """One evaluation with the UTC instants between which it ran; `note` says what a reader must know besides."""
+    """One evaluation with the UTC instants between which it ran; `note` says what a reader must know besides.
+
+    `looks`: the held-out looks that its evaluator took up to this one, oldest first; they stay counted.
+    """
 
     begun: Name
     ended: Name
@@ -30,6 +34,7 @@ class Shipped(Value):
     candidate: Candidate
     terms: EvaluationTerms
     results: ResultSet
+    looks: tuple[Look, ...]
 
     @property
     def label(self) -> str:

@@ -9,6 +9,7 @@ import ast
 import re
 import sys
 from collections.abc import Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from typing import get_args
 
@@ -44,8 +45,8 @@ VOCABULARY = (
 )  # fmt: skip
 NOT_YET = (
     "templates/account/index.html", "templates/account/people.html", "templates/audit/", "templates/candidates/",
-    "templates/evaluation/", "templates/evidence/", "templates/memory/", "templates/missions/packet.html", "templates/places/",
-    "templates/providers/", "templates/releases/", "app/views/audit.py", "app/views/canary.py",
+    "templates/evaluation/", "templates/evidence/", "templates/memory/", "templates/missions/packet.html",
+    "templates/places/", "templates/providers/", "templates/releases/", "app/views/audit.py", "app/views/canary.py",
     "app/views/evidence.py", "app/views/place_editor.py", "app/views/providers.py", "app/views/review.py",
 )  # fmt: skip
 """Said in English alone so far: pages of reviewers, releasers and administrators, and the depth of the evidence."""
@@ -53,6 +54,7 @@ HOLE = re.compile(r"\{(\w*)\}")
 _SENTENCE = re.compile(r"[A-Z“][^{}<>/_\\]*\s[^{}<>_\\]*[.!?:]")
 
 
+@cache
 def said() -> dict[str, str]:
     """Every message that must be translated -> where it is said first."""
     found: dict[str, str] = {}
@@ -61,6 +63,7 @@ def said() -> dict[str, str]:
     return found
 
 
+@cache
 def known() -> set[str]:
     """Every text that may stand in a catalogue: what must, and every other constant that a view can show."""
     templates = [path.read_text(encoding="utf-8") for path in (ROOT / "templates").rglob("*.html")]

@@ -22,7 +22,6 @@ from harness.contracts.ids import Digest, MissionId, mission_stream
 from rsi_reviews.counterfactual import counterfactual
 
 router = APIRouter(prefix="/candidates")
-TOPICS = ("candidate/", "release/")
 REPLAYED = 40
 
 
@@ -111,7 +110,7 @@ def _again(
 def board_of(console: Console, actor: Actor, asked: Asked) -> BoardPage:
     reviews = console.desk.reviews()
     progress = {one.candidate: console.evaluated.progress(one) for one in reviews if one.status == "evaluating"}
-    shell = console.shell("Candidates", "candidates", actor, topics=TOPICS)
+    shell = console.shell("Candidates", "candidates", actor)
     return candidates.board_page(shell, reviews, console.desk.pointer(), asked, progress)
 
 
@@ -132,7 +131,7 @@ def page_of(console: Console, actor: Actor, candidate: str, left: Left = Left())
         loads=_loads(console, review.manifest.rollback if review.manifest else review.baseline),
         progress=console.evaluated.progress(review) if review.status == "evaluating" else "",
     )
-    shell = console.shell(candidates.title_of(review), "candidates", actor, topics=(f"candidate/{name}", "release/"))
+    shell = console.shell(candidates.title_of(review), "candidates", actor, topics=(f"candidate/{name}",))
     return review_page(shell, review, seen, actor, robots=console.settings.robots, key=console.doors.key(), left=left)
 
 
@@ -141,7 +140,7 @@ def cases_of(console: Console, actor: Actor, candidate: str, *, change: str, fam
     found = console.evaluated.of(review.candidate)
     if found is None or review.manifest is None:
         raise UnknownName("No case of this candidate was measured yet", do="wait for its evaluation")
-    shell = console.shell("Every case", "candidates", actor, topics=TOPICS)
+    shell = console.shell("Every case", "candidates", actor)
     return cases_page(shell, review, found[0], situations(), change=change, family=family, skip=skip)
 
 
@@ -155,13 +154,13 @@ def replayed(console: Console, actor: Actor, candidate: str) -> ReplayPage:
         (one.mission_id, one.template, one.status, sum(one.derived.values()), one.differences, len(one.unreadable))
         for one in found.missions
     ]
-    shell = console.shell("Counterfactual replay", "candidates", actor, topics=TOPICS)
+    shell = console.shell("Counterfactual replay", "candidates", actor)
     return replay_page(shell, review, rows, held=len(runtime.missions()))
 
 
 def rollback_of(console: Console, actor: Actor, candidate: str, *, refused: str = "", typed: str = "") -> RollbackPage:
     review = console.desk.review(candidate)
-    shell = console.shell("Roll back", "candidates", actor, topics=TOPICS)
+    shell = console.shell("Roll back", "candidates", actor)
     pinned = console.desk.pins().get(review.configuration, ())
     return rollback_page(
         shell, review, console.desk.pointer(), pinned, key=console.doors.key(), refused=refused, typed=typed

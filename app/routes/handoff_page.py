@@ -50,7 +50,7 @@ def page_of(console: Console, actor: Actor, handoff_id: HandoffId, left: Left = 
         told=told,
         earlier=_earlier(console, opened),
         map=site_map(console.runtime.site),
-        robot=_word(console, opened.robot_id),
+        robot=word_of(console, opened.robot_id),
         camera=_camera(console, opened.robot_id),
         live_at=_live_at(console, mission.mission_id),
         viewers=console.presence.watching(watched),
@@ -120,7 +120,8 @@ def _earlier(console: Console, opened: HandoffOpened) -> tuple[HandoffItem, ...]
     return console.lists.handoffs(ListQuery(listing="handoff", facets=facets, limit=EARLIER)).items
 
 
-def _word(console: Console, robot_id: str) -> RobotWord | None:
+def word_of(console: Console, robot_id: str) -> RobotWord | None:
+    """What the robot says of itself; None for one that is not connected here."""
     try:
         return robots.robot_word(console.fleet.word(robot_id), now_s=console.clock())
     except UnknownName:

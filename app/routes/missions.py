@@ -9,6 +9,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.rendering import render
+from app.routes.handoff_page import word_of
 from app.routes.listing import searching
 from app.security import VisitorDep
 from app.views import events, forms, missions
@@ -223,6 +224,7 @@ def _stop_page(console: Console, actor: Actor, mission_id: MissionId, *, errors:
         robot_id=mission.robot_id,
         goal=mission.goal,
         status=mission.status,
+        robot=word_of(console, mission.robot_id),
         reasons=forms.STOP_REASONS,
         errors=errors,
     )

@@ -19,7 +19,6 @@ from rsi_reviews.contracts import ReleasePolicy
 from rsi_reviews.desk import Say
 
 router = APIRouter(prefix="/releases")
-TOPICS = ("candidate/", "release/", "mission/")
 MOST_HOURS = 24.0 * 30.0
 NOBODY: Mapping[str, str] = {}
 
@@ -104,7 +103,7 @@ def page_of(
     pointer, around = console.desk.pointer(), around_of(console)
     asked = at[:40].strip()
     return releases_page(
-        console.shell("Releases", "releases", actor, topics=TOPICS),
+        console.shell("Releases", "releases", actor),
         pointer,
         around,
         actor,

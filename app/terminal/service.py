@@ -11,6 +11,7 @@ import typer
 from pydantic import SecretStr
 
 from app.desk_watch import DeskWatch
+from app.evaluated import evaluator_folder
 from app.exposure import check_exposure
 from app.fleet import Fleet
 from app.live import SignalBroker
@@ -97,7 +98,7 @@ def up(
             wheel=harness.wheel,
         )
         app.state.alert_watch.watch()
-        _watch_desk(stack, harness, begun=start is not None)
+        _watch_desk(stack, harness, evaluator_folder(chosen.data_folder) if start is not None else None)
         app.state.notices.watch()
         doors = app.state.doors
         link = "" if doors.has_accounts else f"{console.address}{doors.invite()}"
@@ -106,14 +107,14 @@ def up(
         serve(app, listener)
 
 
-def _watch_desk(stack: ExitStack, harness: Harness, *, begun: bool) -> None:
-    """The review desk follows what ends; where missions were begun by `--start`, it has a candidate to show."""
+def _watch_desk(stack: ExitStack, harness: Harness, evaluator: Path | None) -> None:
+    """The review desk follows what ends. With an evaluator's folder, a new data folder is given a candidate to show."""
     desk = Desk(harness.runtime)
     watch = DeskWatch(
         desk=desk,
         position=lambda: harness.runtime.head().position,
         duplicate_starts=lambda mission_id: duplicate_starts(harness, mission_id),
-        first=(lambda: put_in_review(desk)) if begun else None,
+        first=(lambda: put_in_review(desk, evaluator)) if evaluator is not None else None,
     )
     watch.watch()
     stack.callback(watch.close)

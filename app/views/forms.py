@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from app.views.preview import Preview
+from app.views.robots import RobotWord
 from app.views.saying import said
 from app.views.shell import Shell
 from harness.contracts.errors import HarnessError
@@ -96,13 +97,14 @@ class Offer:
 
 @dataclass(frozen=True)
 class StopPage:
-    """The second step of a stop: it names mission and robot and asks for the reason."""
+    """The second step of a stop: it names mission and robot, shows how the robot is, and asks for the reason."""
 
     shell: Shell
     mission_id: str
     robot_id: str
     goal: str
     status: str
+    robot: RobotWord | None
     reasons: tuple[str, ...]
     errors: tuple[str, ...]
 

@@ -65,7 +65,7 @@ def _followed(handoff: Handoff, mission: Mission) -> tuple[Step, ...]:
     sent = handoff.invocation_id is not None
     invocation = mission.invocation
     open_now = invocation is not None and invocation.intent.invocation_id == handoff.invocation_id
-    moves = "moving" if invocation is None or invocation.intent.moves or not open_now else "looking"
+    moves = "moving" if (invocation.intent.moves if open_now and invocation else _moved(handoff)) else "looking"
     known = handoff.status in KNOWN
     good = handoff.status == "confirmed"
     return (
@@ -81,6 +81,13 @@ def _followed(handoff: Handoff, mission: Mission) -> tuple[Step, ...]:
             text=_found(handoff) if known else "the harness has not confirmed an effect yet",
         ),
     )
+
+
+def _moved(handoff: Handoff) -> bool:
+    """Whether what the answer set off moves the body: a hand-back, an attestation and a look do not."""
+    proposal = handoff.opened.proposal if handoff.opened else None
+    approved = handoff.answer is not None and handoff.answer.decision == "approved"
+    return approved and proposal is not None and proposal.action not in ("verify_again", "re_perceive")
 
 
 def _ended(handoff: Handoff, mission: Mission, taken: int | None) -> tuple[Step, ...]:

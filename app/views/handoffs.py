@@ -86,7 +86,10 @@ class Holding:
 
 @dataclass(frozen=True)
 class HandoffPage:
-    """Everything a person needs to answer, and exactly what the answer is bound to. `shown` is what they saw."""
+    """Everything a person needs to answer, and exactly what the answer is bound to. `shown` is what they saw.
+
+    `following` is the question that the same mission asks now, if it is another one.
+    """
 
     shell: Shell
     handoff_id: str
@@ -112,6 +115,7 @@ class HandoffPage:
     choices: tuple[Choice, ...]
     attestable: tuple[Attestable, ...]
     steps: tuple[Step, ...]
+    following: str
     similar: tuple[Similar, ...]
     lines: tuple[Line, ...]
     reasons: tuple[str, ...]
@@ -198,6 +202,7 @@ def handoff_page(shell: Shell, handoff: Handoff, mission: Mission, surface: Surf
         choices=_choices(opened),
         attestable=_attestable(opened, mission),
         steps=steps(handoff, mission, surface.told),
+        following=_following(handoff, mission),
         similar=similar(surface.earlier, handoff),
         lines=history(surface.told),
         reasons=REASONS,
@@ -206,6 +211,12 @@ def handoff_page(shell: Shell, handoff: Handoff, mission: Mission, surface: Surf
         refused=surface.refused,
         changes=surface.changes,
     )
+
+
+def _following(handoff: Handoff, mission: Mission) -> str:
+    if mission.status != "awaiting_human" or mission.handoff_id == handoff.handoff_id:
+        return ""
+    return mission.handoff_id or ""
 
 
 def required(handoff: Handoff) -> HandoffOpened:

@@ -186,6 +186,8 @@ def missions_page(
 
 
 def head(mission: Mission, entries: Sequence[Entry]) -> Head:
+    """What is said of it after it ended, as a dispute, does not make it longer."""
+    last = next((entry for entry in entries if isinstance(entry.event, MissionEnded)), None)
     return Head(
         goal=mission.goal,
         template=mission.template,
@@ -195,10 +197,10 @@ def head(mission: Mission, entries: Sequence[Entry]) -> Head:
         k=mission.k,
         configuration=mission.configuration,
         began_s=entries[0].recorded_s,
-        elapsed_s=entries[-1].mission_s - entries[0].mission_s,
+        elapsed_s=(last.mission_s if last else entries[-1].mission_s) - entries[0].mission_s,
         handoff_id=mission.handoff_id or "",
         sentence=sentence(mission),
-        ended=any(isinstance(entry.event, MissionEnded) for entry in entries),
+        ended=last is not None,
         labels=", ".join(f"{name} {value}" for name, value in mission.labels.items() if name != "rerun_of"),
         disputed=mission.false_completions,
         rerun_of=mission.labels.get("rerun_of", ""),

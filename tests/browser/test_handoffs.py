@@ -73,8 +73,9 @@ def test_a_person_sees_holds_and_follows_and_done_is_never_said_at_approved(
     expect(page.locator(".camera img").first).to_be_visible()
     expect(page.locator(".robot-mark")).to_have_count(2)
     take_picture(page, "handoff-light")
-    page.locator("#look").click()
-    page.locator("#claim").click()
+    for act in ("#look", "#claim"):
+        with page.expect_navigation():
+            page.locator(act).click()
     expect(page.locator(".holding")).to_contain_text("You have claimed it")
     page.get_by_role("button", name="seen on camera").click()
     button = page.locator("#approve")

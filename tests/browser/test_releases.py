@@ -5,7 +5,7 @@ The console runs in this process over a kinematic robot in virtual time; mission
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from threading import Thread
 
@@ -46,10 +46,12 @@ class Served:
     address: str
     bench: Bench
     open_page: OpenPage
+    pages: list[Page] = field(default_factory=list)
 
-    def enter(self, name: str, path: str = "/candidates", *, width: int = 1280) -> Page:
-        """Somebody signs in and opens a page."""
-        page = self.open_page(f"{self.address}/account/sign-in", width=width)
+    def enter(self, name: str, path: str = "/candidates", *, width: int = 1280, scripts: bool = True) -> Page:
+        """Somebody signs in and opens a page; it is closed before the console ends."""
+        page = self.open_page(f"{self.address}/account/sign-in", width=width, scripts=scripts)
+        self.pages.append(page)
         page.locator('input[name="name"]').fill(name)
         page.locator('input[name="password"]').fill(PASSWORD)
         page.locator('input[name="password"]').press("Enter")
@@ -74,11 +76,16 @@ def served(open_page: OpenPage) -> Iterator[Served]:
         thread = Thread(target=server.run, kwargs={"sockets": [listener]})
         thread.start()
         desk = Desk(harness.runtime, judge=partial(accepted, predicate=PREDICATE))
-        yield Served(f"http://127.0.0.1:{port}", Bench(harness=harness, desk=desk), open_page)
-        broker.close()
-        server.should_exit = True
-        thread.join(timeout=20)
-        listener.close()
+        found = Served(f"http://127.0.0.1:{port}", Bench(harness=harness, desk=desk), open_page)
+        try:
+            yield found
+        finally:
+            for page in found.pages:
+                page.context.close()
+            broker.close()
+            server.should_exit = True
+            thread.join(timeout=20)
+            listener.close()
     expect.set_options(timeout=USUAL_MS)
 
 
@@ -134,7 +141,7 @@ def test_from_a_proposal_to_a_release_and_back_again(served: Served, take_pictur
     expect(releaser.locator(".current")).to_contain_text("Choose who did better before")
     take_picture(releaser, "releases-light")
     releaser.get_by_role("link", name="Roll back").click()
-    releaser.get_by_role("button", name="slower than before").click()
+    releaser.locator("#reason").fill("slower than before")
     releaser.locator("#rollback").click()
     expect(releaser.locator(".head .pill").first).to_have_text("rolled back")
     assert bench.desk.current() == shipped
@@ -146,12 +153,7 @@ def test_the_second_of_two_reviewers_is_told_who_decided_what(served: Served, co
     console_watch.expect("409")
     name = served.bench.in_review(candidate())
     first = served.enter("rob", f"/candidates/{name}")
-    second = served.open_page(scripts=False)
-    second.goto(f"{served.address}/account/sign-in")
-    second.locator('input[name="name"]').fill("ria")
-    second.locator('input[name="password"]').fill(PASSWORD)
-    second.locator('input[name="password"]').press("Enter")
-    second.goto(f"{served.address}/candidates/{name}")
+    second = served.enter("ria", f"/candidates/{name}", scripts=False)
     first.locator("#reason").fill("too small an effect")
     first.locator("#reject").click()
     expect(first.locator(".head .pill").first).to_have_text("rejected")

@@ -43,6 +43,7 @@ from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
 from harness.runtime import Start
 from harness.settings import HarnessSettings
+from rsi_reviews.deciding import DECIDERS
 from tests.builders.crews import CrewRobot, Wrapped
 from tests.builders.missions_run import ROBOT
 
@@ -214,6 +215,7 @@ def waiting(
             ids=SeededIds(seed),
             clock=clock,
             signals=signals or Unheard(),
+            deciders=DECIDERS,
             site=site or shipped_site(),
         )
         link = Link()

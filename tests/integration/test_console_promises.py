@@ -5,18 +5,34 @@ from collections.abc import Iterator
 from html.parser import HTMLParser
 
 import pytest
+from fastapi import FastAPI
 from fastapi.testclient import TestClient
+from pydantic import SecretStr
 
+from app.fleet import Fleet
+from app.live import SignalBroker
+from app.main import create_app
 from app.permissions import ROLES
+from app.scene import Scenes
+from app.settings import ConsoleSettings
 from harness.contracts.ids import HandoffId, MissionId
 from harness.projections.handoffs import Handoff
-from tests.builders.consoles import Stand, console_stand
+from tests.builders.consoles import OWNER, Stand, console_stand
 from tests.builders.fleets import ONE, TWO, fleet_stand, moving, run_together, started
 from tests.builders.people import everybody
+from tests.builders.waiting import Waiting, waiting
 
 DEEP = re.compile(r"[?#]|/evidence/.|/events/|/audit/|/scene|/static/|\.(pdf|json|zip|jpg|viser)$|/account/sign")
 ASKS = "interrupted:persistent"
 FIELDS = ("claim", "key", "cycle")
+
+
+def console_over(made: Waiting) -> FastAPI:
+    """A console over a mission that waits by a wall clock in hand."""
+    settings = ConsoleSettings(port=8000, robots=("vbot-1",), owner_token=SecretStr(OWNER))
+    harness = made.harness
+    fleet = Fleet(harness.robots, harness.cameras, lambda: made.wall_s)
+    return create_app(harness.runtime, settings, SignalBroker(), Scenes(harness.runtime), fleet=fleet)
 
 
 class Offered(HTMLParser):
@@ -149,3 +165,102 @@ def test_a_robot_nobody_took_over_goes_back_to_its_own_page() -> None:
         assert (again.status_code, again.headers["location"]) == (303, "/robots/vbot-1/drive")
         assert "data-keep" not in operator.get("/robots/vbot-1/drive").text
         assert operator.post("/robots/vbot-1/drive/return").headers["location"] == "/robots/vbot-1"
+
+
+def test_how_the_robot_is_stands_beside_stop_and_approve() -> None:
+    with fleet_stand() as stand:
+        asking = started(stand.harness, TWO, faults=ASKS)
+        run_together(stand.harness, asking)
+        operator = stand.operator()
+        handoff_id = stand.harness.runtime.mission(asking).handoff_id
+        for path in (f"/missions/{asking}/stop", f"/handoffs/{handoff_id}", f"/robots/{TWO}"):
+            text = operator.get(path).text
+            strip = text.partition('robot-word" data-link=')[2].partition("</p>")[0]
+            for word in (TWO, "battery", "localisation", "hardware stop", "link", "standing"):
+                assert word in strip, (path, word)
+
+
+def test_what_is_said_after_a_mission_ended_does_not_make_it_longer() -> None:
+    with console_stand() as stand:
+        mission = stand.run("circuit")
+        operator, address = stand.operator(), f"/missions/{mission.mission_id}"
+        took = re.compile(r"([^<>,]*) of mission time")
+        before = took.findall(operator.get(f"{address}/report").text)
+        stand.harness.clock.wait_until(stand.harness.clock.now().mission_s + 600.0)
+        page = operator.get(f"{address}/report").text
+        act = next(one for one in Offered(page).acts if one.endswith("/dispute"))
+        assert operator.post(act, data={"reason": "another room", "from": "report"}).status_code == 303
+        assert stand.harness.runtime.mission(mission.mission_id).false_completions
+        assert before and took.findall(operator.get(f"{address}/report").text) == before
+
+
+def test_a_question_that_nobody_answered_is_never_shown_as_a_persons_decision() -> None:
+    with waiting() as made:
+        asked = made.asked()
+        stand = Stand(made.harness, console_over(made))
+        operator = stand.operator()
+        limit_s = asked.handoff.opened.deadline_at_s if asked.handoff.opened else 0.0
+        asked.turn_to(limit_s + 1.0)
+        asked.run()
+        page = operator.get(f"/handoffs/{asked.handoff_id}").text
+        assert asked.handoff.answer is None and asked.mission.status == "safe_stopped"
+        assert "<b>expired</b>" in page and "nobody answered" in page
+        assert "Decision taken up" not in page
+        assert asked.handoff_id in operator.get("/handoffs?status=expired").text
+
+
+FACTS = "/missions/{mission_id}/facts"
+TWINS = {
+    "/account/people": "/accounts",
+    "/account/people/{name}": "/accounts/{name}",
+    "/account/tokens": "/tokens",
+    "/account/tokens/{token_id}/revoke": "/tokens/{token_id}",
+    f"{FACTS}/{{packet_id}}/{{condition_id}}/dispute": f"{FACTS}/{{condition_id}}/dispute",
+    "/places/new": "/places/{place_id}",
+    "/places/{place_id}/edit": "/places/{place_id}",
+    "/queue/{mission_id}/withdraw": "/missions/{mission_id}/withdraw",
+    "/robots/autonomy": "/control/autonomy",
+    "/robots/{robot_id}/autonomy": "/missions/{mission_id}/autonomy",
+    "/robots/{robot_id}/drive": "/robots/{robot_id}/wheel",
+    "/robots/{robot_id}/drive/return": "/robots/{robot_id}/wheel/return",
+    "/robots/{robot_id}/drive/turn": "/robots/{robot_id}/wheel/turn",
+    "/robots/{robot_id}/pause": "/missions/{mission_id}/pause",
+    "/robots/{robot_id}/resume": "/missions/{mission_id}/resume",
+    "/robots/{robot_id}/stand": "/robots/{robot_id}/posture",
+}
+"""Where the API says it otherwise than the page does."""
+OWN = {
+    "/account/password", "/account/sign-in", "/account/sign-out", "/account/sign-out-everywhere", "/candidates/check",
+    "/missions/preview", "/missions/{mission_id}/scene/{view}/instant",
+}  # fmt: skip
+"""A person's own browser and its looks ahead: nothing of the house changes by them."""
+
+
+def test_every_act_of_a_page_is_described_for_programs_too() -> None:
+    with console_stand() as stand:
+        described = stand.operator().get("/api/v1/openapi.json").json()["paths"]
+        pages = {path for method, path in routes_of(stand.app) if method == "POST" and not path.startswith("/api/")}
+        assert pages > OWN and TWINS.keys() <= pages
+        lacking = {path for path in pages - OWN if f"/api/v1{TWINS.get(path, path)}" not in described}
+        assert lacking == set()
+
+
+def routes_of(app: FastAPI) -> set[tuple[str, str]]:
+    """(method, path) of every route."""
+    found: set[tuple[str, str]] = set()
+    for route in app.routes:
+        for inner in getattr(getattr(route, "original_router", None), "routes", [route]):
+            path = re.sub(r":\w+\}", "}", getattr(inner, "path", ""))
+            found |= {(method, path) for method in getattr(inner, "methods", None) or set()}
+    return found
+
+
+def test_everybody_sees_who_else_is_here_and_who_looks_at_the_same_question() -> None:
+    with console_stand() as stand:
+        _, handoff_id = stand.handed_off()
+        operator, presence = stand.operator(), stand.app.state.console.presence
+        assert "nobody else is looking" in operator.get(f"/handoffs/{handoff_id}").text
+        with presence.here("ben", (f"handoff/{handoff_id}",)):
+            assert "also here: ben" in operator.get("/places").text
+            assert "also looking: <b>ben</b>" in operator.get(f"/handoffs/{handoff_id}").text
+        assert "also here" not in operator.get("/places").text

@@ -4,26 +4,31 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 
 import msgspec
 import pytest
 from fastapi.testclient import TestClient
 
 from app.desk_watch import DeskWatch
+from app.evaluated import Evaluated
 from app.settings import ConsoleSettings
 from harness.contracts.ids import Digest
 from harness.contracts.values import encode
 from rsi_reviews.acceptance import accepted
 from rsi_reviews.desk import Desk
+from rsi_reviews.regression.results import Kept
 from tests.builders.consoles import Stand, console_stand
 from tests.builders.people import PASSWORD, SETTING_UP, browser, everybody
 from tests.builders.releases import (
+    CASES,
     PREDICATE,
     RELEASER,
     Bench,
     candidate,
     evaluation,
     expect,
+    result,
     routed,
     say,
     terms_of,
@@ -315,7 +320,7 @@ def test_the_api_says_every_word_and_names_every_rule_that_refuses(house: House)
     assert house.people["viewer"].get("/api/v1/candidates/abc").status_code == 404
 
 
-def test_the_evaluation_page_draws_what_is_published_and_says_where_nothing_is(house: House, tmp_path: object) -> None:
+def test_the_evaluation_page_draws_what_is_published_and_says_where_nothing_is(house: House, tmp_path: Path) -> None:
     text = house.page("viewer", "/evaluation?measure=success")
     shows(text, "The arms under faults", "<svg", "Commands and seeds", "Does the loop improve?")
     with console_stand(settings=ConsoleSettings(port=8000, results=tmp_path)) as empty:
@@ -338,3 +343,14 @@ def test_the_watch_takes_the_pointer_up_and_ended_canary_missions_in(house: Hous
     watch.step()
     assert runtime.head() == before
     assert isinstance(house.bench.desk.current(), str) and Digest(name)
+
+
+def test_an_evaluation_under_way_tells_how_many_results_are_kept(house: House, tmp_path: Path) -> None:
+    made = candidate()
+    name = house.bench.proposed(made)
+    expect(house.bench.desk.begin(terms_of(made, evaluator="regression-1+abc"), say(RELEASER)))
+    review = house.bench.desk.review(name)
+    assert "200 missions to run" in house.page("viewer", "/candidates?status=evaluating")
+    kept = Kept(tmp_path / "results-abc.jsonl", evaluator="regression-1+abc")
+    kept.add([result(CASES[0], made.baseline), result(CASES[0], made.configuration.configuration_id)])
+    assert Evaluated(house.bench.desk, tmp_path).progress(review) == "2 of 200 missions to run"

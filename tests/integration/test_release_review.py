@@ -1,5 +1,7 @@
 """Persons at a candidate: on exactly what they saw, never on their own work, once, and only while it still holds."""
 
+import pytest
+
 from harness.contracts.actors import Actor
 from harness.contracts.ids import Digest
 from rsi_reviews.contracts import Author, ReleasePolicy
@@ -121,10 +123,11 @@ def test_a_stale_baseline_cannot_be_submitted_approved_authorised_or_released() 
         assert rule_of(on.desk.release(late, say(RELEASER), on.seen(late), robot_id=ROBOT)) == "stale_baseline"
 
 
-def test_one_person_with_an_optimiser_is_still_one_person() -> None:
+@pytest.mark.parametrize("author", [Author(name=MINER, kind="optimiser"), Author(name="maintainers", kind="person")])
+def test_one_person_with_an_optimiser_or_with_a_name_in_a_manifest_is_still_one_person(author: Author) -> None:
     alone = Actor(name="solo", role="reviewer+releaser")
     with bench() as on:
-        made = candidate()
+        made = candidate(author=author)
         name = made.candidate_id
         machine = Actor(name=MINER, role="optimiser", channel="policy")
         expect(on.desk.propose(made, say(machine)))

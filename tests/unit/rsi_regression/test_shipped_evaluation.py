@@ -15,6 +15,7 @@ from harness.contracts.ids import sha256
 from harness.contracts.values import digest
 from rsi_reviews.acceptance import accepted, predicate_digest
 from rsi_reviews.desk import Desk
+from rsi_reviews.held_out import Looks
 from rsi_reviews.regression.cases import cases_of, seeds_digest
 from rsi_reviews.regression.suite import shipped
 from rsi_reviews.shipped_evaluation import SUMS, Shipped, shipped_evaluation
@@ -60,21 +61,31 @@ def test_damaged_bytes_are_refused(tmp_path: Path) -> None:
         shipped_evaluation(tmp_path / "nowhere")
 
 
-def test_a_new_data_folder_shows_it_in_review_judged_by_the_predicate_of_today() -> None:
+def test_a_new_data_folder_shows_it_in_review_judged_by_the_predicate_of_today(tmp_path: Path) -> None:
     with bench() as made:
         desk = Desk(made.harness.runtime)
-        put_in_review(desk)
+        put_in_review(desk, tmp_path / "evaluator")
         [review] = desk.reviews()
         assert (review.status, review.cycle, review.candidate) == ("in_review", 1, one().candidate.candidate_id)
         assert [clause.answer for clause in desk.clauses(review.candidate)] == ["pass", "pass", "pass", "inconclusive"]
         assert any(said.by.reason == one().label for said in review.said)
         head = made.harness.runtime.head()
-        put_in_review(desk)
+        put_in_review(desk, tmp_path / "evaluator")
         assert made.harness.runtime.head() == head
 
 
-def test_where_anything_was_proposed_before_nothing_is_shown() -> None:
+def test_where_anything_was_proposed_before_nothing_is_shown(tmp_path: Path) -> None:
     with bench() as made:
         made.proposed(candidate())
-        put_in_review(made.desk)
+        put_in_review(made.desk, tmp_path)
         assert len(made.desk.reviews()) == 1
+
+
+def test_the_looks_that_were_taken_for_it_stay_counted(tmp_path: Path) -> None:
+    with bench() as made:
+        put_in_review(Desk(made.harness.runtime), tmp_path)
+        taken = {look.look for look in made.desk.pointer().looks}
+    made_next = candidate()
+    opened = Looks(tmp_path).open(made_next.candidate_id, digest(made_next.manifest))
+    assert opened.look == len(one().looks) + 1 > max(taken)
+    assert Looks(tmp_path).taken(one().candidate.candidate_id) == one().results.held_out
