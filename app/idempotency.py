@@ -40,7 +40,10 @@ class Idempotency:
             return
         if KEY.fullmatch(key) is None:
             answer = problem(
-                422, code="bad_key", title="An idempotency key has 1 to 200 printable ASCII signs and no space", detail="Idempotency-Key"
+                422,
+                code="bad_key",
+                title="An idempotency key has 1 to 200 ASCII signs and no space",
+                detail="Idempotency-Key",
             )
             await answer(scope, receive, send)
             return

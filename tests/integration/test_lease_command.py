@@ -45,8 +45,9 @@ def test_a_quarantined_base_is_listed_and_freed_by_name_on_measured_rest(setting
     assert (listed["resource"], listed["status"], listed["token"]) == ("vbot-1/mobile_base", "quarantined", 1)
     assert listed["reason"] == "the line was cut"
     freed = regen(
-        "lease", "free", "vbot-1/mobile_base", "--operator", "ada", "--reason", "beside it", *data, REGEN_FIDELITY="kinematic"
-    )
+        "lease", "free", "vbot-1/mobile_base", "--operator", "ada", "--reason", "beside it", *data,
+        REGEN_FIDELITY="kinematic",
+    )  # fmt: skip
     assert freed.returncode == 0, freed.stderr
     assert "free, by ada" in freed.stdout
     last = events(settings)[-1]

@@ -79,9 +79,7 @@ class SimulatedRobot:
             map_version=world.site.map_version,
             camera=CAMERA,
             pose_age_s=world.ring.pose_age_s(world.at_s),
-            driven_by=mover.request.identity.request_id
-            if mover is not None and mover.card.provider_id == HAND
-            else "",
+            driven_by=mover.request.identity.request_id if mover is not None and mover.card.provider_id == HAND else "",
         )
 
     def picture(self) -> Picture:
