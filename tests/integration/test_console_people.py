@@ -82,6 +82,7 @@ CHANGE: dict[tuple[str, str], Permission] = {
     ("POST", "/api/v1/missions/{mission_id}/resume"): "drive",
     ("POST", "/api/v1/missions/{mission_id}/facts/{condition_id}/dispute"): "dispute",
     ("POST", "/missions/{mission_id}/case"): "dispute",
+    ("POST", "/api/v1/maps/{map_version}/cloud"): "drive",
     ("POST", "/api/v1/missions/{mission_id}/case"): "dispute",
     ("POST", "/api/v1/handoffs/{handoff_id}/look"): "observe",
     ("POST", "/api/v1/handoffs/{handoff_id}/decision"): "decide",
@@ -163,6 +164,11 @@ class House:
             return {"reason": "because", "key": "k3"}
         if last == "candidates":
             return proposal(api=path.startswith("/api/"))
+        if last == "cloud":
+            corner = [0.0, 0.0, 0.0]
+            place = {"origin_m": corner, "low_m": corner, "high_m": corner, "points": 0, "dropped": 0, "chunks": []}
+            named = {"map_version": "1", "frame": "map", "source": "a.pcd", "source_digest": "0" * 64}
+            return {"cloud": {**named, **place}, "reason": "because"}
         if last == "policy":
             kept = {} if path.startswith("/api/") else {"key": "k4"}
             return {"kind": "two_person", "quorum": 1, "reason": "because", **kept}
