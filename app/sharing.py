@@ -1,4 +1,4 @@
-"""One render for a hundred browsers: a region's answer is kept until the next signal, a second at most.
+"""One render for a hundred browsers: a region's answer is kept until the next signal or act, a second at most.
 
 Every request is let in by the doorkeeper on its own before it comes here. An answer is shared among readers of the
 same roles and language; where a region names its reader, or offers what is theirs, among their own browsers alone.
@@ -47,6 +47,8 @@ class Shared:
         key = self._key(scope) if scope["type"] == "http" and scope["method"] == "GET" else None
         if key is None:
             await self._app(scope, receive, send)
+            if scope["type"] == "http" and scope["method"] not in ("GET", "HEAD"):
+                self._kept.clear()
             return
         answer = self._fresh(key) or await self._under_way(key)
         if answer is not None:

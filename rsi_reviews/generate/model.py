@@ -5,6 +5,7 @@ shape, or a typed refusal. Nothing that a mission, a provider or a person wrote 
 Needs the extra `models`.
 """
 
+import asyncio
 from pathlib import Path
 from typing import Annotated
 
@@ -115,7 +116,7 @@ class ModelGenerator:
             model, output_type=str, instructions=INSTRUCTIONS, retries=0, deps_type=type(None)
         )
         try:
-            return agent.run_sync(question).output
+            return asyncio.run(agent.run(question)).output
         except (AgentRunError, UserError) as error:
             raise ModelSilent(
                 f"The model gave no answer: {type(error).__name__}: {str(error)[:200]}",

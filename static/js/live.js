@@ -100,7 +100,7 @@ function open() {
 
 document.addEventListener("htmx:after:swap", () => {
   shown();
-  if (body.dataset.link === "lost") for (const region of document.querySelectorAll("[data-region]:not([data-stale])")) waiting.delete(region.id);
+  if (body.dataset.link !== "live") for (const region of document.querySelectorAll("[data-region]:not([data-stale])")) waiting.delete(region.id);
   if (body.dataset.link !== "live" && !waiting.size && performance.now() - heard < LOST_AFTER_MS) live();
 });
 

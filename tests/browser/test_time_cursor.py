@@ -28,6 +28,8 @@ from harness.contracts.events import MissionCreated
 from harness.contracts.ids import MissionId, RobotId
 from harness.runtime import Start
 from harness.settings import HarnessSettings
+from rsi_reviews.deciding import DECIDERS
+from rsi_reviews.shelf import selected
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
 
 VIEWER = r"'unsafe-eval' is not an allowed source of script.*'wasm-unsafe-eval' blob:|policy violation: script-src eval"
@@ -54,7 +56,8 @@ class Served:
 
 @pytest.fixture(scope="module")
 def served() -> Iterator[Served]:
-    with simulated(HarnessSettings(fidelity="kinematic", speed=0), seed=1) as harness:
+    settings = HarnessSettings(fidelity="kinematic", speed=0)
+    with simulated(settings, seed=1, deciders=DECIDERS, select=selected) as harness:
         order = Start(
             actor=Actor(name="ada", role="operator"), robot_id=RobotId("vbot-1"), template="warehouse-inspection"
         )

@@ -62,9 +62,16 @@ def test_a_quick_look_runs_real_missions_and_decides_nothing(proposed: Path) -> 
     assert status(proposed) == "draft"
 
 
+def listening() -> None:
+    """A shell's background job ignores Ctrl-C; a person's terminal does not."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def test_a_run_that_is_broken_off_keeps_what_is_finished(proposed: Path) -> None:
     words = [sys.executable, "-m", "app.cli", "rsi", "evaluate", candidate().candidate_id[:12], "--data", str(proposed)]
-    run = subprocess.Popen([*words, "--processes", "1", "--cases", "400"], stderr=subprocess.PIPE, text=True)
+    run = subprocess.Popen(
+        [*words, "--processes", "1", "--cases", "400"], stderr=subprocess.PIPE, text=True, preexec_fn=listening
+    )
     folder = proposed.with_name("var-evaluator")
     for _ in range(600):
         if run.poll() is not None or any(path.read_bytes().count(b"\n") > 8 for path in folder.glob("*.jsonl")):
