@@ -57,12 +57,10 @@ def contradicted(effect: Metric, packet: EvidencePacket, blobs: Blobs, *, whole:
     """What in the packet's own evidence speaks against it; empty if nothing does.
 
     `whole` also compares localiser and odometry over the last two seconds of motion, as the contract's checks do.
-    Where a clock stepped back, the provider's end lies after the newest sample and cuts an empty tail off it: then the
-    whole trajectory is read, whose newest pose must be fresh by the harness's clock all the same.
+    Where a clock stepped back, the provider's end lies after the newest sample, and the tail cut there holds little or
+    nothing: then the whole trajectory is read, whose newest pose must be fresh by the harness's clock all the same.
     """
-    tail = _samples(packet, blobs, kind="after")
-    if not tail.poses and packet.terminal_s > packet.collected_s:
-        tail = _samples(packet, blobs, kind="trajectory")
+    tail = _samples(packet, blobs, kind="trajectory" if packet.terminal_s > packet.collected_s else "after")
     poses = tail.poses[-3:]
     if len({pose.at_s for pose in poses}) < 3:
         return f"{len(poses)} poses show where the body came to stand"
