@@ -1,5 +1,6 @@
 """Two real robots in a browser: driving by hand stops when let go, and a stop of everything reaches both."""
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -61,6 +62,7 @@ def test_on_a_phone_the_stop_of_everything_is_in_reach_and_the_robots_are_shown(
     house: Console, open_page: OpenPage, take_picture: TakePicture
 ) -> None:
     page = open_page(house.link, width=390, height=844)
+    page.wait_for_url(re.compile(r"/$"))
     page.goto(f"{house.address}/robots")
     expect(page.locator("#robots img").first).to_be_visible()
     page.evaluate("scrollTo(0, document.body.scrollHeight)")
