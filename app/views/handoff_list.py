@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 from app.views.handoffs import HandoffRow
 from app.views.listing import Filter, Paging, Sought, address, facet_filter, order_filter, paging
-from app.views.missions import Counted, Group
+from app.views.missions import Counted, Group, tabs
 from app.views.shell import Shell
-from harness.contracts.read_models import MANY, HandoffItem, ListQuery
+from harness.contracts.read_models import HandoffItem, ListQuery
 
 PATH = "/handoffs"
 GROUPS: tuple[tuple[str, str, dict[str, str]], ...] = (
@@ -57,19 +57,10 @@ def handoffs_page(
 ) -> HandoffsPage:
     """The rows of one page, in the order they come in."""
     chosen = sought.given.get("status", "")
-    groups = tuple(
-        Group(
-            title=name,
-            href=address(PATH, sought.params, status=value),
-            count=str(counted.groups[value]) if counted.groups[value] <= MANY else f"over {MANY}",
-            chosen=value == chosen,
-        )
-        for value, name, _ in GROUPS
-    )
     return HandoffsPage(
         shell=shell,
         rows=tuple(listed_row(one) for one in items),
-        groups=groups,
+        groups=tabs(PATH, GROUPS, sought, counted),
         filters=(
             facet_filter("robot", "robot", counted.tallies, sought),
             facet_filter("failure", "why", counted.tallies, sought),

@@ -151,20 +151,26 @@ def row(item: MissionItem, *, now_s: float) -> MissionRow:
     )
 
 
+def tabs(
+    path: str, groups: Sequence[tuple[str, str, dict[str, str]]], sought: Sought, counted: Counted
+) -> tuple[Group, ...]:
+    """The tabs of a list: each with its count, and the one that is chosen."""
+    return tuple(
+        Group(
+            title=title,
+            href=address(path, sought.params, status=value),
+            count=str(counted.groups[value]) if counted.groups[value] <= MANY else f"over {MANY}",
+            chosen=value == sought.given.get("status", ""),
+        )
+        for value, title, _ in groups
+    )
+
+
 def missions_page(
     shell: Shell, sought: Sought, rows: Sequence[MissionRow], following: ListQuery | None, counted: Counted
 ) -> MissionsPage:
     """The rows of one page, in the order they come in."""
     chosen = sought.given.get("status", "")
-    groups = tuple(
-        Group(
-            title=title,
-            href=address(PATH, sought.params, status=value),
-            count=str(counted.groups[value]) if counted.groups[value] <= MANY else f"over {MANY}",
-            chosen=value == chosen,
-        )
-        for value, title, _ in GROUPS
-    )
     filters = (
         facet_filter("robot", "robot", counted.tallies, sought),
         facet_filter("template", "template", counted.tallies, sought),
@@ -174,7 +180,7 @@ def missions_page(
     return MissionsPage(
         shell=shell,
         rows=tuple(rows),
-        groups=groups,
+        groups=tabs(PATH, GROUPS, sought, counted),
         filters=filters,
         paging=paging(PATH, sought, following, shown=len(rows), found=counted.groups[chosen]),
         words=sought.words,
