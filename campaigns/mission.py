@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -24,6 +25,7 @@ from harness.adapters.providers.simulation.truth import Truth
 from harness.adapters.providers.speech.speaker import PacedSpeaker
 from harness.adapters.providers.speech.voice import EspeakVoice
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
+from harness.baseline.load import read_yaml
 from harness.bootstrap import Harness, Parts, Unheard, assemble
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted
@@ -33,6 +35,7 @@ from harness.contracts.ports import Batch, Head, Provider, Record, StoredEvent
 from harness.contracts.protocol import PhysicalStart
 from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import Moment
+from harness.planning.templates import by_name
 from harness.projections.mission import Mission
 from harness.runtime import Start
 from harness.settings import HarnessSettings
@@ -41,6 +44,7 @@ ROBOT = RobotId("vbot-1")
 MEMORY = Path("/dev/shm")
 """Where a file system lives in memory: what a robot saves outlives it there, and no disk is waited for."""
 ASKING = Actor(name="ada", role="operator")
+ERRAND = Path(__file__).with_name("errand.yaml")
 
 
 class WatchedStore(MemoryEventStore):
@@ -140,17 +144,23 @@ def _in_memory() -> TemporaryDirectory[str]:
 
 def _begun(harness: Harness, plan: MissionPlan) -> MissionId:
     start = Start(actor=ASKING, robot_id=ROBOT, template=plan.template, seed=plan.seed % 2**31)
-    decision = harness.runtime.start(start, template=_template(harness, plan) if plan.unpaid else None)
+    decision = harness.runtime.start(start, template=_template(harness, plan))
     if not isinstance(decision, Accepted):
         raise RuntimeError(f"mission {plan.seed} was not created: {decision.message}")
     return harness.runtime.missions()[0].mission_id
 
 
 def _template(harness: Harness, plan: MissionPlan) -> TaskTemplate:
-    """The configured template with nothing to spend on some recovery actions."""
-    template = next(one for one in harness.runtime.current_configuration(ROBOT).templates if one.name == plan.template)
+    """The campaign's own errand or a template of the configuration, with nothing to spend on some recovery actions."""
+    known = (_errand(), *harness.runtime.current_configuration(ROBOT).templates)
+    template = by_name(plan.template, known)
     nodes = tuple(node | {"recovery": node["recovery"] | dict.fromkeys(plan.unpaid, 0)} for node in template.nodes)
     return replace(template, nodes=nodes)
+
+
+@lru_cache(maxsize=1)
+def _errand() -> TaskTemplate:
+    return read_yaml(ERRAND.read_text(encoding="utf-8"), TaskTemplate, where=ERRAND.name)
 
 
 def _configure(host: RobotHost, mission: Mission) -> None:

@@ -14,10 +14,13 @@ DisturbanceName = Literal[
     "request-lost", "reply-lost", "late-reply", "reordered", "duplicated", "foreign-identity", "provider-silent",
     "robot-crash", "lease-conflict", "clock-step", "epoch-change", "veto",
 ]  # fmt: skip
-Template = Literal["circuit", "warehouse-inspection"]
+Template = Literal["errand", "circuit", "warehouse-inspection"]
 ROBOT_FAULTS: tuple[RobotFault, ...] = get_args(RobotFault)
 DISTURBANCES: tuple[DisturbanceName, ...] = get_args(DisturbanceName)
-WAREHOUSE_SHARE = 0.12
+SHARES: dict[Template, float] = {"warehouse-inspection": 0.03, "circuit": 0.17, "errand": 0.80}
+"""Most missions are short, so that there can be a hundred thousand; every fault strikes in each kind."""
+LASTS_S: dict[Template, float] = {"warehouse-inspection": 110.0, "circuit": 45.0, "errand": 12.0}
+"""About how long an undisturbed one takes: disturbances begin within this."""
 AT_THE_START: dict[DisturbanceName, float] = {"lease-conflict": 0.8, "provider-silent": 0.8, "veto": 0.4}
 """How many of these come in a mission's first second, where most of what they can meet is: dispatches and leases."""
 PERSISTENT_SHARE = 0.25
@@ -72,15 +75,12 @@ class MissionPlan(Value):
         return any(one.name == "robot-crash" for one in self.disturbances)
 
 
-def mission_plan(seed: int) -> MissionPlan:
-    """The mission of that seed: one to four things go wrong in it."""
-    template: Template = "warehouse-inspection" if uniform(seed, "template") < WAREHOUSE_SHARE else "circuit"
+def mission_plan(seed: int, *, template: Template | None = None) -> MissionPlan:
+    """The mission of that seed, of the template it draws or of the given one: one to four things go wrong in it."""
+    template = template or _template(seed)
     mixture = one_of(seed, ((1, 0), (0, 1), (1, 1), (2, 1), (1, 2), (2, 2)), "mixture")
     faults = tuple(dict.fromkeys(_fault(seed, index) for index in range(mixture[0])))
-    disturbances = tuple(
-        _disturbance(seed, index, lasts_s=110.0 if template == "warehouse-inspection" else 45.0)
-        for index in range(mixture[1])
-    )
+    disturbances = tuple(_disturbance(seed, index, lasts_s=LASTS_S[template]) for index in range(mixture[1]))
     names = [fault.partition(":")[0] for fault in faults]
     return MissionPlan(
         seed=seed,
@@ -90,6 +90,15 @@ def mission_plan(seed: int) -> MissionPlan:
         approvals=int(uniform(seed, "approvals") * 3),
         unpaid=(one_of(seed, SPENDING, "unpaid"),) if uniform(seed, "poor") < POOR_SHARE else (),
     )
+
+
+def _template(seed: int) -> Template:
+    drawn, passed = uniform(seed, "template"), 0.0
+    for template, share in SHARES.items():
+        passed += share
+        if drawn < passed:
+            return template
+    return "errand"
 
 
 def _fault(seed: int, index: int) -> str:

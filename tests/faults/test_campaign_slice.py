@@ -121,7 +121,7 @@ def test_a_dropout_at_the_edge_of_the_comparison_is_no_disagreement(seed: int) -
 
 @pytest.mark.parametrize("seed", [208689769166820, 149266815679384])
 def test_an_end_that_a_clock_which_stepped_back_has_not_reached_yet_hides_no_evidence(seed: int) -> None:
-    with played(mission_plan(seed)) as mission:
+    with played(mission_plan(seed, template="circuit")) as mission:
         assert mission.struck["clock-step"]
         assert judged(mission).contract_false == ()
         assert mission.mission.status == "succeeded"
