@@ -88,9 +88,10 @@ KILL_LATENCY_S = 1.6
 """Mission seconds at 8x between the last pose that was read and the last keepalive before the signal arrived."""
 
 
-@pytest.mark.mujoco(missions=1)
 def test_the_robot_killed_in_mid_leg_comes_back_and_nothing_starts_twice(tmp_path: Path) -> None:
-    harness = start("mission", "run", "circuit", "--data", tmp_path, "--speed", "8", "--json")
+    harness = start(
+        "mission", "run", "circuit", "--data", tmp_path, "--speed", "8", "--fidelity", "kinematic", "--json"
+    )
     until(
         lambda: any(line["kind"] == "pose" and line["v_mps"] > 0.3 for line in truth(tmp_path)),
         seconds=40,
