@@ -92,6 +92,7 @@ def test_a_plan_depends_on_its_seed_alone_and_every_disturbance_is_drawn() -> No
         ("MissionCreated", '"configuration":"', '"configuration":"0', "made under another configuration"),
         ("GoalVerified", '"verdict":"satisfied"', '"verdict":"violated"', "success on a goal verdict violated"),
         ("LeaseAcquired", '"token":1', '"token":0', "with token 0 after 0"),
+        ("MissionActivated", '"MissionActivated"', '"VetoRaised","layer":"person","reason":"wait"', "person vetoed"),
     ],
 )
 @pytest.mark.ledger("R230", symbol="campaigns.ledgers:_committed")
