@@ -1,4 +1,4 @@
-"""Fault campaigns: `python -m campaigns run`, `replay SEED`, `check simulation|races|suspended`.
+"""Fault campaigns: `python -m campaigns run`, `replay SEED`, `check simulation|races|suspended|hammer`.
 
 `run` does everything, prints what it found and publishes it where it was of the full size (or with --publish).
 CAMPAIGN_MISSIONS and CAMPAIGN_SEED, or --missions and --seed, ask for another run; a smaller one leaves docs/ alone.
@@ -9,16 +9,17 @@ import os
 import shlex
 import sys
 from collections.abc import Callable
-from typing import Any
+from typing import Any, get_args
 
 import msgspec
 
 from campaigns.adjudicate import judged
 from campaigns.damage import DamageReport, damages
+from campaigns.hammer import HammerReport, hammer
 from campaigns.kills import KillReport, kill_campaign
 from campaigns.mission import played
 from campaigns.plan import mission_plan
-from campaigns.planted import RED, PlantedReport, planted_bugs
+from campaigns.planted import RED, Check, PlantedReport, planted_bugs
 from campaigns.publish import publish
 from campaigns.races import RaceReport, races
 from campaigns.regen import ROOT
@@ -27,14 +28,48 @@ from campaigns.rivals import rival_rounds
 from campaigns.simulate import one_mission, seeds_of, simulated_campaign
 from campaigns.suspended import SuspensionReport, suspensions
 from campaigns.tally import summary
+from campaigns.workers import WorkersReport, worked_missions
 from harness.contracts.ids import sha256
 
 MISSIONS, SEED = 100_000, 1
 PROCESSES = 2
-FULL = {"answers": 200, "appends": 1000, "rivals": 1000, "releases": 1000, "suspensions": 100, "planted": 400}
-SMALLEST = {"answers": 3, "appends": 24, "rivals": 10, "releases": 9, "suspensions": 3, "planted": 250}
+FULL = {
+    "answers": 1000,
+    "appends": 1000,
+    "rivals": 1000,
+    "releases": 1000,
+    "suspensions": 100,
+    "planted": 400,
+    "hammer": 10_000,
+    "workers": 1000,
+}
+SMALLEST = {
+    "answers": 3,
+    "appends": 24,
+    "rivals": 10,
+    "releases": 9,
+    "suspensions": 3,
+    "planted": 250,
+    "hammer": 300,
+    "workers": 12,
+}
 QUICK = 24
-PARTS = ("planted", "races", "rivals", "releases", "suspended", "damage", "kills", "simulation")
+QUICK_DECISIONS, QUICK_KILLS_S = 200, (0.3, 0.9)
+PARTS = (
+    "planted",
+    "races",
+    "rivals",
+    "releases",
+    "suspended",
+    "damage",
+    "kills",
+    "hammer",
+    "workers",
+    "simulation",
+)
+
+
+Report = RaceReport | SuspensionReport | DamageReport | KillReport | HammerReport | WorkersReport
 
 
 def main() -> None:
@@ -44,14 +79,14 @@ def main() -> None:
     whole = commands.add_parser("run", help="every campaign")
     whole.add_argument("--missions", type=int, default=int(os.environ.get("CAMPAIGN_MISSIONS", MISSIONS)))
     whole.add_argument("--seed", type=int, default=int(os.environ.get("CAMPAIGN_SEED", SEED)))
-    whole.add_argument("--minutes", type=float, default=None, help="simulate no longer than this")
+    whole.add_argument("--minutes", type=float, default=None, help="simulate, or work, no longer than this")
     whole.add_argument("--processes", type=int, default=PROCESSES)
     whole.add_argument("--only", default="", choices=("", *PARTS), help="one campaign; what is published else, stays")
     whole.add_argument("--publish", action="store_true", help="write docs/ although the run is smaller")
     again = commands.add_parser("replay", help="one mission of a simulation, with all that happened")
     again.add_argument("seed", type=int)
     check = commands.add_parser("check", help="one campaign, until the first offence")
-    check.add_argument("name", choices=("simulation", "races", "suspended"))
+    check.add_argument("name", choices=get_args(Check))
     check.add_argument("--missions", type=int, default=FULL["planted"])
     check.add_argument("--seed", type=int, default=SEED)
     asked = parser.parse_args()
@@ -95,6 +130,8 @@ def _found(asked: argparse.Namespace, *, share: float) -> dict[str, tuple[dict[s
         "suspended": lambda: _plain("suspended_holders", suspensions(sizes["suspensions"])),
         "damage": lambda: _plain("damage", damages()),
         "kills": lambda: _killed(kill_campaign(most=points, seed=asked.seed)),
+        "hammer": lambda: _plain("hammer", hammer(sizes["hammer"], seed=asked.seed)),
+        "workers": lambda: _plain("workers", worked_missions(sizes["workers"], seed=asked.seed, minutes=asked.minutes)),
         "simulation": lambda: _simulated(asked),
     }
     return {name: part() for name, part in parts.items() if asked.only in ("", name)}
@@ -110,9 +147,7 @@ def _killed(killed: KillReport) -> tuple[dict[str, Any], list[str]]:
     return {"kills": killed.kills + killed.second_kills, **figures}, offences
 
 
-def _plain(
-    name: str, report: RaceReport | SuspensionReport | DamageReport | KillReport
-) -> tuple[dict[str, Any], list[str]]:
+def _plain(name: str, report: Report) -> tuple[dict[str, Any], list[str]]:
     return {name: msgspec.to_builtins(report)}, list(report.offences)
 
 
@@ -158,6 +193,9 @@ def _check(asked: argparse.Namespace) -> None:
             )
         case "races":
             found = next(iter(races(answers=2, appends=QUICK, seed=asked.seed).offences), "")
+        case "hammer":
+            hammered = hammer(QUICK_DECISIONS, seed=asked.seed, callers=2, between_s=QUICK_KILLS_S)
+            found = next(iter(hammered.offences), "")
         case _:
             found = next(iter(suspensions(2).offences), "")
     if found:

@@ -58,7 +58,7 @@ def run(
             return course
         try:
             wake_s = harness.supervisor.step(mission_id)
-            if wake_s is None and not _answered(harness, mission_id, plan, course):
+            if wake_s is None and not answered(harness, mission_id, plan, course):
                 return course
             if wake_s is not None:
                 clock.wait_until(wake_s)
@@ -102,7 +102,7 @@ def _do(harness: Harness, mission_id: MissionId, act: Act, struck: Counter[str])
         struck[name] += 1
 
 
-def _answered(harness: Harness, mission_id: MissionId, plan: MissionPlan, course: Course) -> bool:
+def answered(harness: Harness, mission_id: MissionId, plan: MissionPlan, course: Course) -> bool:
     """Two persons approve the same question at once; at most one of them may be taken. False: nobody came."""
     mission = harness.runtime.mission(mission_id)
     if mission.handoff_id is None or course.answered >= plan.approvals:

@@ -109,7 +109,7 @@ def every_point() -> list[Point]:
             regen("mission", "run", "circuit", "--data", data, *_with(faults), *KINEMATIC)
             log = _log(data)
         counts: Counter[str] = Counter()
-        for low, high in _commits(log):
+        for low, high in commits_of(log):
             kinds = list(dict.fromkeys(event.kind for event in log[low:high]))
             counts.update(kinds)
             if frozenset(kinds) in seen:
@@ -154,7 +154,7 @@ def _wrong(data: Path, mission_id: str) -> Iterator[str]:
     if len(requests) != len(set(requests)):
         yield "a request started twice"
     log = _log(data)
-    books = read_books(log, _commits(log))
+    books = read_books(log, commits_of(log))
     intended = {intent.request_id for intent in books.intents.values()}
     if not set(requests) <= intended:
         yield "something started without an intent"
@@ -164,7 +164,7 @@ def _wrong(data: Path, mission_id: str) -> Iterator[str]:
         yield from replay_mission(runtime, MissionId(mission_id)).differences
 
 
-def _commits(log: Sequence[StoredEvent]) -> list[tuple[int, int]]:
+def commits_of(log: Sequence[StoredEvent]) -> list[tuple[int, int]]:
     """Which events were appended together, as far as a finished log shows: the same two instants, unbroken."""
     edges = [0]
     for place, (before, after) in enumerate(pairwise(log), start=1):

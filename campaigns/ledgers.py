@@ -42,6 +42,7 @@ from harness.contracts.revision_events import (
 )
 from harness.contracts.tasks import Node, TaskContract
 
+LEASES = "lease/"
 LEVEL = {"low": 0, "medium": 1, "high": 2}
 _DECODER: msgspec.json.Decoder[AnyEvent] = msgspec.json.Decoder(AnyEvent)
 
@@ -253,6 +254,16 @@ def _spent(books: Books, node_id: str, action: str, cost: int) -> Iterator[str]:
     whole = sum(books.spent.values()) + books.relooks
     if whole > books.contract.recovery_total:
         yield f"the mission spent {whole} of {books.contract.recovery_total}"
+
+
+def exclusive_leases(log: Sequence[StoredEvent]) -> Iterator[str]:
+    """Over a whole log, whoever wrote it: two holders of one resource at once, and tokens that did not rise."""
+    leases = _Leases()
+    for stored in log:
+        if stored.stream.startswith(LEASES):
+            event = _DECODER.decode(stored.body)
+            if isinstance(event, LeaseAcquired | LeaseReleased | LeaseQuarantined | LeaseFreed):
+                yield from leases.fold(stored.stream, event)
 
 
 class _Leases:

@@ -144,13 +144,13 @@ def _in_memory() -> TemporaryDirectory[str]:
 
 def _begun(harness: Harness, plan: MissionPlan) -> MissionId:
     start = Start(actor=ASKING, robot_id=ROBOT, template=plan.template, seed=plan.seed % 2**31)
-    decision = harness.runtime.start(start, template=_template(harness, plan))
+    decision = harness.runtime.start(start, template=template_of(harness, plan))
     if not isinstance(decision, Accepted):
         raise RuntimeError(f"mission {plan.seed} was not created: {decision.message}")
     return harness.runtime.missions()[0].mission_id
 
 
-def _template(harness: Harness, plan: MissionPlan) -> TaskTemplate:
+def template_of(harness: Harness, plan: MissionPlan) -> TaskTemplate:
     """The campaign's own errand or a template of the configuration, with nothing to spend on some recovery actions."""
     known = (_errand(), *harness.runtime.current_configuration(ROBOT).templates)
     template = by_name(plan.template, known)

@@ -16,9 +16,9 @@ from typing import Literal
 from campaigns.regen import ROOT
 from harness.contracts.values import Value
 
-Check = Literal["simulation", "races", "suspended"]
+Check = Literal["simulation", "races", "suspended", "hammer"]
 LEFT_BEHIND = ("__pycache__", "*.pyc")
-COPIED = ("harness", "campaigns")
+COPIED = ("harness", "campaigns", "tools")
 PREDICATES = 'return ""'
 RED, GREEN = 9, 0
 LONGEST_S = 900.0
@@ -132,6 +132,18 @@ BUGS: tuple[Bug, ...] = (
         name="budget check dropped",
         check="simulation",
         edits=(Edit(file="harness/recovery/standing.py", function="unaffordable", new=PREDICATES),),
+    ),
+    Bug(
+        name="outbox not atomic",
+        check="hammer",
+        edits=(
+            Edit(
+                file="harness/gate/commit.py",
+                function="Gate._append",
+                old="self._store.append(batches, tuple(records), now)",
+                new="for batch in batches:\n            self._store.append([batch], tuple(records), now)",
+            ),
+        ),
     ),
 )
 

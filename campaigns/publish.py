@@ -105,6 +105,27 @@ def _damage(damaged: dict[str, Any]) -> list[tuple[str, str]]:
     return [("damaged folders and disks", cases)]
 
 
+def _hammered(found: dict[str, Any]) -> list[tuple[str, str]]:
+    decided = f"{found['decisions']:,} acknowledged by {found['callers']} callers, {found['refusals']:,} refused"
+    kills = f"{found['kills']}, {found['in_question']} between question and answer, of which {found['stood']} stood"
+    kept = f"{found['lost']} lost, {found['doubled']} doubled, {found['streams']:,} states from zero{_offences(found)}"
+    return [("gate decisions under random SIGKILL", decided), ("their kills", kills), ("those decisions", kept)]
+
+
+def _worked(found: dict[str, Any]) -> list[tuple[str, str]]:
+    played = f"{found['missions']:,} by {found['workers']} workers with {found['robots']} robots"
+    ends = ", ".join(f"{count} {end.replace('_', ' ')}" for end, count in found["ends"].items())
+    away = f"{found['restarts']} restarts ({found['crashes']} crashes), met {found['outages']} times by a worker"
+    leases = f"{found['dispatches']:,} dispatches, {found['foreign_leases']:,} leases taken from outside"
+    kept = f"{found['lost']} lost, {found['doubled']} doubled of {found['acknowledged']:,} appends{_offences(found)}"
+    return [
+        ("missions on one PostgreSQL", f"{played}: {ends}"),
+        ("its outages", f"{away}, in {found['seconds']:.0f} s"),
+        ("its leases", f"{leases}, {found['contended']:,} refused: somebody else had it"),
+        ("what was acknowledged", kept),
+    ]
+
+
 CAMPAIGNS = {
     "kill_campaign": _kills,
     "races": _raced("races of answers and appends"),
@@ -112,6 +133,8 @@ CAMPAIGNS = {
     "release_races": _raced("races at the release desk"),
     "suspended_holders": _suspended,
     "damage": _damage,
+    "hammer": _hammered,
+    "workers": _worked,
 }
 
 

@@ -7,7 +7,7 @@ import pytest
 from campaigns.planted import BUGS, Bug, Edit, edited, planted_bugs
 from campaigns.regen import ROOT
 
-QUICK = ("no cycle check at the handoff", "planner text let into C3", "lease without fencing")
+QUICK = ("no cycle check at the handoff", "planner text let into C3", "lease without fencing", "outbox not atomic")
 
 
 @pytest.mark.parametrize("bug", BUGS, ids=lambda bug: bug.name)
