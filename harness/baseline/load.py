@@ -14,6 +14,7 @@ from harness.contracts.places import Site
 from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import Value
 from harness.recovery.policy import check_policy
+from harness.supervisor.zones import check_site
 
 T = TypeVar("T")
 LONGEST_TEXT = 262_144
@@ -36,12 +37,7 @@ def baseline() -> Configuration:
     Raises ContractInvalid if the shipped files break a rule.
     """
     sections = read_yaml(_shipped("configuration.yaml"), _Sections, where="baseline/configuration.yaml")
-    folder = files(_PACKAGE).joinpath("templates")
-    names = sorted(entry.name for entry in folder.iterdir() if entry.name.endswith(".yaml"))
-    templates = tuple(
-        read_yaml(folder.joinpath(name).read_text(encoding="utf-8"), TaskTemplate, where=f"baseline/templates/{name}")
-        for name in names
-    )
+    templates = _templates("templates")
     configuration = Configuration(
         context_rules=sections.context_rules,
         templates=templates,
@@ -53,9 +49,20 @@ def baseline() -> Configuration:
 
 
 @lru_cache(maxsize=1)
+def further() -> tuple[TaskTemplate, ...]:
+    """Templates that ship beside H_0 and are no part of it, in order of their names, read once.
+
+    A mission of one runs under its robot's current configuration as any other; no candidate changes them.
+    """
+    return _templates("further")
+
+
+@lru_cache(maxsize=1)
 def site() -> Site:
-    """The simulated site's places, routes, passages and zones, read once."""
-    return read_yaml(_shipped("site.yaml"), Site, where="baseline/site.yaml")
+    """The simulated site's places, routes, passages and zones, read once. Raises as `check_site` does."""
+    shipped = read_yaml(_shipped("site.yaml"), Site, where="baseline/site.yaml")
+    check_site(shipped)
+    return shipped
 
 
 def read_yaml(text: str, kind: type[T], *, where: str) -> T:
@@ -114,6 +121,13 @@ def _line(error: yaml.YAMLError) -> str:
     mark = getattr(error, "problem_mark", None)
     problem = getattr(error, "problem", None) or str(error)
     return f"{problem} (line {mark.line + 1})" if mark else str(problem)
+
+
+def _templates(name: str) -> tuple[TaskTemplate, ...]:
+    folder = files(_PACKAGE).joinpath(name)
+    entries = sorted(entry.name for entry in folder.iterdir() if entry.name.endswith(".yaml"))
+    texts = ((entry, folder.joinpath(entry).read_text(encoding="utf-8")) for entry in entries)
+    return tuple(read_yaml(text, TaskTemplate, where=f"baseline/{name}/{entry}") for entry, text in texts)
 
 
 def _shipped(name: str) -> str:

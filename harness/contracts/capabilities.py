@@ -6,8 +6,9 @@ from harness.contracts.ids import ProviderId, ResourceId
 from harness.contracts.values import Name, NonNegative, Positive, Share, Value
 
 Capability = Literal[
-    "take_request", "navigate", "capture_panorama", "observe", "analyse_passage", "deliver_message", "speak"
-]
+    "take_request", "navigate", "capture_panorama", "observe", "analyse_passage", "deliver_message", "speak",
+    "keep_evidence", "describe_image",
+]  # fmt: skip
 Risk = Literal["low", "medium", "high"]
 
 

@@ -30,7 +30,9 @@ class Receipt(Value):
     """A service's or controller's word for one finished act: declared, never measured."""
 
     receipt_id: Name
-    kind: Literal["rotation", "capture", "analysis", "delivery", "playback", "arrival", "disarm", "transcript"]
+    kind: Literal[
+        "rotation", "capture", "analysis", "delivery", "playback", "arrival", "disarm", "transcript", "keeping"
+    ]
     at_s: float
     source: Name
     request_id: RequestId

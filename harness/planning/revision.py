@@ -12,6 +12,7 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import NodeId
 from harness.contracts.tasks import Goal, Node, RecoveryLimits, TaskContract, check, order
 from harness.planning.restrictions import loosened
+from harness.planning.targets import choice_refusal
 from harness.projections.mission import Mission, required_contract
 
 RISKS = ("low", "medium", "high")
@@ -21,11 +22,12 @@ def revision_refusal(mission: Mission, proposed: TaskContract) -> Refused | None
     """The first rule that the proposed contract breaks, or None.
 
     Rules: goal_changed, conditions_changed, frame_changed, constraints_loosened, budget_raised, node_removed,
-    history_changed, stage_weakened, contract_invalid.
+    history_changed, stage_weakened, contract_invalid, and those of the targets that it brings (`choice_refusal`).
     """
     current = required_contract(mission)
     try:
         broken = _kept_whole(current, proposed) or _limits(current, proposed) or _stages(mission, current, proposed)
+        broken = broken or choice_refusal(mission, proposed)
         if broken is None:
             check(proposed)
     except ContractInvalid as error:

@@ -14,7 +14,8 @@ def facts_of(verdict: NodeVerdict, *, packet: EvidencePacket, node: Node, k: Cou
 
     panorama: frames, yaws_rad (index, heading in map), position, heading_rad. analysis_of: report, frames, text (the
     harness's own words from the report's numbers). delivered: frames, images (how many), text_digest.
-    transcript: digest. played: sound. arrival, circuit: frame, map_version, target_m, tolerance_m.
+    pictured: images. same_image: images (the one that both share), report. transcript: digest. played: sound.
+    arrival, circuit: frame, map_version, target_m, tolerance_m.
     """
     declared = {condition.condition_id: condition for condition in node.success_conditions}
     return tuple(
@@ -55,8 +56,13 @@ def _arguments(condition: Condition, result: ConditionResult) -> dict[str, Any]:
             }
         case Visual(predicate="panorama"):
             return _panorama(result)
+        case Visual(predicate="pictured"):
+            return {"images": list(result.evidence)}
         case Visual():
             return {"report": result.evidence[0], "frames": list(result.evidence[1:])}
+        case Relational(predicate="same_image") as effect:
+            image, report = result.evidence
+            return {"subject": effect.subject, "object": effect.object, "images": [image], "report": report}
         case Relational() as effect if effect.predicate != "analysis_of":
             return {"relation": effect.relation, "subject": effect.subject, "object": effect.object}
         case Relational() as effect:

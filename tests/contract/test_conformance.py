@@ -30,7 +30,7 @@ from tests.integration.runs import ROOT, answer, regen
 
 CREW = (
     *("route-follower", "careful-local-planner", "panorama-camera", "observer", "text-intake", "opencv-analysis"),
-    *("message-outbox", "espeak-voice", "recording-navigator"),
+    *("message-outbox", "espeak-voice", "evidence-keeper", "opencv-description", "recording-navigator"),
 )
 SETTINGS = HarnessSettings(speed=0, fidelity="kinematic")
 Stands = dict[ProviderId, Stand]

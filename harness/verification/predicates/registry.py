@@ -8,8 +8,10 @@ from harness.verification.predicates.analysis import analysis_of
 from harness.verification.predicates.arrival import arrival
 from harness.verification.predicates.circuit import circuit
 from harness.verification.predicates.delivery import delivered
+from harness.verification.predicates.explored import explored
 from harness.verification.predicates.inside import inside
 from harness.verification.predicates.panorama import panorama
+from harness.verification.predicates.pictures import one_image, pictured, same_image
 from harness.verification.predicates.playback import played
 from harness.verification.predicates.relations import in_order, linked, reported
 from harness.verification.predicates.sighted import sighted
@@ -32,7 +34,10 @@ PREDICATES: dict[tuple[str, str], Predicate] = {
     ("relational", "analysis_of"): analysis_of,
     ("relational", "inside"): inside,
     ("relational", "linked"): linked,
+    ("relational", "one_image"): one_image,
+    ("relational", "same_image"): same_image,
     ("symbolic", "delivered"): delivered,
+    ("symbolic", "explored"): explored,
     ("symbolic", "played"): played,
     ("symbolic", "reported"): reported,
     ("symbolic", "transcript"): transcript,
@@ -40,6 +45,7 @@ PREDICATES: dict[tuple[str, str], Predicate] = {
     ("temporal", "stable"): _stable,
     ("temporal", "static_body"): static_body,
     ("visual", "panorama"): panorama,
+    ("visual", "pictured"): pictured,
     ("visual", "sighted"): sighted,
 }
 

@@ -16,7 +16,8 @@ from harness.contracts.ids import Digest, NodeId, RequestId
 from harness.contracts.observations import AnySample, Odometry, Pose
 from harness.contracts.protocol import Receipt
 from harness.contracts.tasks import TaskContract
-from tests.unit.verification.building import BEGAN_S, GOAL, Bench, arrival, condition, contract, node, receipt, sealed
+from tests.unit.verification.building import GOAL, Bench, arrival, condition, contract, node, receipt
+from tests.unit.verification.drives import BEGAN_S, sealed
 
 PANORAMA = Visual(predicate="panorama", frames=8, width_px=64, height_px=36)
 ANALYSIS = Relational(predicate="analysis_of", relation="analysis_of", subject="analysis", object="panorama")

@@ -5,10 +5,8 @@ from msgspec.structs import replace
 
 from harness.contracts.evidence import EvidencePacket
 from tests.unit.verification.building import (
-    BEGAN_S,
     STATIC,
     Bench,
-    Drive,
     arrival,
     card,
     contract,
@@ -17,8 +15,8 @@ from tests.unit.verification.building import (
     only,
     receipt,
     retained,
-    sealed,
 )
+from tests.unit.verification.drives import BEGAN_S, Drive, sealed
 
 ARRIVAL = "harness.verification.predicates.arrival:arrival"
 

@@ -5,10 +5,8 @@ from msgspec.structs import replace
 
 from harness.contracts.verdicts import ConditionResult
 from tests.unit.verification.building import (
-    BEGAN_S,
     CIRCUIT,
     Bench,
-    Drive,
     circuit,
     contract,
     mission,
@@ -16,6 +14,7 @@ from tests.unit.verification.building import (
     only,
     retained,
 )
+from tests.unit.verification.drives import BEGAN_S, Drive
 
 ROUND = mission(contract(node(circuit())))
 PREDICATE = "harness.verification.predicates.circuit:circuit"

@@ -3,7 +3,8 @@
 import pytest
 
 from harness.verification.facts import facts_of, finding_in_words
-from tests.unit.verification.building import STATIC, Bench, Drive, arrival, contract, mission, node
+from tests.unit.verification.building import STATIC, Bench, arrival, contract, mission, node
+from tests.unit.verification.drives import Drive
 from tests.unit.verification.stages import inspection, photographed
 
 

@@ -11,11 +11,9 @@ from harness.contracts.verdicts import GoalVerdict
 from harness.projections.mission import Mission
 from harness.verification.predicates.relations import names_finding
 from tests.unit.verification.building import (
-    BEGAN_S,
     CIRCUIT,
     GOAL,
     Bench,
-    Drive,
     circuit,
     condition,
     contract,
@@ -25,6 +23,7 @@ from tests.unit.verification.building import (
     only,
     receipt,
 )
+from tests.unit.verification.drives import BEGAN_S, Drive
 from tests.unit.verification.stages import HOME, inspection, photographed, png, report, served, sound
 
 RELATIONS = "harness.verification.predicates.relations"

@@ -11,7 +11,8 @@ from harness.contracts.observations import AnySample
 from harness.contracts.protocol import RobotStatus
 from harness.contracts.verdicts import ConditionResult
 from harness.verification.preconditions import verify_preconditions
-from tests.unit.verification.building import BEGAN_S, ROUTE, RULES, Drive, fact, node
+from tests.unit.verification.building import RULES, fact, node
+from tests.unit.verification.drives import BEGAN_S, ROUTE, Drive
 
 STANDING = Drive(until_m=7.0, from_m=7.0, before_s=1.0, after_s=1.0)
 SYMBOL = "harness.verification.preconditions:verify_preconditions"

@@ -7,7 +7,8 @@ from msgspec.structs import replace
 
 from harness.contracts.ids import Digest
 from harness.projections.mission import Mission
-from tests.unit.verification.building import BEGAN_S, GOAL, Bench, fact, mission, only, receipt
+from tests.unit.verification.building import GOAL, Bench, fact, mission, only, receipt
+from tests.unit.verification.drives import BEGAN_S
 from tests.unit.verification.stages import inspection, png, report, served, sound
 
 FRAMES = tuple(f"{index:064x}" for index in range(8))

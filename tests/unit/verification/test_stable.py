@@ -8,19 +8,8 @@ from msgspec.structs import replace
 from harness.contracts.effects import Relational, Symbolic, Temporal, Visual
 from harness.projections.mission import Mission
 from harness.verification.geometry import contains
-from tests.unit.verification.building import (
-    BEGAN_S,
-    ROUTE,
-    Bench,
-    Drive,
-    arrival,
-    contract,
-    fact,
-    mission,
-    node,
-    only,
-    receipt,
-)
+from tests.unit.verification.building import Bench, arrival, contract, fact, mission, node, only, receipt
+from tests.unit.verification.drives import BEGAN_S, ROUTE, Drive
 from tests.unit.verification.stages import png, report, served
 
 END = ROUTE[-1]

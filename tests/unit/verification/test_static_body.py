@@ -5,7 +5,8 @@ from msgspec.structs import replace
 
 from harness.verification.body import at_rest_until
 from harness.verification.finding import Undecidable
-from tests.unit.verification.building import STATIC, Bench, Drive, contract, mission, node, only, sealed
+from tests.unit.verification.building import STATIC, Bench, contract, mission, node, only
+from tests.unit.verification.drives import Drive, sealed
 
 STANDING = mission(contract(node(STATIC)))
 

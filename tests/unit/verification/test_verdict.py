@@ -19,7 +19,6 @@ from harness.verification.verdict import VERIFIER, judged, verify
 from tests.unit.verification.building import (
     STATIC,
     Bench,
-    Drive,
     arrival,
     card,
     condition,
@@ -29,6 +28,7 @@ from tests.unit.verification.building import (
     only,
     receipt,
 )
+from tests.unit.verification.drives import Drive
 
 VERDICT = "harness.verification.verdict"
 

@@ -1,0 +1,144 @@
+"""Exploration: where to look next, what may be chosen, and what came of earlier choices. Metres, the map's frame."""
+
+from typing import Annotated
+
+import msgspec
+
+from harness.contracts.ids import Digest, MissionId, NodeId, PacketId
+from harness.contracts.values import Count, Name, NonNegative, Point, Positive, Value
+
+UNKNOWN, FREE, OCCUPIED = 0, 1, 2
+Region = tuple[Point, ...]
+
+
+class GridMap(Value):
+    """What the lidar showed of the floor: `rows` x `columns` cells of UNKNOWN, FREE or OCCUPIED, row by row from
+    `origin_m`, the lower left corner."""
+
+    frame: Name
+    map_version: Name
+    origin_m: Point
+    cell_m: Positive
+    columns: Annotated[int, msgspec.Meta(ge=1)]
+    rows: Annotated[int, msgspec.Meta(ge=1)]
+    cells: bytes
+
+
+class Frontier(Value):
+    """An edge of what is known that can be approached: `edge_m` its middle, `approach_m` where to stand for it.
+
+    `length_m` is how much of the edge there is, `way_m` how long the known way to the approach is.
+    """
+
+    edge_m: Point
+    approach_m: Point
+    length_m: NonNegative
+    way_m: NonNegative
+
+
+class Feedback(Value, tag_field="kind"):
+    """What came of an earlier target: read by whoever proposes the next one (R223)."""
+
+    node_id: NodeId
+    target_m: Point
+
+
+class Reached(Feedback, tag="reached"):
+    """The body arrived, measured. `moved_m`: the path it took."""
+
+    moved_m: NonNegative
+
+
+class Blocked(Feedback, tag="blocked"):
+    """The target was given up. `failure` is the class of the last failure, `reason` the harness's own record of it."""
+
+    failure: Name
+    reason: str
+
+
+class MapChanged(Feedback, tag="map_changed"):
+    """On the way there the map became another one: floor newly known, and floor known before that is now closed."""
+
+    before: Digest
+    after: Digest
+    opened_m2: NonNegative
+    closed_m2: NonNegative
+
+
+AnyFeedback = Reached | Blocked | MapChanged
+
+
+class TargetQuestion(Value):
+    """All that a proposer is shown: the camera's newest picture, the map, the edges of it, and what came of the rest.
+
+    `left` targets may still be chosen. `zones_m`: floor on which the robot may be; `keep_out_m`: floor it may not
+    enter; `longest_way_m` bounds one leg.
+    """
+
+    mission_id: MissionId
+    configuration: Digest
+    k: Count
+    at_s: float
+    objective: Name
+    frame: Name
+    map_version: Name
+    position_m: Point
+    image: Digest
+    map: Digest
+    frontiers: tuple[Frontier, ...]
+    feedback: tuple[AnyFeedback, ...]
+    left: Count
+    longest_way_m: Positive
+    zones_m: tuple[Region, ...]
+    keep_out_m: tuple[Region, ...] = ()
+
+
+class TargetProposal(Value):
+    """A bounded target and why to go there. It has no authority: the harness admits it or takes its own (R222)."""
+
+    target_m: Point
+    reason: str
+
+
+class TargetAnswer(Value):
+    """What the proposer said, why it was not taken up if it was not, and what the harness chose; none: nothing is left.
+
+    `route_m` leads from the body to the target over floor that the map shows free.
+    """
+
+    planner: Name
+    said: TargetProposal | None
+    refused: str
+    chosen: TargetProposal | None
+    route_m: Region = ()
+
+
+class TargetChoice(Value):
+    """One admitted target, bound to the mission, its configuration version and the state version it was chosen at.
+
+    `question` and `answer` are the records of the choice; `image` is the picture and `map` the map it was made from.
+    """
+
+    mission_id: MissionId
+    configuration: Digest
+    k: Count
+    target_m: Point
+    reason: str
+    planner: Name
+    refused: str
+    image: Digest
+    map: Digest
+    question: Digest
+    answer: Digest
+
+
+class MapUpdate(Value):
+    """One map becoming the next: from these sweeps of the lidar, taken during the executions of these packets."""
+
+    before: Digest
+    after: Digest
+    packets: tuple[PacketId, ...]
+    sweeps: tuple[Digest, ...]
+    known_m2: NonNegative
+    opened_m2: NonNegative
+    closed_m2: NonNegative

@@ -1,0 +1,77 @@
+"""Pure: the edges of what is known that can be approached, found on the map that the lidar drew."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from harness.contracts.exploration import UNKNOWN, Frontier, GridMap
+from harness.contracts.values import Point
+from harness.exploration.grid import cells_of, middle_of
+from harness.exploration.ways import Cell, Mask, Ways, free_floor, widened
+
+LEAST_EDGE_M = 0.8
+LEAST_WAY_M = 1.2
+"""An edge nearer than this was looked at from here; another look from the same spot shows nothing new."""
+REACH_M = 1.4
+MOST = 12
+
+
+def frontiers(grid: GridMap, ways: Ways) -> tuple[Frontier, ...]:
+    """Edges of LEAST_EDGE_M or more with a place to stand within REACH_M of their middle, the longest first.
+
+    Unknown specks between two rays of the lidar are no edge: unknown floor counts from three cells across.
+    """
+    floor = free_floor(grid)
+    edge: Mask = floor & widened(_core((cells_of(grid) == UNKNOWN) & ~floor), 2)
+    found = [one for cluster in _clusters(edge) if (one := _frontier(grid, ways, cluster)) is not None]
+    return tuple(sorted(found, key=lambda one: (-one.length_m, one.approach_m)))[:MOST]
+
+
+def _core(unknown: Mask) -> Mask:
+    return ~widened(~unknown, 1) & ~_border(unknown)
+
+
+def _border(mask: Mask) -> Mask:
+    found = np.ones_like(mask)
+    found[1:-1, 1:-1] = False
+    return found
+
+
+def _clusters(edge: Mask) -> Iterator[list[Cell]]:
+    left = {(int(row), int(column)) for row, column in np.argwhere(edge)}
+    while left:
+        ahead = [min(left)]
+        left.discard(ahead[0])
+        cluster = []
+        while ahead:
+            cell = ahead.pop()
+            cluster.append(cell)
+            around = {(cell[0] + down, cell[1] + right) for down in (-1, 0, 1) for right in (-1, 0, 1)} & left
+            left -= around
+            ahead.extend(sorted(around))
+        yield cluster
+
+
+def _frontier(grid: GridMap, ways: Ways, cluster: list[Cell]) -> Frontier | None:
+    """The edge with the nearest place to stand before its middle; None if it is short, near or out of reach."""
+    length_m = len(cluster) * grid.cell_m / 2
+    row, column = (sum(part) / len(cluster) for part in zip(*cluster, strict=True))
+    middle = min(cluster, key=lambda cell: (math.hypot(cell[0] - row, cell[1] - column), cell))
+    if length_m < LEAST_EDGE_M:
+        return None
+    reach = math.ceil(REACH_M / grid.cell_m)
+    standing = [
+        (math.hypot(down, right), way_m, (middle[0] + down, middle[1] + right))
+        for down in range(-reach, reach + 1)
+        for right in range(-reach, reach + 1)
+        if math.hypot(down, right) <= reach
+        and (way_m := ways.length_m((middle[0] + down, middle[1] + right))) is not None
+    ]
+    if not standing:
+        return None
+    _, way_m, approach = min(standing)
+    if way_m < LEAST_WAY_M:
+        return None
+    here: Point = middle_of(grid, middle)
+    return Frontier(edge_m=here, approach_m=middle_of(grid, approach), length_m=length_m, way_m=round(way_m, 6))

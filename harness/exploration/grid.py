@@ -1,0 +1,130 @@
+"""Pure: lidar sweeps at known poses drawn into a grid of free and closed floor. Reads no clock and no ground truth."""
+
+import math
+from bisect import bisect_left
+from collections.abc import Iterable, Sequence
+from typing import TypeVar
+
+import numpy as np
+from msgspec.structs import replace
+from numpy.typing import NDArray
+
+from harness.contracts.contexts import Blobs
+from harness.contracts.exploration import FREE, OCCUPIED, GridMap
+from harness.contracts.observations import Odometry, Pose, Scan, Trajectory
+from harness.contracts.places import Site
+from harness.contracts.values import Point
+
+CELL_M = 0.2
+MARGIN_M = 0.4
+NEAR_S = 0.06
+TURNING_RADPS = 0.15
+"""A sweep taken while the body turns faster than this smears, so it is left out."""
+LOWEST_M, HIGHEST_M = 0.15, 1.2
+"""Hits lower than this are the floor itself, higher ones are above the robot."""
+Cells = NDArray[np.uint8]
+Floats = NDArray[np.float64]
+T = TypeVar("T", Pose, Odometry)
+
+
+def unexplored(site: Site, *, map_version: str) -> GridMap:
+    """Nothing is known yet, over the bounds of the site's zones."""
+    corners = np.array([corner for zone in site.zones for corner in zone.region_m])
+    low, high = corners.min(axis=0) - MARGIN_M, corners.max(axis=0) + MARGIN_M
+    columns, rows = (math.ceil(float(size) / CELL_M) for size in high - low)
+    return GridMap(
+        frame=site.frame,
+        map_version=map_version,
+        origin_m=(float(low[0]), float(low[1])),
+        cell_m=CELL_M,
+        columns=columns,
+        rows=rows,
+        cells=bytes(columns * rows),
+    )
+
+
+def cells_of(grid: GridMap) -> Cells:
+    """Rows x columns, a view that cannot be written to."""
+    return np.frombuffer(grid.cells, dtype=np.uint8).reshape(grid.rows, grid.columns)
+
+
+def cell_of(grid: GridMap, point: Point) -> tuple[int, int]:
+    """Row and column; they may lie outside the grid."""
+    return (
+        math.floor((point[1] - grid.origin_m[1]) / grid.cell_m),
+        math.floor((point[0] - grid.origin_m[0]) / grid.cell_m),
+    )
+
+
+def middle_of(grid: GridMap, cell: tuple[int, int]) -> Point:
+    """The middle of a cell, metres."""
+    x, y = grid.origin_m[0] + (cell[1] + 0.5) * grid.cell_m, grid.origin_m[1] + (cell[0] + 0.5) * grid.cell_m
+    return round(x, 6), round(y, 6)
+
+
+def area_m2(grid: GridMap, *, kind: int) -> float:
+    """How much floor is of this kind."""
+    return float(np.count_nonzero(cells_of(grid) == kind)) * grid.cell_m**2
+
+
+def changed_m2(before: GridMap, after: GridMap, *, to: int) -> float:
+    """How much floor became `to` that was something else."""
+    was, now = cells_of(before), cells_of(after)
+    return float(np.count_nonzero((now == to) & (was != to))) * after.cell_m**2
+
+
+def usable(grid: GridMap, trajectories: Iterable[Trajectory]) -> tuple[tuple[Pose, Scan], ...]:
+    """The sweeps that can be drawn, each with the body's pose at its instant, in order.
+
+    Sweeps without a pose of the map near in time, or taken while turning, are left out.
+    """
+    found = []
+    for trajectory in trajectories:
+        poses = [pose for pose in trajectory.poses if (pose.frame, pose.map_version) == (grid.frame, grid.map_version)]
+        for scan in trajectory.scans:
+            pose, odometry = _near(poses, scan), _near(trajectory.odometry, scan)
+            if pose is not None and odometry is not None and abs(odometry.w_radps) <= TURNING_RADPS:
+                found.append((pose, scan))
+    return tuple(found)
+
+
+def merged(grid: GridMap, sweeps: Iterable[tuple[Pose, Scan]], blobs: Blobs) -> GridMap:
+    """The map after these sweeps. What they show takes the place of what was known."""
+    free, closed = np.zeros((grid.rows, grid.columns), bool), np.zeros((grid.rows, grid.columns), bool)
+    for pose, scan in sweeps:
+        _draw(grid, pose, np.frombuffer(blobs(scan.blob), dtype="<f4").reshape(-1, 3), free, closed)
+    cells = cells_of(grid).copy()
+    cells[free] = FREE
+    cells[closed] = OCCUPIED
+    return replace(grid, cells=cells.tobytes())
+
+
+def _draw(
+    grid: GridMap, pose: Pose, points: NDArray[np.float32], free: NDArray[np.bool_], closed: NDArray[np.bool_]
+) -> None:
+    """The floor under each ray is free up to its hit; the hit itself is closed unless it is the floor."""
+    seen = points[points[:, 2] <= HIGHEST_M].astype(np.float64)
+    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+    hits = np.stack(
+        [pose.x_m + cos * seen[:, 0] - sin * seen[:, 1], pose.y_m + sin * seen[:, 0] + cos * seen[:, 1]], axis=1
+    )
+    here = np.array([pose.x_m, pose.y_m])
+    reach = np.linalg.norm(hits - here, axis=1)
+    for step in np.arange(0.0, float(reach.max(initial=0.0)), grid.cell_m / 2):
+        going = reach > step + grid.cell_m
+        _mark(grid, here + (hits[going] - here) * (step / reach[going])[:, None], free)
+    _mark(grid, hits[seen[:, 2] >= LOWEST_M], closed)
+
+
+def _mark(grid: GridMap, points: Floats, marked: NDArray[np.bool_]) -> None:
+    at = np.floor((points - np.array(grid.origin_m)) / grid.cell_m).astype(np.int64)
+    inside = (at >= 0).all(axis=1) & (at[:, 0] < grid.columns) & (at[:, 1] < grid.rows)
+    marked[at[inside, 1], at[inside, 0]] = True
+
+
+def _near(samples: Sequence[T], scan: Scan) -> T | None:
+    """The sample nearest in sensor time, at most NEAR_S away."""
+    index = bisect_left(samples, scan.at_s, key=lambda sample: sample.at_s)
+    around = samples[max(0, index - 1) : index + 1]
+    nearest = min(around, key=lambda sample: abs(sample.at_s - scan.at_s), default=None)
+    return nearest if nearest is not None and abs(nearest.at_s - scan.at_s) <= NEAR_S else None

@@ -1,0 +1,125 @@
+"""Pure: who proposes the next target, which targets the harness admits, and what it takes when one is refused (R222).
+
+A proposer, a model included, sees the question and nothing else; its target has no authority.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from harness.contracts.decisions import Refused
+from harness.contracts.exploration import Blocked, Frontier, GridMap, TargetAnswer, TargetProposal, TargetQuestion
+from harness.contracts.values import Point
+from harness.exploration.grid import cell_of
+from harness.exploration.region import contains
+from harness.exploration.ways import Ways
+
+NEAR_BLOCKED_M = 0.8
+"""A target as near as this to one that was given up is the same target again."""
+WAY_COST_M = 3.0
+LONGEST_REASON = 400
+
+
+@dataclass(frozen=True)
+class Proposer:
+    """Whoever proposes targets, under a name that stands in the log. `propose` may answer anything or raise.
+
+    It sees the question and the picture's bytes; None: it has nothing to propose.
+    """
+
+    name: str
+    propose: Callable[[TargetQuestion, bytes], TargetProposal | None]
+
+
+def nearest_edge(question: TargetQuestion, picture: bytes = b"") -> TargetProposal | None:
+    """The edge that shows most for its way, away from what was given up. Deterministic; needs no picture."""
+    given_up = [one.target_m for one in question.feedback if isinstance(one, Blocked)]
+    left = [one for one in question.frontiers if not _near(one.approach_m, given_up)]
+    if not left:
+        return None
+    best = max(left, key=lambda one: (_worth(one), one.approach_m))
+    return TargetProposal(
+        target_m=best.approach_m,
+        reason=f"{best.length_m:.1f} m of unknown edge near ({best.edge_m[0]:.1f}, {best.edge_m[1]:.1f}), "
+        f"{best.way_m:.1f} m away; {len(left)} of {len(question.frontiers)} edges are open.",
+    )
+
+
+NEAREST_EDGE = Proposer(name="nearest-edge-1", propose=nearest_edge)
+"""The deterministic proposer: no model."""
+
+
+def target_refusal(target: Point, *, question: TargetQuestion, grid: GridMap, ways: Ways) -> Refused | None:
+    """Why the harness does not go there, whoever proposed it; None if it may (R222)."""
+    said = f"({target[0]:.2f}, {target[1]:.2f})"
+    row, column = cell_of(grid, target) if all(math.isfinite(part) for part in target) else (-1, -1)
+    if not (0 <= row < grid.rows and 0 <= column < grid.columns):
+        return Refused("outside_map", f"{said} lies outside the map {question.map_version}.")
+    if not any(contains(zone, target) for zone in question.zones_m):
+        return Refused("outside_zones", f"{said} lies in no zone in which the robot may be.")
+    if any(contains(region, target) for region in question.keep_out_m):
+        return Refused("keep_out", f"{said} lies where the contract forbids to enter.")
+    if _near(target, [one.target_m for one in question.feedback if isinstance(one, Blocked)]):
+        return Refused("given_up_before", f"{said} is where an earlier target of this mission was given up.")
+    return _way_refusal(said, question=question, way_m=ways.length_m((row, column)))
+
+
+def _way_refusal(said: str, *, question: TargetQuestion, way_m: float | None) -> Refused | None:
+    if way_m is None:
+        return Refused("unreachable", f"No known free floor leads to {said}.")
+    if way_m > question.longest_way_m:
+        return Refused("too_far", f"{said} is {way_m:.1f} m away, at most {question.longest_way_m:.1f} m per target.")
+    spent = question.left < 1
+    return Refused("over_budget", "The exploration's budget of targets is spent.") if spent else None
+
+
+def answered(proposer: Proposer, *, question: TargetQuestion, grid: GridMap, picture: bytes) -> TargetAnswer:
+    """Ask, admit or refuse; a proposer that is refused or breaks stops nothing: the harness's own edge is taken."""
+    said: TargetProposal | None = None
+    refused = ""
+    try:
+        said = _storable(proposer.propose(question, picture))
+    except Exception as error:  # noqa: BLE001 - a proposer that breaks has proposed nothing, whatever broke it
+        refused = f"{proposer.name} proposed nothing usable: {type(error).__name__}: {_short(str(error))}"
+    return settled(proposer.name, said, refused=refused, question=question, grid=grid)
+
+
+def settled(
+    planner: str, said: TargetProposal | None, *, refused: str, question: TargetQuestion, grid: GridMap
+) -> TargetAnswer:
+    """What the harness makes of what was said; derived again from the records at replay."""
+    ways = Ways(grid, question.position_m, keep_out_m=question.keep_out_m)
+    broken = target_refusal(said.target_m, question=question, grid=grid, ways=ways) if said else None
+    if broken is not None:
+        refused = f"{broken.rule}: {broken.message}"
+    chosen = said if broken is None else None
+    if refused:
+        own = nearest_edge(question)
+        fits = own is not None and target_refusal(own.target_m, question=question, grid=grid, ways=ways) is None
+        chosen = own if fits else None
+    route = ways.route_m(chosen.target_m) if chosen else ()
+    return TargetAnswer(planner=planner, said=said, refused=refused, chosen=chosen, route_m=route)
+
+
+def _worth(frontier: Frontier) -> float:
+    return frontier.length_m / (frontier.way_m + WAY_COST_M)
+
+
+def _near(point: Point, others: list[Point]) -> bool:
+    return any(math.dist(point, other) <= NEAR_BLOCKED_M for other in others)
+
+
+def _storable(said: TargetProposal | None) -> TargetProposal | None:
+    """The proposal as values that the log can hold. Raises TypeError if it is none."""
+    if said is None:
+        return None
+    if not isinstance(said, TargetProposal):
+        raise TypeError(f"{type(said).__name__} is no target")
+    x, y = (float(part) for part in said.target_m)
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise TypeError("the target is not finite")
+    return TargetProposal(target_m=(x, y), reason=_short(str(said.reason)))
+
+
+def _short(text: str) -> str:
+    return text.encode("utf-8", "replace").decode()[:LONGEST_REASON]

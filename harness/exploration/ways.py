@@ -1,0 +1,148 @@
+"""Pure: where the body may stand on a grid, how far that is, and the way there over floor known to be free."""
+
+import heapq
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.contracts.exploration import FREE, OCCUPIED, UNKNOWN, GridMap, Region
+from harness.contracts.values import Point
+from harness.exploration.grid import cell_of, cells_of, middle_of
+from harness.exploration.region import contains
+
+CLEARANCE_M = 0.4
+ROOM_M, NARROW_COST = 0.6, 4.0
+"""Floor nearer than this to what is closed costs so many times its length: a way keeps off walls where it can."""
+AROUND_M = 0.6
+"""So near to the body the floor is taken as it is: it stands there."""
+SIGHT_M = 0.05
+SPECK = 4
+"""So many of its eight neighbours are free around an unknown cell that lies between two rays."""
+Cell = tuple[int, int]
+Mask = NDArray[np.bool_]
+_STEPS = tuple(
+    (down, right, math.hypot(down, right)) for down in (-1, 0, 1) for right in (-1, 0, 1) if (down, right) != (0, 0)
+)
+
+
+class Ways:
+    """The cheapest ways from one position to every cell that can be reached without entering a keep-out."""
+
+    def __init__(self, grid: GridMap, position: Point, *, keep_out_m: tuple[Region, ...] = ()) -> None:
+        self._grid = grid
+        self.open = standable(grid, position) & ~_forbidden(grid, keep_out_m)
+        self._roomy = self.open & ~widened(cells_of(grid) == OCCUPIED, round(ROOM_M / grid.cell_m))
+        self._length_m, self._from = self._spread(cell_of(grid, position))
+        self._position = position
+
+    def length_m(self, cell: Cell) -> float | None:
+        """Metres of the way to a cell; None if none is known."""
+        return self._length_m.get(cell)
+
+    def route_m(self, target: Point) -> tuple[Point, ...]:
+        """From the position to the target, corners only; empty if the target cannot be reached."""
+        cell = cell_of(self._grid, target)
+        if cell not in self._length_m:
+            return ()
+        back = [cell]
+        while (before := self._from.get(back[-1])) is not None:
+            back.append(before)
+        points = [self._position, *(middle_of(self._grid, one) for one in reversed(back[:-1])), target]
+        return self._straightened(points)
+
+    def _straightened(self, points: list[Point]) -> tuple[Point, ...]:
+        kept, at = [points[0]], 0
+        while at < len(points) - 1:
+            ahead = next(
+                (index for index in range(len(points) - 1, at + 1, -1) if self._sees(points[at], points[index])), at + 1
+            )
+            kept.append(points[ahead])
+            at = ahead
+        return tuple(kept)
+
+    def _sees(self, start: Point, end: Point) -> bool:
+        """Whether the straight line leads over roomy floor only; through narrow places the way is kept as it is."""
+        steps = max(1, math.ceil(math.dist(start, end) / SIGHT_M))
+        between = (
+            (start[0] + (end[0] - start[0]) * step / steps, start[1] + (end[1] - start[1]) * step / steps)
+            for step in range(steps + 1)
+        )
+        return all(self._roomy[cell_of(self._grid, point)] for point in between)
+
+    def _spread(self, start: Cell) -> tuple[dict[Cell, float], dict[Cell, Cell]]:
+        """Metres to each cell along its cheapest way, and the cell before it there."""
+        length_m: dict[Cell, float] = {}
+        before: dict[Cell, Cell] = {}
+        queue: list[tuple[float, Cell, float, Cell | None]] = [(0.0, start, 0.0, None)]
+        while queue:
+            cost, cell, so_far, came = heapq.heappop(queue)
+            if cell in length_m:
+                continue
+            length_m[cell] = so_far
+            if came is not None:
+                before[cell] = came
+            for following, step in _around(cell, self.open):
+                if following not in length_m:
+                    step_m = step * self._grid.cell_m
+                    dear = step_m if self._roomy[following] else step_m * NARROW_COST
+                    heapq.heappush(queue, (cost + dear, following, so_far + step_m, cell))
+        return length_m, before
+
+
+def standable(grid: GridMap, position: Point) -> Mask:
+    """Free floor with CLEARANCE_M to whatever is closed; around the body its own free floor is enough."""
+    cells = cells_of(grid)
+    closed = widened(cells == OCCUPIED, round(CLEARANCE_M / grid.cell_m))
+    rows, columns = np.mgrid[0 : grid.rows, 0 : grid.columns]
+    here_row, here_column = cell_of(grid, position)
+    near = np.hypot(rows - here_row, columns - here_column) * grid.cell_m <= AROUND_M
+    standing: Mask = free_floor(grid) & (~closed | near)
+    if 0 <= here_row < grid.rows and 0 <= here_column < grid.columns:
+        standing[here_row, here_column] = True
+    return standing
+
+
+def _forbidden(grid: GridMap, keep_out_m: tuple[Region, ...]) -> Mask:
+    """Cells whose middle lies where the contract forbids to enter."""
+    found = np.zeros((grid.rows, grid.columns), bool)
+    for row, column in np.ndindex(grid.rows, grid.columns) if keep_out_m else ():
+        found[row, column] = any(contains(region, middle_of(grid, (row, column))) for region in keep_out_m)
+    return found
+
+
+def free_floor(grid: GridMap) -> Mask:
+    """What the lidar saw free, and the specks between its rays: unknown cells with free floor around most of them."""
+    cells = cells_of(grid)
+    free: Mask = cells == FREE
+    around = sum(_shifted(free, down, right).astype(np.int64) for down, right, _ in _STEPS)
+    floor: Mask = free | ((cells == UNKNOWN) & (around >= SPECK) & ~widened(cells == OCCUPIED, 1))
+    return floor
+
+
+def _shifted(mask: Mask, down: int, right: int) -> Mask:
+    found = np.zeros_like(mask)
+    rows, columns = mask.shape
+    into = (slice(max(0, down), rows + min(0, down)), slice(max(0, right), columns + min(0, right)))
+    out = (slice(max(0, -down), rows + min(0, -down)), slice(max(0, -right), columns + min(0, -right)))
+    found[into] = mask[out]
+    return found
+
+
+def widened(mask: Mask, cells: int) -> Mask:
+    """Every cell within so many cells of the mask, as a disc."""
+    found = np.zeros_like(mask)
+    for down in range(-cells, cells + 1):
+        for right in range(-cells, cells + 1):
+            if math.hypot(down, right) <= cells:
+                found |= _shifted(mask, down, right)
+    return found
+
+
+def _around(cell: Cell, standing: Mask) -> Iterator[tuple[Cell, float]]:
+    rows, columns = standing.shape
+    for down, right, step in _STEPS:
+        row, column = cell[0] + down, cell[1] + right
+        if 0 <= row < rows and 0 <= column < columns and standing[row, column]:
+            yield (row, column), step

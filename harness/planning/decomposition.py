@@ -1,0 +1,158 @@
+"""Pure: which stages a goal is taken apart into, whoever plans, and what the harness makes of such a plan (R225).
+
+A template offers stages with their conditions and limits. A planner, a model included, chooses and orders them: it
+can add an order, never a stage, a capability or a condition, and it cannot leave out what the goal requires.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import msgspec
+
+from harness.contracts.decisions import Refused
+from harness.contracts.ids import NodeId
+from harness.contracts.tasks import TaskTemplate
+from harness.contracts.values import Value
+
+LONGEST_REASON = 400
+MOST_STEPS = 32
+
+
+class PlanStep(Value):
+    """One stage of a plan: which offered stage, by which capability, after which others."""
+
+    stage: NodeId
+    capability: str
+    after: tuple[NodeId, ...] = ()
+
+
+class StagePlan(Value):
+    """A goal taken apart. A proposal, never an authorisation (R41)."""
+
+    steps: tuple[PlanStep, ...]
+    reason: str
+
+
+@dataclass(frozen=True)
+class StagePlanner:
+    """Whoever takes a goal apart, under a name that stands with the mission. `propose` may answer anything or raise."""
+
+    name: str
+    propose: Callable[[str, TaskTemplate], StagePlan]
+
+
+@dataclass(frozen=True)
+class Decomposed:
+    """The template as it is compiled, what the planner said of it, and why that was not taken up if it was not."""
+
+    template: TaskTemplate
+    planner: str
+    plan: StagePlan | None
+    refused: str
+
+
+def one_after_another(goal: str, template: TaskTemplate) -> StagePlan:
+    """Every offered stage, each after the one before it. Deterministic."""
+    stages = [(NodeId(str(node["node_id"])), node) for node in template.nodes]
+    before: list[tuple[NodeId, ...]] = [(), *((stage,) for stage, _ in stages)]
+    steps = (
+        PlanStep(stage=stage, capability=str(node["capabilities"][0]), after=after)
+        for (stage, node), after in zip(stages, before, strict=False)
+    )
+    return StagePlan(steps=tuple(steps), reason="The stages that the template offers, one after another.")
+
+
+ONE_AFTER_ANOTHER = StagePlanner(name="one-after-another-1", propose=one_after_another)
+"""The deterministic planner: no model."""
+
+
+def decomposed(planner: StagePlanner, *, goal: str, template: TaskTemplate) -> Decomposed:
+    """Ask, admit or refuse; whatever is refused or breaks, the harness's own plan is taken."""
+    plan: StagePlan | None = None
+    try:
+        plan = _storable(planner.propose(goal, template))
+    except Exception as error:  # noqa: BLE001 - a planner that breaks has proposed nothing, whatever broke it
+        why = f"{planner.name} proposed nothing usable: {type(error).__name__}: {_short(str(error))}"
+        return Decomposed(_ordered(template, one_after_another(goal, template)), planner.name, None, why)
+    broken = stage_plan_refusal(plan, template=template)
+    taken = one_after_another(goal, template) if broken else plan
+    refused = f"{broken.rule}: {broken.message}" if broken else ""
+    return Decomposed(_ordered(template, taken), planner.name, plan, refused)
+
+
+def stage_plan_refusal(plan: StagePlan, *, template: TaskTemplate) -> Refused | None:
+    """Why a template is not compiled from this plan, whoever made it; None if it may be (R225)."""
+    offered = {NodeId(str(node["node_id"])): node for node in template.nodes}
+    stages = [step.stage for step in plan.steps]
+    for step in plan.steps:
+        if step.stage not in offered:
+            return Refused("not_offered", f"The template offers {', '.join(offered)}, not {step.stage[:80]!r}.")
+        if step.capability not in offered[step.stage]["capabilities"]:
+            return Refused("another_capability", f"{step.stage} is not done by {step.capability[:80]!r}.")
+        if unknown := set(step.after) - set(stages):
+            return Refused("not_planned", f"{step.stage} waits for {', '.join(sorted(unknown))}, which is not planned.")
+    if len(set(stages)) != len(stages):
+        return Refused("planned_twice", "A stage is planned twice.")
+    missing = [name for name, node in offered.items() if node.get("required", True) and name not in stages]
+    if missing:
+        return Refused("stage_missing", f"The goal requires {', '.join(missing)}, which the plan leaves out.")
+    return _order_refusal(plan, template)
+
+
+def _order_refusal(plan: StagePlan, template: TaskTemplate) -> Refused | None:
+    """No cycle, and every order that the goal is judged by."""
+    waits = _waits(plan, template)
+    ahead = {stage: _all_before(stage, waits) for stage in waits}
+    circular = [stage for stage, before in ahead.items() if stage in before]
+    if circular:
+        return Refused("circular", f"{', '.join(circular)} would wait for itself.")
+    for condition in template.completion_conditions:
+        effect = condition["effect"]
+        judged = effect.get("nodes", ()) if effect.get("predicate") == "in_order" else ()
+        late = [after for before, after in pairwise(judged) if before not in ahead[NodeId(after)]]
+        if late:
+            return Refused("out_of_order", f"{', '.join(late)} would not wait for what the goal wants before it.")
+    return None
+
+
+def _waits(plan: StagePlan, template: TaskTemplate) -> dict[NodeId, set[NodeId]]:
+    """What each planned stage waits for: what the plan says, and what the template says whatever the plan does."""
+    own = {NodeId(str(node["node_id"])): node.get("depends_on", ()) for node in template.nodes}
+    return {step.stage: {*step.after, *(NodeId(str(one)) for one in own[step.stage])} for step in plan.steps}
+
+
+def _all_before(stage: NodeId, waits: Mapping[NodeId, set[NodeId]]) -> set[NodeId]:
+    found: set[NodeId] = set()
+    ahead = list(waits[stage])
+    while ahead:
+        name = ahead.pop()
+        if name not in found:
+            found.add(name)
+            ahead.extend(waits.get(name, ()))
+    return found
+
+
+def _ordered(template: TaskTemplate, plan: StagePlan) -> TaskTemplate:
+    """The template with the planned stages in the plan's order; their conditions and limits are the template's."""
+    nodes = {str(node["node_id"]): node for node in template.nodes}
+    waits = _waits(plan, template)
+    planned: tuple[dict[str, Any], ...] = tuple(
+        {**nodes[step.stage], "depends_on": sorted(waits[step.stage], key=[*waits].index)} for step in plan.steps
+    )
+    return msgspec.structs.replace(template, nodes=planned)
+
+
+def _storable(said: StagePlan) -> StagePlan:
+    """The plan as values that can be kept. Raises TypeError if it is none."""
+    if not isinstance(said, StagePlan):
+        raise TypeError(f"{type(said).__name__} is no plan")
+    if len(said.steps) > MOST_STEPS:
+        raise TypeError(f"a plan of {len(said.steps)} steps, at most {MOST_STEPS} are read")
+    checked = msgspec.convert(msgspec.to_builtins(said), StagePlan, strict=True)
+    return msgspec.structs.replace(checked, reason=_short(checked.reason))
+
+
+def _short(text: str) -> str:
+    return text.encode("utf-8", "replace").decode()[:LONGEST_REASON]

@@ -1,0 +1,157 @@
+"""Pure: an exploring contract: which stage keeps it open, which targets it was given, what the next one adds (R222).
+
+A choice stands in the contract's bindings under `targets`, by the name of the leg that goes there.
+"""
+
+from typing import Any
+
+import msgspec
+from msgspec.structs import replace
+
+from harness.contracts.decisions import Refused
+from harness.contracts.effects import Condition, Metric, Precondition, Temporal
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.exploration import TargetChoice
+from harness.contracts.ids import ConditionId, NodeId, ResourceId
+from harness.contracts.tasks import EvidencePolicy, Node, RecoveryLimits, TaskContract
+from harness.contracts.values import Point, encode
+from harness.projections.exploration import TARGETS, choices
+from harness.projections.mission import Mission, required_contract
+
+EXPLORES = "explores"
+"""The parameter of the stage that stays open while there is something to explore: how many views are wanted."""
+LEG, LOOK = "leg", "look"
+TOLERANCE_M, TIMEOUT_S = 0.40, 120.0
+LEG_BUDGET = RecoveryLimits(re_perceive=2, adjust_view=2, retry=1, local_replan=0, switch_skill=1, total=4)
+"""A leg that is blocked tries one other provider; then it is given up, since another target may serve as well."""
+
+
+def exploring(contract: TaskContract) -> Node | None:
+    """The stage that waits until the exploration is over; None for a contract that explores nothing."""
+    return next((node for node in contract.nodes if EXPLORES in node.parameters), None)
+
+
+def extended(contract: TaskContract, choice: TargetChoice, *, route_m: tuple[Point, ...]) -> TaskContract:
+    """The contract with a leg to the target and a look from there, both before the stage that closes it.
+
+    Neither is required: a target that cannot be reached is given up, and another one chosen. Raises ContractInvalid
+    if the contract explores nothing.
+    """
+    closing = exploring(contract)
+    if closing is None or not closing.depends_on:
+        raise ContractInvalid("The contract explores nothing", where="nodes", do="start it from such a template")
+    number = len(choices(contract)) + 1
+    leg, look = _stages(contract, closing, choice, number=number, route_m=route_m)
+    at = contract.nodes.index(closing)
+    bound: dict[str, Any] = msgspec.json.decode(encode(contract.bindings.get(TARGETS, {})))
+    targets = {**bound, leg.node_id: msgspec.json.decode(encode(choice))}
+    return replace(
+        contract,
+        nodes=(*contract.nodes[:at], leg, look, *contract.nodes[at:]),
+        bindings={**contract.bindings, TARGETS: targets},
+    )
+
+
+def choice_refusal(mission: Mission, proposed: TaskContract) -> Refused | None:
+    """Why a revision may not bring its targets: each new one belongs to this mission, its configuration and its k.
+
+    Earlier choices and the other bindings stay as they are; a leg leads to its own target and nowhere else.
+    """
+    current = required_contract(mission)
+    before, after = choices(current), choices(proposed)
+    for name in {*current.bindings, *proposed.bindings} - {TARGETS}:
+        if current.bindings.get(name) != proposed.bindings.get(name):
+            return Refused("bindings_changed", f"A plan keeps what the contract was compiled from; {name} changed.")
+    if any(after.get(name) != choice for name, choice in before.items()):
+        return Refused("history_changed", "A target that was chosen stands; a plan may add one.")
+    nodes = {node.node_id: node for node in proposed.nodes}
+    for name in after.keys() - before.keys():
+        if broken := _foreign(mission, after[name]) or _elsewhere(nodes.get(name), name, after[name]):
+            return broken
+    known = {node.node_id for node in current.nodes}
+    moving = (node for node in proposed.nodes if "navigate" in node.capabilities and node.node_id not in known)
+    unbound = [node.node_id for node in moving if exploring(current) and node.node_id not in after]
+    return Refused("target_unbound", f"No choice stands behind {', '.join(unbound)}.") if unbound else None
+
+
+def _foreign(mission: Mission, choice: TargetChoice) -> Refused | None:
+    if choice.mission_id != mission.mission_id:
+        return Refused("foreign_target", f"The target was chosen for {choice.mission_id}, not for this mission.")
+    if choice.configuration != mission.configuration:
+        pinned = mission.configuration[:12]
+        return Refused(
+            "wrong_configuration", f"The target was chosen under {choice.configuration[:12]}, not under {pinned}."
+        )
+    if choice.k != mission.k:
+        return Refused("obsolete_target", f"The target was chosen at state version {choice.k}; this is {mission.k}.")
+    return None
+
+
+def _elsewhere(leg: Node | None, name: NodeId, choice: TargetChoice) -> Refused | None:
+    effects = [one.effect for one in leg.success_conditions] if leg else []
+    arrivals = [one.target_m for one in effects if isinstance(one, Metric)]
+    if leg is None or leg.parameters.get("target") != choice.target_m or arrivals != [choice.target_m]:
+        return Refused("another_target", f"{name} does not lead to the target that was chosen for it.")
+    return None
+
+
+def _stages(
+    contract: TaskContract, closing: Node, choice: TargetChoice, *, number: int, route_m: tuple[Point, ...]
+) -> tuple[Node, Node]:
+    """The leg to the target, and the same look as the first one from there."""
+    name = NodeId(f"{LEG}-{number}")
+    x, y = choice.target_m
+    leg = Node(
+        node_id=name,
+        subgoal=f"Go to ({x:.1f}, {y:.1f})",
+        success_conditions=_arrived(contract, choice, name),
+        capabilities=("navigate",),
+        parameters={
+            "route": route_m,
+            "target": choice.target_m,
+            "frame": contract.frame,
+            "tolerance_m": TOLERANCE_M,
+            "speed_cap_mps": contract.constraints.speed_cap_mps,
+        },
+        resources=(ResourceId("mobile_base"),),
+        evidence=EvidencePolicy(mandatory=("trajectory",)),
+        timeout_s=TIMEOUT_S,
+        recovery=LEG_BUDGET,
+        depends_on=closing.depends_on,
+        preconditions=(Precondition(predicate="localised"), Precondition(predicate="hardware_stop_released")),
+        required=False,
+        risk="medium",
+    )
+    first = contract.node(closing.depends_on[-1])
+    look = replace(
+        first,
+        node_id=NodeId(f"{LOOK}-{number}"),
+        subgoal=f"Look around at ({x:.1f}, {y:.1f})",
+        success_conditions=tuple(_renamed(one, f"{LOOK}-{number}") for one in first.success_conditions),
+        depends_on=(name,),
+        required=False,
+    )
+    return leg, look
+
+
+def _arrived(contract: TaskContract, choice: TargetChoice, name: NodeId) -> tuple[Condition, ...]:
+    there = Metric(
+        predicate="arrival",
+        frame=contract.frame,
+        map_version=contract.map_version,
+        target_m=choice.target_m,
+        tolerance_m=TOLERANCE_M,
+    )
+    still = Temporal(predicate="static_body", interval_s=1.0, bound=0.02)
+    return (
+        Condition(
+            condition_id=ConditionId(f"{name}.arrival"), text="The body is at the chosen target, measured", effect=there
+        ),
+        Condition(
+            condition_id=ConditionId(f"{name}.static"), text="The body is static after the execution", effect=still
+        ),
+    )
+
+
+def _renamed(condition: Condition, name: str) -> Condition:
+    return replace(condition, condition_id=ConditionId(f"{name}.{condition.condition_id.partition('.')[2]}"))

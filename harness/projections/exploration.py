@@ -1,0 +1,172 @@
+"""Pure: an exploring mission's choices, what came of each, and the maps between them, folded from its own record.
+
+Nothing here is a provider's prose: feedback is typed, and taken from verdicts, failures and maps (R223, R224).
+"""
+
+from collections.abc import Iterator, Sequence
+
+import msgspec
+
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.evidence import CommittedFact, EvidencePacket, EvidenceReference
+from harness.contracts.exploration import AnyFeedback, Blocked, MapChanged, MapUpdate, Reached, TargetChoice
+from harness.contracts.ids import Digest, MissionId, NodeId, PacketId, ProviderId
+from harness.contracts.protocol import InvocationStatus
+from harness.contracts.tasks import TaskContract
+from harness.contracts.values import Count, Name, Point, Value
+from harness.contracts.verdicts import Verdict
+from harness.projections.mission import Mission, NodeState, NodeStatus, required_contract
+
+MAP = "map"
+TARGETS = "targets"
+"""Choices stand in a contract's bindings under this name, by the leg that goes there."""
+
+
+class PlannerResponse(Value):
+    """What the local planner made of a target, and what the gate made of that: its newest execution towards it."""
+
+    provider_id: ProviderId
+    packet_id: PacketId
+    terminal: InvocationStatus
+    failure: str
+    verdict: Verdict | None
+
+
+class ExplorationDecision(Value):
+    """One choice with everything that belongs to it, under one mission (R224).
+
+    `image` and `map_before` are what it was made from, `map_after` the map that the way there led to; `response` is
+    None until the leg was executed. `question` and `answer` are the records of the choice.
+    """
+
+    mission_id: MissionId
+    configuration: Digest
+    k: Count
+    leg: NodeId
+    image: Digest
+    target_m: Point
+    reason: str
+    planner: Name
+    refused: str
+    status: NodeStatus
+    response: PlannerResponse | None
+    map_before: Digest
+    map_after: Digest | None
+    question: Digest
+    answer: Digest
+
+
+def choices(contract: TaskContract) -> dict[NodeId, TargetChoice]:
+    """The targets chosen so far, by leg, in order. Raises ContractInvalid for bindings that are none."""
+    try:
+        return msgspec.convert(contract.bindings.get(TARGETS, {}), dict[NodeId, TargetChoice])
+    except msgspec.ValidationError as error:
+        raise ContractInvalid(str(error), where=f"bindings.{TARGETS}", do="bind each leg to its choice") from error
+
+
+def decisions(mission: Mission) -> tuple[ExplorationDecision, ...]:
+    """Every choice of this mission, oldest first."""
+    after = {leg: update.after for leg, update in updates(mission)}
+    return tuple(
+        ExplorationDecision(
+            mission_id=choice.mission_id,
+            configuration=choice.configuration,
+            k=choice.k,
+            leg=leg,
+            image=choice.image,
+            target_m=choice.target_m,
+            reason=choice.reason,
+            planner=choice.planner,
+            refused=choice.refused,
+            status=mission.of(leg).status,
+            response=_response(mission.of(leg)),
+            map_before=choice.map,
+            map_after=after.get(leg),
+            question=choice.question,
+            answer=choice.answer,
+        )
+        for leg, choice in choices(required_contract(mission)).items()
+    )
+
+
+def _response(leg: NodeState) -> PlannerResponse | None:
+    executed = [packet for packet in leg.packets if not packet.verify_only]
+    if not executed:
+        return None
+    packet = executed[-1]
+    judged = [one for one in leg.verdicts if one.packet_id == packet.identity.packet_id]
+    return PlannerResponse(
+        provider_id=packet.identity.provider_id,
+        packet_id=packet.identity.packet_id,
+        terminal=packet.terminal,
+        failure=packet.failure,
+        verdict=judged[-1].verdict if judged else None,
+    )
+
+
+def updates(mission: Mission) -> tuple[tuple[NodeId, MapUpdate], ...]:
+    """The map updates of this mission, oldest first, each with the stage that it followed."""
+    return tuple(
+        (NodeId(str(reference.values["after_stage"])), update_of(reference))
+        for reference in mission.observed
+        if is_update(reference)
+    )
+
+
+def is_update(reference: EvidenceReference) -> bool:
+    """Whether a recorded observation is a map of an exploration."""
+    return reference.kind == MAP and "after_stage" in reference.values
+
+
+def update_of(reference: EvidenceReference) -> MapUpdate:
+    """The map update that a reference records; its blob is the map after it."""
+    values = {name: value for name, value in reference.values.items() if name != "after_stage"}
+    lists = {name: str(values[name]).split() for name in ("packets", "sweeps")}
+    return msgspec.convert({**values, **lists, "after": reference.blob}, MapUpdate)
+
+
+def unmapped(mission: Mission) -> tuple[EvidencePacket, ...]:
+    """Executions that left a trajectory and are in no map yet, in order of dispatch."""
+    drawn = {packet for _, update in updates(mission) for packet in update.packets}
+    packets = (packet for node in mission.nodes.values() for packet in node.packets)
+    fresh = [packet for packet in packets if packet.estimates and packet.identity.packet_id not in drawn]
+    return tuple(sorted(fresh, key=lambda packet: (packet.dispatched_s, packet.identity.packet_id)))
+
+
+def feedback(mission: Mission) -> tuple[AnyFeedback, ...]:
+    """Typed feedback on every target so far, in order: reached or blocked, then how the map changed on the way."""
+    changes, chosen = updates(mission), choices(required_contract(mission))
+    return tuple(word for leg, choice in chosen.items() for word in _said(mission, mission.of(leg), choice, changes))
+
+
+def _said(
+    mission: Mission, leg: NodeState, choice: TargetChoice, changes: Sequence[tuple[NodeId, MapUpdate]]
+) -> Iterator[AnyFeedback]:
+    if leg.status == "committed":
+        arrival = next((fact for fact in mission.facts if fact.node_id == leg.node_id and fact.name == "arrival"), None)
+        moved_m = arrival.measured.get("path_length_m", 0.0) if arrival else 0.0
+        yield Reached(node_id=leg.node_id, target_m=choice.target_m, moved_m=moved_m)
+    elif leg.status == "failed":
+        last = leg.failures[-1]
+        yield Blocked(node_id=leg.node_id, target_m=choice.target_m, failure=last.failure, reason=last.reason)
+    for after, change in changes:
+        if after == leg.node_id and (change.opened_m2 or change.closed_m2):
+            yield MapChanged(
+                node_id=leg.node_id,
+                target_m=choice.target_m,
+                before=change.before,
+                after=change.after,
+                opened_m2=change.opened_m2,
+                closed_m2=change.closed_m2,
+            )
+
+
+def views(mission: Mission) -> tuple[CommittedFact, ...]:
+    """The accepted pictures, oldest first."""
+    return tuple(fact for fact in mission.facts if fact.name == "pictured")
+
+
+def newest_image(mission: Mission) -> Digest | None:
+    """The picture of the newest accepted view; None if there is none yet."""
+    seen = views(mission)
+    return Digest(max(seen, key=lambda fact: fact.k).arguments["images"][-1]) if seen else None

@@ -1,0 +1,44 @@
+"""symbolic explored: so many accepted views, from places so far apart. What they show, no predicate judges."""
+
+import math
+
+from harness.contracts.effects import AnyEffect, Symbolic
+from harness.contracts.evidence import CommittedFact
+from harness.contracts.values import Point
+from harness.verification.finding import RECEIPTS, Finding, Undecidable
+from harness.verification.reading import Evidence
+
+
+def explored(effect: AnyEffect, evidence: Evidence) -> Finding:
+    """`arguments.views` accepted facts `pictured` with distinct images, each `apart_m` or more from all the others."""
+    if not isinstance(effect, Symbolic):
+        raise Undecidable("explored is a symbolic effect")
+    wanted, apart_m = _number(effect, "views"), _number(effect, "apart_m")
+    placed = [fact for fact in evidence.facts if fact.name == "pictured" and "x_m" in fact.measured]
+    kept: list[CommittedFact] = []
+    for fact in sorted(placed, key=lambda one: (one.at_s, one.node_id)):
+        fresh = fact.arguments["images"] not in [one.arguments["images"] for one in kept]
+        if fresh and all(math.dist(_point(fact), _point(one)) >= apart_m for one in kept):
+            kept.append(fact)
+    images = tuple(image for fact in kept for image in fact.arguments["images"])
+    for image in images:
+        evidence.bytes_of(image)
+    return Finding(
+        verdict="satisfied" if len(kept) >= wanted else "violated",
+        reason=f"{len(kept)} views from places {apart_m:g} m apart or more, {wanted:g} wanted",
+        measured={"views": float(len(kept)), "pictures": float(len(placed))},
+        bounds={"views": wanted, "apart_m": apart_m},
+        sources=("accepted facts", "localiser", RECEIPTS),
+        evidence=images,
+    )
+
+
+def _point(fact: CommittedFact) -> Point:
+    return fact.measured["x_m"], fact.measured["y_m"]
+
+
+def _number(effect: Symbolic, name: str) -> float:
+    try:
+        return float(effect.arguments[name])
+    except (KeyError, ValueError) as error:
+        raise Undecidable(f"the condition does not say {name}: {error}") from error

@@ -1,0 +1,125 @@
+"""One picture and what was made of it: visual pictured, relational same_image, relational one_image (R225)."""
+
+import math
+from collections.abc import Sequence
+
+import msgspec
+
+from harness.contracts.effects import AnyEffect, Relational, Visual
+from harness.contracts.evidence import EvidenceReference
+from harness.contracts.ids import Digest
+from harness.contracts.observations import Odometry
+from harness.verification.body import LIMIT_M
+from harness.verification.finding import RECEIPTS, Finding, Undecidable, ambiguous
+from harness.verification.media import image_size
+from harness.verification.predicates.panorama import TURN_LIMIT_RAD
+from harness.verification.reading import Evidence, Track
+
+KINDS = ("keeping", "analysis")
+"""Receipts that may name a report about one picture."""
+
+
+class PictureReport(msgspec.Struct, frozen=True):
+    """What any report about one picture must hold: its checksum, and its size in pixels as the reporter read it."""
+
+    image: Digest
+    width_px: int
+    height_px: int
+
+
+def pictured(effect: AnyEffect, evidence: Evidence) -> Finding:
+    """`frames` whole images of the wanted size with a capture receipt each, the body at rest through the look.
+
+    `evidence` = the images in order of capture. measured: x_m, y_m where poses tell them.
+    """
+    if not isinstance(effect, Visual):
+        raise Undecidable("pictured is a visual effect")
+    receipts = {one.blob for one in evidence.receipts if one.kind == "capture"}
+    images = [image for image in evidence.images if image.blob in receipts]
+    if not images:
+        return ambiguous("no image with a capture receipt is among the evidence", images=float(len(evidence.images)))
+    track = next((one for one in reversed(evidence.tracks) if one.current), None)
+    if track is None or not track.odometry:
+        return ambiguous("no odometry shows whether the body stood", images=float(len(images)))
+    moved_m, turned_rad = _moved(track.odometry)
+    problems = _small(images, effect, evidence)
+    if len(images) < effect.frames:
+        problems.append(f"{len(images)} of {effect.frames} images")
+    if moved_m >= LIMIT_M or turned_rad >= TURN_LIMIT_RAD:
+        problems.append(f"the body moved {moved_m:.3f} m and turned {turned_rad:.3f} rad during the look")
+    return Finding(
+        verdict="violated" if problems else "satisfied",
+        reason="; ".join(problems) or f"{len(images)} whole images, the body at rest",
+        measured={"images": float(len(images)), "displacement_m": moved_m, "turn_rad": turned_rad, **_place(track)},
+        bounds={"images": float(effect.frames), "displacement_m": LIMIT_M, "turn_rad": TURN_LIMIT_RAD},
+        sources=("camera", "odometry", RECEIPTS),
+        evidence=tuple(image.blob for image in images),
+    )
+
+
+def same_image(effect: AnyEffect, evidence: Evidence) -> Finding:
+    """The report of `subject` is about the accepted picture of `object`: one checksum, and the size of its header.
+
+    `evidence` = the picture, then the report.
+    """
+    if not isinstance(effect, Relational):
+        raise Undecidable("same_image is a relational effect")
+    accepted = tuple(evidence.fact("pictured", node_id=effect.object).arguments["images"])
+    digest = next((one.blob for one in reversed(evidence.receipts) if one.kind in KINDS and one.blob), None)
+    if digest is None:
+        return ambiguous("no receipt names a report about a picture")
+    report = evidence.decoded(digest, PictureReport)
+    problems = [] if (report.image,) == accepted else [f"it is about {report.image[:12]}, not the accepted picture"]
+    size = image_size(evidence.bytes_of(accepted[0]))
+    if (report.width_px, report.height_px) != size:
+        problems.append(f"it says {report.width_px}x{report.height_px} pixels, the picture has {size[0]}x{size[1]}")
+    return Finding(
+        verdict="violated" if problems else "satisfied",
+        reason="; ".join(problems) or f"the report is about the accepted picture {accepted[0][:12]}",
+        measured={"pictures": float(len(accepted)), "width_px": float(size[0]), "height_px": float(size[1])},
+        bounds={"pictures": 1.0},
+        sources=(RECEIPTS,),
+        evidence=(accepted[0], digest),
+    )
+
+
+def one_image(effect: AnyEffect, evidence: Evidence) -> Finding:
+    """Every accepted stage names an image, and all of them the same one, whose bytes have that checksum still."""
+    if not isinstance(effect, Relational):
+        raise Undecidable("one_image is a relational effect")
+    named = {fact.node_id: tuple(fact.arguments["images"]) for fact in evidence.facts if "images" in fact.arguments}
+    accepted = [node.node_id for node in evidence.nodes]
+    absent = [name for name in (effect.subject, effect.object) if name not in accepted]
+    if absent:
+        return ambiguous(f"not accepted yet: {', '.join(absent)}")
+    silent = [name for name in accepted if name not in named]
+    images = sorted({image for found in named.values() for image in found})
+    problems = [f"{', '.join(silent)} names no image"] if silent else []
+    problems += [f"{len(images)} images are named, not one"] if len(images) != 1 else []
+    for image in images:
+        evidence.bytes_of(image)
+    return Finding(
+        verdict="violated" if problems else "satisfied",
+        reason="; ".join(problems) or f"{len(named)} stages share the image {images[0][:12]}",
+        measured={"stages": float(len(named)), "images": float(len(images))},
+        bounds={"stages": float(len(accepted)), "images": 1.0},
+        sources=("accepted facts", RECEIPTS),
+        evidence=tuple(images),
+    )
+
+
+def _small(images: Sequence[EvidenceReference], effect: Visual, evidence: Evidence) -> list[str]:
+    sizes = [image_size(evidence.bytes_of(image.blob)) for image in images]
+    small = sum(width < effect.width_px or height < effect.height_px for width, height in sizes)
+    return [f"{small} images are below {effect.width_px}x{effect.height_px}"] if small else []
+
+
+def _moved(odometry: Sequence[Odometry]) -> tuple[float, float]:
+    """The farthest that odometry was from where the look began: metres, radians."""
+    first = odometry[0]
+    moved_m = max(math.hypot(one.x_m - first.x_m, one.y_m - first.y_m) for one in odometry)
+    return moved_m, max(abs(math.remainder(one.yaw_rad - first.yaw_rad, math.tau)) for one in odometry)
+
+
+def _place(track: Track) -> dict[str, float]:
+    return {"x_m": track.poses[-1].x_m, "y_m": track.poses[-1].y_m} if track.poses else {}
