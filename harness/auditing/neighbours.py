@@ -129,6 +129,8 @@ def _opening(event: HandoffOpened) -> OpenHandoff:
         deadline_at_s=event.deadline_at_s,
         limit_at_s=event.limit_at_s,
         choices=event.choices,
+        safe_place=event.safe_place,
+        otherwise=event.otherwise,
     )
 
 

@@ -25,6 +25,7 @@ from harness.contracts.ids import (
 )
 from harness.contracts.maps import AttachCloud
 from harness.contracts.place_events import PlaceCommand
+from harness.contracts.places import Otherwise
 from harness.contracts.proposals import RecoveryProposal, Signature
 from harness.contracts.protocol import InvocationStatus
 from harness.contracts.revision_commands import (
@@ -300,6 +301,8 @@ class OpenHandoff(Command, tag=True):
     deadline_at_s: float
     limit_at_s: float | None = None
     choices: tuple[RecoveryAction, ...] = ()
+    safe_place: str = ""
+    otherwise: Otherwise | Literal[""] = ""
 
 
 class RefreshHandoff(Command, tag=True):

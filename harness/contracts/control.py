@@ -8,6 +8,7 @@ from typing import Literal, get_args
 
 from harness.contracts.actors import Actor, Command, Event
 from harness.contracts.ids import RequestId, RobotId, StreamId
+from harness.contracts.retreat_events import RetreatCommand, RetreatEvent
 from harness.contracts.values import Count, Name
 
 Autonomy = Literal["manual", "approve_each_motion", "approve_risky", "autonomous"]
@@ -103,6 +104,12 @@ class ReturnWheel(Command, tag=True):
     measured: dict[str, float]
 
 
+class RequireFreeWheel(Command, tag=True):
+    """Goes with a hand-back in one commit: refused while somebody drives the robot by hand. Leads to no event."""
+
+    robot_id: RobotId
+
+
 class OrderPosture(Command, tag=True):
     robot_id: RobotId
     posture: Posture
@@ -110,5 +117,5 @@ class OrderPosture(Command, tag=True):
     reason: Name
 
 
-ControlEvent = AutonomyLimited | WheelTaken | WheelReturned | PostureOrdered
-ControlCommand = LimitAutonomy | TakeWheel | ReturnWheel | OrderPosture
+ControlEvent = AutonomyLimited | WheelTaken | WheelReturned | PostureOrdered | RetreatEvent
+ControlCommand = LimitAutonomy | TakeWheel | ReturnWheel | RequireFreeWheel | OrderPosture | RetreatCommand

@@ -6,6 +6,7 @@ from harness.contracts.actors import Actor, Event
 from harness.contracts.capabilities import Risk
 from harness.contracts.configuration import FailureClass, RecoveryAction
 from harness.contracts.ids import ConditionId, Digest, HandoffId, InvocationId, MissionId, NodeId, ProviderId, RobotId
+from harness.contracts.places import Otherwise
 from harness.contracts.protocol import Parameters
 from harness.contracts.values import Count, Name, Value
 
@@ -45,7 +46,8 @@ class Snapshot(Value):
 class HandoffOpened(Event, tag=True):
     """`limit_at_s`: how far "on my way" can move the deadline; None in logs that know no extension.
 
-    `choices`: what else of the ladder could be proposed instead.
+    `choices`: what else of the ladder could be proposed instead. `safe_place`: where a retreat would go, by its name,
+    and `otherwise` what the robot does where it cannot go there; both empty without one.
     """
 
     handoff_id: HandoffId
@@ -66,6 +68,8 @@ class HandoffOpened(Event, tag=True):
     deadline_at_s: float
     limit_at_s: float | None = None
     choices: tuple[RecoveryAction, ...] = ()
+    safe_place: str = ""
+    otherwise: Otherwise | Literal[""] = ""
 
 
 class HandoffRefreshed(Event, tag=True):

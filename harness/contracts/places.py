@@ -1,9 +1,14 @@
 """Places: names that people use, bound to geometry. Configured mission semantics, never perceived facts (R194)."""
 
-from typing import Literal
+from typing import Annotated, Literal
+
+import msgspec
 
 from harness.contracts.ids import PlaceId
 from harness.contracts.values import Name, Point, Positive, Value
+
+Otherwise = Literal["hold", "lie_down"]
+"""What a robot does on the spot, where it goes nowhere."""
 
 
 class Place(Value):
@@ -40,14 +45,32 @@ class Passage(Value):
     floor_m: tuple[Point, ...]
 
 
+class Retreat(Value):
+    """The zone's safe place, authorised beforehand by name and day: the one way there, how fast, and what else (D27).
+
+    The way is the part of `route` that lies ahead of the robot; where it cannot be taken the robot does `otherwise`.
+    """
+
+    place_id: PlaceId
+    route: Name
+    speed_cap_mps: Annotated[float, msgspec.Meta(gt=0, le=0.5)]
+    otherwise: Otherwise
+    authorised_by: Name
+    authorised_on: Annotated[str, msgspec.Meta(pattern=r"^\d{4}-\d{2}-\d{2}$")]
+
+
 class Zone(Value):
-    """What happens to a robot in this region when a person does not answer (D27)."""
+    """What happens to a robot in this region when a person does not answer (D27). A zone that says `retreat` has one.
+
+    With another `no_answer` a declared `retreat` serves only people who send the robot to its safe place.
+    """
 
     name: Name
     frame: Name
     region_m: tuple[Point, ...]
     no_answer: Literal["hold", "lie_down", "retreat"]
     hold_limit_s: Positive
+    retreat: Retreat | None = None
 
 
 class Site(Value):

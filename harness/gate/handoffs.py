@@ -89,11 +89,13 @@ def decide(handoff: Handoff, command: HandoffCommand, now: Moment) -> Decision[H
 def _ended(
     handoff: Handoff, command: ExpireHandoff | SupersedeHandoff | RecordNoAnswer, now: Moment
 ) -> Decision[HandoffEvent]:
-    """Ends without a person. The loser of answer against timeout is a clean no-op."""
+    """Ends without a person. A timeout that lost against an answer is refused with all that was to go with it."""
     match command:
         case ExpireHandoff():
             late = handoff.opened is not None and now.wall_s >= handoff.opened.deadline_at_s
-            return Accepted((HandoffExpired(at_s=now.wall_s),) if handoff.answerable and late else ())
+            if not (handoff.answerable and late):
+                return Refused("not_due", f"The handoff is {handoff.status}, or its time is not over.")
+            return Accepted((HandoffExpired(at_s=now.wall_s),))
         case SupersedeHandoff():
             return Accepted((HandoffSuperseded(reason=command.reason),) if handoff.waits else ())
         case RecordNoAnswer():
@@ -156,6 +158,8 @@ def _open(handoff: Handoff, command: OpenHandoff, now: Moment) -> Decision[Hando
         deadline_at_s=command.deadline_at_s,
         limit_at_s=command.limit_at_s,
         choices=command.choices,
+        safe_place=command.safe_place,
+        otherwise=command.otherwise,
     )
     return Accepted((opened,))
 

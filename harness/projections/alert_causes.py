@@ -16,9 +16,10 @@ from harness.contracts.events import (
     VetoCleared,
     VetoRaised,
 )
-from harness.contracts.handoff_events import HandoffEscalated, HandoffEvent
-from harness.contracts.protocol import RobotStatus
+from harness.contracts.handoff_events import HandoffEscalated, HandoffEvent, NoAnswerTaken
+from harness.contracts.protocol import PhysicalStart, RobotStatus
 from harness.contracts.revision_events import CompletionDisputed
+from harness.projections.starts import repeated_starts
 
 LOW_CHARGE = 0.20
 LOST_AFTER_S = 10.0
@@ -107,7 +108,13 @@ def of_mission(event: MissionEvent, about: About) -> tuple[Told, ...]:
 
 
 def of_handoff(event: HandoffEvent, about: About, handoff_id: str) -> tuple[Told, ...]:
-    """A question that nobody takes becomes more pressing; from the second step on it is told again."""
+    """A question that nobody takes becomes more pressing; from the second step on it is told again.
+
+    Where the robot could not be shown to do what it does without an answer, a person has to look.
+    """
+    if isinstance(event, NoAnswerTaken) and not event.done:
+        title = f"nobody answered, and “{_words(event.action)}” is not shown to be done"
+        return (_raise(about, "body_not_static", "critical", title, event.reason),)
     if not isinstance(event, HandoffEscalated) or event.level not in UNCLAIMED:
         return ()
     title = f"a question waits unclaimed at {_words(about.node)}"
@@ -149,9 +156,9 @@ def causes_of_robot(robot_id: str) -> Mapping[str, str]:
     }
 
 
-def duplicate_starts(about: About, requests: Sequence[str]) -> tuple[Occurrence, ...]:
+def duplicate_starts(about: About, starts: Sequence[PhysicalStart]) -> tuple[Occurrence, ...]:
     """One occurrence if a robot's journal shows a physical start of a request that had started before."""
-    repeated = len(requests) - len(set(requests))
+    repeated = repeated_starts(starts)
     if not repeated:
         return ()
     return (
@@ -161,7 +168,7 @@ def duplicate_starts(about: About, requests: Sequence[str]) -> tuple[Occurrence,
             priority="critical",
             title=f"{about.robot_id}: a request was started twice",
             text=f"{repeated} starts beyond the first of a request, by the robot's own journal",
-            condition=f"starts {len(requests)}",
+            condition=f"starts {len(starts)}",
             robot_id=about.robot_id,
             mission_id=about.mission_id,
             link=f"/missions/{about.mission_id}/report",

@@ -1,6 +1,6 @@
-"""Pure: how far the house lets missions decide, and which robots people drive by hand."""
+"""Pure: how far the house lets missions decide, which robots people drive by hand, and which retreat."""
 
-from typing import assert_never
+from typing import Literal, assert_never
 
 import msgspec
 from msgspec.structs import replace
@@ -15,6 +15,13 @@ from harness.contracts.control import (
     WheelTaken,
 )
 from harness.contracts.ids import RequestId, RobotId
+from harness.contracts.retreat_events import (
+    RetreatEnded,
+    RetreatEvent,
+    RetreatIntended,
+    RetreatOutcome,
+    RetreatStopping,
+)
 from harness.contracts.values import Count, Value
 
 
@@ -29,6 +36,19 @@ class Wheel(Value):
     reason: str
 
 
+class Retreating(Value):
+    """A robot's newest retreat. `stop` is why it was asked to stand; `ended` how it ended, None while it is open."""
+
+    intent: RetreatIntended
+    status: Literal["sent", "stopping"] | RetreatOutcome = "sent"
+    stop: RetreatStopping | None = None
+    ended: RetreatEnded | None = None
+
+    @property
+    def open(self) -> bool:
+        return self.ended is None
+
+
 class Control(Value):
     """The fold of the house's control stream."""
 
@@ -37,6 +57,12 @@ class Control(Value):
     limited_by: Actor | None = None
     limit_reason: str = ""
     wheels: dict[RobotId, Wheel] = msgspec.field(default_factory=dict)
+    retreats: dict[RobotId, Retreating] = msgspec.field(default_factory=dict)
+
+    def retreating(self, robot_id: RobotId) -> Retreating | None:
+        """The retreat of this robot that has not ended."""
+        newest = self.retreats.get(robot_id)
+        return newest if newest is not None and newest.open else None
 
 
 def apply(control: Control, event: ControlEvent) -> Control:
@@ -59,5 +85,19 @@ def apply(control: Control, event: ControlEvent) -> Control:
             return replace(nxt, wheels={name: one for name, one in nxt.wheels.items() if name != event.robot_id})
         case PostureOrdered():
             return nxt
+        case RetreatIntended() | RetreatStopping() | RetreatEnded():
+            return replace(nxt, retreats=nxt.retreats | {event.robot_id: _retreat(nxt, event)})
+        case _:
+            assert_never(event)
+
+
+def _retreat(control: Control, event: RetreatEvent) -> Retreating:
+    match event:
+        case RetreatIntended():
+            return Retreating(intent=event)
+        case RetreatStopping():
+            return replace(control.retreats[event.robot_id], status="stopping", stop=event)
+        case RetreatEnded():
+            return replace(control.retreats[event.robot_id], status=event.outcome, ended=event)
         case _:
             assert_never(event)

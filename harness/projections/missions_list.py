@@ -1,5 +1,6 @@
 """Pure: a mission, or a question to a person, as one row of a list. From events alone; asks no clock."""
 
+from harness.contracts.ids import NodeId
 from harness.contracts.read_models import HandoffItem, ListRow, MissionItem
 from harness.contracts.tasks import order
 from harness.contracts.values import encode
@@ -52,7 +53,7 @@ def mission_row(mission: Mission, *, seq: int, began_s: float, ended_s: float | 
     )
 
 
-def handoff_row(handoff: Handoff, *, seq: int) -> ListRow | None:
+def handoff_row(handoff: Handoff, mission: Mission, *, seq: int) -> ListRow | None:
     """The row of a question whose first event stands at `seq`; None for one that was never opened."""
     opened = handoff.opened
     if opened is None:
@@ -66,6 +67,7 @@ def handoff_row(handoff: Handoff, *, seq: int) -> ListRow | None:
         answered=": ".join(_said(handoff)) or handoff.outcome,
         holder=handoff.claim.actor.name if handoff.claim and handoff.waits else "",
         node_id=opened.node_id,
+        stage=stage_sentence(mission, opened.node_id),
         status=handoff.status,
         failure=opened.failure,
         opened_at_s=opened.opened_at_s,
@@ -83,7 +85,7 @@ def handoff_row(handoff: Handoff, *, seq: int) -> ListRow | None:
         seq=seq,
         key=item.handoff_id,
         facets=facets,
-        words=" ".join((item.node_id, item.failure.replace("_", " "), opened.reason, *_said(handoff))),
+        words=" ".join((item.node_id, item.stage, item.failure.replace("_", " "), opened.reason, *_said(handoff))),
         ids=(item.handoff_id, item.mission_id),
         amount=item.deadline_at_s - item.opened_at_s,
         body=encode(item),
@@ -93,6 +95,13 @@ def handoff_row(handoff: Handoff, *, seq: int) -> ListRow | None:
 def _said(handoff: Handoff) -> tuple[str, ...]:
     """Who answered, and why."""
     return (handoff.answer.actor.name, handoff.answer.reason) if handoff.answer else ()
+
+
+def stage_sentence(mission: Mission, node_id: NodeId) -> str:
+    """What a stage is to do, in the words of the contract; empty where the contract does not have it."""
+    if mission.contract is None or node_id not in mission.nodes:
+        return ""
+    return mission.contract.node(node_id).subgoal
 
 
 def current_stage(mission: Mission) -> str:

@@ -17,6 +17,7 @@ from harness.supervisor.attend import POLL_S, Attendant
 from harness.supervisor.crew import Crew
 from harness.supervisor.desk import Desk
 from harness.supervisor.dispatch import Attempt, Dispatcher
+from harness.supervisor.exploring import Explorer
 from harness.supervisor.leases import SUPERVISOR, expired
 from harness.supervisor.pins import begin
 from harness.supervisor.recover import Recovery
@@ -46,6 +47,7 @@ class AgentLoop:
         self._attendant = Attendant(self._roles, found=runtime.mission(mission_id).invocation)
         self._watchdog = Watchdog(self._roles)
         self._recovery = Recovery(self._roles, dispatcher=self._dispatcher, desk=self.desk)
+        self._explorer = Explorer(self._roles)
         self._prepared = False
         self._stopping_since: float | None = None
         self._relook_s: float | None = None
@@ -104,6 +106,10 @@ class AgentLoop:
         waiting = next((n for n in mission.nodes.values() if n.status == "recovering" and n.wait_until_s), None)
         if waiting is not None:
             return self._waited(mission, waiting, now_s)
+        if self._explorer.due(mission):
+            if self._explorer.choose(mission):
+                return now_s
+            mission = self._runtime.mission(self.mission_id)
         if eligible(mission):
             return self._dispatch(mission, now_s)
         if all_required_committed(mission):

@@ -21,7 +21,7 @@ from harness.projections.mission import Invocation, Mission
 from harness.runtime import Live
 from harness.supervisor.approvals import clear_to_send, withdraw
 from harness.supervisor.judging import judgement
-from harness.supervisor.leases import Held, give_back, holds
+from harness.supervisor.leases import Held, Sent, give_back, holds
 from harness.supervisor.packets import build_packet
 from harness.supervisor.rest import at_rest
 from harness.supervisor.roles import Roles, context_record
@@ -97,14 +97,14 @@ class Attendant:
         provider = self._crew.provider(intent.provider_id)
         handle = self._handles.get(intent.invocation_id) or invocation.handle
         if handle is not None:
-            return _own(provider.report(handle), intent)
+            return own(provider.report(handle), intent)
         known = provider.find(intent.request_id) if provider.card.reattach == "by_request" else None
         if known is not None:
             self._roles.senses.catch_up(self._crew.spool.samples(intent.invocation_id))
         if known is None and (refused := clear_to_send(self._runtime, mission, invocation)):
             return refused
         self._sent.add(intent.invocation_id)
-        report = _own(known or provider.start(_request(mission, intent)), intent)
+        report = own(known or provider.start(_request(mission, intent)), intent)
         self._accepted(mission, intent, report)
         return report
 
@@ -259,7 +259,8 @@ class Attendant:
         self._runtime.publish(live)
 
 
-def _own(report: InvocationReport, intent: DispatchIntended) -> InvocationReport:
+def own(report: InvocationReport, intent: Sent) -> InvocationReport:
+    """The report, if it is about this request. Raises ProviderUnreachable otherwise: that is no answer."""
     if report.identity.request_id != intent.request_id:
         raise ProviderUnreachable(
             f"{intent.provider_id} answered about request {report.identity.request_id[:12]}",

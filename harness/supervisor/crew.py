@@ -7,6 +7,7 @@ from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import ProviderId, RobotId
 from harness.contracts.ports import Clock, HandDriven, Ids, LiveCamera, Provider, Robot, Spool
+from harness.exploration.targets import NEAREST_EDGE, Proposer
 from harness.planning.planner import GRAPH_ORDER, Planner
 from harness.projections.mission import Mission
 from harness.verification.verdict import Verifier, verify
@@ -16,9 +17,9 @@ from harness.verification.verdict import Verifier, verify
 class Crew:
     """`prepare` tells a simulated world which mission begins; a real robot ignores it.
 
-    `revive` tries to bring back a robot that does not answer, and says whether it did. `verifier` judges packets and
-    `planner` proposes what comes next; neither decides anything. `camera` is what people look through and `hand` how
-    they drive it, where the robot has such.
+    `revive` tries to bring back a robot that does not answer, and says whether it did. `verifier` judges packets,
+    `planner` proposes what comes next and `proposer` where to explore; none of them decides anything. `camera` is
+    what people look through and `hand` how they drive it, where the robot has such.
     """
 
     robot_id: RobotId
@@ -33,6 +34,7 @@ class Crew:
     waits_for_people: bool = True
     verifier: Verifier = verify
     planner: Planner = GRAPH_ORDER
+    proposer: Proposer = NEAREST_EDGE
     camera: LiveCamera | None = None
     hand: HandDriven | None = None
 

@@ -15,7 +15,6 @@ from harness.contracts.commands import (
 )
 from harness.contracts.configuration import RecoveryAction
 from harness.contracts.contexts import Context
-from harness.contracts.control import CONTROL
 from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.handoff_commands import (
     AttestCondition,
@@ -43,7 +42,6 @@ from harness.contracts.revision_commands import RecordAttestation
 from harness.contracts.values import encode
 from harness.gate.commit import Request
 from harness.gate.handoffs import decide
-from harness.projections.control import Control
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import Failure, Mission, required_contract
 from harness.supervisor.dispatch import Approval, Attempt, Dispatcher
@@ -68,7 +66,9 @@ class Desk:
         snapshot = self._questions.snapshot(mission, failure.node_id)
         contract, recent = required_contract(mission), self._roles.senses.recent
         reserve = reserve_s(recent, minimum_charge=contract.constraints.minimum_charge)
-        allowed = patience(self._runtime.site.zones, (snapshot.x_m, snapshot.y_m), reserve_s=reserve)
+        site = self._runtime.site
+        allowed = patience(site.zones, (snapshot.x_m, snapshot.y_m), reserve_s=reserve)
+        goal = allowed.retreat.place_id if allowed.retreat else None
         now_s = self._crew.clock.now().wall_s
         opening = OpenHandoff(
             handoff_id=handoff_id,
@@ -86,6 +86,8 @@ class Desk:
             deadline_at_s=now_s + allowed.wait_s,
             limit_at_s=now_s + allowed.limit_s,
             choices=self._questions.choices(mission, failure.node_id),
+            safe_place=next((one.name for one in site.places if one.place_id == goal), ""),
+            otherwise=allowed.retreat.otherwise if allowed.retreat else "",
         )
         asking = AskPerson(
             handoff_id=handoff_id,
@@ -234,10 +236,7 @@ class Desk:
     def _hand_back(
         self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: HandBack
     ) -> Decision[AnyEvent]:
-        """The robot is the harness's again: seen afresh, and one look without motion at the present state version.
-
-        Refused while somebody still has the wheel: nobody drives a robot that the harness judges.
-        """
+        """The robot is the harness's again: seen afresh, and one look without motion at the present state version."""
         back = ReturnControl(
             actor=command.actor,
             claim=command.claim,
@@ -248,11 +247,6 @@ class Desk:
         )
         if settled := self._foreseen(mission, handoff, back):
             return settled
-        control: Control = self._runtime.fold(CONTROL)
-        wheel = control.wheels.get(mission.robot_id)
-        if wheel is not None:
-            who = f"{wheel.actor.name} still has the wheel of {mission.robot_id} from {wheel.device}"
-            return Refused("wheel_held", f"{who}. Return the wheel first, then hand back.")
         word = Approval(handoff_id=handoff.handoff_id, command=back)
         return self._dispatcher.dispatch(mission, _look(opened, opened.node_id, word, why="a person handed it back"))
 

@@ -19,6 +19,7 @@ from harness.contracts.commands import (
 )
 from harness.contracts.configuration import FailureClass
 from harness.contracts.contexts import Context
+from harness.contracts.control import CONTROL, RequireFreeWheel
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.events import DispatchIntended, NodePlanned
 from harness.contracts.evidence import EvidenceReference
@@ -277,6 +278,8 @@ class Dispatcher:
         ]
         if attempt.approval is not None:
             requests.insert(0, Request(handoff_stream(attempt.approval.handoff_id), attempt.approval.command))
+        if command.handed_back:
+            requests.insert(0, Request(CONTROL, RequireFreeWheel(robot_id=mission.robot_id)))
         return self._runtime.commit(requests, records=records)
 
     def _fail(self, mission: Mission, attempt: Attempt, failure: FailureClass, reason: str) -> Refused:

@@ -1,17 +1,30 @@
 """Lease requests that go with an invocation: taken with the intent, given back only with the body at rest (D14)."""
 
 from dataclasses import dataclass
+from typing import Protocol
 
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import AcquireLease, FreeLease, QuarantineLease, ReleaseLease
+from harness.contracts.control import CONTROL
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.events import DispatchIntended
-from harness.contracts.ids import ResourceId, RobotId, invocation_id, lease_stream, leased, request_id
+from harness.contracts.ids import (
+    InvocationId,
+    ProviderId,
+    RequestId,
+    ResourceId,
+    RobotId,
+    invocation_id,
+    lease_stream,
+    leased,
+    request_id,
+)
 from harness.contracts.observations import AnySample
 from harness.contracts.protocol import TERMINAL
 from harness.gate.commit import Request
+from harness.projections.control import Control
 from harness.projections.leases import Lease
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
@@ -25,12 +38,31 @@ LOOK_S = 0.3
 SUPERVISOR = Actor(name="supervisor", role="harness", channel="policy")
 
 
+class Sent(Protocol):
+    """An intent, of a node or of a retreat: whose leases it holds, and whether it moves the body."""
+
+    @property
+    def invocation_id(self) -> InvocationId: ...
+
+    @property
+    def request_id(self) -> RequestId: ...
+
+    @property
+    def provider_id(self) -> ProviderId: ...
+
+    @property
+    def resources(self) -> dict[str, int]: ...
+
+    @property
+    def moves(self) -> bool: ...
+
+
 @dataclass(frozen=True)
 class Held:
     """What an execution was dispatched with, on which robot."""
 
     robot_id: RobotId
-    intent: DispatchIntended
+    intent: Sent
 
 
 @dataclass(frozen=True)
@@ -63,7 +95,7 @@ def acquire(mission: Mission, intent: DispatchIntended) -> list[Request]:
     ]
 
 
-def holds(runtime: Runtime, robot_id: RobotId, intent: DispatchIntended) -> bool:
+def holds(runtime: Runtime, robot_id: RobotId, intent: Sent) -> bool:
     """Whether the invocation still holds everything it was dispatched with."""
     leases = [runtime.lease(leased(robot_id, resource)) for resource in intent.resources]
     return all(lease.status == "held" and lease.invocation_id == intent.invocation_id for lease in leases)
@@ -124,8 +156,9 @@ def freed(runtime: Runtime, crew: Crew, order: FreeOrder) -> Accepted[AnyEvent] 
     robot does not answer.
     """
     held = runtime.lease(order.resource)
-    if held.mission_id:
-        _halt(runtime, crew, held)
+    lost = _lost(runtime, crew.robot_id, held)
+    if lost is not None:
+        _halt(crew, held, lost)
     crew.clock.wait_until(crew.clock.now().mission_s + WINDOW_S + LOOK_S)
     command = FreeLease(actor=order.actor, static=_static(crew), reason=order.reason)
     return runtime.commit([Request(lease_stream(order.resource), command)])
@@ -140,16 +173,25 @@ def _static(crew: Crew) -> dict[str, float]:
     return at_rest(samples, crew.clock.now().mission_s).measured | stopped
 
 
-def _halt(runtime: Runtime, crew: Crew, lease: Lease) -> None:
-    """Stop the execution that a lease was quarantined for, where it still runs and can be reached."""
+def _lost(runtime: Runtime, robot_id: RobotId, lease: Lease) -> RequestId | None:
+    """The request that a lease was taken for: a retreat's, or an attempt's of its mission."""
+    control: Control = runtime.fold(CONTROL)
+    retreat = control.retreats.get(robot_id)
+    if retreat is not None and retreat.intent.invocation_id == lease.invocation_id:
+        return retreat.intent.request_id
+    if not lease.mission_id:
+        return None
     mission = runtime.mission(lease.mission_id)
     attempts = ((node.node_id, number) for node in mission.nodes.values() for number in range(1, node.attempt + 1))
     requests = [request_id(mission.mission_id, node_id, number) for node_id, number in attempts]
-    lost = next((request for request in requests if invocation_id(request) == lease.invocation_id), None)
+    return next((request for request in requests if invocation_id(request) == lease.invocation_id), None)
+
+
+def _halt(crew: Crew, lease: Lease, lost: RequestId) -> None:
+    """Stop the execution that a lease was quarantined for, where it still runs and can be reached."""
     for provider in crew.providers.values():
         if (
-            lost is None
-            or not any(lease.resource == leased(crew.robot_id, one) for one in provider.card.resources)
+            not any(lease.resource == leased(crew.robot_id, one) for one in provider.card.resources)
             or provider.card.reattach != "by_request"
         ):
             continue

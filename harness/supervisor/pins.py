@@ -4,9 +4,11 @@ import logging
 
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import ActivateMission, EndMission, RecompileContract
+from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ConfigurationMissing, ContractInvalid, UnknownName
 from harness.contracts.ids import Digest
+from harness.contracts.tasks import TaskContract
 from harness.planning.compile import compile_again
 from harness.planning.templates import by_name
 from harness.projections.mission import Mission, required_contract
@@ -33,14 +35,22 @@ def begin(runtime: Runtime, mission: Mission) -> Accepted[AnyEvent] | Refused:
 
 def _again(runtime: Runtime, mission: Mission, current: Digest) -> Accepted[AnyEvent] | Refused:
     configuration = runtime.stored_configuration(current)
-    template = by_name(mission.template, configuration.templates)
     command = RecompileContract(
         configuration=current,
-        contract=compile_again(required_contract(mission), template=template, site=runtime.site),
+        contract=_recompiled(runtime, mission, configuration),
         policy=configuration.recovery,
         trial=runtime.on_trial(current),
     )
     return runtime.submit(mission.mission_id, command, records=(runtime.configuration_record(current),))
+
+
+def _recompiled(runtime: Runtime, mission: Mission, configuration: Configuration) -> TaskContract:
+    """The request under the version's own template; a template that stands beside the versions is the same in all."""
+    contract = required_contract(mission)
+    if mission.template not in {template.name for template in runtime.configuration_of(mission).templates}:
+        return contract
+    template = by_name(mission.template, configuration.templates)
+    return compile_again(contract, template=template, site=runtime.site)
 
 
 def check_readable(runtime: Runtime, mission: Mission) -> None:

@@ -1,16 +1,16 @@
 """The state each role is shown, compiled from one state version, and the records of what it was shown."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from harness.contexts.view import StateView
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.contexts import Context, ContextRecord
-from harness.contracts.ids import NodeId
+from harness.contracts.ids import NodeId, sha256
 from harness.contracts.memory import ProviderOutcome
 from harness.contracts.ports import Record
-from harness.contracts.values import digest, encode
+from harness.contracts.values import encode
 from harness.contracts.verdicts import Verdict
 from harness.projections.memory import place_of
 from harness.projections.mission import Mission, required_contract, required_policy
@@ -22,7 +22,8 @@ from harness.supervisor.senses import Senses
 
 def record(kind: str, value: Any) -> Record:
     """An artefact of a decision, addressed by its content and stored with it (R77, R146)."""
-    return Record(digest=digest(value), kind=kind, body=encode(value))
+    body = encode(value)
+    return Record(digest=sha256(body), kind=kind, body=body)
 
 
 def context_record(context: Context) -> Record:
@@ -75,13 +76,12 @@ class Roles:
 
     def _outcomes(
         self, card: CapabilityCard, mission: Mission, *, place: str, most: int
-    ) -> Iterator[tuple[Verdict, float]]:
+    ) -> list[tuple[Verdict, float]]:
         found = self.runtime.memory.outcomes(
             card.provider_id, capability=card.capability, place=place, configuration=mission.configuration, limit=most
         )
-        for said in (record.knowledge for record in found):
-            if isinstance(said, ProviderOutcome):
-                yield said.verdict, said.residual
+        known = (one.knowledge for one in found)
+        return [(said.verdict, said.residual) for said in known if isinstance(said, ProviderOutcome)]
 
     def examples(self, mission: Mission, node_id: NodeId, card: CapabilityCard) -> tuple[ContextRecord, ...]:
         """Verified operational examples for C2, newest first (R139)."""

@@ -17,6 +17,7 @@ from harness.supervisor.agent_loop import AgentLoop
 from harness.supervisor.crew import Crew
 from harness.supervisor.leases import SUPERVISOR, FreeOrder, freed
 from harness.supervisor.pins import check_readable, readable, tell_unreadable
+from harness.supervisor.returning import Returning
 from harness.supervisor.vigil import overlooked
 
 LOG = logging.getLogger("regen.supervisor")
@@ -33,6 +34,7 @@ class Supervisor:
         self._crews = crews
         self._locks = {robot_id: RLock() for robot_id in crews}
         self._loops: dict[MissionId, AgentLoop] = {}
+        self._returning = {robot_id: Returning(runtime=runtime, crew=crew) for robot_id, crew in crews.items()}
         self._halt = Event()
         self._threads: list[Thread] = []
         runtime.open_desk(self.answer)
@@ -43,8 +45,8 @@ class Supervisor:
 
     def close_interrupted_replays(self) -> None:
         """End replays that an earlier process left open: nothing moves in them, and nobody will go on."""
-        for mission in self._runtime.missions():
-            if mission.replay and not mission.ended:
+        for mission in self._runtime.open_missions():
+            if mission.replay:
                 self._runtime.submit(
                     mission.mission_id, EndMission(status="failed", reason="the replay was interrupted")
                 )
@@ -68,7 +70,19 @@ class Supervisor:
         mission = self._runtime.mission(mission_id)
         check_readable(self._runtime, mission)
         with self._locks[mission.robot_id]:
-            return self._loop(mission).step()
+            if self._returning[mission.robot_id].under_way:
+                return self.step_retreat(mission.robot_id)
+            wake_s = self._loop(mission).step()
+            sent = self._returning[mission.robot_id].under_way
+            return self._crews[mission.robot_id].clock.now().mission_s if sent else wake_s
+
+    def step_retreat(self, robot_id: RobotId) -> float:
+        """One step of a robot's open retreat, before any mission of this robot goes on; its end is told at once."""
+        with self._locks[robot_id]:
+            wake_s = self._returning[robot_id].step()
+            if not self._returning[robot_id].under_way:
+                self.finish_unanswered(robot_id)
+            return wake_s
 
     def answer(self, command: PersonCommand) -> Decision[AnyEvent]:
         """A person's answer, between two steps of the robot's loop; what it lets happen begins at once."""
@@ -140,6 +154,9 @@ class Supervisor:
         Raises StoreUnavailable: nothing can be decided then. The robot stands by its dead man, and what was open is
         met again from the log, as after a restart.
         """
+        if self._returning[robot_id].under_way:
+            self._crews[robot_id].clock.wait_until(self.step_retreat(robot_id))
+            return
         mission = self._next(robot_id)
         if mission is None:
             self._halt.wait(IDLE_WAIT_S)
@@ -163,8 +180,8 @@ class Supervisor:
 
     def _open(self, robot_id: RobotId) -> list[Mission]:
         """What this robot can go on with, oldest first: no replay, and no pin that is not readable here."""
-        mine = [m for m in self._runtime.missions() if m.robot_id == robot_id and not m.ended and not m.replay]
-        return [mission for mission in reversed(mine) if readable(self._runtime, mission)]
+        mine = reversed(self._runtime.open_missions(robot_id))
+        return [mission for mission in mine if not mission.replay and readable(self._runtime, mission)]
 
     def _broken(self, mission: Mission, error: HarnessError) -> None:
         """A step failed for a reason the loop does not answer: stop the mission and say why; the next one runs."""

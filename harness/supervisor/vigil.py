@@ -2,24 +2,32 @@
 
 from harness.contracts.actors import Actor
 from harness.contracts.commands import AnswerMission, ExpireHandoff, SupersedeHandoff
-from harness.contracts.decisions import Accepted
-from harness.contracts.errors import ProviderFailed
+from harness.contracts.control import CONTROL
+from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.handoff_commands import DropClaim, Escalate, RecordNoAnswer
 from harness.contracts.handoff_events import HandoffExpired
 from harness.contracts.ids import HandoffId, RobotId, handoff_stream, leased, mission_stream
-from harness.contracts.protocol import PostureOrder
+from harness.contracts.places import Otherwise
+from harness.contracts.retreat_events import RetreatIntended
 from harness.gate.claims import due_levels, live_claim
 from harness.gate.commit import Request
+from harness.projections.control import Control, Retreating
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from harness.supervisor.rest import at_rest
+from harness.supervisor.retreat import Order, planned_retreat, sending
 from harness.supervisor.roles import Roles
+from harness.supervisor.settling import settle
 
 RECENT = 20
 """How far back a start looks for a question whose end was cut off: one robot has one at a time."""
 TIMEOUT = Actor(name="nobody", role="harness", channel="timeout")
-MEANT = {"hold": "stays where it is", "lie_down": "lies down where it is", "retreat": "goes back as authorised before"}
+MEANT = {
+    "hold": "stays where it is",
+    "lie_down": "lies down where it is",
+    "retreat": "goes to its safe place if it can, as authorised before",
+}
 
 
 class Vigil:
@@ -66,53 +74,83 @@ class Vigil:
             actor=TIMEOUT,
             reason=f"nobody answered in time; the robot {MEANT[no_answer]}",
         )
-        decision = self._runtime.commit(
-            [
-                Request(handoff_stream(handoff.handoff_id), ExpireHandoff()),
-                Request(mission_stream(mission.mission_id), unanswered),
-            ]
-        )
+        expiring = [
+            Request(handoff_stream(handoff.handoff_id), ExpireHandoff()),
+            Request(mission_stream(mission.mission_id), unanswered),
+        ]
+        retreat = self._retreat(mission, handoff) if no_answer == "retreat" else None
+        if isinstance(retreat, RetreatIntended):
+            decision = self._runtime.commit([*expiring, *sending(retreat)])
+            if isinstance(decision, Accepted):
+                return
+            retreat = decision
+        decision = self._runtime.commit(expiring)
         if isinstance(decision, Accepted) and any(isinstance(event, HandoffExpired) for event in decision.events):
-            self.act(handoff)
+            self.act(handoff, instead=retreat)
 
-    def act(self, handoff: Handoff) -> None:
-        """Carry out what happens without an answer, once, and write down what came of it."""
-        self._roles.senses.collect(None)
-        self._runtime.commit([Request(handoff_stream(handoff.handoff_id), self._acted(handoff))])
+    def _retreat(self, mission: Mission, handoff: Handoff) -> RetreatIntended | Refused:
+        """The one motion that the zone authorised beforehand: its intent and the expiry are one commit.
 
-    def _acted(self, handoff: Handoff) -> RecordNoAnswer:
-        """Carry the action out as far as this robot can, and say what shows it."""
-        wanted = handoff.opened.no_answer if handoff.opened else "hold"
-        rest = at_rest(self._roles.senses.recent, self._crew.clock.now().mission_s)
-        if wanted == "hold":
-            said = rest.reason or "at rest by odometry"
-            return RecordNoAnswer(action="hold", done=rest.static, measured=rest.measured, reason=said)
-        if wanted == "retreat":
-            why = "no retreat is authorised for this mission; the robot stays where it is"
-            return RecordNoAnswer(action="retreat", done=False, measured=rest.measured, reason=why)
-        return self._laid(handoff, rest.measured)
-
-    def _laid(self, handoff: Handoff, measured: dict[str, float]) -> RecordNoAnswer:
-        hand, robot_id = self._crew.hand, handoff.opened.robot_id if handoff.opened else ""
-        if hand is None:
-            why = f"{robot_id} cannot lie down; it stays where it is"
-            return RecordNoAnswer(action="lie_down", done=False, measured=measured, reason=why)
-        try:
-            status = hand.rest(PostureOrder(posture="lying", token=self._newest_token()))
-        except ProviderFailed as error:
-            return RecordNoAnswer(action="lie_down", done=False, measured=measured, reason=str(error)[:200])
-        lying = status.posture == "lying"
-        return RecordNoAnswer(
-            action="lie_down",
-            done=lying,
-            measured=measured,
-            reason=f"the robot declares itself {status.posture}",
+        Whoever paused the mission, or lets nothing move without a person, said so later than the site file did.
+        """
+        if mission.status == "paused" or mission.level == "manual":
+            why = "was paused" if mission.status == "paused" else "moves only where a person approves"
+            return Refused("held", f"The mission {why}.")
+        order = Order(
+            task_id=mission.mission_id,
+            attempt=1,
+            actor=TIMEOUT,
+            reason="nobody answered in time",
+            handoff_id=handoff.handoff_id,
+            mission=mission,
         )
+        return planned_retreat(self._roles, order)
+
+    def act(self, handoff: Handoff, *, instead: Refused | None = None) -> None:
+        """Carry out what happens without an answer, once, and write down what came of it.
+
+        `instead`: why a retreat was not sent. One that is under way is waited for; one that ended is told.
+        """
+        retreat = self._sent(handoff)
+        if retreat is not None and retreat.open:
+            return
+        self._roles.senses.collect(None)
+        done = told(retreat) if retreat is not None else self._acted(handoff, instead)
+        self._runtime.commit([Request(handoff_stream(handoff.handoff_id), done)])
+
+    def _sent(self, handoff: Handoff) -> Retreating | None:
+        control: Control = self._runtime.fold(CONTROL)
+        newest = control.retreats.get(self._crew.robot_id)
+        return newest if newest is not None and newest.intent.handoff_id == handoff.handoff_id else None
+
+    def _acted(self, handoff: Handoff, instead: Refused | None) -> RecordNoAnswer:
+        """Carry the action out on the spot as far as this robot can, and say what shows it."""
+        opened = handoff.opened
+        wanted = opened.no_answer if opened else "hold"
+        rest = at_rest(self._roles.senses.recent, self._crew.clock.now().mission_s)
+        if instead is not None and instead.rule == "already_there":
+            return RecordNoAnswer(action="retreat", done=rest.static, measured=rest.measured, reason=instead.message)
+        action: Otherwise = ((opened.otherwise if opened else "") or "hold") if wanted == "retreat" else wanted
+        settled = settle(self._crew, action, rest=rest, token=self._newest_token())
+        why = instead.message if instead else "The harness stopped before a retreat could be sent."
+        said = f"No retreat: {why} Instead: {settled.reason}" if wanted == "retreat" else settled.reason
+        return RecordNoAnswer(action=action, done=settled.done, measured=rest.measured, reason=said[:200])
 
     def _newest_token(self) -> int:
         """The fencing token of whoever moved this robot last: a posture is ordered in its turn."""
         bases = {resource for card in self._crew.cards if card.moves for resource in card.resources}
         return max(self._runtime.lease(leased(self._crew.robot_id, one)).token for one in bases)
+
+
+def told(retreat: Retreating) -> RecordNoAnswer:
+    """What a retreat that ended means for its question: measured there, done otherwise, or known to nobody."""
+    ended = retreat.ended
+    if ended is None:
+        raise ValueError(f"retreat {retreat.intent.invocation_id} has not ended")
+    done = ended.outcome == "reached" or (ended.outcome == "short" and ended.then_done)
+    action = ended.then if ended.outcome == "short" and ended.then else "retreat"
+    reason = f"{ended.outcome}: {ended.reason}; declared {ended.declared}, accepted as nothing"
+    return RecordNoAnswer(action=action, done=done, measured=ended.measured, reason=reason[:200])
 
 
 def overlooked(runtime: Runtime, robot_id: RobotId) -> list[Handoff]:

@@ -22,6 +22,7 @@ from harness.contracts.ids import (
 from harness.contracts.observations import AnySample
 from harness.contracts.ports import HandDriven
 from harness.contracts.protocol import DriveOrder, DriveReport, PostureOrder
+from harness.contracts.retreat_events import StopRetreat
 from harness.gate.commit import Request
 from harness.projections.control import Control, Wheel
 from harness.projections.mission import Mission
@@ -29,7 +30,9 @@ from harness.runtime import Runtime
 from harness.supervisor.crew import Crew
 from harness.supervisor.leases import LOOK_S, SUPERVISOR
 from harness.supervisor.rest import WINDOW_S, Rest, at_rest
-from harness.supervisor.senses import BATCH
+from harness.supervisor.retreat import Order, planned_retreat, sending
+from harness.supervisor.roles import Roles
+from harness.supervisor.senses import BATCH, Senses
 
 BASE = "mobile_base"
 LONGEST_S = 900.0
@@ -158,6 +161,34 @@ class HandWheel:
             self._runtime.commit([Request(lease_stream(base), released)])
         return decision
 
+    def to_safety(self, robot_id: RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
+        """Send a robot to the safe place of its zone, on this person's word; one that is being stopped is waited for.
+
+        Where the zone declares none, or the robot cannot be sent there now, it lies down where it stands, and the log
+        says why. The way itself is the supervisor's. Raises ProviderFailed as the robot does.
+        """
+        crew = self._crew(robot_id)
+        acting = self._acting(crew)
+        if acting is not None:
+            why = f"{acting.mission_id} is {acting.status.replace('_', ' ')}: stop or pause it first."
+            return Refused("mission_in_control", why)
+        base = self._runtime.lease(leased(robot_id, BASE))
+        order = Order(task_id=MissionId(robot_id), attempt=base.token + 1, actor=actor, reason=reason)
+        roles = Roles(runtime=self._runtime, crew=crew, senses=Senses(runtime=self._runtime, crew=crew))
+        planned = planned_retreat(roles, order)
+        if not isinstance(planned, Refused):
+            return self._runtime.commit(sending(planned))
+        under_way = self._runtime.fold(CONTROL).retreating(robot_id)
+        if under_way is not None:
+            return Refused("retreat_under_way", f"{robot_id} is on the way to {under_way.intent.place}.")
+        return self.rest(
+            robot_id, posture="lying", actor=actor, reason=f"{reason}. No retreat: {planned.message}"[:200]
+        )
+
+    def stop_retreat(self, robot_id: RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
+        """Ask a robot on its way to a safe place to stand; the supervisor sees the stop through."""
+        return self._runtime.commit([Request(CONTROL, StopRetreat(robot_id=robot_id, actor=actor, reason=reason))])
+
     def _look(self) -> None:
         while not self._halt.wait(LOOK_S):
             control: Control = self._runtime.fold(CONTROL)
@@ -182,8 +213,8 @@ class HandWheel:
 
     def _in_control(self, robot_id: RobotId, actor: Actor) -> str:
         """What keeps people from driving: a mission that acts. One that this very person took over does not."""
-        for mission in self._runtime.missions():
-            if mission.robot_id != robot_id or mission.ended or mission.replay:
+        for mission in self._runtime.open_missions(robot_id):
+            if mission.replay:
                 continue
             if mission.status == "awaiting_human" and self._taken_over(mission, actor):
                 continue
@@ -196,7 +227,7 @@ class HandWheel:
         """The mission that may move this robot; one that is being stopped gets STOPPED_WITHIN_S to come to rest."""
         until_s = crew.clock.now().mission_s + STOPPED_WITHIN_S
         while True:
-            mine = [m for m in self._runtime.missions() if m.robot_id == crew.robot_id and not m.ended and not m.replay]
+            mine = [one for one in self._runtime.open_missions(crew.robot_id) if not one.replay]
             acting = next((m for m in mine if m.invocation is not None or m.status not in AT_REST), None)
             if acting is None or acting.status != "stopping" or crew.clock.now().mission_s >= until_s:
                 return acting

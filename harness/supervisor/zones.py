@@ -1,31 +1,58 @@
 """How long a robot may wait where it stands, and what it does when nobody answers (D27)."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from math import inf
 
+from harness.contracts.errors import ContractInvalid
 from harness.contracts.handoff_events import NoAnswer
 from harness.contracts.observations import AnySample, Battery
-from harness.contracts.places import Zone
+from harness.contracts.places import Place, Retreat, Site, Zone
 from harness.contracts.values import Point, Value
+from harness.verification.geometry import contains, distance
 
 LONGEST_WAIT_S = 900.0
 SHORTEST_WINDOW_S = 5.0
 """A drain read from less than this is noise."""
+ARRIVED_M = 0.40
+"""Measured so near, the robot is at its place (D18)."""
+OFF_WAY_M = 1.0
+"""A robot further from the authorised way than this does not look for one of its own."""
+NO_STEP_M = 0.01
 
 
 class Patience(Value):
-    """Seconds until a question expires, seconds that no extension may pass, and what happens then."""
+    """Seconds until a question expires, seconds that no extension may pass, and what happens then.
+
+    `retreat`: the zone's, where that is what happens.
+    """
 
     wait_s: float
     limit_s: float
     no_answer: NoAnswer
+    retreat: Retreat | None = None
+
+
+class Way(Value):
+    """A zone's retreat with the geometry it has on the site now, metres in the site's frame."""
+
+    zone: str
+    retreat: Retreat
+    place: Place
+    waypoints_m: tuple[Point, ...]
 
 
 def patience(zones: Sequence[Zone], at: Point, *, reserve_s: float) -> Patience:
     """At most 15 minutes, the zone's hold limit and what the battery lasts; outside every zone the robot holds."""
     zone = zone_at(zones, at)
     limit_s = min(zone.hold_limit_s if zone else LONGEST_WAIT_S, reserve_s)
-    return Patience(wait_s=min(LONGEST_WAIT_S, limit_s), limit_s=limit_s, no_answer=zone.no_answer if zone else "hold")
+    action = zone.no_answer if zone else "hold"
+    return Patience(
+        wait_s=min(LONGEST_WAIT_S, limit_s),
+        limit_s=limit_s,
+        no_answer=action,
+        retreat=zone.retreat if zone and action == "retreat" else None,
+    )
 
 
 def zone_at(zones: Sequence[Zone], at: Point) -> Zone | None:
@@ -44,11 +71,64 @@ def reserve_s(samples: Sequence[AnySample], *, minimum_charge: float) -> float:
 
 def inside(point: Point, region: tuple[Point, ...]) -> bool:
     """Whether a planar point lies in a polygon (even-odd rule); an empty region holds everything."""
-    if not region:
-        return True
-    x, y = point
-    crossings = 0
-    for (x1, y1), (x2, y2) in zip(region, (*region[1:], region[0]), strict=True):
-        if (y1 > y) != (y2 > y) and x < (x2 - x1) * (y - y1) / (y2 - y1) + x1:
-            crossings += 1
-    return crossings % 2 == 1
+    return not region or contains(region, point)
+
+
+def way_of(site: Site, zone: Zone) -> Way:
+    """The way that a zone authorises to its safe place, on the site as it is now.
+
+    Raises ContractInvalid where it names what is not there, leaves the map, or would end beside the place.
+    """
+    where, retreat = f"site {site.name}, zone {zone.name}", zone.retreat
+    if retreat is None:
+        raise ContractInvalid("The zone declares no safe place", where=where, do="give it a retreat, or another action")
+    place = next((one for one in site.places if one.place_id == retreat.place_id), None)
+    route = next((one for one in site.routes if one.name == retreat.route), None)
+    if place is None or place.verification == "disputed":
+        said = "is disputed" if place else "does not exist"
+        raise ContractInvalid(f"The safe place {retreat.place_id} {said}", where=where, do="name a place of this site")
+    if route is None or len(route.waypoints_m) < 2:
+        raise ContractInvalid(f"The route {retreat.route} does not exist", where=where, do="name a route of this site")
+    maps = {(one.frame, one.map_version) for one in (site, place, route)}
+    if len(maps) > 1 or zone.frame != site.frame:
+        raise ContractInvalid("Zone, place and route are of different maps", where=where, do="survey them on one map")
+    beyond = [point for point in route.waypoints_m if not on_map(site, point)]
+    if beyond:
+        raise ContractInvalid(
+            f"The way leaves the map at {beyond[0]}", where=where, do="keep it inside zones and places"
+        )
+    beside_m = distance(route.waypoints_m[-1], place.approach_m)
+    if route.end != place.place_id or beside_m > ARRIVED_M:
+        raise ContractInvalid(
+            f"The route {route.name} ends {beside_m:.2f} m beside {place.name}",
+            where=where,
+            do="name one that ends there",
+        )
+    return Way(zone=zone.name, retreat=retreat, place=place, waypoints_m=(*route.waypoints_m[:-1], place.approach_m))
+
+
+def on_map(site: Site, point: Point) -> bool:
+    """Whether a point lies in a zone or at a place: what is drawn of the map."""
+    regions = [zone.region_m for zone in site.zones] + [place.region_m for place in site.places if place.region_m]
+    return any(inside(point, region) for region in regions)
+
+
+def ahead(way: Way, at: Point) -> tuple[Point, ...]:
+    """What of the way lies ahead of the robot, beginning where it stands; empty if it stands off the way."""
+    best: float = OFF_WAY_M
+    found: tuple[Point, ...] = ()
+    for leg, (start, end) in enumerate(pairwise(way.waypoints_m)):
+        length = distance(start, end)
+        along = (at[0] - start[0]) * (end[0] - start[0]) + (at[1] - start[1]) * (end[1] - start[1])
+        share = min(max(along / length**2, 0.0), 1.0) if length else 0.0
+        foot = (start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1]))
+        if distance(at, foot) <= best:
+            best, found = distance(at, foot), (at, foot, *way.waypoints_m[leg + 1 :])
+    return tuple(point for point, after in pairwise(found) if distance(point, after) > NO_STEP_M) + found[-1:]
+
+
+def check_site(site: Site) -> None:
+    """Raises ContractInvalid for a zone that would retreat and declares no way, or one that does not hold."""
+    for zone in site.zones:
+        if zone.retreat is not None or zone.no_answer == "retreat":
+            way_of(site, zone)

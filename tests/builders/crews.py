@@ -21,6 +21,7 @@ from harness.contracts.ids import Digest, MissionId, RequestId
 from harness.contracts.ports import Provider
 from harness.contracts.protocol import InvocationReport, Observations, PhysicalStart, RobotStatus, StartRequest
 from harness.contracts.tasks import TaskTemplate
+from harness.exploration.targets import NEAREST_EDGE, Proposer
 from harness.planning.planner import GRAPH_ORDER, Planner
 from harness.planning.templates import by_name
 from harness.projections.mission import Mission
@@ -80,10 +81,11 @@ class Failing(Wrapped):
 
 
 class CrewRobot:
-    """The simulated robot with its providers wrapped."""
+    """The simulated robot with its providers wrapped. `retouch` stands between its sensors and whoever reads them."""
 
     def __init__(self, inner: SimulatedRobot, wrap: Wrap) -> None:
         self.inner = inner
+        self.retouch: Callable[[Observations], Observations] = lambda seen: seen
         self._providers = [wrap(provider) for provider in inner.providers()]
 
     def providers(self) -> Sequence[Provider]:
@@ -93,7 +95,7 @@ class CrewRobot:
         return self.inner.status()
 
     def observations(self, after: int, limit: int = 5000) -> Observations:
-        return self.inner.observations(after, limit)
+        return self.retouch(self.inner.observations(after, limit))
 
     def blob(self, digest: Digest) -> bytes:
         return self.inner.blob(digest)
@@ -145,6 +147,7 @@ def staged(
     wrap: Wrap = lambda provider: provider,
     verifier: Verifier = verify,
     planner: Planner = GRAPH_ORDER,
+    proposer: Proposer = NEAREST_EDGE,
     deciders: Deciders = MappingProxyType({}),
     select: Select = nothing_selected,
 ) -> Iterator[Stage]:
@@ -160,6 +163,7 @@ def staged(
             signals=Unheard(),
             verifier=verifier,
             planner=planner,
+            proposer=proposer,
             deciders=deciders,
             select=select,
         )

@@ -9,6 +9,7 @@ from typing import Any
 from msgspec.structs import replace
 
 from harness.adapters.clock import LockstepClock
+from harness.adapters.failpoints import parse, with_failpoint
 from harness.adapters.ids import SeededIds
 from harness.adapters.providers.simulation.camera import CAMERA
 from harness.adapters.providers.simulation.faults import parse_faults
@@ -44,6 +45,7 @@ from harness.projections.mission import Mission
 from harness.runtime import Start
 from harness.settings import HarnessSettings
 from rsi_reviews.deciding import DECIDERS
+from rsi_reviews.shelf import selected
 from tests.builders.crews import CrewRobot, Wrapped
 from tests.builders.missions_run import ROBOT
 
@@ -53,10 +55,11 @@ ASKS = "frozen-localiser:persistent"
 
 
 class Link:
-    """The way to the robot's providers. `down`: nobody answers; `losing`: a start never arrives."""
+    """The way to the robot's providers. `down`: nobody answers; `losing`: a start never arrives. `sent` counts them."""
 
     def __init__(self) -> None:
         self.down = self.losing = False
+        self.sent = 0
 
 
 class Linked(Wrapped):
@@ -67,6 +70,7 @@ class Linked(Wrapped):
         self._link = link
 
     def start(self, request: StartRequest) -> InvocationReport:
+        self._link.sent += 1
         self._pass(lost=self._link.losing)
         return super().start(request)
 
@@ -199,23 +203,34 @@ class Waiting:
 
 @contextmanager
 def waiting(
-    *, log: Path | None = None, site: Site | None = None, seed: int = 3, signals: Signals | None = None
+    *,
+    log: Path | None = None,
+    site: Site | None = None,
+    seed: int = 3,
+    signals: Signals | None = None,
+    failpoint: str = "",
+    journals: Path | None = None,
 ) -> Iterator[Waiting]:
-    """The kinematic robot at speed 0, everything in this process; the log in memory, or in a file."""
+    """The kinematic robot at speed 0, everything in this process; the log in memory, or in a file.
+
+    With `journals` the robot keeps its own in that folder; `failpoint` kills the process that runs into it.
+    """
     wall = [time.time()]
     with ExitStack() as stack:
-        robot = SimulatedRobot(WorldSettings(fidelity="kinematic", seed=seed), robot_id=ROBOT)
+        robot = SimulatedRobot(WorldSettings(fidelity="kinematic", seed=seed), journals, robot_id=ROBOT)
+        stack.callback(robot.world.truth.close)
         clock = LockstepClock(robot.advance_to, at_s=robot.at_s, wall=lambda: wall[0])
         store = SqlEventStore(f"sqlite:///{log}") if log is not None else MemoryEventStore()
         stack.callback(store.close)
         parts = Parts(
-            store=store,
+            store=with_failpoint(store, parse(failpoint) if failpoint else None),
             blobs=MemoryBlobStore(),
             spool=MemorySpool(),
             ids=SeededIds(seed),
             clock=clock,
             signals=signals or Unheard(),
             deciders=DECIDERS,
+            select=selected,
             site=site or shipped_site(),
         )
         link = Link()
@@ -228,7 +243,7 @@ def waiting(
             camera=robot,
             hand=SimulatedHand(robot),
         )
-        settings = HarnessSettings(speed=0, fidelity="kinematic")
+        settings = HarnessSettings(speed=0, fidelity="kinematic", failpoint=failpoint)
         yield Waiting(lambda: joined(stack, settings, parts, [member]), robot, wall=wall, link=link)
 
 

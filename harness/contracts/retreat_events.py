@@ -1,0 +1,96 @@
+"""A retreat to the safe place of a zone: one motion of no mission's contract, as commands and as facts (D27).
+
+It is no node, commits nothing, and its end is measured, never accepted. It stands in the stream of the house's control,
+beside driving by hand: a robot has one of them at a time.
+"""
+
+from typing import Literal
+
+from harness.contracts.actors import Actor, Command, Event
+from harness.contracts.ids import HandoffId, InvocationId, MissionId, NodeId, PlaceId, ProviderId, RequestId, RobotId
+from harness.contracts.places import Otherwise
+from harness.contracts.protocol import Parameters
+from harness.contracts.values import Count, Name, Point
+
+RETREAT = NodeId("retreat")
+"""What a robot's start journal calls it; no contract has a node of this name."""
+RetreatOutcome = Literal["reached", "short", "unknown"]
+"""Measured at the place; measured elsewhere, or not shown to be there; nobody can say."""
+
+
+class RetreatIntended(Event, tag=True):
+    """About to be sent, with its leases in the same commit. Metres in `map_version`, seconds of mission time.
+
+    `actor` let it start: a person, or the clock (channel timeout) where nobody answered `handoff_id`. `authorised_by`
+    is who put it into the site file, and when. `task_id` and `attempt` make its request id as those of a node do (D1).
+    """
+
+    robot_id: RobotId
+    task_id: MissionId
+    attempt: Count
+    handoff_id: HandoffId | None
+    zone: Name
+    place_id: PlaceId
+    place: Name
+    request_id: RequestId
+    invocation_id: InvocationId
+    provider_id: ProviderId
+    provider_version: str
+    capability: Name
+    parameters: Parameters
+    resources: dict[str, int]
+    target_m: Point
+    frame: Name
+    map_version: Name
+    dispatched_s: float
+    deadline_s: float
+    otherwise: Otherwise
+    authorised_by: Name
+    authorised_on: Name
+    actor: Actor
+    reason: str
+    moves: bool = True
+
+
+class RetreatStopping(Event, tag=True):
+    """A stop was asked for: by a person, or by the supervisor with its reason."""
+
+    robot_id: RobotId
+    invocation_id: InvocationId
+    actor: Actor
+    reason: str
+
+
+class RetreatEnded(Event, tag=True):
+    """How it ended. `declared`: the provider's last word; `measured`: what was seen of it, metres.
+
+    `then`: what the robot did where it could not reach the place, and whether something shows it; empty if nothing.
+    """
+
+    robot_id: RobotId
+    invocation_id: InvocationId
+    outcome: RetreatOutcome
+    declared: str
+    measured: dict[str, float]
+    reason: str
+    at_s: float
+    then: Otherwise | Literal[""] = ""
+    then_done: bool = False
+
+
+class SendRetreat(Command, tag=True):
+    intent: RetreatIntended
+
+
+class StopRetreat(Command, tag=True):
+    robot_id: RobotId
+    actor: Actor
+    reason: Name
+
+
+class EndRetreat(Command, tag=True):
+    ended: RetreatEnded
+
+
+RetreatEvent = RetreatIntended | RetreatStopping | RetreatEnded
+RetreatCommand = SendRetreat | StopRetreat | EndRetreat

@@ -1,0 +1,173 @@
+"""Whether a robot may go to the safe place of its zone now, and exactly what would be sent; moves nothing (D27)."""
+
+from dataclasses import dataclass
+from math import hypot
+
+from harness.contracts.actors import Actor
+from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.commands import AcquireLease
+from harness.contracts.control import CONTROL
+from harness.contracts.decisions import Refused
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.ids import HandoffId, MissionId, ProviderId, invocation_id, lease_stream, leased, request_id
+from harness.contracts.observations import Pose
+from harness.contracts.protocol import ParameterValue
+from harness.contracts.retreat_events import RETREAT, RetreatIntended, SendRetreat
+from harness.contracts.values import Point
+from harness.gate.commit import Request
+from harness.projections.control import Control
+from harness.projections.mission import Mission
+from harness.supervisor.leases import GRACE_S, tokens
+from harness.supervisor.rest import AGE_S, at_rest
+from harness.supervisor.roles import Roles
+from harness.supervisor.zones import ARRIVED_M, Way, ahead, way_of, zone_at
+from harness.verification.geometry import polyline_length
+
+SLACK_S = 30.0
+SLOWNESS = 2.0
+"""The deadline allows this many times the way's length at its speed cap, and SLACK_S."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """Whose word lets a retreat start, and why. `task_id` and `attempt` name it once and for all."""
+
+    task_id: MissionId
+    attempt: int
+    actor: Actor
+    reason: str
+    handoff_id: HandoffId | None = None
+    mission: Mission | None = None
+
+
+def planned_retreat(roles: Roles, order: Order) -> RetreatIntended | Refused:
+    """The motion as it would run, or why there is none now. Looks at the robot; writes nothing."""
+    if not roles.senses.collect(None):
+        return Refused("robot_silent", "The robot does not answer.")
+    pose = newest_pose(roles)
+    if pose is None or roles.senses.status is None:
+        return Refused("not_localised", "No pose says where the robot stands.")
+    site, at = roles.runtime.site, (pose.x_m, pose.y_m)
+    zone = zone_at(site.zones, at)
+    if zone is None or zone.retreat is None:
+        return Refused("no_safe_place", f"{zone.name if zone else 'Where the robot stands'} declares no safe place.")
+    try:
+        way = way_of(site, zone)
+    except ContractInvalid as error:
+        return Refused("retreat_invalid", error.what)
+    away_m = hypot(at[0] - way.place.approach_m[0], at[1] - way.place.approach_m[1])
+    if away_m <= ARRIVED_M:
+        return Refused("already_there", f"It already stands {away_m:.2f} m from {way.place.name}.")
+    points = ahead(way, at)
+    if len(points) < 2:
+        return Refused("off_the_way", f"It stands off the authorised way to {way.place.name}.")
+    hindered = hindrance(roles, map_version=site.map_version) or _standing_still(roles) or _vetoed(roles, order)
+    if hindered:
+        return Refused("not_ready", f"{hindered}.")
+    card = _able(roles, way)
+    if card is None:
+        return Refused("no_provider", "Nothing on this robot can follow a way that slowly.")
+    return _intent(roles, order, way=way, points=points, card=card)
+
+
+def sending(intent: RetreatIntended) -> list[Request]:
+    """The intent with its leases: all or none, before anything is sent."""
+    leases = [
+        Request(
+            lease_stream(leased(intent.robot_id, resource)),
+            AcquireLease(
+                resource=leased(intent.robot_id, resource),
+                mission_id=intent.task_id if intent.handoff_id else MissionId(""),
+                invocation_id=intent.invocation_id,
+                token=token,
+                expires_s=intent.deadline_s + GRACE_S,
+            ),
+        )
+        for resource, token in intent.resources.items()
+    ]
+    return [Request(CONTROL, SendRetreat(intent=intent)), *leases]
+
+
+def hindrance(roles: Roles, *, map_version: str) -> str:
+    """Why a robot must not be on its way now, from its own status and its newest pose; empty if nothing is known."""
+    status, pose, now_s = roles.senses.status, newest_pose(roles), roles.crew.clock.now().mission_s
+    if status is None or now_s - status.at_s > AGE_S:
+        return "The robot's status is unknown or old"
+    if status.hardware_stop:
+        return "The hardware stop is engaged"
+    if not status.localised or pose is None or now_s - pose.at_s > AGE_S:
+        return "The robot is not localised"
+    if not status.map_version == pose.map_version == map_version:
+        return f"The robot is on map {status.map_version}, the way on {map_version}"
+    return ""
+
+
+def newest_pose(roles: Roles) -> Pose | None:
+    return next((one for one in reversed(roles.senses.recent) if isinstance(one, Pose)), None)
+
+
+def _standing_still(roles: Roles) -> str:
+    rest = at_rest(roles.senses.recent, roles.crew.clock.now().mission_s)
+    return "" if rest.static else f"It is not shown at rest: {rest.reason}"
+
+
+def _vetoed(roles: Roles, order: Order) -> str:
+    """A veto of any mission that this robot has not ended, and of the one whose question expired."""
+    mine = roles.runtime.open_missions(roles.crew.robot_id)
+    for mission in [*mine, *([order.mission] if order.mission else [])]:
+        for layer, why in sorted(mission.vetoes.items()):
+            return f"{layer} vetoes motion: {why}"
+    control: Control = roles.runtime.fold(CONTROL)
+    wheel = control.wheels.get(roles.crew.robot_id)
+    return f"{wheel.actor.name} drives it by hand" if wheel else ""
+
+
+def _able(roles: Roles, way: Way) -> CapabilityCard | None:
+    """The first navigator on the crew that goes as slowly as the way demands, and can be stopped and asked."""
+    for card in roles.crew.cards:
+        speed = next((one for one in card.parameters if one.name == "speed_cap_mps"), None)
+        slow = speed is not None and (speed.minimum or 0.0) <= way.retreat.speed_cap_mps
+        if card.capability == "navigate" and card.moves and card.cancel.acknowledged and slow:
+            return card
+    return None
+
+
+def _intent(
+    roles: Roles, order: Order, *, way: Way, points: tuple[Point, ...], card: CapabilityCard
+) -> RetreatIntended:
+    request, now_s = request_id(order.task_id, RETREAT, order.attempt), roles.crew.clock.now().mission_s
+    site, retreat = roles.runtime.site, way.retreat
+    takes_s = SLOWNESS * polyline_length(points) / retreat.speed_cap_mps + SLACK_S
+    parameters: dict[str, ParameterValue] = {
+        "route": points,
+        "target": way.place.approach_m,
+        "frame": site.frame,
+        "tolerance_m": ARRIVED_M,
+        "speed_cap_mps": retreat.speed_cap_mps,
+    }
+    return RetreatIntended(
+        robot_id=roles.crew.robot_id,
+        task_id=order.task_id,
+        attempt=order.attempt,
+        handoff_id=order.handoff_id,
+        zone=way.zone,
+        place_id=way.place.place_id,
+        place=way.place.name,
+        request_id=request,
+        invocation_id=invocation_id(request),
+        provider_id=ProviderId(card.provider_id),
+        provider_version=card.version,
+        capability=card.capability,
+        parameters=parameters,
+        resources=tokens(roles.runtime, roles.crew.robot_id, card.resources),
+        target_m=way.place.approach_m,
+        frame=site.frame,
+        map_version=site.map_version,
+        dispatched_s=now_s,
+        deadline_s=now_s + takes_s,
+        otherwise=retreat.otherwise,
+        authorised_by=retreat.authorised_by,
+        authorised_on=retreat.authorised_on,
+        actor=order.actor,
+        reason=order.reason,
+    )

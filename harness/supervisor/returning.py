@@ -1,0 +1,252 @@
+"""Watches the open retreat of one robot: sends it once, keeps it alive, stops it, and measures where it ended (D27).
+
+What an earlier process left open is never sent again: it is stopped where it still runs, and its end is unknown (D13).
+"""
+
+from math import hypot
+
+from harness.contracts.control import CONTROL
+from harness.contracts.errors import HarnessError, ProviderFailed, ProviderUnreachable
+from harness.contracts.ids import Digest, ProviderId
+from harness.contracts.observations import Odometry, Pose
+from harness.contracts.protocol import KEEPALIVE_LOST, TERMINAL, Identity, InvocationReport, StartRequest
+from harness.contracts.retreat_events import (
+    RETREAT,
+    EndRetreat,
+    RetreatEnded,
+    RetreatIntended,
+    RetreatOutcome,
+    StopRetreat,
+)
+from harness.gate.commit import Request
+from harness.projections.control import Control, Retreating
+from harness.runtime import Runtime
+from harness.supervisor.attend import ACKNOWLEDGE_S, POLL_S, REST_WITHIN_S, SETTLE_S, UNREACHABLE_S, own
+from harness.supervisor.crew import Crew
+from harness.supervisor.leases import SUPERVISOR, Held, give_back, holds
+from harness.supervisor.rest import AGE_S, at_rest
+from harness.supervisor.retreat import hindrance
+from harness.supervisor.roles import Roles
+from harness.supervisor.senses import Senses
+from harness.supervisor.settling import settle
+from harness.supervisor.zones import ARRIVED_M
+from harness.verification.predicates.arrival import SAMPLES
+from harness.verification.sources import Sources
+
+
+class Returning:
+    """The retreat of one robot. The fold of the control stream says whether there is one; handles live in memory."""
+
+    def __init__(self, *, runtime: Runtime, crew: Crew) -> None:
+        self._runtime = runtime
+        self._crew = crew
+        self._roles = Roles(runtime=runtime, crew=crew, senses=Senses(runtime=runtime, crew=crew))
+        left = self._open()
+        self._found = left.intent.invocation_id if left else None
+        self._handle: str | None = None
+        self._sent = False
+        self._silent_since: float | None = None
+        self._stopping_since: float | None = None
+        self._ended_since: float | None = None
+
+    @property
+    def under_way(self) -> bool:
+        """Whether this robot has a retreat that has not ended."""
+        return self._open() is not None
+
+    def step(self) -> float:
+        """Do what is due for the open retreat; returns when to look again, in mission time."""
+        retreat, now_s = self._open(), self._crew.clock.now().mission_s
+        if retreat is None:
+            return now_s
+        if not self._roles.senses.collect(None):
+            self._crew.revive()
+        if retreat.intent.invocation_id == self._found:
+            self._left_open(retreat.intent)
+            return now_s
+        try:
+            report = self._report(retreat)
+            if report is None:
+                return now_s
+            self._silent_since = None
+            if report.status in TERMINAL:
+                return self._finish(retreat, report, now_s)
+            return self._supervise(retreat, report, now_s)
+        except ProviderUnreachable as error:
+            return self._silence(retreat.intent, now_s, str(error))
+        except ProviderFailed as error:
+            refused = self._handle is None
+            self._end(
+                retreat.intent,
+                "short" if refused else "unknown",
+                declared="refused" if refused else "lost",
+                reason=error.what,
+            )
+            return now_s
+
+    def _open(self) -> Retreating | None:
+        control: Control = self._runtime.fold(CONTROL)
+        return control.retreating(self._crew.robot_id)
+
+    def _report(self, retreat: Retreating) -> InvocationReport | None:
+        """The provider's word. Sent once in the life of this process; None where it fell away before it was sent."""
+        intent = retreat.intent
+        provider = self._crew.provider(intent.provider_id)
+        if self._handle is not None:
+            return own(provider.report(self._handle), intent)
+        if not self._sent:
+            in_the_way = self._in_the_way(retreat)
+            if in_the_way:
+                self._end(intent, "short", declared="not sent", reason=in_the_way)
+                return None
+            self._sent = True
+            report = own(provider.start(_request(intent)), intent)
+        else:
+            known = provider.find(intent.request_id) if provider.card.reattach == "by_request" else None
+            if known is None:
+                raise ProviderUnreachable("Nobody knows whether the request arrived", where=intent.provider_id)
+            report = own(known, intent)
+        self._handle = report.handle
+        return report
+
+    def _in_the_way(self, retreat: Retreating) -> str:
+        """Why it must not go on: a person's stop, the deadline, the robot's own condition, a lost lease, a veto."""
+        intent = retreat.intent
+        if retreat.stop is not None:
+            return f"{retreat.stop.actor.name} stopped it: {retreat.stop.reason}"
+        if self._crew.clock.now().mission_s > intent.deadline_s:
+            return "its deadline passed"
+        if not holds(self._runtime, self._crew.robot_id, intent):
+            return "its lease was lost"
+        return hindrance(self._roles, map_version=intent.map_version)
+
+    def _supervise(self, retreat: Retreating, report: InvocationReport, now_s: float) -> float:
+        intent, provider = retreat.intent, self._crew.provider(retreat.intent.provider_id)
+        if retreat.stop is None:
+            lost = "the supervisor was away for too long" if report.failure == KEEPALIVE_LOST else ""
+            reason = lost or self._in_the_way(retreat)
+            if reason:
+                asked = StopRetreat(robot_id=intent.robot_id, actor=SUPERVISOR, reason=reason)
+                self._runtime.commit([Request(CONTROL, asked)])
+                return now_s
+        else:
+            self._stopping_since = now_s if self._stopping_since is None else self._stopping_since
+            if now_s > self._stopping_since + provider.card.cancel.within_s + ACKNOWLEDGE_S:
+                self._end(intent, "unknown", declared=report.status, reason="its stop was not acknowledged")
+                return now_s
+            if report.status != "stopping":
+                provider.stop(report.handle)
+        provider.keepalive(report.handle)
+        return now_s + POLL_S
+
+    def _finish(self, retreat: Retreating, report: InvocationReport, now_s: float) -> float:
+        """Watch the body come to rest, then measure it against the place."""
+        self._ended_since = now_s if self._ended_since is None else self._ended_since
+        settled_s = self._ended_since + SETTLE_S
+        rest = at_rest(self._roles.senses.recent, now_s)
+        if now_s < settled_s or (not rest.static and now_s < settled_s + REST_WITHIN_S):
+            return now_s + POLL_S
+        away, why = self._measured(retreat.intent, now_s)
+        said = f"{report.status}{f', {report.failure}' if report.failure else ''}"
+        stopped = f"{retreat.stop.actor.name} stopped it: {retreat.stop.reason}" if retreat.stop else report.message
+        reached = not why and rest.static
+        outcome: RetreatOutcome = "reached" if reached else "short"
+        shown = (
+            f"{away['distance_m']:.2f} m from {retreat.intent.place} by measurement" if reached else why or rest.reason
+        )
+        reason = shown if reached or not stopped else f"{shown}; {stopped}"
+        self._end(retreat.intent, outcome, declared=said, reason=reason, measured=away | rest.measured)
+        return now_s
+
+    def _measured(self, intent: RetreatIntended, now_s: float) -> tuple[dict[str, float], str]:
+        """The furthest of the newest poses from the place, metres, and why that shows no arrival; as D18 tests it."""
+        recent = self._roles.senses.recent
+        mine = {one.at_s: one for one in recent if isinstance(one, Pose) and one.map_version == intent.map_version}
+        poses = [mine[at_s] for at_s in sorted(mine)]
+        newest = poses[-SAMPLES:]
+        if len(newest) < SAMPLES or now_s - newest[-1].at_s > AGE_S:
+            return {}, "no fresh poses show where the robot stands"
+        away_m = max(hypot(one.x_m - intent.target_m[0], one.y_m - intent.target_m[1]) for one in newest)
+        measured = {"distance_m": away_m, "bound_m": ARRIVED_M}
+        if away_m > ARRIVED_M:
+            return measured, f"{away_m:.2f} m from {intent.place} by measurement"
+        sources = Sources(poses, [one for one in recent if isinstance(one, Odometry)])
+        agreed, since = sources.before_standstill(), sources.since_agreement(departed_s=intent.dispatched_s)
+        if agreed is None or not agreed.holds or (since is not None and not since.holds):
+            return measured, "localiser and odometry do not tell the same of the last metres"
+        return measured, ""
+
+    def _silence(self, intent: RetreatIntended, now_s: float, reason: str) -> float:
+        """No answer: asked again for a while, never sent again; the robot stands by its own dead man meanwhile."""
+        self._silent_since = now_s if self._silent_since is None else self._silent_since
+        if now_s - self._silent_since >= UNREACHABLE_S:
+            self._end(intent, "unknown", declared="silent", reason=reason)
+        return now_s + POLL_S
+
+    def _left_open(self, intent: RetreatIntended) -> None:
+        """The harness stopped in between. What still runs is stopped; whether and how far it went, nobody says."""
+        declared = "not asked"
+        try:
+            provider = self._crew.provider(intent.provider_id)
+            known = provider.find(intent.request_id) if provider.card.reattach == "by_request" else None
+            if provider.card.reattach == "by_request":
+                declared = known.status if known else "never received"
+            if known is not None and known.status not in TERMINAL:
+                provider.stop(known.handle)
+        except HarnessError as error:
+            declared = error.what
+        self._end(intent, "unknown", declared=declared, reason="the harness stopped while it was under way")
+
+    def _end(
+        self,
+        intent: RetreatIntended,
+        outcome: RetreatOutcome,
+        *,
+        declared: str,
+        reason: str,
+        measured: dict[str, float] | None = None,
+    ) -> None:
+        """The end and the leases in one commit: freed only at rest by odometry, and never where the end is unknown.
+
+        A body at rest that is not at the place does there what the zone says instead, before its lease is given back.
+        """
+        now_s = self._crew.clock.now().mission_s
+        rest = at_rest(self._roles.senses.recent, now_s)
+        free = outcome != "unknown" and rest.static
+        token = max(intent.resources.values())
+        done = settle(self._crew, intent.otherwise, rest=rest, token=token) if free and outcome == "short" else None
+        ended = RetreatEnded(
+            robot_id=intent.robot_id,
+            invocation_id=intent.invocation_id,
+            outcome=outcome,
+            declared=declared,
+            measured=measured if measured is not None else rest.measured,
+            reason=f"{reason}; {done.reason}" if done else reason,
+            at_s=now_s,
+            then=intent.otherwise if done else "",
+            then_done=done is not None and done.done,
+        )
+        freed = give_back(self._runtime, Held(self._crew.robot_id, intent), at_rest=free, reason=f"retreat: {outcome}")
+        self._runtime.commit([Request(CONTROL, EndRetreat(ended=ended)), *freed])
+        self._handle = self._found = None
+        self._sent = False
+        self._silent_since = self._stopping_since = self._ended_since = None
+
+
+def _request(intent: RetreatIntended) -> StartRequest:
+    identity = Identity(
+        mission_id=intent.task_id,
+        node_id=RETREAT,
+        attempt=intent.attempt,
+        request_id=intent.request_id,
+        provider_id=ProviderId(intent.provider_id),
+    )
+    return StartRequest(
+        identity=identity,
+        capability=intent.capability,
+        parameters=intent.parameters,
+        k_ctx=0,
+        configuration=Digest(""),
+        deadline_s=intent.deadline_s,
+        fencing=intent.resources,
+    )
