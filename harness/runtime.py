@@ -5,6 +5,7 @@ Persons and the supervisor enter here; every change goes on to the gate, which a
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from threading import Lock
 from typing import Any
 
@@ -31,11 +32,22 @@ from harness.contracts.ids import (
 from harness.contracts.observations import AnySample
 from harness.contracts.place_events import place_stream
 from harness.contracts.places import Place, Site
-from harness.contracts.ports import BlobStore, Configurations, EventStore, Head, Ids, Record, Signals, StoredEvent
+from harness.contracts.ports import (
+    MISSION_STREAMS,
+    BlobStore,
+    Configurations,
+    EventStore,
+    Head,
+    Ids,
+    Record,
+    Signals,
+    StoredEvent,
+)
 from harness.contracts.protocol import InvocationReport, RobotStatus
 from harness.contracts.tasks import TaskContract, TaskTemplate
-from harness.contracts.values import Value
+from harness.contracts.values import Value, encode
 from harness.gate.commit import Gate, Request
+from harness.gate.open_missions import OpenMissions
 from harness.gate.places import DECIDER as PLACE
 from harness.memory.fabric import MemoryFabric
 from harness.planning.compile import compile_contract
@@ -45,6 +57,8 @@ from harness.projections.leases import Lease
 from harness.projections.mission import Mission
 from harness.projections.places import Places, changed_site
 
+KEPT_CONTRACTS = 16
+"""The same request under the same template and site gives the same contract: so many are not compiled again."""
 COMPILED = ("ContractCompiled", "ContractRecompiled")
 
 
@@ -106,6 +120,8 @@ class Runtime:
         self._shipped = site
         self._sites: dict[tuple[MissionId, Digest], Site] = {}
         self.memory = memory
+        self._open_missions = OpenMissions(store)
+        self._contracts: dict[bytes, TaskContract] = {}
         self._live: dict[MissionId, Live] = {}
         self._live_lock = Lock()
         self._desk: Callable[[PersonCommand], Decision[AnyEvent]] | None = None
@@ -164,7 +180,7 @@ class Runtime:
             labels=start.labels or {},
             autonomy=start.autonomy,
             replay=start.replay,
-            trial=self.on_trial(configuration.configuration_id),
+            trial=self.on_trial(pinned),
         )
         version = self._configurations.record(pinned)
         return self.commit([Request(mission_stream(mission_id), create)], records=(version,))
@@ -175,9 +191,13 @@ class Runtime:
         return self._compiled(start, _chosen(start, configuration))
 
     def _compiled(self, start: Start, template: TaskTemplate) -> TaskContract:
-        return compile_contract(
-            goal=start.goal or template.goal, template=template, arguments=start.arguments or {}, site=self.site
-        )
+        goal, arguments, site = start.goal or template.goal, start.arguments or {}, self.site
+        asked = encode((goal, template, arguments, site))
+        known = self._contracts.get(asked)
+        if known is None:
+            known = compile_contract(goal=goal, template=template, arguments=arguments, site=site)
+            self._contracts = {asked: known, **dict(islice(self._contracts.items(), KEPT_CONTRACTS - 1))}
+        return known
 
     def submit(
         self, mission_id: MissionId, command: MissionCommand, *, records: Sequence[Record] = ()
@@ -242,10 +262,9 @@ class Runtime:
     def unreadable(self) -> tuple[Unreadable, ...]:
         """Unfinished missions that this release must not run, newest first: their version cannot be read here."""
         found = []
-        for mission in self.missions():
+        for mission in self.open_missions():
             try:
-                if not mission.ended:
-                    self.configuration_of(mission)
+                self.configuration_of(mission)
             except ConfigurationMissing as error:
                 found.append(
                     Unreadable(
@@ -266,7 +285,7 @@ class Runtime:
 
         A mission that has not begun is not paused: it is compiled again under the current version when it begins (D35).
         """
-        pinned = [one for one in self.pinned_to(configuration_id) if not one.ended]
+        pinned = [one for one in self.open_missions() if one.configuration == configuration_id]
         pausing = PauseMission(actor=actor, reason=reason)
         decided = [(one.mission_id, self.submit(one.mission_id, pausing)) for one in pinned]
         return tuple(mission_id for mission_id, decision in decided if isinstance(decision, Accepted))
@@ -285,7 +304,12 @@ class Runtime:
 
     def missions(self) -> list[Mission]:
         """All missions, newest first."""
-        return [self._gate.state(stream) for stream in reversed(self._store.streams("mission/"))]
+        return [self._gate.state(stream) for stream in reversed(self._store.streams(MISSION_STREAMS))]
+
+    def open_missions(self, robot_id: RobotId | None = None) -> list[Mission]:
+        """Those that are not over, newest first, of one robot or of all; costs nothing for those that are."""
+        found: Iterator[Mission] = map(self._gate.state, reversed(self._open_missions.streams()))
+        return [one for one in found if not one.ended and robot_id in (None, one.robot_id)]
 
     def handoff(self, handoff_id: HandoffId) -> Handoff:
         handoff: Handoff = self._gate.state(handoff_stream(handoff_id))

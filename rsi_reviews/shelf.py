@@ -113,7 +113,7 @@ class Shelf:
 
     def pins(self) -> dict[Digest, tuple[MissionId, ...]]:
         """Unfinished missions by the version they are pinned to."""
-        return pins(self._runtime.missions())
+        return pins(self._runtime.open_missions())
 
     def versions(self) -> dict[Digest, Draining]:
         """Every version that is known, and whether anything runs under it."""

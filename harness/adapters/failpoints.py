@@ -105,6 +105,9 @@ class FailpointStore:
     def streams(self, prefix: str) -> list[StreamId]:
         return self._store.streams(prefix)
 
+    def open_missions(self) -> list[StreamId]:
+        return self._store.open_missions()
+
     def record(self, digest: Digest) -> Record:
         return self._store.record(digest)
 

@@ -1,13 +1,13 @@
 """Pure: which records contradict each other, and which were replaced by newer ones. Decides for neither side."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 TOLERANCES = {"_m": 0.5, "_rad": 0.35, "_share": 0.1}
 
 
-@dataclass(frozen=True)
-class Statement:
+class Statement(msgspec.Struct, frozen=True):
     """What one source asserts at one instant. `human`: a person's word, which disambiguates.
 
     `subject`: what it is about; empty = it stands beside later ones of its source.
@@ -23,8 +23,9 @@ class Statement:
 def superseded(statements: Sequence[Statement]) -> dict[int, str]:
     """Indices of statements that the same source, or a person about the same names, made anew later; and why."""
     old: dict[int, str] = {}
+    replacing = [one for one in statements if one.subject or one.human]
     for index, statement in enumerate(statements):
-        for newer in statements:
+        for newer in replacing:
             if newer.at_s <= statement.at_s:
                 continue
             if statement.subject and (statement.subject, statement.source) == (newer.subject, newer.source):

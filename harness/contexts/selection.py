@@ -1,7 +1,10 @@
 """Pure: which records a role may see. Filters first, each with its reason; then the item budget (D22)."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
+
+import msgspec
+from msgspec.structs import replace
 
 from harness.contexts.conflicts import Statement, conflicting, superseded
 from harness.contexts.view import StateView
@@ -13,8 +16,7 @@ PROVIDER_KINDS = ("declared", "receipts")
 EARLY_S = 1e-6
 
 
-@dataclass(frozen=True)
-class Item:
+class Item(msgspec.Struct, frozen=True):
     """A record that asks to be let in.
 
     `scope`: the nodes it is about; empty = the whole mission. `speaks_at_s` and `limit_s`: its age counts at that
@@ -27,7 +29,7 @@ class Item:
     scope: frozenset[NodeId] = frozenset()
     speaks_at_s: float | None = None
     limit_s: float | None = None
-    states: Mapping[str, float | str] = field(default_factory=dict)
+    states: Mapping[str, float | str] = msgspec.field(default_factory=dict)
     subject: str = ""
     barred: Withheld | None = None
 

@@ -1,6 +1,7 @@
 """Compiled contexts C1 to C4: the only state a role is shown (R67), stored with each decision (R77)."""
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any, Literal, TypeVar
 
 import msgspec
@@ -42,7 +43,7 @@ class Withheld(Value):
     detail: str = ""
 
 
-class Context(Value):
+class Context(Value, dict=True):
     """A role's view of one state version. `at_s` is the instant it speaks for, in mission time."""
 
     role: Role
@@ -54,8 +55,9 @@ class Context(Value):
     records: tuple[ContextRecord, ...]
     withheld: tuple[Withheld, ...] = ()
 
-    @property
+    @cached_property
     def digest(self) -> Digest:
+        """Names the context by its content; computed once."""
         return digest(self)
 
     def all(self, kind: str) -> tuple[ContextRecord, ...]:

@@ -48,6 +48,10 @@ class Record(Value):
     body: bytes
 
 
+MISSION_STREAMS = "mission/"
+MISSION_ENDED = "MissionEnded"
+
+
 class StoredEvent(Value):
     """One event as the log holds it: `position` is global, `version` the stream's, both from 1.
 
@@ -86,6 +90,9 @@ class EventStore(Protocol):
 
     def streams(self, prefix: str) -> list[StreamId]:
         """Streams whose name starts with `prefix`, by first position."""
+
+    def open_missions(self) -> list[StreamId]:
+        """Streams of missions that hold no MissionEnded, by first position."""
 
     def record(self, digest: Digest) -> Record:
         """Raises UnknownName."""

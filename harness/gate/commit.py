@@ -57,13 +57,14 @@ class Gate:
 
     def state(self, stream: StreamId) -> Any:
         """The fold of a stream as the log has it now."""
-        with self._locks.setdefault(stream, RLock()):
+        with self._lock(stream):
             decider = self._decider(stream)
-            state, version = self._folds.get(stream) or self._restored(stream, decider)
+            known = self._folds.get(stream)
+            state, version = known or self._restored(stream, decider)
             tail = self._store.load(stream, version)
             if tail:
                 state = decider.fold(state, (decider.codec.decode(event) for event in tail))
-            if version + len(tail):
+            if tail or known is None:
                 self._advance(stream, state, version + len(tail))
             return state
 
@@ -123,8 +124,11 @@ class Gate:
     def _holding(self, streams: Iterable[StreamId]) -> Iterator[None]:
         with ExitStack() as stack:
             for stream in sorted(set(streams)):
-                stack.enter_context(self._locks.setdefault(stream, RLock()))
+                stack.enter_context(self._lock(stream))
             yield
+
+    def _lock(self, stream: StreamId) -> RLock:
+        return self._locks.get(stream) or self._locks.setdefault(stream, RLock())
 
     def _restored(self, stream: StreamId, decider: Decider[Any, Any, Any]) -> tuple[Any, int]:
         return self._snapshots.restore(stream, decider.initial) if self._snapshots else (decider.initial, 0)

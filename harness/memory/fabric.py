@@ -2,9 +2,11 @@
 
 It writes no event and decides nothing. Every answer is given at the head of the log: what was committed before the
 question is in it, also after a restart, and an index that was lost, cut off or made by another fold is built again.
+A dispatch is answered from what is folded; the index is written behind it, before it is asked.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from threading import RLock
 
 from harness.contracts.capabilities import CapabilityCard
@@ -18,8 +20,26 @@ from harness.memory.fold import FOLD, Fold
 from harness.memory.recent import Recent
 
 BATCH = 1000
+BEHIND = 100
+"""The index is at most this many events behind what was folded; a crash costs folding them again."""
 SPATIAL = ("map", "place", "region", "relation", "pose", "sighting", "dispute")
 SEMANTIC = ("card", "rules")
+
+
+@dataclass
+class Behind:
+    """What was folded between two marks and is not in the index yet."""
+
+    after: Mark
+    upto: Mark
+    records: list[MemoryRecord] = field(default_factory=list)
+
+    def touches(self, kind: str, subject: str) -> bool:
+        """Whether the index may say something else of a subject once it has these records.
+
+        A record supersedes only what is about its own subject; what it contradicts may be about another.
+        """
+        return any(one.conflicts or (one.kind, one.subject) == (kind, subject) for one in self.records)
 
 
 class MemoryFabric:
@@ -31,16 +51,26 @@ class MemoryFabric:
         self._following = RLock()
         self._recent = Recent()
         self._idle: list[tuple[Mark, Fold]] = []
+        self._behind: Behind | None = None
 
     def catch_up(self) -> Mark:
-        """Follow the log to its head. Raises LogDamaged for an event that cannot be read."""
+        """Follow the log to its head, index and all. Raises LogDamaged for an event that cannot be read."""
+        with self._following:
+            mark = self._followed()
+            while not self._written():
+                mark = self._followed()
+            return mark
+
+    def _followed(self) -> Mark:
+        """The mark at the head of the log, up to which everything is folded."""
         with self._following:
             while True:
-                mark = self._index.mark()
+                mark = self._behind.upto if self._behind else self._index.mark()
                 if _at_head(mark, self._store.head()):
                     return mark
                 events = self._store.read(max(0, mark.position - 1), BATCH)
                 if mark.position and not _anchored(mark, events):
+                    self._behind = None
                     self._index.clear()
                     continue
                 fresh = events[1:] if mark.position else events
@@ -100,24 +130,43 @@ class MemoryFabric:
 
     def _recently(self, query: MemoryQuery) -> list[Remembered]:
         """`find` for questions about outcomes, which are asked at every dispatch."""
-        mark = self.catch_up()
-        known = self._recent.answer(query, at=mark)
+        known = self._recent.answer(query, at=self._followed())
         if known is None:
+            mark = self.catch_up()
             known = self._index.find(query)
             self._recent.keep(query, known, at=mark)
         return known
 
     def _follow(self, fresh: Sequence[StoredEvent], *, after: Mark) -> None:
-        """One stretch of the log into the index, unless another process took it there first."""
+        """One stretch of the log, unless it turns out that another process took the index elsewhere."""
         fold = self._fold(after)
         upto = Mark(fold=FOLD, position=fresh[-1].position, digest=fresh[-1].digest)
-        records = list(fold.advance(fresh))
         try:
-            self._index.add(records, after=after, upto=upto)
+            records = list(fold.advance(fresh))
         except ConcurrencyConflict:
             return
+        behind = self._behind or Behind(after=after, upto=after)
+        behind.upto = upto
+        behind.records += records
+        self._behind = behind
         self._recent.follow(records, after=after, upto=upto)
         self._idle[:] = [(upto, fold)]
+        if upto.position - behind.after.position >= BEHIND:
+            self._written()
+
+    def _written(self) -> bool:
+        """Whether the index now holds all that was folded; if another process took it elsewhere, that is forgotten."""
+        behind, self._behind = self._behind, None
+        if behind is not None:
+            try:
+                self._index.add(behind.records, after=behind.after, upto=behind.upto)
+            except ConcurrencyConflict:
+                self._idle.clear()
+                return False
+            except BaseException:
+                self._behind = behind
+                raise
+        return True
 
     def _fold(self, mark: Mark) -> Fold:
         """The fold that wrote up to this mark, if it is free; else one that learns from the log and the index."""
@@ -128,7 +177,13 @@ class MemoryFabric:
         return fold if at == mark else self._new_fold()
 
     def _new_fold(self) -> Fold:
-        return Fold(stream=self._store.load, current=self._index.current, read=self._artefact)
+        return Fold(stream=self._store.load, current=self._current, read=self._artefact)
+
+    def _current(self, kind: str, subject: str) -> list[Remembered]:
+        """What is known of a subject. Raises ConcurrencyConflict if another process took the index elsewhere."""
+        if self._behind and self._behind.touches(kind, subject) and not self._written():
+            raise ConcurrencyConflict("The memory index was taken elsewhere", where="memory index", do="follow it")
+        return self._index.current(kind, subject)
 
     def _artefact(self, digest: Digest) -> bytes | None:
         try:

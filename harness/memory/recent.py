@@ -40,7 +40,7 @@ class Recent:
         """The index went from one mark to the next by adding these records."""
         fresh = list(records)
         with self._lock:
-            if self._at != after or any(record.supersedes or record.conflicts for record in fresh):
+            if self._at != after or any(self._replaces(record) for record in fresh):
                 self._answers.clear()
             self._at = upto
             for record in fresh:
@@ -48,6 +48,11 @@ class Recent:
                     if _answers(record, query):
                         newest = Remembered(record=record, standing=record.verification, until_s=record.valid_until_s)
                         kept.appendleft(newest)
+
+    def _replaces(self, record: MemoryRecord) -> bool:
+        """Whether what is kept may stand otherwise now. A record supersedes only its own kind, but disputes any."""
+        superseding = bool(record.supersedes) and any(record.kind in query.kinds for query in self._answers)
+        return superseding or bool(record.conflicts)
 
 
 def _answers(record: MemoryRecord, query: MemoryQuery) -> bool:

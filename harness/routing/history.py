@@ -75,7 +75,7 @@ class History(Value):
 
 def judged(outcomes: Iterable[tuple[Verdict, float]]) -> tuple[Judged, ...]:
     """A series' executions from (verdict, residual), oldest first."""
-    return tuple(Judged(verdict=verdict, residual=residual) for verdict, residual in outcomes)
+    return tuple([Judged(verdict=verdict, residual=residual) for verdict, residual in outcomes])
 
 
 def _setting(one: Series | Outcome) -> tuple[ProviderId, Capability, str, Digest]:

@@ -164,6 +164,15 @@ def test_streams_are_found_by_the_start_of_their_names_in_order_of_appearance(st
     assert store.streams("") == ["mission/b", "lease/base", "mission/a", "mission_x", "mission%"]
 
 
+def test_a_mission_is_open_until_its_stream_says_that_it_ended(store: EventStore) -> None:
+    store.append([batch("mission/a", 0, "MissionCreated"), batch("handoff/h", 0, "HandoffOpened")], [], NOW)
+    store.append([batch("mission/b", 0, "MissionCreated")], [], NOW)
+    assert store.open_missions() == ["mission/a", "mission/b"]
+    store.append([batch("mission/a", 1, "MissionEnded")], [], NOW)
+    store.append([batch("mission/a", 2, "CompletionDisputed"), batch("mission/c", 0, "MissionCreated")], [], NOW)
+    assert store.open_missions() == ["mission/b", "mission/c"]
+
+
 @pytest.mark.parametrize("name", ["mission/\0", "mission/\ud800"])
 def test_a_name_that_not_every_database_keeps_is_refused_by_all(store: EventStore, name: str) -> None:
     with pytest.raises(ContractInvalid, match="not every database keeps"):

@@ -16,7 +16,7 @@ from harness.adapters.stores.chain import check_record, damaged, event_digest
 from harness.contracts.dossier import CONTENTS, EVENTS, FORMAT, RECORDS, SIGNATURE, DossierContents, DossierSignature
 from harness.contracts.errors import BlobDamaged, ContractInvalid, DossierInvalid, StoreUnavailable, UnknownName
 from harness.contracts.ids import Digest, StreamId, sha256
-from harness.contracts.ports import Batch, Head, Record, StoredEvent
+from harness.contracts.ports import MISSION_ENDED, MISSION_STREAMS, Batch, Head, Record, StoredEvent
 from harness.contracts.values import Moment, decode, encode
 
 T = TypeVar("T")
@@ -109,6 +109,10 @@ class DossierLog:
 
     def streams(self, prefix: str) -> list[StreamId]:
         return [stream for stream in self._by_stream if stream.startswith(prefix)]
+
+    def open_missions(self) -> list[StreamId]:
+        ended = {event.stream for event in self._log if event.kind == MISSION_ENDED}
+        return [one for one in self.streams(MISSION_STREAMS) if one not in ended]
 
     def record(self, digest: Digest) -> Record:
         """Raises UnknownName."""

@@ -7,7 +7,7 @@ from harness.adapters.stores.chain import GENESIS, admit, check, check_record, l
 from harness.contracts.errors import BlobDamaged, UnknownName
 from harness.contracts.ids import Digest, InvocationId, StreamId, sha256
 from harness.contracts.observations import AnySample
-from harness.contracts.ports import Batch, Head, Record, StoredEvent
+from harness.contracts.ports import MISSION_ENDED, MISSION_STREAMS, Batch, Head, Record, StoredEvent
 from harness.contracts.values import Moment
 
 
@@ -47,6 +47,12 @@ class MemoryEventStore:
         """Streams whose name starts with `prefix`, by first position."""
         with self._lock:
             return [stream for stream in self._by_stream if stream.startswith(prefix)]
+
+    def open_missions(self) -> list[StreamId]:
+        """Streams of missions that hold no MissionEnded, by first position."""
+        with self._lock:
+            ended = {event.stream for event in self._log if event.kind == MISSION_ENDED}
+            return [one for one in self._by_stream if one.startswith(MISSION_STREAMS) and one not in ended]
 
     def record(self, digest: Digest) -> Record:
         """Raises UnknownName."""

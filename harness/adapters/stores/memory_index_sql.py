@@ -9,10 +9,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from threading import Lock
-from typing import Any, cast
+from typing import Any
 
 import msgspec
-from sqlalchemy import Connection, Row
+from sqlalchemy import Connection
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 
 from harness.adapters.stores.memory_index import EMPTY, moved
@@ -35,11 +35,11 @@ from harness.adapters.stores.memory_index_schema import (
     finding,
 )
 from harness.adapters.stores.sql_engine import aside_engine, enter_wal, file_url, reader_engine
+from harness.adapters.stores.sqlite_driver import AnyRow, Readers, driver_of, immediately
 from harness.contracts.errors import StoreUnavailable, UnknownName
 from harness.contracts.memory import Mark, MemoryQuery, MemoryRecord, Remembered, Standing, labels_of
 from harness.contracts.values import encode
 
-AnyRow = Row[*tuple[Any, ...]]
 _decoder = msgspec.json.Decoder(MemoryRecord)
 # A provider's history is asked for at every dispatch, and its records never change.
 _decoded = lru_cache(maxsize=4096)(_decoder.decode)
@@ -54,7 +54,7 @@ class SqlMemoryIndex:
     def __init__(self, url: str, *, busy_s: float = 10.0) -> None:
         self._url = file_url(url)
         self._lock = Lock()
-        self._readers = reader_engine(self._url, busy_s=busy_s)
+        self._readers = Readers(reader_engine(self._url, busy_s=busy_s))
         self._writer: Connection | None = None
         self._known: Mark | None = None
         self._change = -1
@@ -62,9 +62,11 @@ class SqlMemoryIndex:
             writer = aside_engine(self._url, busy_s=busy_s).connect()
             try:
                 enter_wal(writer, busy_s=busy_s)
-                with _transaction(writer):
-                    if writer.exec_driver_sql("PRAGMA user_version").scalar_one() != SCHEMA_VERSION:
-                        _create(writer)
+                driver = driver_of(writer)
+                with immediately(driver):
+                    if driver.execute("PRAGMA user_version").fetchone()[0] != SCHEMA_VERSION:
+                        _create(driver)
+                    driver.execute("COMMIT")
             except BaseException:
                 writer.close()
                 raise
@@ -73,8 +75,7 @@ class SqlMemoryIndex:
     def mark(self) -> Mark:
         """How far the index has followed the log. Asks for no row where nobody but this process wrote it."""
         with self._translated(), self._lock:
-            driver = cast(sqlite3.Connection, self._opened().connection.driver_connection)
-            change: int = driver.execute("PRAGMA data_version").fetchone()[0]
+            change: int = self._opened().execute("PRAGMA data_version").fetchone()[0]
             if change == self._change and self._known is not None:
                 return self._known
             self._change, self._known = change, None
@@ -86,14 +87,15 @@ class SqlMemoryIndex:
         with self._translated(), self._lock:
             writer = self._opened()
             self._known = None
-            with _transaction(writer):
-                row = writer.exec_driver_sql(MARK).first()
+            with immediately(writer):
+                row = writer.execute(MARK).fetchone()
                 found = _mark(row) if row else EMPTY
                 if found != after:
                     raise moved(found, after)
                 _insert(writer, records)
-                writer.exec_driver_sql("DELETE FROM mark")
-                writer.exec_driver_sql(SET_MARK, msgspec.structs.astuple(upto))
+                writer.execute("DELETE FROM mark")
+                writer.execute(SET_MARK, msgspec.structs.astuple(upto))
+                writer.execute("COMMIT")
             self._known = upto
 
     def clear(self) -> None:
@@ -101,8 +103,9 @@ class SqlMemoryIndex:
         with self._translated(), self._lock:
             writer = self._opened()
             self._known = None
-            with _transaction(writer):
+            with immediately(writer):
                 _create(writer)
+                writer.execute("COMMIT")
 
     def get(self, record_id: str) -> Remembered:
         """Raises UnknownName."""
@@ -125,23 +128,23 @@ class SqlMemoryIndex:
             if self._writer is not None:
                 self._writer.close()
                 self._writer = None
-        self._readers.dispose()
+        self._readers.close()
 
     def _rows(self, statement: str, arguments: tuple[str | int | float, ...]) -> Sequence[AnyRow]:
         self._opened()
-        with self._translated(), self._readers.connect() as reader:
-            return reader.exec_driver_sql(statement, arguments).all()
+        with self._translated():
+            return self._readers.rows(statement, arguments)
 
-    def _opened(self) -> Connection:
+    def _opened(self) -> sqlite3.Connection:
         if self._writer is None:
             raise StoreUnavailable("The memory index is closed", where=str(self._url.database), do="open it again")
-        return self._writer
+        return driver_of(self._writer)
 
     @contextmanager
     def _translated(self) -> Iterator[None]:
         try:
             yield
-        except SQLAlchemyError as error:
+        except (SQLAlchemyError, sqlite3.Error) as error:
             cause = error.orig if isinstance(error, DBAPIError) else error
             raise StoreUnavailable(
                 f"The memory index cannot be used: {cause}",
@@ -150,39 +153,28 @@ class SqlMemoryIndex:
             ) from error
 
 
-@contextmanager
-def _transaction(writer: Connection) -> Iterator[None]:
-    writer.exec_driver_sql("BEGIN IMMEDIATE")
-    try:
-        yield
-        writer.exec_driver_sql("COMMIT")
-    except BaseException:
-        writer.connection.rollback()
-        raise
-
-
-def _create(writer: Connection) -> None:
+def _create(writer: sqlite3.Connection) -> None:
     for statement in (*DROP, *CREATE):
-        writer.exec_driver_sql(statement)
-    writer.exec_driver_sql(f"PRAGMA user_version={SCHEMA_VERSION}")
+        writer.execute(statement)
+    writer.execute(f"PRAGMA user_version={SCHEMA_VERSION}")
 
 
-def _insert(writer: Connection, records: Sequence[MemoryRecord]) -> None:
+def _insert(writer: sqlite3.Connection, records: Sequence[MemoryRecord]) -> None:
     """The rows first, then what they do to older ones, in order."""
-    last = int(writer.exec_driver_sql(LAST).scalar_one())
+    last = int(writer.execute(LAST).fetchone()[0])
     numbered = list(enumerate(records, start=last + 1))
     boxes = [_box(seq, record) for seq, record in numbered if record.where is not None]
     if numbered:
-        writer.exec_driver_sql(INSERT, [_columns(seq, record) for seq, record in numbered])
+        writer.executemany(INSERT, [_columns(seq, record) for seq, record in numbered])
     if boxes:
-        writer.exec_driver_sql(INSERT_BOX, boxes)
+        writer.executemany(INSERT_BOX, boxes)
     for record in records:
         position, from_s = record.provenance.position, record.valid_from_s
         for name in record.supersedes:
-            writer.exec_driver_sql(SUPERSEDE, (position, from_s, from_s, name))
-            writer.exec_driver_sql(CUT_BOX, (from_s - EPOCH_S, name))
+            writer.execute(SUPERSEDE, (position, from_s, from_s, name))
+            writer.execute(CUT_BOX, (from_s - EPOCH_S, name))
         for name in record.conflicts:
-            writer.exec_driver_sql(DISPUTE, (position, name))
+            writer.execute(DISPUTE, (position, name))
 
 
 def _columns(seq: int, record: MemoryRecord) -> tuple[Any, ...]:

@@ -3,10 +3,9 @@
 Two processes may append to the same file: the log's head is read inside the write transaction (BEGIN IMMEDIATE).
 """
 
-import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from typing import cast
+from typing import Any
 
 from sqlalchemy import Connection
 from sqlalchemy.engine import URL
@@ -14,17 +13,18 @@ from sqlalchemy.exc import DBAPIError
 
 from harness.adapters.stores.chain import damaged
 from harness.adapters.stores.sql_engine import (
+    Translated,
     aside_engine,
     enter_wal,
     file_url,
-    immediate,
     reader_engine,
-    translated,
     writer_engine,
 )
-from harness.adapters.stores.sql_log import AnyRow, SqlLog, event_of
+from harness.adapters.stores.sql_log import AnyRow, Arguments, SqlLog, event_of
 from harness.adapters.stores.sql_schema import migrate, needs_migration
 from harness.adapters.stores.sql_statements import statements
+from harness.adapters.stores.sqlite_driver import Readers, driver_of, immediately
+from harness.adapters.stores.unchanged import Unchanged
 from harness.contracts.errors import LogDamaged, StoreUnavailable
 from harness.contracts.ids import StreamId
 from harness.contracts.ports import Head, Record, StoredEvent
@@ -43,15 +43,16 @@ class SqlEventStore(SqlLog):
 
     def __init__(self, url: str, *, busy_s: float = 10.0) -> None:
         self._url = file_url(url)
-        self._ours: dict[StreamId, int] = {}
-        self._last: Head | None = None
-        self._change = -1
         readers, aside = reader_engine(self._url, busy_s=busy_s), aside_engine(self._url, busy_s=busy_s)
         super().__init__(_SQLITE, where=str(self._url.database), readers=readers, aside=aside)
-        with translated(self._url):
+        self._quick = Readers(readers)
+        self._failures = Translated(self._url)
+        with self._failures:
             self._writer = writer_engine(self._url, busy_s=busy_s).connect()
             try:
                 _prepare(self._writer, self._url, busy_s=busy_s)
+                self._driver = driver_of(self._writer)
+                self._unchanged = Unchanged(self._driver, self._quick.opened(), writing=self._lock)
             except BaseException:
                 self._writer.close()
                 raise
@@ -59,20 +60,27 @@ class SqlEventStore(SqlLog):
     def load(self, stream: StreamId, after: int = 0) -> list[StoredEvent]:
         """Events of one stream with version > after, in order.
 
-        Asks for no rows where this process wrote the stream's last event itself and nobody else wrote since.
+        Asks for no rows where it is known that there are none and nobody else wrote since.
         """
-        if self._ours.get(stream) == after and not self._others_wrote():
-            return []
-        return super().load(stream, after)
+        self._check_open()
+        with self._failures:
+            if self._unchanged.ends_at(stream, after):
+                return []
+            asked = self._unchanged.asked()
+        events = super().load(stream, after)
+        self._unchanged.found(stream, events[-1].version if events else after, asked=asked)
+        return events
 
     def head(self) -> Head:
         """The end of the log; the genesis head of an empty one."""
-        last = self._last
-        return super().head() if last is None or self._others_wrote() else last
+        self._check_open()
+        with self._failures:
+            last = self._unchanged.head()
+        return super().head() if last is None else last
 
     def durability(self) -> dict[str, str | int]:
         """What the writer's connection has in force, as SQLite names it: journal_mode, synchronous (2 is FULL)."""
-        with translated(self._url), self._lock:
+        with self._failures, self._lock:
             self._check_open()
             return {name: self._writer.exec_driver_sql(f"PRAGMA {name}").scalar_one() for name in _IN_FORCE}
 
@@ -85,9 +93,9 @@ class SqlEventStore(SqlLog):
                 position = row[0]
         except DBAPIError as error:
             # Python's driver reads one row ahead: the row after the last one may still be whole.
-            for row in _readable(connection, position + 1):
-                yield event_of(row)
-                position = row[0]
+            for last in _readable(connection, position + 1):
+                yield event_of(last)
+                position = last[0]
             raise damaged(position + 1, f"it cannot be read ({error.orig})") from error
 
     def _check_indexes(self, connection: Connection, _head: Head) -> None:
@@ -109,34 +117,25 @@ class SqlEventStore(SqlLog):
             raise self._file_damaged(str(error.orig)) from error
 
     def _translated(self) -> AbstractContextManager[None]:
-        return translated(self._url)
+        return self._failures
 
     @contextmanager
     def _alone(self) -> Iterator[Connection]:
-        with immediate(self._writer):
+        with immediately(self._driver):
             yield self._writer
 
     def _commit(self, writer: Connection, events: Sequence[StoredEvent], _records: Sequence[Record]) -> None:
-        self._last = None
-        for event in events:
-            self._ours.pop(event.stream, None)
-        writer.exec_driver_sql("COMMIT")
-        self._ours.update((event.stream, event.version) for event in events)
-        if events:
-            self._last = Head(position=events[-1].position, digest=events[-1].digest)
+        with self._unchanged.committing(events):
+            self._driver.execute("COMMIT")
 
-    def _others_wrote(self) -> bool:
-        """Whether another connection committed since this was last asked. SQLite's counter ignores our own commits."""
-        with self._translated(), self._lock:
-            self._check_open()
-            driver = cast(sqlite3.Connection, self._writer.connection.driver_connection)
-            change: int = driver.execute("PRAGMA data_version").fetchone()[0]
-            if change == self._change:
-                return False
-            self._change = change
-            self._last = None
-            self._ours.clear()
-            return True
+    def _asked(self, writer: Connection, statement: str, arguments: Arguments) -> Sequence[AnyRow]:
+        return self._driver.execute(statement, arguments).fetchall()
+
+    def _put(self, writer: Connection, statement: str, rows: Sequence[tuple[Any, ...]]) -> None:
+        self._driver.executemany(statement, rows)
+
+    def _read(self, statement: str, arguments: Arguments) -> Sequence[AnyRow]:
+        return self._quick.rows(statement, arguments)
 
     @contextmanager
     def _frozen(self) -> Iterator[Connection]:
@@ -148,6 +147,8 @@ class SqlEventStore(SqlLog):
                 reader.exec_driver_sql("ROLLBACK")
 
     def _release(self) -> None:
+        self._unchanged.close()
+        self._quick.close()
         self._writer.close()
 
 
@@ -156,7 +157,7 @@ def _prepare(writer: Connection, url: URL, *, busy_s: float) -> None:
     where = str(url.database)
     if needs_migration(writer, where=where):
         enter_wal(writer, busy_s=busy_s)
-        with immediate(writer):
+        with immediately(driver_of(writer)):
             if needs_migration(writer, where=where):
                 migrate(writer)
             writer.exec_driver_sql("COMMIT")

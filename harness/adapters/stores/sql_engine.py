@@ -6,8 +6,6 @@ Transactions are opened by hand (BEGIN IMMEDIATE), so that two writers queue ins
 
 import sqlite3
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 from sqlalchemy import Connection, Engine, create_engine
@@ -67,17 +65,6 @@ def file_url(url: str) -> URL:
     return parsed
 
 
-@contextmanager
-def immediate(connection: Connection) -> Iterator[None]:
-    """One write transaction, rolled back on any exception; the block commits it."""
-    connection.exec_driver_sql("BEGIN IMMEDIATE")
-    try:
-        yield
-    except BaseException:
-        connection.connection.rollback()
-        raise
-
-
 def enter_wal(connection: Connection, *, busy_s: float) -> str:
     """Switch the file to WAL and return the mode it then has. SQLite would not wait for other processes here."""
     until = time.monotonic() + busy_s
@@ -90,16 +77,21 @@ def enter_wal(connection: Connection, *, busy_s: float) -> str:
             time.sleep(_PAUSE_S)
 
 
-@contextmanager
-def translated(url: URL) -> Iterator[None]:
-    """Turn the database's failures into StoreUnavailable with where and what to do."""
-    try:
-        yield
-    except SQLAlchemyError as error:
-        raise unavailable(url, error) from error
+class Translated:
+    """Around what asks the database: its failures become StoreUnavailable with where and what to do."""
+
+    def __init__(self, url: URL) -> None:
+        self._url = url
+
+    def __enter__(self) -> None:
+        """Nothing to prepare."""
+
+    def __exit__(self, _kind: object, error: BaseException | None, _trace: object) -> None:
+        if isinstance(error, SQLAlchemyError | sqlite3.Error):
+            raise unavailable(self._url, error) from error
 
 
-def unavailable(url: URL, error: SQLAlchemyError) -> StoreUnavailable:
+def unavailable(url: URL, error: SQLAlchemyError | sqlite3.Error) -> StoreUnavailable:
     """What a database failure means for a person."""
     cause = error.orig if isinstance(error, DBAPIError) else error
     return StoreUnavailable(
@@ -109,7 +101,7 @@ def unavailable(url: URL, error: SQLAlchemyError) -> StoreUnavailable:
     )
 
 
-def _code(error: SQLAlchemyError) -> int:
+def _code(error: SQLAlchemyError | sqlite3.Error) -> int:
     cause = error.orig if isinstance(error, DBAPIError) else error
     return int(getattr(cause, "sqlite_errorcode", 0)) & _PRIMARY
 

@@ -20,11 +20,11 @@ from harness.adapters.stores.chain import GENESIS, admit, check, check_record, l
 from harness.adapters.stores.sql_statements import Statements
 from harness.contracts.errors import ConcurrencyConflict, ContractInvalid, StoreUnavailable, UnknownName
 from harness.contracts.ids import Digest, StreamId
-from harness.contracts.ports import Batch, Head, Record, StateSnapshot, StoredEvent
+from harness.contracts.ports import MISSION_STREAMS, Batch, Head, Record, StateSnapshot, StoredEvent
 from harness.contracts.values import Moment
 
 T = TypeVar("T")
-AnyRow = Row[*tuple[Any, ...]]
+AnyRow = Row[*tuple[Any, ...]] | tuple[Any, ...]
 Arguments = tuple[str | int | bytes, ...]
 
 _LAST_CHARACTER = "\U0010ffff"
@@ -88,6 +88,11 @@ class SqlLog(ABC):
         """Streams whose name starts with `prefix`, by first position."""
         return [StreamId(row[0]) for row in self._rows(self._sql.streams, (prefix, prefix + _LAST_CHARACTER))]
 
+    def open_missions(self) -> list[StreamId]:
+        """Streams of missions that hold no MissionEnded, by first position."""
+        ended = {row[0] for row in self._rows(self._sql.ended, ())}
+        return [stream for stream in self.streams(MISSION_STREAMS) if stream not in ended]
+
     def record(self, digest: Digest) -> Record:
         """Raises UnknownName; LogDamaged if the stored body does not match."""
         rows = self._rows(self._sql.record, (digest,))
@@ -125,7 +130,10 @@ class SqlLog(ABC):
     def snapshot(self, stream: StreamId) -> StateSnapshot | None:
         """What was kept of a stream, if it was folded from the events this log holds."""
         rows = self._rows(self._sql.snapshot, (stream,))
-        return StateSnapshot(**rows[0]._mapping) if rows else None
+        if not rows:
+            return None
+        name, version, fingerprint, digest, body = rows[0]
+        return StateSnapshot(stream=name, version=version, fingerprint=fingerprint, digest=digest, body=body)
 
     def keep(self, snapshot: StateSnapshot) -> None:
         """Replace what is kept of the stream; a stream that holds no event of that version keeps nothing."""
@@ -256,18 +264,26 @@ class SqlLog(ABC):
     def _ends(self, writer: Connection, streams: Sequence[StreamId]) -> tuple[Head, dict[StreamId, int]]:
         """The log's head, and how many events each of `streams` holds."""
         if not streams:
-            row = writer.exec_driver_sql(self._sql.head).first()
-            return (Head(position=row[0], digest=row[1]) if row else GENESIS), {}
-        rows = writer.exec_driver_sql(self._sql.ends(len(streams)), tuple(streams)).all()
+            rows = self._asked(writer, self._sql.head, ())
+            return (Head(position=rows[0][0], digest=rows[0][1]) if rows else GENESIS), {}
+        rows = self._asked(writer, self._sql.ends(len(streams)), tuple(streams))
         position, digest = rows[0][2:]
         head = Head(position=position, digest=digest) if position else GENESIS
         return head, {row[0]: row[1] or 0 for row in rows}
 
     def _insert(self, writer: Connection, events: Sequence[StoredEvent], records: Sequence[Record]) -> None:
         if events:
-            writer.exec_driver_sql(self._sql.insert, [msgspec.structs.astuple(event) for event in events])
+            self._put(writer, self._sql.insert, [msgspec.structs.astuple(event) for event in events])
         if records:
-            writer.exec_driver_sql(self._sql.insert_record, [msgspec.structs.astuple(record) for record in records])
+            self._put(writer, self._sql.insert_record, [msgspec.structs.astuple(record) for record in records])
+
+    def _asked(self, writer: Connection, statement: str, arguments: Arguments) -> Sequence[AnyRow]:
+        """Rows that the appending connection reads."""
+        return writer.exec_driver_sql(statement, arguments).all()
+
+    def _put(self, writer: Connection, statement: str, rows: Sequence[tuple[Any, ...]]) -> None:
+        """Rows that the appending connection inserts."""
+        writer.exec_driver_sql(statement, list(rows))
 
     def _copied(self, writer: Connection, events: Iterable[StoredEvent]) -> Iterator[StoredEvent]:
         for page in _pages(events):

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from functools import lru_cache
 
+from harness.contracts.ports import MISSION_ENDED
+
 _EVENT = "position, stream, version, kind, body, mission_s, recorded_s, previous, digest"
 _RECORD = "digest, kind, body"
 
@@ -11,7 +13,8 @@ _RECORD = "digest, kind, body"
 class Statements:
     """SQL text. Events come as the fields of `StoredEvent`, records as those of `Record`, in their order.
 
-    `load` takes (stream, after), `read` (after, limit), `streams` (first name, name behind the last), `record` and
+    `load` takes (stream, after), `read` (after, limit), `streams` (first name, name behind the last), `ended`
+    nothing, `record` and
     `snapshot` one name, `records` (after this digest, limit), `holds` (position, digest), `keep` (version,
     fingerprint, digest, body, stream, version).
     """
@@ -23,6 +26,7 @@ class Statements:
     load: str
     read: str
     streams: str
+    ended: str
     record: str
     records: str
     holds: str
@@ -43,6 +47,7 @@ def statements(mark: str) -> Statements:
         "load": f"SELECT {_EVENT} FROM event WHERE stream = ? AND version > ? ORDER BY version",
         "read": f"SELECT {_EVENT} FROM event WHERE position > ? ORDER BY position LIMIT ?",
         "streams": "SELECT stream FROM event WHERE version = 1 AND stream >= ? AND stream < ? ORDER BY position",
+        "ended": f"SELECT stream FROM event WHERE kind = '{MISSION_ENDED}'",
         "record": f"SELECT {_RECORD} FROM record WHERE digest = ?",
         "records": f"SELECT {_RECORD} FROM record WHERE digest > ? ORDER BY digest LIMIT ?",
         "holds": "SELECT 1 FROM event WHERE position = ? AND digest = ?",

@@ -20,7 +20,8 @@ from harness.planning.planner import plan
 from harness.planning.skill import propose_skill
 from harness.projections.mission import Failure, Mission, NodeState, Spend
 from harness.recovery.ladder import recover
-from tests.unit.verification.building import BEGAN_S, Bench, Drive, card, contract, fact, mission, node, retained, view
+from tests.unit.verification.building import Bench, card, contract, fact, mission, node, retained, view
+from tests.unit.verification.drives import BEGAN_S, Drive
 
 POLICY = RecoveryPolicy(
     ladders={"violated": ("re_perceive", "retry", "human"), "ambiguous": ("re_perceive", "adjust_view", "human")},

@@ -9,11 +9,9 @@ from harness.contracts.ids import NodeId, PacketId
 from harness.contracts.protocol import Receipt
 from harness.verification.reading import Evidence
 from tests.unit.verification.building import (
-    BEGAN_S,
     RULES,
     STATIC,
     Bench,
-    Drive,
     arrival,
     card,
     contract,
@@ -24,6 +22,7 @@ from tests.unit.verification.building import (
     retained,
     view,
 )
+from tests.unit.verification.drives import BEGAN_S, Drive
 from tests.unit.verification.stages import PANORAMA, inspection, photographed, served
 
 C3 = "harness.contexts.verifier:verifier_context"

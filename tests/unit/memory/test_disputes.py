@@ -1,7 +1,8 @@
 """Disputes: what a person calls false is learnt from no more, and stays readable."""
 
 from harness.contracts.actors import Actor
-from harness.contracts.ids import ConditionId, MissionId, mission_stream, packet_id
+from harness.contracts.commands import EndMission
+from harness.contracts.ids import ConditionId, MissionId, ProviderId, mission_stream, packet_id
 from harness.contracts.ports import Batch
 from harness.contracts.revision_events import CompletionDisputed, GraphRevised
 from harness.contracts.tasks import TaskContract
@@ -55,6 +56,21 @@ def test_a_disputed_completion_leaves_episodes_outcomes_and_examples() -> None:
     assert dispute.record.provenance.sources == ("ada",)
     assert {log.memory.get(name).standing for name in dispute.record.conflicts} == {"disputed"}
     assert len(log.found("episode")) == 2
+
+
+def test_a_dispute_right_after_the_end_of_its_mission_reaches_what_the_index_has_not_yet() -> None:
+    log = Log()
+    asked = {"capability": "navigate", "place": "dock", "configuration": CONFIGURATION, "limit": 3}
+    log.went(log.begin("msn_good"))
+    log.memory.outcomes(ProviderId("p1"), **asked)  # type: ignore[arg-type]
+    bad = log.begin("msn_bad")
+    log.went(bad)
+    log.commit(bad, EndMission(status="failed", reason="enough"))
+    assert len(log.memory.outcomes(ProviderId("p1"), **asked)) == 2  # type: ignore[arg-type]
+    assert log.index.mark().position < log.store.head().position
+    dispute_arrival(log, bad)
+    assert len(log.memory.outcomes(ProviderId("p1"), **asked)) == 1  # type: ignore[arg-type]
+    assert learnt(log) == [("episode", "msn_good"), ("outcome", "msn_good")]
 
 
 def test_what_builds_on_a_disputed_fact_is_disputed_with_it() -> None:

@@ -13,12 +13,12 @@ from harness.adapters.stores.memory import MemoryEventStore
 from harness.adapters.stores.memory_index import VolatileMemoryIndex
 from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
 from harness.contracts.errors import LogDamaged, UnknownName
-from harness.contracts.ids import StreamId, mission_stream
+from harness.contracts.ids import Digest, ProviderId, StreamId, mission_stream
 from harness.contracts.memory import KnownPose, Mark, MemoryQuery, MemoryRecord
 from harness.contracts.ports import Batch, MemoryIndex, NewEvent
 from harness.contracts.values import Moment, decode, encode
-from harness.memory.fabric import BATCH, MemoryFabric
-from tests.builders.gate import GO
+from harness.memory.fabric import BATCH, BEHIND, MemoryFabric
+from tests.builders.gate import CONFIGURATION, GO
 from tests.unit.memory.building import EVERY_STANDING, EVERYTHING, Log
 from tests.unit.planning.building import card
 
@@ -198,6 +198,49 @@ def test_a_record_is_found_by_its_name_and_an_unknown_name_is_an_error() -> None
         log.memory.get("mem_none")
 
 
+def test_a_dispatch_is_answered_from_what_is_folded_before_the_index_has_it() -> None:
+    log = Log()
+    memory = MemoryFabric(store=log.store, index=log.index)
+    log.went(log.begin("msn_a"))
+    assert len(_outcomes(memory)) == 1
+    at = log.index.mark()
+    log.went(log.begin("msn_b"))
+    assert len(_outcomes(memory)) == 2
+    assert log.index.mark() == at
+    assert len(memory.find(MemoryQuery(kinds=("outcome",)))) == 2
+    assert log.index.mark() == _mark_of(log)
+
+
+def test_the_index_is_never_far_behind_and_a_crash_loses_nothing_of_it() -> None:
+    log = Log()
+    memory = MemoryFabric(store=log.store, index=log.index)
+    _outcomes(memory)
+    for number in range(BEHIND // 5):
+        log.went(log.begin(f"msn_{number}"))
+        assert len(_outcomes(memory)) == number + 1
+        assert log.store.head().position - log.index.mark().position < BEHIND
+    assert log.index.mark() != _mark_of(log)
+    alone = VolatileMemoryIndex()
+    for index in (log.index, alone):
+        MemoryFabric(store=log.store, index=index).catch_up()
+    assert everything(log.index) == everything(alone)
+
+
+def test_an_index_that_another_follower_took_further_is_followed_from_there() -> None:
+    log = Log()
+    memory = MemoryFabric(store=log.store, index=log.index)
+    _outcomes(memory)
+    log.went(log.begin("msn_a"))
+    assert len(_outcomes(memory)) == 1
+    MemoryFabric(store=log.store, index=log.index).catch_up()
+    log.went(log.begin("msn_b"))
+    assert len(_outcomes(memory)) == 2
+    assert len(memory.find(MemoryQuery(kinds=("outcome",)))) == 2
+    alone = VolatileMemoryIndex()
+    MemoryFabric(store=log.store, index=alone).catch_up()
+    assert everything(log.index) == everything(alone)
+
+
 class Overtaken:
     """An index that another follower takes to the end of the log just before the first answer is written."""
 
@@ -213,6 +256,13 @@ class Overtaken:
             self.overtaken += 1
             self._overtake()
         self._index.add(records, after=after, upto=upto)
+
+
+def _outcomes(memory: MemoryFabric) -> list[MemoryRecord]:
+    """What routing asks before a dispatch."""
+    return memory.outcomes(
+        ProviderId("p1"), capability="navigate", place="dock", configuration=Digest(CONFIGURATION), limit=1000
+    )
 
 
 def _mark_of(log: Log) -> Mark:

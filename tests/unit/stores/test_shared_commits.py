@@ -112,3 +112,60 @@ def test_what_another_process_appended_is_loaded_although_our_own_is_known(store
         head = other.append([batch(ours, 1, "Seen")], [], NOW)
     assert [event.version for event in store.load(ours, 1)] == [2]
     assert store.head() == head
+
+
+def test_a_stream_known_to_be_empty_is_read_again_once_another_process_wrote(
+    store: CountedStore, tmp_path: Path
+) -> None:
+    theirs = StreamId("control/house")
+    assert store.load(theirs) == [] == store.load(theirs)
+    with closing(SqlEventStore(f"sqlite:///{tmp_path / 'log.db'}")) as other:
+        other.append([batch(theirs, 0, "Seen")], [], NOW)
+        assert [event.version for event in store.load(theirs)] == [1]
+        assert store.load(theirs, 1) == []
+        other.append([batch(theirs, 1, "Seen")], [], NOW)
+        assert [event.version for event in store.load(theirs, 1)] == [2]
+
+
+def test_what_another_process_wrote_between_two_of_our_commits_is_not_lost(store: CountedStore, tmp_path: Path) -> None:
+    with closing(SqlEventStore(f"sqlite:///{tmp_path / 'log.db'}")) as other:
+        for version in range(0, 10, 2):
+            store.append([batch("mission/ours", version // 2, "Seen")], [], NOW)
+            assert store.load(StreamId("mission/shared"), version) == []
+            other.append([batch("mission/shared", version, "Seen", "Seen")], [], NOW)
+            store.append([batch("mission/last", version // 2, "Seen")], [], NOW)
+            tail = store.load(StreamId("mission/shared"), version)
+            assert [event.version for event in tail] == [version + 1, version + 2]
+            assert store.head() == other.head()
+
+
+def test_a_log_that_was_filled_from_another_is_read_although_its_streams_were_empty(
+    store: CountedStore, tmp_path: Path
+) -> None:
+    stream = StreamId("mission/0")
+    assert store.load(stream) == []
+    with closing(SqlEventStore(f"sqlite:///{tmp_path / 'other.db'}")) as other:
+        other.append([batch(stream, 0, "Seen")], [], NOW)
+        head = store.fill_from(other)
+    assert [event.version for event in store.load(stream)] == [1]
+    assert store.head() == head
+
+
+def test_what_was_read_before_a_commit_is_not_taken_for_the_end_of_the_stream(store: CountedStore) -> None:
+    stream = StreamId("mission/0")
+    assert store.load(stream) == []
+    asked = store._unchanged.asked()
+    store.append([batch(stream, 0, "Seen")], [], NOW)
+    store._unchanged.found(stream, 0, asked=asked)
+    assert [event.version for event in store.load(stream)] == [1]
+
+
+def test_a_question_does_not_wait_for_a_commit_on_its_way_to_the_disk(store: CountedStore, tmp_path: Path) -> None:
+    stream = StreamId("mission/0")
+    store.append([batch(stream, 0, "Seen")], [], NOW)
+    assert store.load(stream, 1) == []
+    with busy(tmp_path), ThreadPoolExecutor(1) as pool:
+        waiting = pool.submit(store.append, [batch("mission/1", 0, "Seen")], [], NOW)
+        until(store._lock.locked)
+        assert store.load(stream, 1) == []
+        assert not waiting.done()

@@ -3,6 +3,8 @@
 import sqlalchemy as sa
 from alembic import op
 
+from harness.adapters.stores.migrations.schema_version import set_schema_version
+
 revision = "0002"
 down_revision = "0001"
 
@@ -21,14 +23,4 @@ def upgrade() -> None:
         sa.Column("digest", _TEXT, nullable=False),
         sa.Column("body", sa.LargeBinary, nullable=False),
     )
-    if op.get_bind().dialect.name == "sqlite":
-        op.execute("DROP TRIGGER meta_refuses_update")
-        op.execute("UPDATE meta SET value = '2' WHERE name = 'schema_version'")
-        op.execute(
-            "CREATE TRIGGER meta_refuses_update BEFORE UPDATE ON meta "
-            "BEGIN SELECT RAISE(ABORT, 'meta rows are append-only'); END"
-        )
-    else:
-        op.execute("ALTER TABLE meta DISABLE TRIGGER meta_refuses_change")
-        op.execute("UPDATE meta SET value = '2' WHERE name = 'schema_version'")
-        op.execute("ALTER TABLE meta ENABLE TRIGGER meta_refuses_change")
+    set_schema_version(2)

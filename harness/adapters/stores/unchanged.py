@@ -1,0 +1,102 @@
+"""What an SQLite log is known to end with, for as long as nobody else writes it. Reads no event, writes nothing.
+
+SQLite counts, for each connection, the commits of all others (`PRAGMA data_version`). Two connections are asked: the
+appending one, whose count leaves our own commits out, and one that only watches. Where the watching one has not moved,
+nobody committed, and the question waits for nothing; where it has, the appending one tells whether it was us.
+"""
+
+import sqlite3
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from threading import Lock
+
+from harness.contracts.ids import StreamId
+from harness.contracts.ports import Head, StoredEvent
+
+
+class Unchanged:
+    """The last version of streams and the head, as this process wrote or read them. Safe between threads.
+
+    `writing` is held by whoever appends. Raises sqlite3.Error.
+    """
+
+    def __init__(self, driver: sqlite3.Connection, watch: sqlite3.Connection, *, writing: Lock) -> None:
+        self._driver = driver
+        self._watch = watch
+        self._writing = writing
+        self._watching = Lock()
+        self._knowing = Lock()
+        self._seen = self._change = -1
+        self._round = 0
+        self._versions: dict[StreamId, int] = {}
+        self._last: Head | None = None
+
+    def ends_at(self, stream: StreamId, version: int) -> bool:
+        """Whether the stream is known to hold no event after this version, now."""
+        return not self._others_wrote() and self._versions.get(stream) == version
+
+    def head(self) -> Head | None:
+        """The end of the log, now; None where it is not known."""
+        return None if self._others_wrote() else self._last
+
+    def asked(self) -> int:
+        """To be taken before a stream is read, and given back to `found`."""
+        return self._round
+
+    def found(self, stream: StreamId, version: int, *, asked: int) -> None:
+        """A stream ended at this version when it was read; void if anybody wrote since `asked`."""
+        with self._knowing:
+            if self._round == asked:
+                self._versions[stream] = version
+
+    @contextmanager
+    def committing(self, events: Sequence[StoredEvent]) -> Iterator[None]:
+        """Around our own commit of these events, by whoever holds `writing`; of none: of events not named here."""
+        with self._knowing:
+            self._round += 1
+            self._last = None
+            if not events:
+                self._versions.clear()
+            for event in events:
+                self._versions.pop(event.stream, None)
+        yield
+        with self._knowing:
+            self._round += 1
+            self._versions.update((event.stream, event.version) for event in events)
+            if events:
+                self._last = Head(position=events[-1].position, digest=events[-1].digest)
+        self._notice()
+
+    def close(self) -> None:
+        """Close the watching connection."""
+        with self._watching:
+            self._watch.close()
+
+    def _others_wrote(self) -> bool:
+        """Whether another connection committed since this was last asked, here or in another thread."""
+        if self._watched() == self._seen:
+            return False
+        with self._writing:
+            return self._notice()
+
+    def _notice(self) -> bool:
+        """Forget everything if somebody else wrote. The watching connection first: what it misses, it shows later."""
+        seen = self._watched()
+        change = _version(self._driver)
+        wrote = change != self._change
+        if wrote:
+            with self._knowing:
+                self._round += 1
+                self._last = None
+                self._versions.clear()
+        self._seen, self._change = seen, change
+        return wrote
+
+    def _watched(self) -> int:
+        with self._watching:
+            return _version(self._watch)
+
+
+def _version(connection: sqlite3.Connection) -> int:
+    version: int = connection.execute("PRAGMA data_version").fetchone()[0]
+    return version
