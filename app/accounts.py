@@ -71,7 +71,7 @@ class Accounts:
         now_s = self._clock()
         account = Account(
             name=name,
-            roles=_roles(roles),
+            roles=checked_roles(roles),
             secret=self._hasher.hash(_password(password, name=name)),
             disabled=False,
             created_at_s=now_s,
@@ -87,9 +87,11 @@ class Accounts:
         """Other roles, or off and on again; ends that person's sessions. The last admin stays."""
         by.acting("people")
         old = self.known(name)
+        if roles is not None:
+            self._own(name, "roles", do="change their groups there, or what REGEN_OIDC_ROLES makes of them")
         new = replace(
             old,
-            roles=old.roles if roles is None else _roles(roles),
+            roles=old.roles if roles is None else checked_roles(roles),
             disabled=old.disabled if disabled is None else disabled,
             changed_at_s=self._clock(),
         )
@@ -114,10 +116,16 @@ class Accounts:
         self._store_password(name, new, by=by)
 
     def _store_password(self, name: str, new: str, *, by: Visitor, but: str = "") -> None:
+        self._own(name, "password", do="they sign in there")
         secret = self._hasher.hash(_password(new, name=name))
         self.store.change_account(replace(self.known(name), secret=secret, changed_at_s=self._clock()))
         self.store.close_sessions(name=name, but=but)
         self.note(by, "password.changed", subject=name)
+
+    def _own(self, name: str, what: str, *, do: str) -> None:
+        """Raises ContractInvalid for somebody whose account is the identity provider's word alone."""
+        if any(one.by_groups for one in self.store.identities(name)):
+            raise ContractInvalid(f"The {what} of {name} is the identity provider's matter", where=name, do=do)
 
     def known(self, name: str) -> Account:
         account = self.store.account(name)
@@ -145,11 +153,13 @@ class Accounts:
             return account if right else None
 
     def _matches(self, account: Account | None, password: str) -> bool:
+        """Who has no password is checked against nobody's: the answer takes as long as any other."""
+        secret = account.secret if account else ""
         try:
-            right = self._hasher.verify(account.secret if account else self._nobody, password[: LONGEST + 1])
+            right = self._hasher.verify(secret or self._nobody, password[: LONGEST + 1])
         except (VerificationError, InvalidHashError):
             return False
-        return right and account is not None
+        return right and bool(secret)
 
     def _wait_s(self, name: str, source: str) -> float:
         now_s = self._clock()
@@ -258,7 +268,8 @@ class Accounts:
         ]
 
 
-def _roles(roles: Collection[str]) -> tuple[str, ...]:
+def checked_roles(roles: Collection[str]) -> tuple[str, ...]:
+    """In the order of the table of roles. Raises ContractInvalid for none, or one that does not exist."""
     unknown = sorted(set(roles) - set(ROLES))
     if unknown or not roles:
         raise ContractInvalid(

@@ -1,21 +1,17 @@
-"""/account: sign in and out, one's own password and sessions; /account/people: everybody's, for an admin."""
+"""/account: one's own password and sessions; /account/people: everybody's, for an admin."""
 
 from collections.abc import Sequence
-from math import ceil
 
 from fastapi import APIRouter, Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
-from app.accounts import Throttled
 from app.console import Console, ConsoleDep, FormDep
-from app.doors import Origin
 from app.permissions import Visitor
 from app.rendering import render
-from app.security import VisitorDep, cookie_line, source_of
+from app.security import VisitorDep
 from app.views.account import (
     PeoplePage,
     Person,
-    SignInPage,
     TokenRow,
     account_page,
     role_choices,
@@ -24,43 +20,6 @@ from app.views.account import (
 from harness.contracts.errors import ConcurrencyConflict, ContractInvalid
 
 router = APIRouter(prefix="/account")
-WRONG = "Name and password do not belong together, or the account is disabled."
-
-
-@router.get("/sign-in")
-def sign_in(request: Request, console: ConsoleDep, token: str = "") -> Response:
-    """A page, not a redirect: a strict cookie is not sent along a navigation that another site began."""
-    known = request.state.visitor is not None
-    cookie = console.doors.enter(token, _origin(request)) if token else None
-    if cookie:
-        return _let_in(console, request, cookie, page=True)
-    failed = bool(token) and not known
-    return _sign_in_page(console, let_in=known, link_failed=failed, status=403 if failed else 200)
-
-
-@router.post("/sign-in")
-def sign_in_by_password(request: Request, console: ConsoleDep, typed: FormDep) -> Response:
-    name = typed.get("name", "").strip().lower()
-    found = console.doors.sign_in(name, typed.get("password", ""), _origin(request))
-    if isinstance(found, Throttled):
-        wait_s = ceil(found.wait_s)
-        wrong = f"Too many wrong passwords. Try again in {wait_s} s."
-        return _sign_in_page(console, wrong=wrong, name=name, status=429, headers={"Retry-After": str(wait_s)})
-    if found is None:
-        return _sign_in_page(console, wrong=WRONG, name=name, status=403)
-    return _let_in(console, request, found, page=False)
-
-
-@router.post("/sign-out")
-def sign_out(request: Request, console: ConsoleDep) -> Response:
-    console.doors.leave(request.cookies.get(console.settings.cookie, ""))
-    return _signed_out(console)
-
-
-@router.post("/sign-out-everywhere")
-def sign_out_everywhere(console: ConsoleDep, visitor: VisitorDep) -> Response:
-    console.doors.leave_everywhere(visitor)
-    return _signed_out(console)
 
 
 @router.get("")
@@ -138,47 +97,11 @@ def revoke(console: ConsoleDep, visitor: VisitorDep, token_id: str) -> Response:
     return RedirectResponse("/account/people", status_code=303)
 
 
-def _origin(request: Request) -> Origin:
-    return Origin(source=source_of(request), agent=request.headers.get("user-agent", ""))
-
-
-def _let_in(console: Console, request: Request, cookie: str, *, page: bool) -> Response:
-    """A fresh cookie always: one that a browser brought along is ended, never taken over."""
-    console.doors.leave(request.cookies.get(console.settings.cookie, ""))
-    answer = _sign_in_page(console, let_in=True) if page else RedirectResponse("/", status_code=303)
-    answer.headers.append("set-cookie", cookie_line(console.settings.cookie, cookie, secure=console.settings.secure))
-    return answer
-
-
-def _signed_out(console: Console) -> Response:
-    answer = RedirectResponse("/account/sign-in", status_code=303)
-    answer.headers.append("set-cookie", cookie_line(console.settings.cookie, "", secure=console.settings.secure))
-    answer.headers["clear-site-data"] = '"cache", "storage"'
-    return answer
-
-
-def _sign_in_page(
-    console: Console,
-    *,
-    let_in: bool = False,
-    link_failed: bool = False,
-    wrong: str = "",
-    name: str = "",
-    status: int = 200,
-    headers: dict[str, str] | None = None,
-) -> Response:
-    page = SignInPage(
-        let_in=let_in, by_password=console.doors.has_accounts, link_failed=link_failed, wrong=wrong, name=name[:40]
-    )
-    answer: Response = render("account/sign-in.html", page, status=status)
-    answer.headers.update(headers or {})
-    return answer
-
-
 def _own(console: Console, visitor: Visitor, *, errors: Sequence[str] = (), done: str = "") -> HTMLResponse:
     shell = console.shell("Your account", "account", visitor.actor)
     sessions = console.doors.accounts.sessions_of(visitor)
-    page = account_page(shell, visitor, sessions, errors=errors, done=done)
+    elsewhere = any(one.by_groups for one in console.doors.accounts.store.identities(visitor.name))
+    page = account_page(shell, visitor, sessions, by_password=not elsewhere, errors=errors, done=done)
     return render("account/index.html", page, status=422 if errors else 200)
 
 
@@ -189,6 +112,7 @@ def _people(
     visitor.acting("people")
     store, now_s = console.doors.accounts.store, console.clock()
     accounts = store.accounts()
+    known = {one.name: store.identities(one.name) for one in accounts}
     seen = {one.name: [session.seen_at_s for session in store.sessions(one.name)] for one in accounts}
     tokens = [
         TokenRow(
@@ -208,7 +132,15 @@ def _people(
         for one in store.tokens()
     ]
     people = [
-        Person(one.name, role_choices(one.roles), one.disabled, one.created_at_s, max(seen[one.name], default=None))
+        Person(
+            name=one.name,
+            roles=role_choices(one.roles),
+            disabled=one.disabled,
+            created_at_s=one.created_at_s,
+            last_seen_at_s=max(seen[one.name], default=None),
+            by_groups=any(identity.by_groups for identity in known[one.name]),
+            identities=tuple(f"{identity.subject} at {identity.issuer}" for identity in known[one.name]),
+        )
         for one in accounts
     ]
     return PeoplePage(

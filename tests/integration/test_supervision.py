@@ -1,23 +1,11 @@
 """Supervision of providers that answer late, twice, never, or not to a stop: whole missions in virtual time."""
 
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
-
 import pytest
 
-from harness.adapters.clock import LockstepClock
-from harness.adapters.ids import SeededIds
-from harness.adapters.providers.simulation.camera import CAMERA
-from harness.adapters.providers.simulation.robot import SimulatedRobot
-from harness.adapters.providers.simulation.world import WorldSettings
-from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
-from harness.bootstrap import Harness, Parts, Unheard, assemble, local_providers
 from harness.contracts.capabilities import CapabilityCard
-from harness.contracts.commands import AcquireLease, QuarantineLease, StopMission
+from harness.contracts.commands import StopMission
 from harness.contracts.contexts import Context
 from harness.contracts.decisions import Accepted, Refused
-from harness.contracts.errors import UnknownName
 from harness.contracts.events import (
     CommitRejected,
     DispatchIntended,
@@ -26,42 +14,14 @@ from harness.contracts.events import (
     NodeCommitted,
 )
 from harness.contracts.handoff_commands import DecideHandoff
-from harness.contracts.ids import InvocationId, MissionId, ResourceId, RobotId, lease_stream
+from harness.contracts.ids import MissionId
 from harness.contracts.tasks import Node
 from harness.contracts.values import decode
-from harness.gate.commit import Request
-from harness.projections.leases import Lease
-from harness.projections.mission import Mission
-from harness.runtime import Start
-from harness.settings import HarnessSettings
-from tests.builders.crews import CrewRobot, Stage, Wrap, only, staged, template, with_node
-from tests.builders.missions_run import OPERATOR, ROBOT, Ran
+from tests.builders.crews import Stage, only, staged, template, with_node
+from tests.builders.missions_run import OPERATOR
+from tests.builders.walking import BASE, base, starts, walking
 from tests.fakes.passing import Passing
 from tests.fakes.supervised import Deaf, LateStart, Line, LostAcknowledgement, Remote, Runaway, Stubborn, Twice
-
-BASE = ResourceId("vbot-1/mobile_base")
-
-
-def base(harness: Harness) -> Lease:
-    return harness.runtime.lease(BASE)
-
-
-def under_way(mission: Mission) -> bool:
-    """The circuit has begun and goes on."""
-    return mission.invocation is not None and mission.invocation.intent.node_id == "circuit"
-
-
-def walking(stage: Stage, *, seconds: float = 6.0) -> MissionId:
-    """A circuit, some seconds under way."""
-    mission_id = stage.begin("circuit")
-    mission = stage.until(mission_id, under_way)
-    since_s = mission.invocation.intent.dispatched_s if mission.invocation else 0.0
-    stage.until(mission_id, lambda _: stage.harness.clock.now().mission_s > since_s + seconds)
-    return mission_id
-
-
-def starts(ran: Ran) -> list[str]:
-    return [start.request_id for start in ran.harness.starts(ran.mission.mission_id)]
 
 
 @pytest.mark.ledger("R82", "R89", symbol="harness.supervisor.attend:Attendant._report")
@@ -136,76 +96,6 @@ def test_a_second_timeout_stops_the_body_before_a_person_is_asked() -> None:
         assert len(starts(ran)) == 2
 
 
-@pytest.mark.ledger("R85", "R90", symbol="harness.gate.leases:_acquire")
-def test_nobody_gets_a_base_in_quarantine_until_a_named_person_frees_it_on_static_evidence() -> None:
-    with staged(wrap=only("navigate", Deaf)) as stage:
-        mission_id = walking(stage)
-        stage.runtime.submit(mission_id, StopMission(actor=OPERATOR, reason="enough"))
-        stage.run(mission_id)
-        refused = stage.run(stage.begin("circuit"))
-        assert refused.mission.status == "awaiting_human"
-        assert "quarantined" in refused.mission.reason
-        assert starts(refused) == []
-        freed = stage.supervisor.free(BASE, actor=OPERATOR, reason="I stand beside it")
-        assert isinstance(freed, Accepted), freed
-        assert base(stage.harness).status == "free"
-        assert stage.robot.status().armed is False
-        for provider in stage.robot.providers():
-            for start in stage.harness.starts(mission_id):
-                provider.stop(f"{start.provider_id}:{start.request_id}")
-        stage.harness.clock.wait_until(stage.harness.clock.now().mission_s + 2.0)
-        assert starts(stage.run(stage.begin("circuit"))), "the base can be had again"
-
-
-@pytest.mark.ledger("R86", symbol="harness.supervisor.supervisor:Supervisor.free")
-def test_freeing_a_lease_is_refused_while_the_body_moves_and_never_stops_or_starts_anything() -> None:
-    with staged(wrap=only("navigate", Runaway)) as stage:
-        mission_id = walking(stage)
-        stage.harness.clock.wait_until(stage.harness.clock.now().mission_s + 0.1)
-        held = stage.supervisor.free(BASE, actor=OPERATOR, reason="too early")
-        assert isinstance(held, Refused) and held.rule == "not_quarantined"
-        stage.runtime.submit(mission_id, StopMission(actor=OPERATOR, reason="enough"))
-        stage.until(mission_id, lambda _: base(stage.harness).status == "quarantined")
-        for handle in [start.request_id for start in stage.harness.starts(mission_id)]:
-            stage.robot.providers()[0].resume(f"route-follower:{handle}")
-        stage.harness.clock.wait_until(stage.harness.clock.now().mission_s + 0.8)
-        moving = stage.supervisor.free(BASE, actor=OPERATOR, reason="it looks fine")
-        assert isinstance(moving, Refused) and moving.rule == "not_static"
-        assert len(stage.harness.starts(mission_id)) == 1
-        assert base(stage.harness).status == "quarantined"
-
-
-@pytest.mark.ledger("R86", symbol="harness.supervisor.supervisor:Supervisor.free")
-def test_a_resource_that_nobody_had_and_a_robot_that_is_not_there_cannot_be_freed() -> None:
-    with staged() as stage:
-        with pytest.raises(UnknownName, match="never leased"):
-            stage.supervisor.free(ResourceId("arm"), actor=OPERATOR, reason="why not")
-        elsewhere = Start(actor=OPERATOR, robot_id=RobotId("vbot-9"), template="circuit")
-        assert isinstance(stage.runtime.start(elsewhere), Accepted)
-        elsewhere_base = ResourceId("vbot-9/mobile_base")
-        mission_id, lost = stage.runtime.missions()[0].mission_id, InvocationId("inv_lost")
-        held = AcquireLease(resource=elsewhere_base, mission_id=mission_id, invocation_id=lost, token=1, expires_s=9e9)
-        for command in (held, QuarantineLease(invocation_id=lost, reason="lost")):
-            stage.runtime.commit([Request(lease_stream(elsewhere_base), command)])
-        refused = stage.supervisor.free(elsewhere_base, actor=OPERATOR, reason="not mine")
-        assert isinstance(refused, Refused) and refused.rule == "no_robot"
-
-
-@pytest.mark.ledger("R84", symbol="harness.supervisor.leases:expired")
-def test_a_supervisor_that_slept_past_the_expiry_quarantines_and_frees_only_after_the_end_was_reported() -> None:
-    with staged() as stage:
-        mission_id = walking(stage)
-        held = base(stage.harness)
-        stage.harness.clock.wait_until(held.expires_s + 1.0)
-        stage.supervisor.step(mission_id)
-        assert base(stage.harness).status == "quarantined"
-        assert "expired" in base(stage.harness).reason
-        ran = stage.run(mission_id)
-        assert ran.mission.status in ("succeeded", "awaiting_human")
-        assert len(starts(ran)) == len(set(starts(ran)))
-        assert base(stage.harness).token > held.token
-
-
 @pytest.mark.ledger("R44", symbol="harness.supervisor.attend:Attendant._silence")
 def test_a_line_that_stays_cut_ends_as_outcome_unknown_and_a_person_decides() -> None:
     line = Line()
@@ -239,99 +129,6 @@ def test_a_line_that_comes_back_finds_the_same_execution_and_stops_it_before_any
         moved = [start for start in ran.harness.starts(mission_id) if start.moves]
         assert len(moved) == 2
         assert ran.duplicate_starts() == 0
-
-
-@dataclass
-class House:
-    """Everything that outlives a supervisor: stores, clock, robot."""
-
-    robot: SimulatedRobot
-    parts: Parts
-
-    @contextmanager
-    def opened(self, wrap: Wrap) -> Iterator[Stage]:
-        """A supervisor of its own over the same log and the same robot."""
-        with ExitStack() as stack:
-            harness = assemble(
-                stack,
-                HarnessSettings(speed=0, fidelity="kinematic"),
-                self.parts,
-                robot=CrewRobot(self.robot, wrap),
-                local=[wrap(provider) for provider in local_providers(self.parts, camera=CAMERA, folder=None)],
-                configure=lambda mission: self.robot.configure(mission.mission_id, mission.seed, ()),
-            )
-            yield Stage(harness, self.robot, self.parts)
-
-
-@pytest.fixture
-def house() -> House:
-    robot = SimulatedRobot(WorldSettings(fidelity="kinematic", seed=3), robot_id=ROBOT)
-    parts = Parts(
-        store=MemoryEventStore(),
-        blobs=MemoryBlobStore(),
-        spool=MemorySpool(),
-        ids=SeededIds(3),
-        clock=LockstepClock(robot.advance_to, at_s=robot.at_s),
-        signals=Unheard(),
-    )
-    return House(robot, parts)
-
-
-def remote(line: Line, made: list[Remote], **card: object) -> Wrap:
-    def wrap(inner: object) -> Remote:
-        made.append(Remote(inner, line, **card))  # type: ignore[arg-type]
-        return made[-1]
-
-    return only("navigate", wrap)
-
-
-def died_under_way(house: House, wrap: Wrap) -> MissionId:
-    """A supervisor that ended, as by a crash, some seconds into the circuit; the robot stands by its dead man."""
-    with house.opened(wrap) as stage:
-        mission_id = walking(stage)
-    house.parts.clock.wait_until(house.parts.clock.now().mission_s + 4.0)
-    return mission_id
-
-
-@pytest.mark.ledger("R88", symbol="harness.supervisor.attend:Attendant._accepted")
-def test_a_restarted_supervisor_goes_on_by_the_handle_it_kept(house: House) -> None:
-    mission_id = died_under_way(house, remote(Line(), [], reattach="by_handle"))
-    made: list[Remote] = []
-    with house.opened(remote(Line(), made, reattach="by_handle")) as stage:
-        ran = stage.run(mission_id)
-        assert ran.mission.status == "succeeded", ran.mission.reason
-        assert len(starts(ran)) == 1
-        assert {call for one in made for call in one.calls} == {"report", "keepalive", "resume"}
-        (kept,) = [event for event in ran.events if isinstance(event, InvocationAccepted)]
-        assert kept.handle.startswith("route-follower:")
-
-
-@pytest.mark.ledger("R88", symbol="harness.supervisor.attend:Attendant._lost")
-def test_a_restarted_supervisor_asks_a_person_about_a_provider_that_cannot_be_asked(house: House) -> None:
-    mission_id = died_under_way(house, remote(Line(), [], reattach="none"))
-    made: list[Remote] = []
-    with house.opened(remote(Line(), made, reattach="none")) as stage:
-        ran = stage.run(mission_id)
-        assert ran.mission.status == "awaiting_human"
-        assert ran.mission.invocation is not None and ran.mission.invocation.status == "outcome_unknown"
-        assert base(stage.harness).status == "quarantined"
-        assert [call for one in made for call in one.calls] == [], "nothing was sent blindly"
-        assert len(starts(ran)) == 1
-
-
-@pytest.mark.parametrize("reattach", ["none", "by_handle"])
-def test_a_lost_acknowledgement_without_a_way_to_ask_is_never_sent_again(reattach: str) -> None:
-    lost: list[LostAcknowledgement] = []
-
-    def wrap(inner: object) -> LostAcknowledgement:
-        lost.append(LostAcknowledgement(inner, reattach=reattach))  # type: ignore[arg-type]
-        return lost[-1]
-
-    with staged(wrap=only("navigate", wrap)) as stage:
-        ran = stage.run(stage.begin("circuit"))
-        assert ran.mission.status == "awaiting_human"
-        assert sum(one.sent for one in lost) == 1
-        assert base(ran.harness).status == "quarantined"
 
 
 @pytest.mark.ledger("R82", symbol="harness.supervisor.leases:freed")

@@ -3,26 +3,38 @@
 The trail is a hash chain of its own: an entry's digest covers the one before it.
 """
 
+import sqlite3
 import weakref
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from threading import RLock
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 from sqlalchemy import Connection, RowMapping, create_engine, delete, func, insert, or_, select, update
 from sqlalchemy.exc import IntegrityError, SQLAlchemyError
 from sqlalchemy.pool import StaticPool
 
-from harness.adapters.stores.accounts_rows import Account, Entry, KeptAnswer, Session, Token
-from harness.adapters.stores.accounts_schema import ACCOUNTS, ANSWERS, METADATA, SESSIONS, TOKENS, TRAIL, VERSION
+from harness.adapters.stores.accounts_rows import Account, Entry, Identity, KeptAnswer, Session, Token
+from harness.adapters.stores.accounts_schema import (
+    ACCOUNTS,
+    ANSWERS,
+    IDENTITIES,
+    METADATA,
+    SESSIONS,
+    TOKENS,
+    TRAIL,
+    VERSION,
+)
+from harness.adapters.stores.remembered import Remembered
 from harness.contracts.errors import ConcurrencyConflict, LogDamaged, StoreNewer, StoreUnavailable
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.values import Value, encode
 
 BUSY_S = 5.0
 GENESIS = Digest("0" * 64)
+Answer = TypeVar("Answer")
 
 
 class SqlAccounts:
@@ -53,6 +65,9 @@ class SqlAccounts:
                 )
             METADATA.create_all(connection, checkfirst=True)
             connection.exec_driver_sql(f"PRAGMA user_version={VERSION}")
+            driver = connection.connection.driver_connection
+        assert isinstance(driver, sqlite3.Connection)
+        self._remembered = Remembered(driver)
 
     # accounts -------------------------------------------------------------------------------------------------------
 
@@ -61,10 +76,13 @@ class SqlAccounts:
         return [_account(row) for row in self._rows(select(ACCOUNTS).order_by(ACCOUNTS.c.name))]
 
     def account(self, name: str) -> Account | None:
-        return next((_account(row) for row in self._rows(select(ACCOUNTS).where(ACCOUNTS.c.name == name))), None)
+        def ask() -> Account | None:
+            return next((_account(row) for row in self._rows(select(ACCOUNTS).where(ACCOUNTS.c.name == name))), None)
+
+        return self._answer(("account", name), ask)
 
     def any_account(self) -> bool:
-        return bool(self._rows(select(ACCOUNTS.c.name).limit(1)))
+        return self._answer(("any account", ""), lambda: bool(self._rows(select(ACCOUNTS.c.name).limit(1))))
 
     def add_account(self, account: Account) -> None:
         """Raises ConcurrencyConflict if the name is taken."""
@@ -79,12 +97,45 @@ class SqlAccounts:
         row = _columns(account, roles=" ".join(account.roles))
         self._write(update(ACCOUNTS).where(ACCOUNTS.c.name == account.name).values(row))
 
+    # identities -----------------------------------------------------------------------------------------------------
+
+    def identity(self, issuer: str, subject: str) -> Identity | None:
+        """Whose account that is."""
+        mine = (IDENTITIES.c.issuer == issuer) & (IDENTITIES.c.subject == subject)
+        return next((_identity(row) for row in self._rows(select(IDENTITIES).where(mine))), None)
+
+    def identities(self, name: str) -> list[Identity]:
+        """Every identity that leads to one account, oldest first."""
+        query = select(IDENTITIES).where(IDENTITIES.c.name == name).order_by(IDENTITIES.c.linked_at_s)
+        return [_identity(row) for row in self._rows(query)]
+
+    def link(self, identity: Identity, *, account: Account | None = None) -> None:
+        """With the account that is made for it, or neither. Raises ConcurrencyConflict if either is known already."""
+        try:
+            with self._transaction() as connection:
+                if account is not None:
+                    connection.execute(insert(ACCOUNTS).values(_columns(account, roles=" ".join(account.roles))))
+                connection.execute(insert(IDENTITIES).values(_columns(identity)))
+        except IntegrityError as error:
+            raise ConcurrencyConflict(
+                f"The account {identity.name}, or who it is for, is known already", do="sign in again, or unlink it"
+            ) from error
+
+    def unlink(self, issuer: str, subject: str) -> bool:
+        """Whether it was linked."""
+        mine = (IDENTITIES.c.issuer == issuer) & (IDENTITIES.c.subject == subject)
+        return self._write(delete(IDENTITIES).where(mine)) == 1
+
     # sessions -------------------------------------------------------------------------------------------------------
 
     def session(self, digest: str) -> Session | None:
         """The session whose cookie this is, or was until it was rotated."""
-        found = self._rows(select(SESSIONS).where(or_(SESSIONS.c.digest == digest, SESSIONS.c.previous == digest)))
-        return _session(found[0]) if found else None
+
+        def ask() -> Session | None:
+            found = self._rows(select(SESSIONS).where(or_(SESSIONS.c.digest == digest, SESSIONS.c.previous == digest)))
+            return _session(found[0]) if found else None
+
+        return self._answer(("session", digest), ask)
 
     def sessions(self, name: str) -> list[Session]:
         """One person's, newest first."""
@@ -219,6 +270,7 @@ class SqlAccounts:
             except BaseException:
                 connection.exec_driver_sql("ROLLBACK")
                 raise
+            self._remembered.forget()
             connection.exec_driver_sql("COMMIT")
 
     @contextmanager
@@ -229,11 +281,22 @@ class SqlAccounts:
         except IntegrityError:
             raise
         except SQLAlchemyError as error:
-            raise StoreUnavailable(
-                f"The accounts cannot be used: {getattr(error, 'orig', None) or error}",
-                where=str(self._file or "memory"),
-                do="check that the file is a database of this program and that its folder can be written",
-            ) from error
+            raise self._unavailable(getattr(error, "orig", None) or error) from error
+
+    def _unavailable(self, cause: object) -> StoreUnavailable:
+        return StoreUnavailable(
+            f"The accounts cannot be used: {cause}",
+            where=str(self._file or "memory"),
+            do="check that the file is a database of this program and that its folder can be written",
+        )
+
+    def _answer(self, question: tuple[str, str], ask: Callable[[], Answer]) -> Answer:
+        """What is asked with every request: the database is read again once anybody has written."""
+        try:
+            with self._lock:
+                return self._remembered.answer(question, ask)
+        except sqlite3.Error as error:
+            raise self._unavailable(error) from error
 
     def _rows(self, query: Any) -> Sequence[RowMapping]:
         with self._connection() as connection:
@@ -262,6 +325,10 @@ def _columns(value: Value, **instead: Any) -> dict[str, Any]:
 
 def _account(row: RowMapping) -> Account:
     return Account(**{**row, "roles": tuple(row["roles"].split()), "disabled": bool(row["disabled"])})
+
+
+def _identity(row: RowMapping) -> Identity:
+    return Identity(**{**row, "by_groups": bool(row["by_groups"])})
 
 
 def _session(row: RowMapping) -> Session:

@@ -1,10 +1,10 @@
-"""What the accounts' database holds, as values: people, sessions, tokens, the trail, kept answers."""
+"""What the accounts' database holds, as values: people, identities, sessions, tokens, the trail, kept answers."""
 
 from harness.contracts.values import Name, Value
 
 
 class Account(Value):
-    """One person. `secret` is the encoded argon2id hash; times are wall seconds."""
+    """One person. `secret` is the encoded argon2id hash, empty for who has no password; times are wall seconds."""
 
     name: Name
     roles: tuple[str, ...]
@@ -12,6 +12,16 @@ class Account(Value):
     disabled: bool
     created_at_s: float
     changed_at_s: float
+
+
+class Identity(Value):
+    """Who somebody is at an identity provider. `by_groups`: their roles follow their groups there at every sign-in."""
+
+    issuer: Name
+    subject: str
+    name: Name
+    by_groups: bool
+    linked_at_s: float
 
 
 class Session(Value):

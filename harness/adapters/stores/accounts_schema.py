@@ -2,7 +2,7 @@
 
 from sqlalchemy import Boolean, Column, Float, Index, Integer, LargeBinary, MetaData, Table, Text
 
-VERSION = 1
+VERSION = 2
 METADATA = MetaData()
 
 ACCOUNTS = Table(
@@ -14,6 +14,15 @@ ACCOUNTS = Table(
     Column("disabled", Boolean, nullable=False),
     Column("created_at_s", Float, nullable=False),
     Column("changed_at_s", Float, nullable=False),
+)
+IDENTITIES = Table(
+    "identities",
+    METADATA,
+    Column("issuer", Text, primary_key=True),
+    Column("subject", Text, primary_key=True),
+    Column("name", Text, nullable=False, index=True),
+    Column("by_groups", Boolean, nullable=False),
+    Column("linked_at_s", Float, nullable=False),
 )
 SESSIONS = Table(
     "sessions",

@@ -1,0 +1,181 @@
+"""/account/sign-in and /account/oidc: in by a one-time link, by password or by the identity provider; and out again."""
+
+from math import ceil
+from urllib.parse import quote
+
+from fastapi import APIRouter, Request
+from starlette.responses import RedirectResponse, Response
+
+from app.accounts import Throttled
+from app.console import Console, ConsoleDep, FormDep
+from app.doors import Origin
+from app.issuer_door import IssuerDoor
+from app.rendering import render
+from app.security import VisitorDep, cookie_line, passing_cookie, same_origin, source_of
+from app.views.sign_in import (
+    Refusal,
+    SignInPage,
+    from_elsewhere,
+    other_address,
+    refusal_of,
+    too_fast,
+    too_often,
+    wrong_password,
+)
+from app.wanted import OVERVIEW, wanted
+from harness.contracts.errors import UnknownName
+from harness.contracts.identity import IssuerUnreachable, SignInRefused
+
+router = APIRouter(prefix="/account")
+NOBODY = Refusal()
+
+
+@router.get("/sign-in")
+def sign_in(request: Request, console: ConsoleDep, token: str = "", page: str = "", left: bool = False) -> Response:
+    """A page, not a redirect: a strict cookie is not sent along a navigation that another site began."""
+    known = request.state.visitor is not None
+    cookie = console.doors.enter(token, _origin(request)) if token else None
+    if cookie:
+        return _let_in(console, request, cookie)
+    failed = bool(token) and not known
+    shown = _page(console, let_in=known, link_failed=failed, page=page, left=left)
+    return _answer(shown, status=403 if failed else 200)
+
+
+@router.post("/sign-in")
+def sign_in_by_password(request: Request, console: ConsoleDep, typed: FormDep) -> Response:
+    name, page = typed.get("name", "").strip().lower(), typed.get("page", "")
+    found = console.doors.sign_in(name, typed.get("password", ""), _origin(request))
+    if isinstance(found, Throttled):
+        wait_s = ceil(found.wait_s)
+        shown = _page(console, refusal=too_often(wait_s), name=name, page=page)
+        return _answer(shown, status=429, wait_s=wait_s)
+    if found is None:
+        return _answer(_page(console, refusal=wrong_password(), name=name, page=page), status=403)
+    console.doors.leave(request.cookies.get(console.settings.cookie, ""))
+    answer = RedirectResponse(wanted(page), status_code=303)
+    answer.headers.append("set-cookie", cookie_line(console.settings.cookie, found, secure=console.settings.secure))
+    return answer
+
+
+@router.get("/oidc")
+def begin(request: Request, console: ConsoleDep, page: str = "") -> Response:
+    """To the identity provider, from the console's own sign-in page alone."""
+    door, settings = _door(console), console.settings
+    if not same_origin(request.headers, websocket=False):
+        return _answer(_page(console, refusal=from_elsewhere(), page=page), status=403)
+    if request.headers.get("host", "").lower() != settings.address.split("://", 1)[1].lower():
+        return _answer(_page(console, refusal=other_address(settings.address), page=page), status=403)
+    try:
+        begun = door.begin(page, _origin(request), session=request.cookies.get(settings.cookie, ""))
+    except SignInRefused as error:
+        return _refused(console, error, page=page)
+    if isinstance(begun, Throttled):
+        wait_s = ceil(begun.wait_s)
+        return _answer(_page(console, refusal=too_fast(wait_s), page=page), status=429, wait_s=wait_s)
+    answer = RedirectResponse(begun.url, status_code=303)
+    answer.headers.append("set-cookie", passing_cookie(settings.passing_cookie, begun.cookie, secure=settings.secure))
+    return answer
+
+
+@router.get("/oidc/back")
+def back(request: Request, console: ConsoleDep) -> Response:
+    """Where the identity provider sends people: let in, or told why not; either way that sign-in is over."""
+    door, settings = _door(console), console.settings
+    cookie = request.cookies.get(settings.passing_cookie, "")
+    try:
+        entered = door.finish(cookie, dict(request.query_params), _origin(request))
+        answer = _let_in(console, request, entered.cookie, page=entered.page)
+    except SignInRefused as error:
+        answer = _refused(console, error)
+    if cookie:
+        answer.headers.append("set-cookie", passing_cookie(settings.passing_cookie, "", secure=settings.secure))
+    return answer
+
+
+@router.get("/oidc/leave")
+def leave(console: ConsoleDep) -> Response:
+    """To where one signs out at the identity provider, if it has such a place; signed out here is somebody before."""
+    try:
+        url = _door(console).provider.leave(f"{console.settings.address}/account/sign-in")
+    except SignInRefused as error:
+        return _refused(console, error)
+    return RedirectResponse(url or "/account/sign-in", status_code=303)
+
+
+@router.post("/sign-out")
+def sign_out(request: Request, console: ConsoleDep) -> Response:
+    console.doors.leave(request.cookies.get(console.settings.cookie, ""))
+    return _signed_out(console)
+
+
+@router.post("/sign-out-everywhere")
+def sign_out_everywhere(console: ConsoleDep, visitor: VisitorDep) -> Response:
+    console.doors.leave_everywhere(visitor)
+    return _signed_out(console)
+
+
+def _door(console: Console) -> IssuerDoor:
+    if console.issuer is None:
+        raise UnknownName("No identity provider is set up here.", do="Sign in with your password.")
+    return console.issuer
+
+
+def _origin(request: Request) -> Origin:
+    return Origin(source=source_of(request), agent=request.headers.get("user-agent", ""))
+
+
+def _let_in(console: Console, request: Request, cookie: str, *, page: str = OVERVIEW) -> Response:
+    """A fresh cookie always: one that a browser brought along is ended, never taken over."""
+    console.doors.leave(request.cookies.get(console.settings.cookie, ""))
+    answer = _answer(_page(console, let_in=True, page=page, stays=False))
+    answer.headers.append("set-cookie", cookie_line(console.settings.cookie, cookie, secure=console.settings.secure))
+    return answer
+
+
+def _signed_out(console: Console) -> Response:
+    """The identity provider may still know this browser: the page says so where there is one."""
+    left = "?left=true" if console.issuer else ""
+    answer = RedirectResponse(f"/account/sign-in{left}", status_code=303)
+    answer.headers.append("set-cookie", cookie_line(console.settings.cookie, "", secure=console.settings.secure))
+    answer.headers["clear-site-data"] = '"cache", "storage"'
+    return answer
+
+
+def _refused(console: Console, error: SignInRefused, *, page: str = "") -> Response:
+    refusal = refusal_of(error.code, what=error.what, do=error.do)
+    status = 502 if isinstance(error, IssuerUnreachable) else 403
+    return _answer(_page(console, refusal=refusal, page=page, stays=False), status=status)
+
+
+def _page(
+    console: Console,
+    *,
+    let_in: bool = False,
+    link_failed: bool = False,
+    refusal: Refusal = NOBODY,
+    name: str = "",
+    page: str = "",
+    left: bool = False,
+    stays: bool = True,
+) -> SignInPage:
+    on = wanted(page)
+    return SignInPage(
+        let_in=let_in,
+        by_password=console.doors.has_accounts,
+        link_failed=link_failed,
+        refusal=refusal,
+        name=name[:40],
+        page=on,
+        page_query="" if on == OVERVIEW else f"?page={quote(on, safe='')}",
+        provider=console.settings.oidc.name if console.issuer else "",
+        left=left,
+        stays=stays,
+    )
+
+
+def _answer(page: SignInPage, *, status: int = 200, wait_s: int = 0) -> Response:
+    answer: Response = render("account/sign-in.html", page, status=status)
+    if wait_s:
+        answer.headers["retry-after"] = str(wait_s)
+    return answer

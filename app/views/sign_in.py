@@ -1,0 +1,87 @@
+"""Pure: the page at the door: by password, by the identity provider, by a link; and why somebody is not let in."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from app.views.saying import said
+
+TRY_AGAIN = "Begin again from this page, in this browser, and within ten minutes."
+ASK_AN_ADMIN = "Ask an admin of this console to look at how it is set up for the identity provider."
+REASONS: Mapping[str, tuple[str, str]] = {
+    "issuer_unreachable": (
+        "The identity provider does not answer.",
+        "Try again in a while. If you have a password here, sign in with it. An admin can ask `regen doctor`.",
+    ),
+    "wrong_issuer": ("Another identity provider answered than the one that this console trusts.", ASK_AN_ADMIN),
+    "issuer_declined": (
+        "The identity provider did not let you in.",
+        "Sign in there with an account that may use this console, or sign in here with a password.",
+    ),
+    "client_refused": ("The identity provider does not know this console.", ASK_AN_ADMIN),
+    "state_mismatch": ("This sign-in was not begun in this browser, is over, or was used already.", TRY_AGAIN),
+    "code_refused": ("The identity provider takes a sign-in once, and this one was used or is too old.", TRY_AGAIN),
+    "token_invalid": ("What the identity provider says of you cannot be believed.", ASK_AN_ADMIN),
+    "token_unsigned": ("What the identity provider says of you is not signed with a key of its own.", ASK_AN_ADMIN),
+    "bad_signature": ("What was said of you is not signed by the identity provider.", ASK_AN_ADMIN),
+    "token_expired": ("What the identity provider said of you is no longer good.", TRY_AGAIN),
+    "nonce_mismatch": ("What the identity provider said was meant for another sign-in.", TRY_AGAIN),
+    "role_missing": (
+        "The identity provider knows you, and you have no role in this console.",
+        "Ask an admin of this console for a role for one of your groups, or to link your account.",
+    ),
+    "account_disabled": ("Your account in this console is disabled.", "Ask an admin of this console to enable it."),
+}
+"""By the code of the refusal: what happened, and what to do now."""
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Why somebody is not let in, and what to do; empty for somebody who only just came."""
+
+    why: str = ""
+    do: str = ""
+
+
+@dataclass(frozen=True)
+class SignInPage:
+    """`let_in`: a link or a cookie was good; on to `page`. `by_password`: there are accounts. `provider`: its name.
+
+    `left`: somebody just signed out here, and may want to at the identity provider too. `stays`: its address may be
+    opened again, in another language; an answer of the identity provider may not.
+    """
+
+    let_in: bool
+    by_password: bool
+    link_failed: bool
+    refusal: Refusal
+    name: str
+    page: str
+    page_query: str
+    provider: str
+    left: bool
+    stays: bool
+
+
+def refusal_of(code: str, *, what: str, do: str) -> Refusal:
+    """In the words of the page; in the refusal's own for a code that the page has no words for."""
+    return Refusal(*REASONS.get(code, (what, do)))
+
+
+def wrong_password() -> Refusal:
+    return Refusal(said("Name and password do not belong together, or the account is disabled."))
+
+
+def too_often(wait_s: int) -> Refusal:
+    return Refusal(said("Too many wrong passwords. Try again in {wait_s} s.", wait_s=wait_s))
+
+
+def too_fast(wait_s: int) -> Refusal:
+    return Refusal(said("Too many sign-ins began from here. Try again in {wait_s} s.", wait_s=wait_s))
+
+
+def from_elsewhere() -> Refusal:
+    return Refusal(said("A sign-in at the identity provider begins on this page."), said("Begin it here."))
+
+
+def other_address(address: str) -> Refusal:
+    return Refusal(said("The identity provider knows this console as {address}. Open it there.", address=address))

@@ -1,0 +1,231 @@
+"""One OpenID Connect issuer, through Authlib: authorization code with PKCE, state and nonce. It keeps no token."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Lock
+from typing import Any
+from urllib.parse import urlencode, urlsplit
+
+from authlib.oauth2.auth import ClientAuth
+from authlib.oauth2.rfc6749.parameters import prepare_grant_uri, prepare_token_request
+from authlib.oauth2.rfc7636 import create_s256_code_challenge
+from authlib.oidc.discovery import get_well_known_url
+from joserfc.jwk import KeySet
+
+from harness.adapters.identity.tokens import KeyUnknown, accepted, algorithm_of, keys_of, offered, verified
+from harness.adapters.identity.wire import Wire, secure
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.identity import Attempt, Claims, ClientRefused, CodeRefused, IssuerUnreachable, IssuerWrong
+
+KNOWN_S, KEYS_AGAIN_S, AWAY_S = 3600.0, 60.0, 5.0
+MOST_GROUPS, LONGEST_SECRET = 1000, 4096
+FORM = {"Accept": "application/json", "Content-Type": "application/x-www-form-urlencoded"}
+CLIENT_ERRORS = frozenset({"invalid_client", "unauthorized_client"})
+
+
+@dataclass(frozen=True)
+class Registration:
+    """What issuer and console know of each other. `hosts` beside the issuer's own may be asked too."""
+
+    issuer: str
+    client_id: str
+    back: str
+    scopes: tuple[str, ...] = ("openid", "profile")
+    groups_claim: str = "groups"
+    hosts: tuple[str, ...] = ()
+    authority: Path | None = None
+
+
+@dataclass(frozen=True)
+class _Document:
+    """What the issuer says of itself, and its keys, as read at `read_s`."""
+
+    body: Mapping[str, Any]
+    keys: KeySet
+    read_s: float
+
+
+class OpenIdProvider:
+    """Implements IdentityProvider. `clock` gives wall seconds; the secret is sent to the token endpoint alone."""
+
+    def __init__(self, registration: Registration, *, secret: str, clock: Callable[[], float]) -> None:
+        """Asks nobody yet. Raises ContractInvalid for an issuer that is no https address, or no client id."""
+        if not secure(registration.issuer) or urlsplit(registration.issuer).query:
+            raise ContractInvalid(
+                "The identity provider's address is none that can be trusted",
+                where="REGEN_OIDC_ISSUER",
+                do="give its https address as the provider writes it itself, without query",
+            )
+        if not registration.client_id:
+            raise ContractInvalid(
+                "The identity provider does not know this console",
+                where="REGEN_OIDC_CLIENT_ID",
+                do=f"register {registration.back} there, and set the client id that it gives",
+            )
+        self._registration, self._secret, self._clock = registration, secret, clock
+        own = urlsplit(registration.issuer).netloc
+        self._wire = Wire((own, *registration.hosts), authority=registration.authority)
+        self._read: _Document | None = None
+        self._away: tuple[float, IssuerUnreachable] | None = None
+        self._lock = Lock()
+
+    @property
+    def issuer(self) -> str:
+        return self._registration.issuer
+
+    @property
+    def back(self) -> str:
+        return self._registration.back
+
+    def begin(self, attempt: Attempt) -> str:
+        address: str = prepare_grant_uri(
+            self._wire.allowed(self._document().body.get("authorization_endpoint")),
+            client_id=self._registration.client_id,
+            response_type="code",
+            redirect_uri=self.back,
+            scope=" ".join(self._registration.scopes),
+            state=attempt.state,
+            nonce=attempt.nonce,
+            code_challenge=create_s256_code_challenge(attempt.verifier),
+            code_challenge_method="S256",
+        )
+        return address
+
+    def finish(self, attempt: Attempt, *, code: str, issuer: str) -> Claims:
+        document = self._document()
+        announced = document.body.get("authorization_response_iss_parameter_supported") is True
+        if issuer != self.issuer and (issuer or announced):
+            raise IssuerWrong(
+                "The answer comes from another issuer than the one that was asked",
+                where=issuer[:200],
+                do="close this page and sign in again from the console's own",
+            )
+        answer = self._exchange(document, code=code, verifier=attempt.verifier)
+        token = answer.get("id_token")
+        algorithm_of(token)
+        claims = accepted(
+            self._signed(token, document),
+            issuer=self.issuer,
+            client_id=self._registration.client_id,
+            nonce=attempt.nonce,
+            access_token=answer.get("access_token"),
+            now_s=self._clock(),
+        )
+        return Claims(
+            issuer=self.issuer,
+            subject=claims["sub"],
+            name=next((str(claims[one]) for one in ("preferred_username", "email", "name") if claims.get(one)), ""),
+            groups=_groups(claims.get(self._registration.groups_claim)),
+        )
+
+    def leave(self, after: str) -> str:
+        endpoint = self._document().body.get("end_session_endpoint")
+        if not endpoint:
+            return ""
+        query = urlencode({"client_id": self._registration.client_id, "post_logout_redirect_uri": after})
+        return f"{self._wire.allowed(endpoint)}{'&' if '?' in str(endpoint) else '?'}{query}"
+
+    def examined(self) -> int:
+        """Asks the issuer anew for what it says of itself; how many keys it signs with. Raises as `begin` does."""
+        document = self._fetched()
+        for name in ("authorization_endpoint", "token_endpoint"):
+            self._wire.allowed(document.body.get(name))
+        return len(document.keys.keys)
+
+    def _signed(self, token: object, document: _Document) -> Any:
+        """The issuer may have new keys since they were read: an unknown one is looked for once more, not more often."""
+        algorithms = offered(document.body.get("id_token_signing_alg_values_supported"))
+        try:
+            return verified(token, document.keys, algorithms=algorithms)
+        except KeyUnknown:
+            if self._clock() - document.read_s < KEYS_AGAIN_S:
+                raise
+        return verified(token, self._fetched().keys, algorithms=algorithms)
+
+    def _exchange(self, document: _Document, *, code: str, verifier: str) -> dict[str, Any]:
+        methods = document.body.get("token_endpoint_auth_methods_supported")
+        by_post = isinstance(methods, list) and "client_secret_basic" not in methods and "client_secret_post" in methods
+        method = "none" if not self._secret else "client_secret_post" if by_post else "client_secret_basic"
+        client = ClientAuth(self._registration.client_id, self._secret, method)
+        body = prepare_token_request("authorization_code", code=code, redirect_uri=self.back, code_verifier=verifier)
+        url, headers, body = client.prepare("POST", document.body.get("token_endpoint"), dict(FORM), body)
+        status, answer = self._wire.ask("POST", url, headers=headers, body=body)
+        if status == 200:
+            return answer
+        if status == 401 or answer.get("error") in CLIENT_ERRORS:
+            raise ClientRefused(
+                "The identity provider does not take this console's own credentials",
+                where=self.issuer,
+                do="an admin checks REGEN_OIDC_CLIENT_ID and the client secret",
+            )
+        raise CodeRefused(
+            "The identity provider does not take the code that it gave: it is good once, for a short while",
+            where=self.issuer,
+            do="sign in again",
+        )
+
+    def _document(self) -> _Document:
+        """As it was read, for an hour. One that was away is not asked again at once: who waits keeps others waiting."""
+        with self._lock:
+            known, away = self._read, self._away
+        if known and self._clock() - known.read_s < KNOWN_S:
+            return known
+        if away and self._clock() - away[0] < AWAY_S:
+            raise IssuerUnreachable(away[1].what, where=away[1].where, do=away[1].do)
+        try:
+            return self._fetched()
+        except IssuerUnreachable as error:
+            with self._lock:
+                self._away = (self._clock(), error)
+            raise
+
+    def _fetched(self) -> _Document:
+        status, body = self._wire.ask("GET", get_well_known_url(self.issuer, external=True), headers=FORM)
+        if status != 200:
+            raise IssuerUnreachable(
+                f"The identity provider answers {status} where it should describe itself",
+                where=self.issuer,
+                do="an admin checks REGEN_OIDC_ISSUER",
+            )
+        if body.get("issuer") != self.issuer:
+            raise IssuerWrong(
+                "The identity provider calls itself something else than what is configured",
+                where=str(body.get("issuer", ""))[:200],
+                do="an admin sets REGEN_OIDC_ISSUER to exactly what the provider calls itself",
+            )
+        status, keys = self._wire.ask("GET", body.get("jwks_uri"), headers=FORM)
+        if status != 200:
+            raise IssuerUnreachable(f"The identity provider answers {status} for its keys", where=self.issuer)
+        read = _Document(body, keys_of(keys), self._clock())
+        with self._lock:
+            self._read = read
+        return read
+
+
+def secret_of(value: str, file: Path | None) -> str:
+    """The client's secret: as given, or the one line of a file; empty for a client without. Raises ContractInvalid."""
+    if file is None:
+        return value
+    if value:
+        raise ContractInvalid(
+            "The client secret is given twice",
+            where="REGEN_OIDC_CLIENT_SECRET and REGEN_OIDC_CLIENT_SECRET_FILE",
+            do="keep one of them",
+        )
+    try:
+        read = file.read_text(encoding="utf-8")[:LONGEST_SECRET].strip()
+    except (OSError, UnicodeError) as error:
+        raise ContractInvalid(
+            f"The client secret cannot be read ({type(error).__name__})",
+            where=f"REGEN_OIDC_CLIENT_SECRET_FILE {file}",
+            do="name a file of one line that this user may read",
+        ) from error
+    if not read:
+        raise ContractInvalid("The file of the client secret is empty", where=f"REGEN_OIDC_CLIENT_SECRET_FILE {file}")
+    return read
+
+
+def _groups(claim: object) -> tuple[str, ...]:
+    listed = [claim] if isinstance(claim, str) else claim if isinstance(claim, list) else []
+    return tuple(one for one in listed[:MOST_GROUPS] if isinstance(one, str))

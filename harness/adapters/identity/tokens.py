@@ -1,0 +1,110 @@
+"""An identity token, believed only if the issuer's own key signed it, now, for this console and this sign-in."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from authlib.oidc.core import CodeIDToken
+from joserfc import jws, jwt
+from joserfc.errors import ClaimError, ExpiredTokenError, InvalidKeyIdError, JoseError
+from joserfc.jwk import JWKRegistry, KeySet
+
+from harness.contracts.identity import (
+    IssuerWrong,
+    NonceMismatch,
+    SignatureBad,
+    TokenExpired,
+    TokenInvalid,
+    TokenUnsigned,
+)
+
+LEEWAY_S = 60
+ASYMMETRIC = (
+    "RS256", "RS384", "RS512", "PS256", "PS384", "PS512", "ES256", "ES384", "ES512", "EdDSA", "Ed25519",
+)  # fmt: skip
+AGAIN = "sign in again; if it stays so, an admin looks at the settings of the identity provider"
+
+
+class KeyUnknown(SignatureBad):
+    """The token names a key that was not among the issuer's when they were last read."""
+
+
+def keys_of(document: Mapping[str, Any]) -> KeySet:
+    """The issuer's public keys for signatures; shared ones and those of unknown kinds are left out."""
+    listed = document.get("keys")
+    found = []
+    for one in listed if isinstance(listed, list) else ():
+        if not isinstance(one, dict) or one.get("kty") not in ("RSA", "EC", "OKP") or one.get("use", "sig") != "sig":
+            continue
+        try:
+            found.append(JWKRegistry.import_key(one))
+        except (JoseError, ValueError, TypeError):
+            continue
+    return KeySet(found)
+
+
+def offered(supported: object) -> tuple[str, ...]:
+    """The algorithms that are taken: asymmetric ones, of those that the issuer says it uses."""
+    named = [one for one in ASYMMETRIC if one in supported] if isinstance(supported, list) else []
+    return tuple(named) or ASYMMETRIC
+
+
+def algorithm_of(token: object) -> str:
+    """What a token says it is signed with, unverified. Raises TokenInvalid; TokenUnsigned for no or a shared key."""
+    try:
+        header = jws.extract_compact(str(token).encode()).headers()
+    except (JoseError, ValueError, RecursionError) as error:
+        raise _invalid(type(error).__name__) from None
+    algorithm = header.get("alg")
+    if not isinstance(algorithm, str) or algorithm not in ASYMMETRIC:
+        raise TokenUnsigned(
+            "The identity token is not signed with a key of the identity provider's own",
+            where=f"alg {str(algorithm)[:20]!r}",
+            do="an admin has the provider sign with RS256, ES256 or another of the asymmetric algorithms",
+        )
+    return algorithm
+
+
+def verified(token: object, keys: KeySet, *, algorithms: Iterable[str]) -> jwt.Token:
+    """Header and claims of a token that one of `keys` signed. Raises KeyUnknown, SignatureBad and their kin."""
+    algorithm_of(token)
+    registry = jws.JWSRegistry(algorithms=list(algorithms), strict_check_header=False)
+    try:
+        return jwt.decode(str(token), keys, registry=registry)
+    except InvalidKeyIdError:
+        raise KeyUnknown("The identity token names a key that the issuer does not publish", do=AGAIN) from None
+    except (JoseError, ValueError, TypeError, RecursionError) as error:
+        raise SignatureBad(
+            "The identity token is not signed by the identity provider", where=type(error).__name__, do=AGAIN
+        ) from None
+
+
+def accepted(token: jwt.Token, *, issuer: str, client_id: str, nonce: str, access_token: object, now_s: float) -> Any:
+    """The claims, if they name this issuer, this client, this sign-in and the present. Raises TokenInvalid's kinds."""
+    if token.claims.get("iss") != issuer:
+        raise IssuerWrong(
+            "The identity token comes from another issuer", where=str(token.claims.get("iss", ""))[:200], do=AGAIN
+        )
+    claims = CodeIDToken(
+        token.claims,
+        token.header,
+        {"aud": {"essential": True, "values": [client_id]}},
+        {"nonce": nonce, "client_id": client_id, "access_token": access_token},
+    )
+    try:
+        claims.validate(now=lambda: int(now_s), leeway=LEEWAY_S)
+    except ExpiredTokenError:
+        raise TokenExpired("The identity token is no longer good", do=AGAIN) from None
+    except ClaimError as error:
+        if error.claim == "nonce":
+            raise NonceMismatch("The identity token was made for another sign-in", do=AGAIN) from None
+        raise _invalid(f"claim {error.claim}") from None
+    except (JoseError, ValueError, TypeError, AttributeError) as error:
+        raise _invalid(type(error).__name__) from None
+    subject = claims.get("sub")
+    if not isinstance(subject, str) or not 0 < len(subject) <= 255 or not subject.isprintable():
+        raise _invalid("claim sub")
+    return claims
+
+
+def _invalid(where: str) -> TokenInvalid:
+    return TokenInvalid("The identity token cannot be believed", where=where, do=AGAIN)

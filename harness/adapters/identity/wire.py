@@ -1,0 +1,111 @@
+"""The way to an issuer: JSON from the configured hosts alone, over TLS, bounded in size and time, never redirected."""
+
+import json
+import ssl
+import time
+from collections.abc import Collection, Mapping
+from ipaddress import ip_address
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import httpx
+
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.identity import IssuerUnreachable, IssuerWrong
+
+TIMEOUT_S, WHOLE_S, LARGEST_ANSWER = 5.0, 10.0, 1024 * 1024
+ASK = "ask an admin whether the identity provider runs and can be reached from this machine; a password works meanwhile"
+
+
+class Wire:
+    """HTTP to `hosts` (with a port unless it is the usual one). `authority`: the certificates to trust."""
+
+    def __init__(self, hosts: Collection[str], *, authority: Path | None = None) -> None:
+        self._hosts = frozenset(host.lower() for host in hosts)
+        self._trusted = _trusted(authority)
+
+    def allowed(self, url: object) -> str:
+        """The address, if it may be asked or a browser sent there. Raises IssuerWrong."""
+        if not isinstance(url, str) or not secure(url) or urlsplit(url).netloc.lower() not in self._hosts:
+            raise IssuerWrong(
+                "The identity provider names an address outside of what is configured",
+                where=_place(url),
+                do="an admin checks REGEN_OIDC_ISSUER, or adds the host to REGEN_OIDC_HOSTS",
+            )
+        return url
+
+    def ask(
+        self, method: str, url: object, *, headers: Mapping[str, str] | None = None, body: str = ""
+    ) -> tuple[int, dict[str, Any]]:
+        """(status, JSON object). Raises IssuerWrong before anything is sent, IssuerUnreachable for no such answer."""
+        address = self.allowed(url)
+        try:
+            with (
+                httpx.Client(
+                    verify=self._trusted, timeout=TIMEOUT_S, trust_env=False, follow_redirects=False
+                ) as client,
+                client.stream(method, address, headers=dict(headers or {}), content=body or None) as answer,
+            ):
+                status, read = answer.status_code, _bounded(answer)
+        except (httpx.HTTPError, httpx.InvalidURL) as error:
+            raise IssuerUnreachable(
+                f"The identity provider does not answer ({type(error).__name__})", where=_place(address), do=ASK
+            ) from None
+        try:
+            found = json.loads(read)
+        except (ValueError, RecursionError):
+            found = None
+        if status >= 500 or not isinstance(found, dict):
+            raise IssuerUnreachable(
+                f"The identity provider answers {status} with nothing that can be read", where=_place(address), do=ASK
+            )
+        return status, found
+
+
+def secure(url: str) -> bool:
+    """Whether an address is https, or http on this very machine; without user, query or fragment to hide behind."""
+    try:
+        parts = urlsplit(url)
+        host = parts.hostname or ""
+    except ValueError:
+        return False
+    if parts.username or parts.fragment or "\\" in url:
+        return False
+    return bool(host) if parts.scheme == "https" else parts.scheme == "http" and _here(host)
+
+
+def _here(host: str) -> bool:
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def _bounded(answer: httpx.Response) -> bytes:
+    read, until_s = b"", time.monotonic() + WHOLE_S
+    for piece in answer.iter_bytes():
+        read += piece
+        if len(read) > LARGEST_ANSWER or time.monotonic() > until_s:
+            raise IssuerUnreachable("The identity provider's answer is too large or too slow", do=ASK)
+    return read
+
+
+def _place(url: object) -> str:
+    """Scheme, host and path of an address: what follows may be secret."""
+    try:
+        parts = urlsplit(str(url))
+    except ValueError:
+        return ""
+    return f"{parts.scheme}://{parts.hostname or ''}{parts.path}"[:200]
+
+
+def _trusted(authority: Path | None) -> ssl.SSLContext:
+    try:
+        return ssl.create_default_context(cafile=authority)
+    except OSError as error:
+        raise ContractInvalid(
+            f"The certificates to trust cannot be read: {error.strerror or type(error).__name__}",
+            where=f"REGEN_OIDC_AUTHORITY {authority}",
+            do="name a file of PEM certificates that this user may read",
+        ) from error

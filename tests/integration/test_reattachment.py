@@ -1,0 +1,117 @@
+"""A supervisor that starts again beside an execution that goes on: it reattaches, asks, or says that it cannot know."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+
+import pytest
+
+from harness.adapters.clock import LockstepClock
+from harness.adapters.ids import SeededIds
+from harness.adapters.providers.simulation.camera import CAMERA
+from harness.adapters.providers.simulation.robot import SimulatedRobot
+from harness.adapters.providers.simulation.world import WorldSettings
+from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
+from harness.bootstrap import Parts, Unheard, assemble, local_providers
+from harness.contracts.events import (
+    InvocationAccepted,
+)
+from harness.contracts.ids import MissionId
+from harness.settings import HarnessSettings
+from tests.builders.crews import CrewRobot, Stage, Wrap, only, staged
+from tests.builders.missions_run import ROBOT
+from tests.builders.walking import base, starts, walking
+from tests.fakes.supervised import Line, LostAcknowledgement, Remote
+
+
+@dataclass
+class House:
+    """Everything that outlives a supervisor: stores, clock, robot."""
+
+    robot: SimulatedRobot
+    parts: Parts
+
+    @contextmanager
+    def opened(self, wrap: Wrap) -> Iterator[Stage]:
+        """A supervisor of its own over the same log and the same robot."""
+        with ExitStack() as stack:
+            harness = assemble(
+                stack,
+                HarnessSettings(speed=0, fidelity="kinematic"),
+                self.parts,
+                robot=CrewRobot(self.robot, wrap),
+                local=[wrap(provider) for provider in local_providers(self.parts, camera=CAMERA, folder=None)],
+                configure=lambda mission: self.robot.configure(mission.mission_id, mission.seed, ()),
+            )
+            yield Stage(harness, self.robot, self.parts)
+
+
+@pytest.fixture
+def house() -> House:
+    robot = SimulatedRobot(WorldSettings(fidelity="kinematic", seed=3), robot_id=ROBOT)
+    parts = Parts(
+        store=MemoryEventStore(),
+        blobs=MemoryBlobStore(),
+        spool=MemorySpool(),
+        ids=SeededIds(3),
+        clock=LockstepClock(robot.advance_to, at_s=robot.at_s),
+        signals=Unheard(),
+    )
+    return House(robot, parts)
+
+
+def remote(line: Line, made: list[Remote], **card: object) -> Wrap:
+    def wrap(inner: object) -> Remote:
+        made.append(Remote(inner, line, **card))  # type: ignore[arg-type]
+        return made[-1]
+
+    return only("navigate", wrap)
+
+
+def died_under_way(house: House, wrap: Wrap) -> MissionId:
+    """A supervisor that ended, as by a crash, some seconds into the circuit; the robot stands by its dead man."""
+    with house.opened(wrap) as stage:
+        mission_id = walking(stage)
+    house.parts.clock.wait_until(house.parts.clock.now().mission_s + 4.0)
+    return mission_id
+
+
+@pytest.mark.ledger("R88", symbol="harness.supervisor.attend:Attendant._accepted")
+def test_a_restarted_supervisor_goes_on_by_the_handle_it_kept(house: House) -> None:
+    mission_id = died_under_way(house, remote(Line(), [], reattach="by_handle"))
+    made: list[Remote] = []
+    with house.opened(remote(Line(), made, reattach="by_handle")) as stage:
+        ran = stage.run(mission_id)
+        assert ran.mission.status == "succeeded", ran.mission.reason
+        assert len(starts(ran)) == 1
+        assert {call for one in made for call in one.calls} == {"report", "keepalive", "resume"}
+        (kept,) = [event for event in ran.events if isinstance(event, InvocationAccepted)]
+        assert kept.handle.startswith("route-follower:")
+
+
+@pytest.mark.ledger("R88", symbol="harness.supervisor.attend:Attendant._lost")
+def test_a_restarted_supervisor_asks_a_person_about_a_provider_that_cannot_be_asked(house: House) -> None:
+    mission_id = died_under_way(house, remote(Line(), [], reattach="none"))
+    made: list[Remote] = []
+    with house.opened(remote(Line(), made, reattach="none")) as stage:
+        ran = stage.run(mission_id)
+        assert ran.mission.status == "awaiting_human"
+        assert ran.mission.invocation is not None and ran.mission.invocation.status == "outcome_unknown"
+        assert base(stage.harness).status == "quarantined"
+        assert [call for one in made for call in one.calls] == [], "nothing was sent blindly"
+        assert len(starts(ran)) == 1
+
+
+@pytest.mark.parametrize("reattach", ["none", "by_handle"])
+def test_a_lost_acknowledgement_without_a_way_to_ask_is_never_sent_again(reattach: str) -> None:
+    lost: list[LostAcknowledgement] = []
+
+    def wrap(inner: object) -> LostAcknowledgement:
+        lost.append(LostAcknowledgement(inner, reattach=reattach))  # type: ignore[arg-type]
+        return lost[-1]
+
+    with staged(wrap=only("navigate", wrap)) as stage:
+        ran = stage.run(stage.begin("circuit"))
+        assert ran.mission.status == "awaiting_human"
+        assert sum(one.sent for one in lost) == 1
+        assert base(ran.harness).status == "quarantined"
