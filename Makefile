@@ -44,7 +44,7 @@ rooms: install-test ## who may import, append, dispatch: import contracts and ho
 ledger: install-test ## which requirements a test proves, and which are open
 	@$(BIN)/python -m tools.ledger
 
-ledger-mutants: install-test ## break what the ledger marks name and expect red (MUTANTS=20|all SEED=1)
+ledger-mutants: install-test ## break what the ledger marks name and expect red (MUTANTS=20|all SEED=1; every mark in minutes: python -m tools.mutants --blunt --count all)
 	@$(BIN)/python -m tools.mutants --count $(MUTANTS) --seed $(SEED)
 
 bench: install-test ## every benchmark, beside its peers in .bench/peers (docs/performance.md)
