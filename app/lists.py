@@ -10,7 +10,7 @@ from typing import Generic, TypeVar
 from msgspec.structs import replace as changed
 
 from harness.contracts.decider import Codec
-from harness.contracts.errors import ConcurrencyConflict
+from harness.contracts.errors import ConcurrencyConflict, UnknownName
 from harness.contracts.events import (
     CommitRejected,
     MissionEnded,
@@ -34,12 +34,13 @@ from harness.contracts.read_models import (
 )
 from harness.contracts.values import Value, decode
 from harness.projections.evidence_list import Placed, evidence_rows, touched
+from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
 from harness.projections.mission_fold import apply
 from harness.projections.missions_list import handoff_row, mission_row
 from harness.runtime import Runtime
 
-FOLD = "lists-3"
+FOLD = "lists-4"
 """Changes whenever a row would come out differently: lists that another fold made are built again."""
 BATCH = 2000
 KEPT = 64
@@ -120,6 +121,10 @@ class Lists:
         self.catch_up()
         return self._models.count(query)
 
+    def found(self, query: ListQuery, shown: Slice[Item]) -> int:
+        """The same for a query whose page is known: a first page that is also the last is not searched for again."""
+        return len(shown.items) if query.after is None and shown.following is None else self.count(query)
+
     def tallies(self, listing: Listing) -> list[Tally]:
         """Every value of every facet with its count."""
         self.catch_up()
@@ -167,9 +172,20 @@ class Lists:
     def _handoff_rows(self, handoff_id: HandoffId, fresh: Sequence[StoredEvent]) -> Iterator[ListRow]:
         known = self._models.body("handoff", handoff_id)
         seq = decode(known, HandoffItem).seq if known is not None else fresh[0].position
-        row = handoff_row(self._runtime.handoff(handoff_id), seq=seq)
+        handoff = self._runtime.handoff(handoff_id)
+        row = handoff_row(handoff, self._asking(handoff), seq=seq)
         if row is not None:
             yield row
+
+    def _asking(self, handoff: Handoff) -> Mission:
+        """The mission a question is about, from what is followed if it is there; an empty one if the log has none."""
+        mission_id = handoff.opened.mission_id if handoff.opened else MissionId("")
+        if mission_id in self._followed:
+            return self._followed[mission_id].mission
+        try:
+            return self._runtime.mission(mission_id)
+        except UnknownName:
+            return Mission()
 
 
 def _follow(before: _Followed, decoded: Sequence[tuple[StoredEvent, MissionEvent]]) -> _Followed:

@@ -56,6 +56,7 @@ def quick() -> dict[str, Measure]:
         "console_lists": lambda: console_lists.measure(missions=(200,), count=2),
         "browsers": lambda: browsers.measure(readers=10, pages=1, events=15, per_s=5.0),
         "first_pixels": lambda: first_pixels.measure(points=200_000, count=1),
+        "first_page": lambda: first_page.measure(count=1),
     }
 
 

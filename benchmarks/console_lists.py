@@ -61,13 +61,16 @@ MISSIONS = (
     "/missions", "/missions?status=succeeded", "/missions?status=ended&robot=vbot-3", "/missions?q=storage",
     "/missions?q=msn_00000033", "/missions?q=nowhere", "/missions?order=largest", "/missions?order=oldest",
     "/missions?status=waiting", "/missions?q=office+area&status=succeeded&robot=vbot-1", "/",
+    "/missions?order=largest&status=ended", "/missions?order=largest&q=storage", "/missions?after=0~2001",
 )  # fmt: skip
 FILTERED = (
     "/evidence", "/evidence?kind=image", "/evidence?verdict=violated", "/evidence?kind=image&verdict=violated",
     "/evidence?kind=trajectory&node=return&verdict=satisfied", "/evidence?source=camera&order=oldest",
     "/evidence?kind=image&source=odometry&decision=accepted", "/evidence?q=obsol", "/evidence?decision=refused",
-    "/evidence?mission=msn_00000042",
+    "/evidence?mission=msn_00000042", "/evidence?kind=image&after=0~8192001",
+    "/evidence?kind=image&source=robot&verdict=satisfied&decision=accepted",
 )  # fmt: skip
+"""Last pages, and what costs most, are among them: the longest of many, and four common filters without one row."""
 
 PATHS = {"missions": MISSIONS, "evidence": FILTERED}
 
@@ -112,7 +115,12 @@ def _rows_found(missions: Sequence[int], *, rounds: int) -> list[dict[str, Any]]
     settings = HarnessSettings(fidelity="kinematic", speed=0)
     with simulated(settings, seed=1) as harness, tempfile.TemporaryDirectory(prefix="regen-lists-") as folder:
         mission = _run(harness)
-        stand = create_app(harness.runtime, ConsoleSettings(port=8000), SignalBroker(), Scenes(harness.runtime))
+        stand = create_app(
+            harness.runtime,
+            ConsoleSettings(port=8000, rate_per_s=1e6, rate_burst=1e6),
+            SignalBroker(),
+            Scenes(harness.runtime),
+        )
         return [
             row
             for count in missions

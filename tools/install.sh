@@ -5,6 +5,7 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 lock=$1
 log=.venv/install.log
+at_once=4 # pips that share the lock between them: one waits for the index while another unpacks
 
 new_enough='import sys; raise SystemExit(sys.version_info < (3, 11))'
 
@@ -42,17 +43,20 @@ show_progress() { # one line per package on a terminal's single line; every tent
     while IFS= read -r line; do
         echo "$line" >>"$log"
         case $line in
-            "Collecting "* | "Ignoring "* | "Requirement already satisfied: "*) seen=$((seen + 1)) ;;
-            "Installing collected"*) printf '%s  unpacking (the longest step)' "$([ -t 1 ] && printf '\r\033[K')" ;;
+            "Collecting "* | "Processing "* | "Ignoring "* | "Requirement already satisfied: "*) seen=$((seen + 1)) ;;
             *) continue ;;
         esac
         name=${line#Collecting }
         name=${name#Ignoring }
+        name=${name#Processing }
+        name=${name##*/}
         name=${name#Requirement already satisfied: }
-        if [ -t 1 ]; then
-            case $line in Installing*) ;; *) printf '\r\033[K  %d/%d %s' "$seen" "$total" "${name%%[=;<> ]*}" ;; esac
+        if [ "$seen" = "$total" ]; then
+            printf '%s  unpacking (the longest step)' "$([ -t 1 ] && printf '\r\033[K')"
+        elif [ -t 1 ]; then
+            printf '\r\033[K  %d/%d %s' "$seen" "$total" "${name%%[=;<> ]*}"
         elif [ $((seen % 10)) = 0 ]; then
-            case $line in Installing*) ;; *) printf '  %d/%d' "$seen" "$total" ;; esac
+            printf '  %d/%d' "$seen" "$total"
         fi
     done
     echo
@@ -60,6 +64,23 @@ show_progress() { # one line per package on a terminal's single line; every tent
 
 pip_install() {
     .venv/bin/python -m pip install --disable-pip-version-check --no-input --progress-bar off "$@" </dev/null
+}
+
+# The lock names everything, so no pip has to ask what else is needed. Modules are compiled when they are first imported:
+# that is one in three of them, on all cores, and not before the first page.
+install_lock() {
+    local part pips=() failed=0 parts=.venv/parts
+    rm -rf "$parts"
+    mkdir "$parts"
+    awk -v parts="$parts" -v count="$at_once" \
+        '/^[A-Za-z0-9]/ { part = number++ % count } number { print > (parts "/" part) }' "$1"
+    for part in "$parts"/*; do
+        pip_install --require-hashes --no-deps --no-compile -r "$part" &
+        pips+=($!)
+    done
+    for part in "${pips[@]}"; do wait "$part" || failed=1; done
+    rm -rf "$parts"
+    return "$failed"
 }
 
 stamp_of() { # what .venv holds once this lock is installed
@@ -80,7 +101,7 @@ started=$SECONDS
 echo "Installing $packages locked packages into .venv"
 : >"$log"
 rm -f .venv/installed-*
-if ! pip_install --require-hashes -r "$lock" 2>>"$log" | show_progress "$packages"; then
+if ! install_lock "$lock" 2>>"$log" | show_progress "$packages"; then
     tail -n 25 "$log" >&2
     echo "Installing failed; the whole log is in $log. Check the network or the package index, then run it again." >&2
     exit 1

@@ -62,7 +62,8 @@ class EvidenceItem(Value):
 class HandoffItem(Value):
     """One question to a person in a list. `seq` is the position of its first event; wall times.
 
-    `answered` is who decided and why, or how it ended; `holder` who has claimed it or drives the robot.
+    `answered` is who decided and why, or how it ended; `holder` who has claimed it or drives the robot; `stage` the
+    sentence of its stage in the contract, empty where the mission has none.
     """
 
     seq: Count
@@ -73,6 +74,7 @@ class HandoffItem(Value):
     answered: str
     holder: str
     node_id: str
+    stage: str
     status: str
     failure: str
     opened_at_s: float

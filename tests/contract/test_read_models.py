@@ -1,5 +1,6 @@
 """What every store of lists keeps: pages by key, filters that combine, tallies, and nothing half-written."""
 
+import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from pathlib import Path
@@ -9,11 +10,12 @@ import pytest
 
 from harness.adapters.stores.memory_index import EMPTY
 from harness.adapters.stores.read_models import SqlReadModels
+from harness.adapters.stores.read_models_schema import CREATE, walk_of
 from harness.contracts.errors import ConcurrencyConflict, StoreUnavailable
 from harness.contracts.ids import Digest
 from harness.contracts.memory import Mark
 from harness.contracts.ports import ReadModels
-from harness.contracts.read_models import MANY, ListOrder, ListQuery, ListRow
+from harness.contracts.read_models import MANY, Bookmark, ListOrder, ListQuery, ListRow
 
 
 @pytest.fixture(params=["file", "memory"])
@@ -77,6 +79,27 @@ def test_pages_follow_each_other_without_a_gap_or_a_repeat(
     put(models, [row(seq, amount=float(seq % 3), status="ended") for seq in range(1, 10)])
     query = ListQuery(listing="mission", facets=facets, order=order, limit=4)
     assert walked(models, query) == [f"body of {seq}" for seq in expected]
+
+
+def test_a_search_that_many_rows_answer_comes_in_the_order_of_amounts_too(models: ReadModels) -> None:
+    rows = [row(seq, amount=float(seq % 7), status="ended" if seq % 4 else "open") for seq in range(1, MANY + 600)]
+    put(models, rows)
+    query = ListQuery(listing="mission", facets={"status": "ended"}, order="largest", limit=400)
+    assert models.count(query) > MANY
+    ended = sorted((one for one in rows if one.facets["status"] == "ended"), key=lambda one: (one.amount, one.seq))
+    assert walked(models, query) == [one.body.decode() for one in reversed(ended)]
+
+
+def test_the_order_of_amounts_is_read_from_its_index_and_never_sorted() -> None:
+    after = Bookmark(amount=3.0, seq=9)
+    with closing(sqlite3.connect(":memory:")) as store:
+        for statement in CREATE:
+            store.execute(statement)
+        for place in (None, after):
+            asked = walk_of(ListQuery(listing="evidence", order="largest", after=place), '"=kind=image"')
+            plan = " | ".join(line[-1] for line in store.execute(f"EXPLAIN QUERY PLAN {asked[0]}", asked[1]))
+            assert "USING INDEX list_evidence_amount" in plan
+            assert "ORDER BY" not in plan
 
 
 def test_a_page_that_is_exactly_full_is_the_last_one(models: ReadModels) -> None:

@@ -99,6 +99,16 @@ def test_a_refused_packet_is_listed_with_the_rule(stand: Stand) -> None:
     assert all(one.rule for one in rows)
 
 
+def test_a_question_is_said_in_the_same_words_on_the_overview_and_in_the_list(stand: Stand) -> None:
+    mission, handoff_id = stand.handed_off()
+    opened = stand.harness.runtime.handoff(handoff_id).opened
+    assert opened is not None and mission.contract is not None
+    operator, stage = stand.operator(), mission.contract.node(opened.node_id).subgoal
+    said = f'href="/handoffs/{handoff_id}">vbot-1 cannot finish “{stage}” and asks you</a>'
+    for page in ("/", "/handoffs", f"/handoffs?q={stage.split()[-1]}"):
+        assert said in operator.get(page).text, page
+
+
 def test_an_open_question_leaves_the_list_of_open_ones_when_it_is_over(stand: Stand) -> None:
     mission, handoff_id = stand.handed_off()
     assert handoff_id in {one.handoff_id for one in lists(stand).open_handoffs()}
@@ -161,6 +171,18 @@ def test_the_next_page_begins_where_the_last_one_ended(stand: Stand, missions: t
         path = following.group(1).replace("&amp;", "&") if following else ""
     total = next(one.count for one in lists(stand).tallies("evidence") if not one.facet)
     assert len(seen) == total > 60
+
+
+def test_how_many_answer_is_the_same_from_the_page_as_from_a_search(
+    stand: Stand, missions: tuple[Mission, Mission]
+) -> None:
+    kept, total = lists(stand), next(one.count for one in lists(stand).tallies("evidence") if not one.facet)
+    few = ListQuery(listing="evidence", facets={"kind": "image"}, limit=500)
+    shown, cut = kept.evidence(few), kept.evidence(ListQuery(listing="evidence", limit=3))
+    assert kept.found(few, shown) == kept.count(few) == len(shown.items) < total
+    assert cut.following is not None
+    assert kept.found(ListQuery(listing="evidence", limit=3), cut) == total
+    assert kept.found(cut.following, kept.evidence(cut.following)) == total
 
 
 @pytest.mark.parametrize("query", ["order=best", "after=x", "after=1~x", "status=odd"])

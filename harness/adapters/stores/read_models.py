@@ -35,6 +35,7 @@ from harness.adapters.stores.read_models_schema import (
     page_of,
     spoken,
     terms_of,
+    walk_of,
 )
 from harness.adapters.stores.sql_engine import aside_engine, enter_wal, file_url, reader_engine
 from harness.contracts.errors import StoreUnavailable
@@ -100,7 +101,9 @@ class SqlReadModels:
 
     def page(self, query: ListQuery) -> ListPage:
         """One page, in the order asked for."""
-        rows = self._rows(*page_of(query, self._match(query)))
+        match = self._match(query)
+        walks = query.order == "largest" and match != "" and self._count(query, match) > MANY
+        rows = self._rows(*(walk_of if walks else page_of)(query, match))
         shown = rows[: query.limit]
         last = shown[-1] if len(rows) > query.limit else None
         return ListPage(
@@ -110,7 +113,7 @@ class SqlReadModels:
 
     def count(self, query: ListQuery) -> int:
         """How many rows answer the query, counted up to MANY + 1."""
-        return int(self._rows(*count_of(query, self._match(query), limit=MANY + 1))[0][0])
+        return self._count(query, self._match(query))
 
     def tallies(self, listing: Listing) -> list[Tally]:
         """Every value of every facet with its count, by facet and value."""
@@ -129,6 +132,9 @@ class SqlReadModels:
                 self._writer.close()
                 self._writer = None
         self._readers.dispose()
+
+    def _count(self, query: ListQuery, match: str) -> int:
+        return int(self._rows(*count_of(query, match, limit=MANY + 1))[0][0])
 
     def _match(self, query: ListQuery) -> str:
         def spellings(word: str) -> list[str]:

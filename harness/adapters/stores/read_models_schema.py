@@ -112,6 +112,23 @@ def page_of(query: ListQuery, match: str) -> tuple[str, tuple[Argument, ...]]:
     return statement, (*arguments, query.limit + 1)
 
 
+def walk_of(query: ListQuery, match: str) -> tuple[str, tuple[Argument, ...]]:
+    """The statement of one page in the order of amounts, for a search that many rows answer.
+
+    Reads the index of amounts until the page is full, where `page_of` would fetch every row that answers, to sort them.
+    """
+    table, terms = TABLES[query.listing], TERMS[query.listing]
+    after: str = ""
+    place: tuple[Argument, ...] = ()
+    if query.after is not None:
+        after, place = " AND (amount, seq) < (?, ?)", (query.after.amount, query.after.seq)
+    statement = (
+        f"SELECT seq, amount, body FROM {table} INDEXED BY {table}_amount "
+        f"WHERE seq IN (SELECT rowid FROM {terms} WHERE {terms} MATCH ?){after} ORDER BY amount DESC, seq DESC LIMIT ?"
+    )
+    return statement, (match, *place, query.limit + 1)
+
+
 def count_of(query: ListQuery, match: str, *, limit: int) -> tuple[str, tuple[Argument, ...]]:
     """The statement that counts what answers the query, up to `limit`."""
     if not match:
