@@ -3,6 +3,7 @@
 import json
 from dataclasses import dataclass
 from math import ceil
+from urllib.parse import quote
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
@@ -12,6 +13,7 @@ from starlette.types import Scope
 
 from app.permissions import NotPermitted
 from app.rendering import render
+from app.wanted import OVERVIEW, wanted
 from harness.contracts.errors import (
     BlobDamaged,
     ConcurrencyConflict,
@@ -43,13 +45,14 @@ class PortBusy(HarnessError):
 
 @dataclass(frozen=True)
 class ErrorPage:
-    """What happened, where, and what to do now."""
+    """What happened, where, and what to do now. `on` is where the page leads: the overview, or signing in."""
 
     status: int
     title: str
     what: str
     where: str
     do: str
+    on: str = OVERVIEW
 
 
 REFUSALS = {
@@ -84,6 +87,11 @@ REFUSALS = {
         "Send less, or refer to evidence by its digest.",
     ),
     "too_many": ("Too many requests", "This caller asks faster than anybody is served here.", "Wait, then go on."),
+    "unexpected": (
+        "The console failed to answer",
+        "Nothing that was recorded is lost, and missions go on without this page.",
+        "Try again. If it stays, whoever runs this console finds the cause in its log.",
+    ),
     "not_allowed": ("This address takes no commands", "Only reading is possible here.", "Go back to the overview."),
 }
 
@@ -100,13 +108,21 @@ def refused(scope: Scope, *, status: int, code: str, wait_s: float = 0.0) -> Res
     if str(scope["path"]).startswith("/api/"):
         answer = problem(status, code=code, title=title, detail=what, do=do)
     else:
-        page = ErrorPage(status=status, title=title, what=what, where="", do=do)
+        on = _sign_in(scope) if status == 401 else OVERVIEW
+        page = ErrorPage(status=status, title=title, what=what, where="", do=do, on=on)
         answer = render("error.html", page, status=status)
     if wait_s:
         answer.headers["retry-after"] = str(ceil(wait_s))
     if status == 401:
         answer.headers["www-authenticate"] = 'Bearer realm="regen"'
     return answer
+
+
+def _sign_in(scope: Scope) -> str:
+    """The sign-in page, which leads back to the page that was asked for."""
+    query = scope["query_string"].decode("latin-1")
+    page = wanted(f"{scope['path']}{'?' if query else ''}{query}") if scope["method"] == "GET" else OVERVIEW
+    return "/account/sign-in" if page == OVERVIEW else f"/account/sign-in?page={quote(page, safe='')}"
 
 
 def install(app: FastAPI) -> None:
