@@ -1,5 +1,7 @@
 """Ways in: the one-time link of a first start, a password, an integration's token, the owner's token; and sessions.
 
+The identity provider's way in is app/issuer_door.py, which lets people through here.
+
 A session is a random cookie whose digest is stored. It is exchanged for a fresh one every ROTATE_S; the old one stays
 good until GRACE_S after the new one was first used, so that no request under way is turned away.
 """
@@ -54,10 +56,17 @@ class Doors:
     def has_accounts(self) -> bool:
         return self.accounts.store.any_account()
 
-    def invite(self) -> str:
-        """A path that signs one person in, once, within an hour, while nobody has an account."""
+    def invite(self, *, by: Visitor | None = None) -> str:
+        """A path that signs one person in, once, within an hour, while nobody has an account.
+
+        Asked for `by` somebody it takes the place of every unused one, and stands in the trail.
+        """
         token = self._fresh()
+        if by is not None:
+            self.accounts.note(by, "sign_in.link_made", subject=self._operator)
         with self._lock:
+            if by is not None:
+                self._invitations.clear()
             self._invitations[sha256(token.encode())] = self._clock() + INVITATION_S
         return f"/account/sign-in?token={token}"
 
@@ -79,6 +88,10 @@ class Doors:
         """A fresh cookie for the right password; None for a wrong one, Throttled after too many."""
         found = self.accounts.check(name, password, source=origin.source)
         return found if found is None or isinstance(found, Throttled) else self._open(name, origin, invited=False)
+
+    def admit(self, name: str, origin: Origin) -> str:
+        """A fresh cookie for somebody whom the identity provider named."""
+        return self._open(name, origin, invited=False)
 
     def who(self, cookie: str, *, source: str = "", active: bool = True) -> Visitor | None:
         """Whose session this is, with the roles they have now; None once it is idle or old or they are disabled.

@@ -1,6 +1,6 @@
-"""A mission's report as PDF: the same page as the printable one, with its pictures, for people without this console.
+"""A mission's report as PDF: the same page as the printable one, with its pictures, in the reader's language.
 
-What the font lacks (Chinese, for one) is drawn as an empty box, and the document says so.
+A sign that no font here has is drawn as an empty box, and the document says so.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -8,22 +8,28 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 from fpdf import FPDF
 from fpdf.enums import XPos, YPos
 from fpdf.fonts import FontFace, TTFFont
+from fpdf.image_parsing import preload_image
 
 from app.filters import clock, duration, instant, words
-from app.views.report import ReportPage, Word
+from app.languages import ENGLISH, told
+from app.views.report import ReportPage, Shown, Word
+from app.views.saying import said, word
 from harness.contracts.errors import HarnessError
 
-FONT = "DejaVu"
+FONT, CHINESE = "DejaVu", "Droid"
+LETTERS, HANZI = "dejavu-2.37", "droid-fallback-6.0.1/DroidSansFallback.ttf"
 MISSING = "\u25a1"
 PICTURE_MM = 88.0
 MARGIN_MM = 14.0
-LABELS = (
-    "Declared: the word of a provider or a service. Measured: what the harness measured itself. "
-    "Accepted: what passed the gate's configured checks; that is not proof of the truth."
+CAPTION_MM = 6.0
+LABELS = said(
+    "Declared: the word of a provider or a service. Measured: what the harness measured itself. Accepted: what passed "
+    "the gate's configured checks; that is not proof of the truth."
 )
 GREY = FontFace(fill_color=(236, 238, 240), emphasis="BOLD")
 
@@ -35,31 +41,56 @@ class PictureUnreadable(HarnessError):
 
 
 class _Paper(FPDF):
-    """Pages with a head and a foot; `lacking` counts the signs that the font does not have."""
+    """Pages with a foot, in one language; `lacking` counts the signs that no font has."""
 
-    def __init__(self, page: ReportPage, fonts: Path) -> None:
+    def __init__(self, page: ReportPage, fonts: Path, language: str) -> None:
         super().__init__(format="A4")
         self.lacking = 0
-        self._foot = f"{page.mission_id}, event {page.position}, sha256 {page.digest[:16]}"
-        self.add_font(FONT, "", fonts / "DejaVuSans.ttf")
-        self.add_font(FONT, "B", fonts / "DejaVuSans-Bold.ttf")
-        font = self.fonts[FONT.lower()]
-        self._known = frozenset(font.cmap if isinstance(font, TTFFont) else ())
+        self._page, self._fonts, self.language = page, fonts, language
+        self.add_font(FONT, "", fonts / LETTERS / "DejaVuSans.ttf")
+        self.add_font(FONT, "B", fonts / LETTERS / "DejaVuSans-Bold.ttf")
+        self._known = self._signs(FONT)
         self.set_margin(MARGIN_MM)
         self.set_auto_page_break(True, margin=MARGIN_MM + 4)
         self.set_font(FONT, size=9)
+
+    def header(self) -> None:
+        """Nothing is shown: see `set_font`."""
+        self.text(0.0, 0.0, "")
+
+    def set_font(self, family: str | None = None, style: Any = "", size: float = 0) -> None:
+        """Selects it in the page's own stream at once.
+
+        fpdf2 2.8.9 selects a font inside the first line that needs it; where that line begins with the other font, the
+        selection ends with the line, and the next line is drawn without any.
+        """
+        super().set_font(family, style, size)
+        if self.page and not self.current_font_is_set_on_page:
+            self.text(0.0, 0.0, "")
 
     def footer(self) -> None:
         """The mission, where its log stood, and the page."""
         self.set_y(-MARGIN_MM)
         self.set_font(FONT, size=7)
-        self.cell(0, 4, f"{self._foot}    page {self.page_no()} of {{nb}}")
+        page, place = self._page, said("page {number} of {count}", number=self.page_no(), count="{nb}")
+        foot = said("event {position}", position=page.position)
+        stands = f"{page.mission_id}, {self.spoken(foot)}, sha256 {page.digest[:16]}"
+        self.cell(0, 4, f"{stands}    {self.spoken(place)}")
 
     def spoken(self, text: str) -> str:
-        """The text as this font can draw it."""
+        """The text in the reader's language, as these fonts can draw it."""
+        text = str(told(text, self.language))
+        if CHINESE.lower() not in self.fonts and any(ord(sign) not in self._known for sign in text if sign != "\n"):
+            self.add_font(CHINESE, "", self._fonts / HANZI)
+            self.set_fallback_fonts([CHINESE], exact_match=False)
+            self._known |= self._signs(CHINESE)
         drawn = "".join(sign if ord(sign) in self._known or sign == "\n" else MISSING for sign in text)
         self.lacking += drawn.count(MISSING) - text.count(MISSING)
         return drawn
+
+    def _signs(self, name: str) -> frozenset[int]:
+        font = self.fonts[name.lower()]
+        return frozenset(font.cmap if isinstance(font, TTFFont) else ())
 
     def close_fonts(self) -> None:
         """The files behind the fonts; nothing can be drawn afterwards."""
@@ -67,14 +98,17 @@ class _Paper(FPDF):
             if isinstance(font, TTFFont):
                 font.ttfont.close()
 
-    def title_line(self, text: str, *, size: int = 12) -> None:
+    def title_line(self, text: str, *, size: int = 12, before_mm: float = 22.0) -> None:
+        """A title on the page of what follows it: `before_mm` is the room that needs."""
+        if self.will_page_break(before_mm):
+            self.add_page()
         self.ln(2)
         self.set_font(FONT, "B", size)
-        self.multi_cell(0, size * 0.5, self.spoken(text), new_x=XPos.LMARGIN, new_y=YPos.NEXT)
+        self.multi_cell(0, size * 0.5, self.spoken(text), align="L", new_x=XPos.LMARGIN, new_y=YPos.NEXT)
         self.set_font(FONT, size=9)
 
     def paragraph(self, text: str) -> None:
-        self.multi_cell(0, 4.6, self.spoken(text), new_x=XPos.LMARGIN, new_y=YPos.NEXT)
+        self.multi_cell(0, 4.6, self.spoken(text), align="L", new_x=XPos.LMARGIN, new_y=YPos.NEXT)
 
     def rows(self, head: Sequence[str], body: Iterable[Sequence[str]], widths: Sequence[int]) -> None:
         """A table whose cells wrap."""
@@ -89,18 +123,20 @@ class _Paper(FPDF):
 
 @dataclass(frozen=True)
 class Document:
-    """A finished PDF. `lacking` signs of its text are drawn as empty boxes."""
+    """A finished PDF. `lacking` signs of its text are in no font, and are drawn as empty boxes."""
 
     body: bytes
     lacking: int
 
 
-def report_pdf(page: ReportPage, pictures: Mapping[str, bytes], *, fonts: Path, made_s: float) -> Document:
-    """A4. `pictures`: bytes by digest of those that verify; the others are named as broken.
+def report_pdf(
+    page: ReportPage, pictures: Mapping[str, bytes], *, fonts: Path, made_s: float, language: str = ENGLISH
+) -> Document:
+    """A4. `pictures`: bytes by digest of those that verify; the others are named as broken. `fonts`: static/vendor.
 
     Raises PictureUnreadable for bytes that are no picture.
     """
-    paper = _Paper(page, fonts)
+    paper = _Paper(page, fonts, language)
     try:
         body = _drawn(paper, page, pictures, made_s=made_s)
     finally:
@@ -111,124 +147,154 @@ def report_pdf(page: ReportPage, pictures: Mapping[str, bytes], *, fonts: Path, 
 def _drawn(paper: _Paper, page: ReportPage, pictures: Mapping[str, bytes], *, made_s: float) -> bytes:
     paper.set_creation_date(datetime.fromtimestamp(made_s, UTC))
     paper.set_title(f"Report {page.mission_id}")
-    paper.set_lang("en")
+    paper.set_lang(paper.language)
     paper.add_page()
     _summary(paper, page)
     _goal(paper, page)
     _stages(paper, page)
-    _said(paper, "Findings: the analysis's word (declared)", page.findings)
+    _words(paper, said("Findings: the analysis's word (declared)"), page.findings)
     _pictures(paper, page, pictures)
-    _said(paper, "Receipts: a service's word, not a measurement (declared)", page.receipts)
+    _words(paper, said("Receipts: a service's word, not a measurement (declared)"), page.receipts)
     _deeds(paper, page)
     if paper.lacking:
-        paper.title_line("What could not be printed", size=10)
+        paper.title_line(said("What could not be printed"), size=10)
         paper.paragraph(
-            f"{paper.lacking} signs are drawn as {MISSING}: this document's font has no Chinese and no symbols beyond "
-            "European scripts. The report in the console and its JSON hold them all."
+            said(
+                "{count} signs are drawn as {box}: the fonts of this document lack them. The report in the console and "
+                "its JSON hold them all.",
+                count=paper.lacking,
+                box=MISSING,
+            )
         )
     return bytes(paper.output())
 
 
 def _summary(paper: _Paper, page: ReportPage) -> None:
-    paper.title_line(f"Report: {page.head.goal}", size=15)
-    paper.paragraph(f"{words(page.head.status)}. {page.head.sentence}")
+    say = paper.spoken
+    paper.title_line(said("Report: {goal}", goal=page.head.goal), size=15)
+    paper.paragraph(f"{say(words(page.head.status)).capitalize()}. {say(page.head.sentence)}")
     starts = (
-        "the robot's journal cannot be read from here"
+        said("the robot's journal cannot be read from here")
         if page.starts is None
-        else f"{page.starts} by the robot's own journal, {page.duplicates} repeated"
+        else said("{starts} by the robot's own journal, {again} repeated", starts=page.starts, again=page.duplicates)
     )
+    took = duration(page.head.elapsed_s)
+    began = said("{instant}, {time} of mission time", instant=instant(page.head.began_s), time=took)
+    kind = said("{template} on {robot}", template=page.head.template, robot=page.head.robot_id)
+    disputed = "\n".join(f"{one.who}: {say(one.text)}" for one in page.disputes)
     facts = (
-        ("mission", f"{page.mission_id}, {page.head.template} on {page.head.robot_id}"),
-        ("configuration", page.head.configuration),
-        ("began", f"{instant(page.head.began_s)}, {duration(page.head.elapsed_s)} of mission time"),
-        ("physical starts", starts),
-        ("disputed acceptances", "\n".join(f"{one.who}: {one.text}" for one in page.disputes) or "none"),
-        ("stands at", f"event {page.position}, {page.digest}"),
+        (said("mission"), f"{page.mission_id}, {say(kind)}"),
+        (said("configuration"), page.head.configuration),
+        (said("began"), began),
+        (said("physical starts"), starts),
+        (said("disputed acceptances"), disputed or said("none")),
+        (said("stands at"), f"{say(said('event {position}', position=page.position))}, {page.digest}"),
     )
     paper.ln(2)
-    paper.rows(("fact", "value"), facts, (22, 78))
+    paper.rows((said("fact"), said("value")), facts, (22, 78))
     paper.ln(1)
     paper.paragraph(LABELS)
 
 
 def _goal(paper: _Paper, page: ReportPage) -> None:
-    paper.title_line(f"Goal: {page.verdict or 'not tested'}")
+    say = paper.spoken
+    paper.title_line(said("Goal: {verdict}", verdict=word(page.verdict) if page.verdict else said("not tested")))
     paper.paragraph(page.reason)
     for one in page.conditions:
-        measured = ", ".join(f"{m.name} {m.value or 'not measured'}" for m in one.measures)
-        paper.paragraph(f"{one.verdict}: {one.text}{f' ({measured})' if measured else ''}")
+        measured = ", ".join(f"{say(m.name)} {say(m.value or said('not measured'))}" for m in one.measures)
+        paper.paragraph(f"{say(word(one.verdict))}: {say(one.text)}{f' ({measured})' if measured else ''}")
 
 
 def _stages(paper: _Paper, page: ReportPage) -> None:
-    paper.title_line("Stages")
+    say, nothing = paper.spoken, said("nothing")
+    paper.title_line(said("Stages"))
     body = [
         (
-            f"{stage.title}\n{stage.status}",
-            "\n".join(f"{one.name} {one.value}" for one in stage.declared) or "nothing",
-            "\n".join(f"{one.name} {one.value}" for one in stage.measured) or "nothing",
+            f"{say(stage.title)}\n{say(stage.status)}",
+            "\n".join(f"{say(one.name)} {say(one.value)}" for one in stage.declared) or nothing,
+            "\n".join(f"{say(one.name)} {say(one.value)}" for one in stage.measured) or nothing,
             stage.accepted.text,
         )
         for stage in page.stages
     ]
-    paper.rows(("stage", "declared", "measured", "accepted"), body, (20, 26, 30, 24))
-    paper.title_line("Timings, mission time (measured)")
+    paper.rows((said("stage"), said("declared"), said("measured"), said("accepted")), body, (24, 25, 28, 23))
+    paper.title_line(said("Timings, mission time (measured)"))
     took = [
         (
             words(one.node_id),
             clock(one.dispatched_s) if one.dispatched_s is not None else "",
-            clock(one.accepted_s) if one.accepted_s is not None else "never",
+            clock(one.accepted_s) if one.accepted_s is not None else said("never"),
             duration(one.took_s) if one.took_s is not None else "",
             str(one.attempts),
         )
         for one in page.timings
     ]
-    paper.rows(("stage", "dispatched", "accepted", "took", "attempts"), took, (32, 18, 18, 18, 14))
+    head = (said("stage"), said("dispatched"), said("accepted"), said("took"), said("attempts"))
+    paper.rows(head, took, (32, 18, 18, 18, 14))
 
 
-def _said(paper: _Paper, title: str, said: Sequence[Word]) -> None:
+def _words(paper: _Paper, title: str, told_so: Sequence[Word]) -> None:
+    say = paper.spoken
     paper.title_line(title)
-    if not said:
-        paper.paragraph("None.")
+    if not told_so:
+        paper.paragraph(said("None."))
         return
     body = [
-        (f"{one.kind}\n{words(one.node_id)}", one.text or "no text", f"{one.source}\n{one.receipt_id}", clock(one.at_s))
-        for one in said
+        (
+            f"{say(one.kind)}\n{say(words(one.node_id))}",
+            one.text or said("no text"),
+            f"{one.source}\n{one.receipt_id}",
+            clock(one.at_s),
+        )
+        for one in told_so
     ]
-    paper.rows(("what", "says", "by", "at"), body, (18, 44, 26, 12))
+    paper.rows((said("what"), said("says"), said("by"), said("at")), body, (16, 40, 33, 11))
 
 
 def _pictures(paper: _Paper, page: ReportPage, pictures: Mapping[str, bytes]) -> None:
-    paper.title_line("Pictures")
+    """Those that verify, two beside each other; then the ones that do not, by name."""
+    paper.title_line(said("Pictures"), before_mm=78.0 if pictures else 22.0)
     if not page.pictures:
-        paper.paragraph("No camera frame belongs to this mission's evidence.")
-    for index, one in enumerate(page.pictures):
-        caption = f"{words(one.node_id)} {clock(one.at_s)} UTC, sha256 {one.blob[:16]}"
-        if one.blob not in pictures:
-            paper.paragraph(f"{caption}: not shown, {one.broken or 'its bytes are not here'}")
-            continue
+        paper.paragraph(said("No camera frame belongs to this mission's evidence."))
+    top = paper.get_y()
+    for index, one in enumerate(one for one in page.pictures if one.blob in pictures):
         left = index % 2 == 0
-        if left and paper.will_page_break(62):
+        height = _height(paper, pictures[one.blob], one.blob, page.mission_id)
+        if left and paper.will_page_break(height + CAPTION_MM):
             paper.add_page()
-        top = paper.get_y()
-        try:
-            info = paper.image(BytesIO(pictures[one.blob]), x=None if left else MARGIN_MM + 94, w=PICTURE_MM)
-        except (OSError, ValueError) as error:
-            raise PictureUnreadable(
-                f"Picture {one.blob[:12]} cannot be drawn: {error}",
-                where=page.mission_id,
-                do="see the printable report",
-            ) from error
+        top = paper.get_y() if left else top
+        side = MARGIN_MM if left else MARGIN_MM + 94
+        paper.image(BytesIO(pictures[one.blob]), x=side, y=top, w=PICTURE_MM)
         paper.set_font(FONT, size=7)
-        paper.set_xy(MARGIN_MM if left else MARGIN_MM + 94, top + info.rendered_height + 0.5)
-        paper.cell(PICTURE_MM, 3.5, paper.spoken(f"{caption}, verified"))
+        paper.set_xy(side, top + height + 0.5)
+        paper.cell(PICTURE_MM, 3.5, f"{_caption(paper, one)}, {paper.spoken(said('verified'))}")
         paper.set_font(FONT, size=9)
-        last = index == len(page.pictures) - 1
-        paper.set_xy(MARGIN_MM, top if left and not last else top + info.rendered_height + 6)
+        paper.set_xy(MARGIN_MM, top + height + CAPTION_MM)
+    for one in page.pictures:
+        if one.blob not in pictures:
+            why = paper.spoken(one.broken or said("its bytes are not here"))
+            paper.paragraph(f"{_caption(paper, one)}: {paper.spoken(said('not shown'))}, {why}")
+
+
+def _height(paper: _Paper, body: bytes, blob: str, mission_id: str) -> float:
+    """Millimetres of a picture that is PICTURE_MM wide. Raises PictureUnreadable."""
+    try:
+        _, _, info = preload_image(paper.image_cache, BytesIO(body))
+    except (OSError, ValueError) as error:
+        raise PictureUnreadable(
+            f"Picture {blob[:12]} cannot be drawn: {error}", where=mission_id, do="see the printable report"
+        ) from error
+    return PICTURE_MM * info.height / info.width
+
+
+def _caption(paper: _Paper, one: Shown) -> str:
+    return f"{paper.spoken(words(one.node_id))} {clock(one.at_s)} UTC, sha256 {one.blob[:16]}"
 
 
 def _deeds(paper: _Paper, page: ReportPage) -> None:
-    paper.title_line("What people decided and recovery spent")
+    paper.title_line(said("What people decided and recovery spent"))
     if page.deeds:
-        paper.rows(("at", "who", "what"), [(clock(one.at_s), one.who, one.text) for one in page.deeds], (14, 26, 60))
+        rows = [(clock(one.at_s), one.who, one.text) for one in page.deeds]
+        paper.rows((said("at"), said("who"), said("what")), rows, (14, 26, 60))
     else:
-        paper.paragraph("Nobody had to decide anything and recovery spent nothing.")
+        paper.paragraph(said("Nobody had to decide anything and recovery spent nothing."))

@@ -9,10 +9,12 @@ from typing import Any
 
 from harness.adapters.failpoints import parse, provider_with_failpoint
 from harness.adapters.providers.intake import TextIntake
+from harness.adapters.providers.keeping import EvidenceKeeper
 from harness.adapters.providers.messaging.delivery import OutboxDelivery
 from harness.adapters.providers.messaging.folder import FolderOutbox
 from harness.adapters.providers.messaging.memory import MemoryOutbox
 from harness.adapters.providers.models.analysis import OpenCvAnalysis
+from harness.adapters.providers.models.description import OpenCvDescription
 from harness.adapters.providers.speech.speaker import PacedSpeaker
 from harness.adapters.providers.speech.voice import EspeakVoice
 from harness.adapters.stores.configurations import StoredConfigurations
@@ -39,6 +41,7 @@ from harness.contracts.ports import (
     Spool,
 )
 from harness.contracts.protocol import PhysicalStart
+from harness.exploration.targets import NEAREST_EDGE, Proposer
 from harness.gate.alerts import DECIDER as ALERT
 from harness.gate.commit import Gate
 from harness.gate.control import DECIDER as CONTROL
@@ -132,6 +135,7 @@ class Parts:
     snapshots: Snapshots | None = None
     verifier: Verifier = verify
     planner: Planner = GRAPH_ORDER
+    proposer: Proposer = NEAREST_EDGE
     deciders: Deciders = field(default_factory=dict)
     select: Select = nothing_selected
     trial: Trial = nothing_on_trial
@@ -205,6 +209,7 @@ def _crew(settings: HarnessSettings, parts: Parts, member: Member) -> Crew:
         waits_for_people=settings.speed > 0,
         verifier=parts.verifier,
         planner=parts.planner,
+        proposer=parts.proposer,
         camera=member.camera,
         hand=member.hand,
     )
@@ -241,7 +246,7 @@ def runtime_on(parts: Parts, clocks: Mapping[RobotId, Clock] = MappingProxyType(
 
 
 def local_providers(parts: Parts, *, camera: Camera, folder: Path | None, robot_id: str = "") -> Sequence[Provider]:
-    """Providers that run beside the harness for one robot: intake, analysis, delivery, voice."""
+    """Providers that run beside the harness for one robot: intake, analysis, delivery, voice, keeping, description."""
 
     def journal(name: str) -> Path | None:
         return folder / "providers" / robot_id / f"{name}.jsonl" if folder else None
@@ -253,4 +258,6 @@ def local_providers(parts: Parts, *, camera: Camera, folder: Path | None, robot_
         OpenCvAnalysis(camera, clock=clock, blobs=blobs, journal=journal("opencv-analysis")),
         OutboxDelivery(outbox, clock=clock, blobs=blobs, journal=journal("message-outbox")),
         EspeakVoice(PacedSpeaker(), clock=clock, blobs=blobs, journal=journal("espeak-voice")),
+        EvidenceKeeper(clock=clock, blobs=blobs, journal=journal("evidence-keeper")),
+        OpenCvDescription(clock=clock, blobs=blobs, journal=journal("opencv-description")),
     )

@@ -14,10 +14,11 @@ from app.accounts import Accounts
 from app.permissions import ROLES, SCOPES, Visitor
 from app.terminal.answers import DEFAULT_DATA, Data, Json, show, table
 from app.terminal.missions import me
+from app.terminal.owner import owner_api
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.adapters.stores.accounts_rows import Account, Token
 from harness.adapters.stores.folder import prepare
-from harness.contracts.errors import ContractInvalid
+from harness.contracts.errors import ContractInvalid, StoreUnavailable
 
 account = typer.Typer(no_args_is_help=True, help="People who may use the console.")
 token = typer.Typer(no_args_is_help=True, help="Tokens for robots and integrations on the API.")
@@ -51,6 +52,23 @@ def add(
     with opened(data) as accounts:
         added = accounts.add(name, roles=role, password=_password(from_stdin=password_stdin), by=here())
     show(_person(added), as_json=as_json, lines=[f"{added.name} may sign in as {', '.join(added.roles)}."])
+
+
+@account.command("link")
+def link(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+    """Print a new one-time sign-in link of the console that runs on this folder, while nobody has an account.
+
+    It lets one person in within an hour; links that were not used before open nothing any more.
+    """
+    owner = owner_api(data)
+    if owner is None:
+        raise StoreUnavailable(
+            "No console runs on this data folder",
+            where=str(data),
+            do="start one with `regen up`: it prints a link; or name its folder with --data",
+        )
+    made = owner.post("/sign-in-links", {})
+    show(made, as_json=as_json, lines=[f"Sign in once: {made['url']}"])
 
 
 @account.command("list")

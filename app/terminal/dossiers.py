@@ -9,6 +9,7 @@ import typer
 from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show
 from app.terminal.missions import me
 from harness.auditing.dossier import DossierVerdict
+from harness.auditing.places import PlaceChange
 from harness.bootstrap import read_harness
 from harness.contracts.ids import MissionId
 from harness.dossiers import export_dossier, verify_dossier
@@ -40,6 +41,11 @@ def verify(
     raise typer.Exit(1 if found.differences else 0)
 
 
+def _place(change: PlaceChange) -> str:
+    what = "removed" if change.removed else f"changed, revision {change.revision},"
+    return f"{change.place_id} was {what} meanwhile by {change.by}: {change.reason}. The mission kept it as it began."
+
+
 def _lines(found: DossierVerdict) -> list[str]:
     signer = "the key you named" if found.trusted else f"{found.public_key}: compare it with the key you were told"
     return [
@@ -47,5 +53,6 @@ def _lines(found: DossierVerdict) -> list[str]:
         f"Signed by {signer}.",
         f"Taken when the log stood at {found.head_position}, {found.head_digest}.",
         *(f"Evidence {digest} was already missing when it was exported." for digest in found.absent),
+        *(_place(one) for one in found.places if one.during),
         *(found.differences or ("Every decision derived again; no difference.",)),
     ]

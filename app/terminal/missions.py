@@ -19,6 +19,8 @@ from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import ConditionId, MissionId, RobotId
 from harness.contracts.revision_commands import DisputeCompletion, WithdrawMission
+from harness.further import begin, offered
+from harness.projections.exploration import ExplorationDecision, decisions
 from harness.projections.mission import Mission
 from harness.recordings import replayed, write_recording
 from harness.runtime import Start
@@ -73,7 +75,7 @@ def _run(
     for unfinished in harness.supervisor.unfinished(robot_id):
         typer.echo(f"Going on with {unfinished.mission_id} first: {unfinished.goal}", err=True)
         harness.supervisor.run(unfinished.mission_id, watch=Progress())
-    known = {known.name for known in harness.runtime.current_configuration(robot_id).templates}
+    known = {known.name for known in offered(harness.runtime, robot_id)}
     start = Start(
         actor=me(),
         robot_id=robot_id,
@@ -83,7 +85,7 @@ def _run(
         seed=seed,
         labels={"faults": faults} if faults else {},
     )
-    decision = harness.runtime.start(start)
+    decision = begin(harness.runtime, start)
     if isinstance(decision, Refused):
         raise ContractInvalid(decision.message)
     mission_id: MissionId = decision.events[0].mission_id  # type: ignore[union-attr]
@@ -209,8 +211,29 @@ def show_mission(mission_id: str, data: Data = DEFAULT_DATA, as_json: Json = Fal
     with read_harness(settings(data_folder=data)) as runtime:
         mission = runtime.mission(MissionId(mission_id))
         outcome = mission_outcome(mission, Histories(runtime).of(mission.mission_id), ())
+    explored = decisions(mission) if mission.contract else ()
+    outcome |= {"exploration": msgspec.to_builtins(explored)} if explored else {}
     nodes = [[n.node_id, n.status, str(n.provider_id or "-"), f"attempt {n.attempt}"] for n in mission.nodes.values()]
-    show(outcome, as_json=as_json, lines=[*_summary(outcome), *table(nodes)])
+    show(outcome, as_json=as_json, lines=[*_summary(outcome), *table(nodes), *table(_targets(explored))])
+
+
+def _targets(explored: tuple[ExplorationDecision, ...]) -> list[list[str]]:
+    """Each choice of an exploration: what it was made from, where it led, what came of it."""
+    if not explored:
+        return []
+    head = ["target", "x m", "y m", "picture", "map", "answer", "next map", "why"]
+    return [head] + [
+        [
+            one.leg,
+            *(f"{part:.2f}" for part in one.target_m),
+            one.image[:12],
+            one.map_before[:12],
+            f"{one.response.terminal} {one.response.failure}".strip() if one.response else "-",
+            (one.map_after or "-")[:12],
+            one.reason,
+        ]
+        for one in explored
+    ]
 
 
 @app.command()

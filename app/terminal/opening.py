@@ -5,6 +5,7 @@ from contextlib import contextmanager
 
 from harness.bootstrap import Harness, edit_harness, open_harness
 from harness.contracts.ids import MissionId
+from harness.projections.starts import repeated_starts
 from harness.settings import HarnessSettings
 from rsi_reviews.deciding import DECIDERS
 from rsi_reviews.desk import Desk
@@ -30,5 +31,4 @@ def deciding(settings: HarnessSettings) -> Iterator[Desk]:
 
 def duplicate_starts(harness: Harness, mission_id: MissionId) -> int:
     """Physical starts beyond the first of one request, by the robots' own journals."""
-    requests = [start.request_id for start in harness.starts(mission_id)]
-    return len(requests) - len(set(requests))
+    return repeated_starts(harness.starts(mission_id))

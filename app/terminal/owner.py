@@ -56,7 +56,8 @@ class OwnerApi:
             return response.json()
         problem = response.json() if "json" in response.headers.get("content-type", "") else {}
         kind = UnknownName if response.status_code in (404, 422) else HarnessError
-        raise kind(problem.get("detail") or problem.get("title") or f"The owner answered {response.status_code}")
+        told = problem.get("detail") or problem.get("title") or f"The owner answered {response.status_code}"
+        raise kind(told, do=problem.get("do", ""))
 
 
 def owner_api(data: Path) -> OwnerApi | None:

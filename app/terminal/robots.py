@@ -45,7 +45,7 @@ def stop_all(reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False) -
 
 @app.command()
 def safe(robot: str, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
-    """Stop what a robot does, wait until it is static, then have it lie down."""
+    """Stop what a robot does and send it to the safe place of its zone; without one it lies down where it stands."""
     _said(_owner(data).post(f"/robots/{robot}/safe", {"reason": reason}), as_json=as_json)
 
 

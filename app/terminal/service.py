@@ -14,6 +14,7 @@ from app.desk_watch import DeskWatch
 from app.evaluated import evaluator_folder
 from app.exposure import check_exposure
 from app.fleet import Fleet
+from app.issuer_setup import identity_provider
 from app.live import SignalBroker
 from app.main import bind, create_app, serve
 from app.scene import Scenes
@@ -21,12 +22,14 @@ from app.settings import ConsoleSettings
 from app.starting import starting
 from app.terminal.accounts import opened
 from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show
+from app.terminal.identity import examine_issuer
 from app.terminal.opening import duplicate_starts
 from app.terminal.rsi_shipped import put_in_review
 from harness.bootstrap import Harness, check_faults, open_harness, owner_of, read_harness
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, HarnessError, StoreUnavailable
+from harness.further import begin
 from harness.runtime import Start
 from rsi_reviews.deciding import DECIDERS
 from rsi_reviews.desk import Desk
@@ -57,6 +60,7 @@ def up(
         raise typer.BadParameter("a console shows missions at a speed above 0", param_hint="--speed")
     with opened(chosen.data_folder) as accounts:
         check_exposure(console, has_accounts=accounts.store.any_account())
+    identity_provider(console, clock=time.time)
     with ExitStack() as stack:
         listener = stack.enter_context(bind(console.port, console.host))
         console = console.model_copy(update={"port": listener.getsockname()[1]})
@@ -122,7 +126,7 @@ def _watch_desk(stack: ExitStack, harness: Harness, evaluator: Path | None) -> N
 
 def _begin(harness: Harness, template: str | None, *, seed: int, faults: Mapping[str, str]) -> None:
     """Start a mission of this template on every robot that has none under way from last time."""
-    busy = {mission.robot_id for mission in harness.runtime.missions() if not mission.ended}
+    busy = {mission.robot_id for mission in harness.runtime.open_missions()}
     for index, robot_id in enumerate(harness.robots if template is not None else ()):
         if robot_id in busy:
             continue
@@ -133,7 +137,7 @@ def _begin(harness: Harness, template: str | None, *, seed: int, faults: Mapping
             seed=seed + index,
             labels={"faults": faults[robot_id]} if robot_id in faults else {},
         )
-        begun = harness.runtime.start(start)
+        begun = begin(harness.runtime, start)
         if isinstance(begun, Refused):
             raise ContractInvalid(begun.message)
 
@@ -153,7 +157,7 @@ def _faults(given: Sequence[str], fleet: Sequence[str]) -> dict[str, str]:
 
 
 def doctor(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
-    """Look at a data folder: owner, log, blobs. Exit 1 if anything is damaged."""
+    """Look at a data folder: owner, log, blobs; and at the identity provider, if one is set up. Exit 1 for problems."""
     found: dict[str, Any] = {"data": str(data), "problems": []}
     owner = owner_of(data)
     found["owner"] = {"pid": owner.pid, "url": owner.url} if owner else None
@@ -161,6 +165,10 @@ def doctor(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
         _examine(data, found)
     except HarnessError as error:
         found["problems"].append(str(error))
+    issuer, wrong = examine_issuer(ConsoleSettings(), running=owner.url if owner else "")
+    if issuer is not None:
+        found["identity_provider"] = issuer
+        found["problems"] += wrong
     lines = [f"{name}: {value}" for name, value in found.items() if name != "problems"]
     show(found, as_json=as_json, lines=[*lines, *found["problems"], "" if found["problems"] else "No damage found."])
     raise typer.Exit(1 if found["problems"] else 0)

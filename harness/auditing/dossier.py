@@ -4,6 +4,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from harness.auditing.places import PlaceChange, place_changes, place_differences, place_history
 from harness.auditing.replay import ReplayReport, replay_mission
 from harness.contracts.dossier import EVENTS, FORMAT, RECORDS, DossierContents
 from harness.contracts.errors import BlobDamaged, UnknownName
@@ -26,7 +27,10 @@ class Collected:
 
 
 class DossierVerdict(Value):
-    """What an offline check found. `differences` of the replay are empty for a sound dossier."""
+    """What an offline check found. `differences` of the replay are empty for a sound dossier.
+
+    `places` are the changes to places up to the mission's end; a dossier of an earlier release has none.
+    """
 
     mission_id: MissionId
     status: str
@@ -39,16 +43,20 @@ class DossierVerdict(Value):
     head_position: int
     head_digest: Digest
     differences: tuple[str, ...]
+    places: tuple[PlaceChange, ...] = ()
 
 
 def collect(runtime: Runtime, mission_id: MissionId, *, exported_by: str, exported_at_s: float) -> Collected:
-    """Events of the mission and its handoffs, every record and blob they cite, directly or through a record.
+    """Events of the mission, its handoffs and its places, every record and blob they cite, directly or by a record.
 
     Raises UnknownName for a mission that does not exist.
     """
     mission = runtime.mission(mission_id)
     events = sorted(
-        (event for stream in _streams(runtime, mission) for event in runtime.stream(stream)),
+        (
+            *(event for stream in _streams(runtime, mission) for event in runtime.stream(stream)),
+            *place_history(runtime, mission),
+        ),
         key=lambda event: event.position,
     )
     bodies = b"\n".join(event.body for event in events)
@@ -78,7 +86,7 @@ def judge(runtime: Runtime, contents: DossierContents, *, public_key: str, trust
     """Fold and derive again what the dossier holds, and compare it with what it says of itself."""
     mission = runtime.mission(contents.mission_id)
     report: ReplayReport = replay_mission(runtime, contents.mission_id)
-    differences = list(report.differences)
+    differences = [*report.differences, *place_differences(runtime, mission)]
     if mission.status != contents.status:
         differences.append(f"the dossier says {contents.status}, its events fold to {mission.status}")
     return DossierVerdict(
@@ -93,6 +101,7 @@ def judge(runtime: Runtime, contents: DossierContents, *, public_key: str, trust
         head_position=contents.head.position,
         head_digest=contents.head.digest,
         differences=tuple(differences),
+        places=place_changes(runtime, mission),
     )
 
 

@@ -33,7 +33,7 @@ class ReplayReport(Value):
     """What was derived again, counted, and every difference with its position. `state`: digest of the folded mission.
 
     `unanswered` verdicts were given by nobody and cannot be derived; `decisions` are the gate's on the mission,
-    `leases` and `handoffs` those on its resources and questions.
+    `leases` and `handoffs` those on its resources and questions; `targets` and `maps` are those of an exploration.
     """
 
     mission_id: MissionId
@@ -51,6 +51,8 @@ class ReplayReport(Value):
     k: Count
     state: Digest
     differences: tuple[str, ...]
+    targets: Count = 0
+    maps: Count = 0
 
 
 @dataclass

@@ -1,10 +1,12 @@
-"""Which output each role gives again for what it was shown: C1 plan, routing, C2 skill, C3 verdicts, C4 recovery."""
+"""Which output each role gives again for what it was shown: C1 plan, routing, C2 skill, C3 verdicts, C4 recovery, and
+where an exploring mission goes next."""
 
 from collections.abc import Callable, Iterator
 from typing import TypeVar
 
 import msgspec
 
+from harness.auditing.exploring import map_differences, new_choices, target_differences
 from harness.contracts.contexts import Context
 from harness.contracts.errors import HarnessError
 from harness.contracts.events import (
@@ -16,15 +18,18 @@ from harness.contracts.events import (
     MissionEvent,
     NodeFailed,
     NodePlanned,
+    ObservationRecorded,
     RecoveryAuthorised,
     VerdictRecorded,
 )
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.proposals import CandidateSet, PlanProposal
+from harness.contracts.revision_events import GraphRevised
 from harness.contracts.values import decode, digest, encode
 from harness.contracts.verdicts import NodeVerdict
 from harness.planning.planner import GRAPH_ORDER, plan, plan_refusal
 from harness.planning.skill import propose_skill
+from harness.projections.exploration import is_update, update_of
 from harness.projections.mission import Mission
 from harness.recovery.ladder import recover
 from harness.routing.question import RoutingQuestion
@@ -33,7 +38,7 @@ from harness.verification.finding import UNAVAILABLE
 from harness.verification.verdict import verify, verify_goal
 
 T = TypeVar("T")
-ROLES = ("plans", "routings", "skills", "verdicts", "recoveries", "goals")
+ROLES = ("plans", "routings", "skills", "verdicts", "recoveries", "goals", "targets", "maps")
 
 
 class Differs(Exception):
@@ -75,6 +80,10 @@ class Roles:
                 return (lambda: self._recovery(event),)
             case HandoffRequested() | NodeFailed():
                 return (lambda: self._escalation(event),)
+            case GraphRevised():
+                return (lambda: self._targets(mission, event),)
+            case ObservationRecorded():
+                return (lambda: self._map(mission, event),)
             case _:
                 return ()
 
@@ -159,6 +168,20 @@ class Roles:
         if again.action != "human" and again.action in event.reason:
             return
         raise Differs(f"C4 led to a person ({event.reason}); derived again it leads to {again.action}")
+
+    def _targets(self, mission: Mission, event: GraphRevised) -> None:
+        """Every target that a revision brings, proposed and admitted again."""
+        for choice in new_choices(mission, event.contract).values() if event.contract else ():
+            self.derived["targets"] += 1
+            if differing := target_differences(self._runtime, mission, choice, stored=self._stored):
+                raise Differs("; ".join(differing))
+
+    def _map(self, mission: Mission, event: ObservationRecorded) -> None:
+        if not is_update(event.reference):
+            return
+        self.derived["maps"] += 1
+        if differing := map_differences(self._runtime, mission, update_of(event.reference)):
+            raise Differs("; ".join(differing))
 
     def _stored(self, name: Digest, kind: type[T]) -> T:
         """The record of that digest. Raises Differs if it was changed, UnknownName if it is missing."""

@@ -3,17 +3,27 @@
 import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from msgspec.structs import replace
 
+from harness.adapters.stores.chain import event_digest
 from harness.adapters.stores.dossier import signing_key, write_dossier
-from harness.auditing.dossier import collect
+from harness.auditing.dossier import Collected, collect
+from harness.contracts.actors import Actor
+from harness.contracts.commands import StopMission
+from harness.contracts.control import CONTROL, LimitAutonomy
+from harness.contracts.decisions import Accepted
 from harness.contracts.dossier import CONTENTS, EVENTS, DossierContents
 from harness.contracts.errors import DossierInvalid, HarnessError, LogDamaged
 from harness.contracts.ids import MissionId, sha256
-from harness.contracts.values import decode
+from harness.contracts.place_events import PlaceSaved, SavePlace, place_stream
+from harness.contracts.ports import StoredEvent
+from harness.contracts.values import decode, encode
 from harness.dossiers import export_dossier, verify_dossier
+from harness.gate.places import DECIDER as PLACES
+from tests.builders.consoles import console_stand
 from tests.builders.missions_run import ran
 
 Members = dict[str, bytes]
@@ -80,6 +90,69 @@ def test_a_contents_list_with_another_ending_does_not_match_the_signature(export
 def test_a_file_that_nobody_signed_is_refused(exported: Path, tmp_path: Path) -> None:
     with pytest.raises(DossierInvalid, match="was not signed"):
         verify_dossier(rewritten(exported, tmp_path, lambda inside: inside.update({"blobs/extra": b"x"})))
+
+
+@pytest.fixture(scope="module")
+def replaced() -> Collected:
+    """A mission to a place that was moved before it began, and renamed while it was under way and once more after."""
+    with console_stand() as stand:
+        runtime, ada = stand.harness.runtime, Actor(name="ada", role="operator")
+        place = next(one for one in runtime.site.places if one.place_id == "office_storage")
+
+        def save(basis: int, **fields: Any) -> None:
+            command = SavePlace(place=replace(place, **fields), basis=basis, actor=ada, reason=f"measured {basis}")
+            assert isinstance(runtime.decide([(place_stream(runtime.site.name), command)]), Accepted)
+
+        save(0, approach_m=(place.approach_m[0] + 0.2, place.approach_m[1]))
+        runtime.decide([(CONTROL, LimitAutonomy(autonomy="autonomous", actor=ada, reason="no limit"))])
+        mission_id = stand.driving()
+        save(1, name="Store")
+        runtime.submit(mission_id, StopMission(actor=ada, reason="seen enough"))
+        assert stand.harness.supervisor.run(mission_id).ended
+        save(2, name="Later")
+        return collect(runtime, mission_id, exported_by="ana", exported_at_s=0.0)
+
+
+def written(collected: Collected, events: bytes, file: Path) -> Path:
+    """The dossier with these events instead of its own, signed anew."""
+    files = {**collected.files, EVENTS: events}
+    contents = replace(collected.contents, files={name: sha256(body) for name, body in files.items()})
+    write_dossier(file, contents, files, signing_key(file.parent))
+    return file
+
+
+def test_a_dossier_carries_the_places_it_used_and_their_changes(replaced: Collected, tmp_path: Path) -> None:
+    found = verify_dossier(written(replaced, replaced.files[EVENTS], tmp_path / "whole.zip"))
+    assert found.differences == ()
+    assert [(one.place_id, one.revision, one.by, one.during) for one in found.places] == [
+        ("office_storage", 1, "ada", False),
+        ("office_storage", 2, "ada", True),
+    ]
+
+
+def test_a_contract_bound_to_another_place_than_its_changes_say_is_a_difference(
+    replaced: Collected, tmp_path: Path
+) -> None:
+    line = next(one for one in replaced.files[EVENTS].splitlines(keepends=True) if b'"stream":"place/' in one)
+    stored = decode(line, StoredEvent)
+    saved = PLACES.codec.decode(stored)
+    assert isinstance(saved, PlaceSaved)
+    elsewhere = PLACES.codec.encode(replace(saved, revision=7, place=replace(saved.place, approach_m=(9.0, 9.0))))
+    forged = replace(stored, body=elsewhere.body)
+    forged = replace(forged, digest=event_digest(forged))
+    events = replaced.files[EVENTS].replace(line, encode(forged) + b"\n")
+    told = verify_dossier(written(replaced, events, tmp_path / "forged.zip")).differences
+    assert told == (
+        "event 1 is revision 7 of office_storage, which stood at 0",
+        f"event {told[1].split()[1]} is revision 2 of office_storage, which stood at 7",
+        "the contract's destination is not office_storage as it stood, at revision 7",
+    )
+
+
+def test_a_dossier_without_place_changes_as_older_ones_are_still_verifies(replaced: Collected, tmp_path: Path) -> None:
+    kept = [one for one in replaced.files[EVENTS].splitlines(keepends=True) if b'"stream":"place/' not in one]
+    found = verify_dossier(written(replaced, b"".join(kept), tmp_path / "older.zip"))
+    assert found.differences == () and found.places == ()
 
 
 @pytest.mark.parametrize("cut", [0, 10, 2000])

@@ -1,0 +1,41 @@
+"""Static files: kept by browsers for ever under an address that carries their content's digest, else asked for anew."""
+
+import os
+from functools import lru_cache
+from hashlib import sha256
+from pathlib import Path
+from urllib.parse import parse_qs
+
+from starlette.responses import Response
+from starlette.staticfiles import StaticFiles
+from starlette.types import Scope
+
+STAMP = "v"
+SIGNS = 8
+FOR_EVER = "public, max-age=31536000, immutable"
+ASKED_ANEW = "no-cache"
+"""Kept, and used only once its ETag was compared with what is here."""
+
+
+def stamp(file: Path) -> str:
+    """The first signs of the digest of what a file holds now. Raises OSError."""
+    found = file.stat()
+    return _stamp(file, found.st_mtime_ns, found.st_size)
+
+
+@lru_cache(maxsize=1024)
+def _stamp(file: Path, mtime_ns: int, size: int) -> str:
+    return sha256(file.read_bytes()).hexdigest()[:SIGNS]
+
+
+class StampedFiles(StaticFiles):
+    """Serves a folder. An address with another digest than the file's own is answered, and promises nothing."""
+
+    def file_response(
+        self, full_path: str | os.PathLike[str], stat_result: os.stat_result, scope: Scope, status_code: int = 200
+    ) -> Response:
+        """The file, or 304 for a reader who has it."""
+        answer = super().file_response(full_path, stat_result, scope, status_code)
+        named = parse_qs(scope["query_string"].decode("latin-1")).get(STAMP)
+        answer.headers["cache-control"] = FOR_EVER if named == [stamp(Path(full_path))] else ASKED_ANEW
+        return answer

@@ -1,0 +1,85 @@
+"""The places of a dossier: the changes that go into it, and whether they explain what its mission was compiled with."""
+
+from collections.abc import Iterator, Mapping
+
+import msgspec
+
+from harness.contracts.ids import PlaceId
+from harness.contracts.place_events import PlaceEvent, PlaceRemoved
+from harness.contracts.places import Place
+from harness.contracts.ports import StoredEvent
+from harness.contracts.values import Value
+from harness.gate.places import DECIDER
+from harness.projections.mission import Mission
+from harness.projections.places import Places
+from harness.runtime import COMPILED, Runtime
+
+
+class PlaceChange(Value):
+    """One change to a place. `during`: it was made while the mission was under way, which keeps what it began with."""
+
+    position: int
+    place_id: PlaceId
+    removed: bool
+    revision: int
+    by: str
+    reason: str
+    during: bool
+
+
+def place_history(runtime: Runtime, mission: Mission) -> list[StoredEvent]:
+    """Every change to places from the first one to the mission's end, or to now while it is under way."""
+    last = runtime.events(mission.mission_id)[-1].position
+    every = [event for stream in runtime.streams("place/") for event in runtime.stream(stream)]
+    return [event for event in every if not mission.ended or event.position <= last]
+
+
+def place_changes(runtime: Runtime, mission: Mission) -> tuple[PlaceChange, ...]:
+    """What `place_history` says, in order."""
+    first = runtime.events(mission.mission_id)[0].position
+    told = [(one.position, DECIDER.codec.decode(one)) for one in place_history(runtime, mission)]
+    return tuple(
+        PlaceChange(
+            position=position,
+            place_id=_named(event),
+            removed=isinstance(event, PlaceRemoved),
+            revision=event.revision,
+            by=event.actor.name,
+            reason=event.reason,
+            during=position > first,
+        )
+        for position, event in told
+    )
+
+
+def place_differences(runtime: Runtime, mission: Mission) -> Iterator[str]:
+    """Where the changes do not count up, or the contract was bound to another place than they say."""
+    places = stood = Places()
+    compiled = [one.position for one in runtime.events(mission.mission_id) if one.kind in COMPILED]
+    for stored in place_history(runtime, mission):
+        event = DECIDER.codec.decode(stored)
+        place_id = _named(event)
+        if event.revision != places.revision(place_id) + 1:
+            before = places.revision(place_id)
+            yield f"event {stored.position} is revision {event.revision} of {place_id}, which stood at {before}"
+        places = DECIDER.apply(places, event)
+        stood = places if compiled and stored.position < compiled[-1] else stood
+    yield from _misbound(mission, stood)
+
+
+def _misbound(mission: Mission, stood: Places) -> Iterator[str]:
+    for name, place in _bound(mission.contract.bindings if mission.contract else {}).items():
+        change = stood.changes.get(place.place_id)
+        if change is not None and change.place != place:
+            was = f"at revision {change.revision}" if change.place else "removed"
+            yield f"the contract's {name} is not {place.place_id} as it stood, {was}"
+
+
+def _bound(bindings: Mapping[str, object]) -> dict[str, Place]:
+    """The places that a contract was compiled with, by the parameter they were chosen for."""
+    records = {name: one for name, one in bindings.items() if isinstance(one, Mapping) and "place_id" in one}
+    return {name: msgspec.convert(one, Place) for name, one in records.items()}
+
+
+def _named(event: PlaceEvent) -> PlaceId:
+    return event.place_id if isinstance(event, PlaceRemoved) else event.place.place_id
