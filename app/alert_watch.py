@@ -158,7 +158,7 @@ class AlertWatch:
         if isinstance(event, MissionEnded):
             self._troubles.pop(mission_id, None)
             starts = self.watched.starts(mission_id) or ()
-            for one in causes.duplicate_starts(about, [start.request_id for start in starts]):
+            for one in causes.duplicate_starts(about, starts):
                 self._raise(one)
 
     def _about(self, stored: StoredEvent, mission_id: MissionId) -> causes.About:

@@ -16,6 +16,7 @@ from app.terminal import (
     dossiers,
     evaluate,
     handoffs,
+    identity,
     leases,
     maps,
     missions,
@@ -48,6 +49,7 @@ app.add_typer(audit.app, name="audit")
 app.add_typer(databases.app, name="data")
 app.add_typer(providers.app, name="provider")
 app.add_typer(accounts.account, name="account")
+accounts.account.command("identity")(identity.identity)
 app.add_typer(accounts.token, name="token")
 app.command("up")(service.up)
 app.command("verify")(dossiers.verify)

@@ -15,6 +15,7 @@ from app.doors import Doors
 from app.evaluated import Evaluated
 from app.fleet import Fleet, no_fleet
 from app.history import Histories
+from app.issuer_door import IssuerDoor
 from app.lists import Lists
 from app.live import SignalBroker
 from app.measured import Measurements
@@ -60,6 +61,10 @@ class Wheel(Protocol):
     def rest(
         self, robot_id: RobotId, *, posture: Posture, actor: Actor, reason: str
     ) -> Accepted[AnyEvent] | Refused: ...
+
+    def to_safety(self, robot_id: RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused: ...
+
+    def stop_retreat(self, robot_id: RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused: ...
 
 
 def no_journal(mission_id: MissionId) -> None:
@@ -111,6 +116,7 @@ class Console:
     presence: Presence = field(default_factory=Presence)
     wheel: Wheel | None = None
     dossier: Dossier | None = None
+    issuer: IssuerDoor | None = None
 
     def head(self) -> Head:
         return self.runtime.head()

@@ -14,9 +14,9 @@ from harness.contracts.places import Site
 from harness.contracts.ports import Head
 from harness.contracts.protocol import DriveReport, RobotStatus
 from harness.contracts.read_models import EvidenceItem
-from harness.contracts.tasks import TaskTemplate
+from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.projections.handoffs import Handoff
-from rsi_reviews.contracts import HeldOutAnswer, ReleasePolicy
+from rsi_reviews.contracts import HeldOutAnswer, Refusal, ReleasePolicy
 from rsi_reviews.growth import CaseAdded
 
 PATH = "/api/v1/openapi.json"
@@ -28,11 +28,12 @@ CONTRACTS = (
     Head,
     MapCloud,
     Site,
+    TaskContract,
     TaskTemplate,
     DriveReport,
     RobotStatus,
 )
-REVIEWED = (HeldOutAnswer, ReleasePolicy)
+REVIEWED = (HeldOutAnswer, Refusal, ReleasePolicy)
 TEXT: dict[str, Any] = {"type": "string"}
 NUMBER: dict[str, Any] = {"type": "number"}
 COUNT: dict[str, Any] = {"type": "integer", "minimum": 0}
@@ -163,6 +164,15 @@ SHAPES: dict[str, dict[str, Any]] = {
         events=COUNT,
     )
     | {"additionalProperties": True},
+    "MissionPreview": _record(
+        "What a mission would be: its contract, compiled and not stored. `longest_s` is the sum of its time limits.",
+        robot_id=TEXT,
+        configuration=TEXT,
+        highest_risk=TEXT,
+        longest_s=NUMBER,
+        stages=_many(TEXT),
+        contract={"$ref": "#/components/schemas/TaskContract"},
+    ),
     "LogEvent": _record("One event with its place in the hash chain.", **EVENT) | {"additionalProperties": True},
     "Deed": _record(
         "One event, and who asked for it.",
@@ -239,6 +249,13 @@ SHAPES: dict[str, dict[str, Any]] = {
         canary=_many(OBJECT),
         canary_outcome=TEXT,
         reason=TEXT,
+    ),
+    "CandidateCheck": _record(
+        "What the static check says of a candidate that was not stored. `holds`: it breaks no rule.",
+        candidate=TEXT,
+        holds=FLAG,
+        refusals=_many({"$ref": "#/components/schemas/Refusal"}),
+        difference={"$ref": "#/components/schemas/ConfigurationDifference"},
     ),
     "ConfigurationDifference": _record("By component, and raw.", changes=_many(OBJECT), raw=TEXT),
     "Results": _record(

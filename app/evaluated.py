@@ -7,6 +7,7 @@ from pathlib import Path
 from threading import Lock
 
 from app.views.review_results import Measured, measured
+from app.views.saying import listed, said, word
 from harness.contracts.ids import Digest
 from rsi_reviews.contracts import ResultSet
 from rsi_reviews.projections import Review
@@ -48,13 +49,13 @@ class Evaluated:
         terms = review.terms
         if terms is None:
             return ""
-        needed = f"{2 * terms.cases:,} missions to run".replace(",", " ")
+        needed = _grouped(2 * terms.cases)
         path = self._folder / f"results-{terms.evaluator.rpartition('+')[2]}.jsonl" if self._folder else None
         if path is None or not path.is_file():
-            return needed
+            return said("{count} missions to run", count=needed)
         body = path.read_bytes()
         kept = sum(body.count(f'"configuration":"{one}"'.encode()) for one in (terms.baseline, terms.configuration))
-        return f"{min(kept, 2 * terms.cases):,} of {needed}".replace(",", " ")
+        return said("{done} of {count} missions to run", done=_grouped(min(kept, 2 * terms.cases)), count=needed)
 
 
 def evaluator_folder(data: Path) -> Path:
@@ -76,5 +77,12 @@ def situations() -> Mapping[str, str]:
 
 def _words(case: Case) -> str:
     situation = case.situation
-    outside = [f"{one.kind} held by somebody else for {one.for_s:g} s" for one in situation.outside]
-    return ", ".join((situation.template, *situation.faults, *outside))
+    outside = [
+        said("{resource} held by somebody else for {seconds} s", resource=word(one.kind), seconds=f"{one.for_s:g}")
+        for one in situation.outside
+    ]
+    return listed((situation.template, *situation.faults, *outside))
+
+
+def _grouped(count: int) -> str:
+    return f"{count:,}".replace(",", " ")

@@ -5,6 +5,8 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from typing import Any
 
+from markupsafe import escape
+
 from app.views.measures import number
 from app.views.saying import said, word
 
@@ -55,6 +57,11 @@ def words(slug: str) -> str:
     return word(slug)
 
 
+def named(name: str) -> str:
+    """A name that somebody gave, as it was given: no word of any language."""
+    return escape(name)
+
+
 def pretty(value: Any) -> str:
     """JSON for reading."""
     return json.dumps(value, indent=2, ensure_ascii=False, sort_keys=True)
@@ -78,6 +85,7 @@ FILTERS: dict[str, Callable[..., str]] = {
     "elapsed": elapsed,
     "short": short,
     "words": words,
+    "named": named,
     "pretty": pretty,
     "compact": compact,
     "percent": percent,

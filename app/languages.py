@@ -19,6 +19,7 @@ from babel.messages.pofile import read_po
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from app.retelling import Retelling
 from app.settings import ROOT
 from app.views.saying import Said
 
@@ -30,6 +31,8 @@ ASKED_AS: Mapping[str, str] = {"zh": "zh-Hans", "zh-cn": "zh-Hans", "zh-sg": "zh
 """Other tags that mean one of ours."""
 COOKIE, PARAMETER, YEAR_S = "regen_language", "lang", 365 * 86400
 FOLDER = ROOT / "locale"
+CONSOLE, MACHINE = "messages", "machine"
+"""What the console itself says, and what the machinery behind it said: one catalogue each."""
 
 
 @dataclass(frozen=True)
@@ -125,11 +128,11 @@ def ways() -> tuple[Way, ...]:
 
 
 @cache
-def catalogue(language: str) -> Mapping[str, str]:
+def catalogue(language: str, domain: str = CONSOLE) -> Mapping[str, str]:
     """Message -> translation; empty for English."""
     if language == ENGLISH:
         return {}
-    with (FOLDER / LOCALES[language] / "LC_MESSAGES" / "messages.po").open("rb") as file:
+    with (FOLDER / LOCALES[language] / "LC_MESSAGES" / f"{domain}.po").open("rb") as file:
         read = read_po(file, locale=LOCALES[language])
     return {str(one.id): str(one.string) for one in read if one.id and one.string and not one.fuzzy}
 
@@ -139,14 +142,22 @@ def translated(message: str, language: str) -> str:
     return catalogue(language).get(message, message)
 
 
+@cache
+def retelling(language: str) -> Retelling:
+    """What the machinery said, in a language."""
+    return Retelling(catalogue(language), catalogue(language, MACHINE))
+
+
 def told(value: Any, language: str) -> Any:
-    """A value as its reader should see it: what was Said, and words the catalogue knows; anything else untouched."""
+    """A value as its reader should see it: what was Said, and what the catalogues know; anything else untouched."""
     if language == ENGLISH or not isinstance(value, str) or hasattr(value, "__html__"):
         return value
     if isinstance(value, Said):
+        if not value.fields:
+            return retelling(language).told(str(value))
         fields = {name: _field(one, language) for name, one in value.fields.items()}
         return translated(value.message, language).format(**fields).strip()
-    return translated(value, language)
+    return retelling(language).told(value)
 
 
 def _field(value: Any, language: str) -> Any:

@@ -2,10 +2,24 @@
 
 import asyncio
 from collections.abc import AsyncIterator
+from dataclasses import dataclass
 from threading import Lock
 
 HEARTBEAT_S = 0.5
 SPACING_S = 0.1
+
+
+@dataclass(frozen=True)
+class Traffic:
+    """Signals to pages since the start: offered to one that watches them, of those joined with one that was still
+    to be told, and dropped because the page left first."""
+
+    offered: int = 0
+    joined: int = 0
+    dropped: int = 0
+
+    def __add__(self, other: "Traffic") -> "Traffic":
+        return Traffic(self.offered + other.offered, self.joined + other.joined, self.dropped + other.dropped)
 
 
 class Subscription:
@@ -22,6 +36,8 @@ class Subscription:
         self._pending: dict[str, None] = {}
         self._told: dict[str, float] = {}
         self._lock = Lock()
+        self._offered = 0
+        self.joined = 0
         self.closed = False
 
     def offer(self, name: str) -> None:
@@ -29,8 +45,16 @@ class Subscription:
         if not any(name == topic or (topic.endswith("/") and name.startswith(topic)) for topic in self._topics):
             return
         with self._lock:
+            self._offered += 1
+            self.joined += name in self._pending
             self._pending[name] = None
         self._wake()
+
+    @property
+    def traffic(self) -> Traffic:
+        """What this page was offered so far; what still waits for it counts as dropped once it is closed."""
+        with self._lock:
+            return Traffic(self._offered, self.joined, len(self._pending) if self.closed else 0)
 
     def close(self) -> None:
         self.closed = True
@@ -75,6 +99,7 @@ class SignalBroker:
         self._subscriptions: set[Subscription] = set()
         self._lock = Lock()
         self._changes = 0
+        self._before = Traffic()
         self._closed = False
 
     def changed(self, name: str) -> None:
@@ -93,8 +118,11 @@ class SignalBroker:
         return subscription
 
     def unsubscribe(self, subscription: Subscription) -> None:
+        subscription.close()
         with self._lock:
-            self._subscriptions.discard(subscription)
+            if subscription in self._subscriptions:
+                self._subscriptions.remove(subscription)
+                self._before += subscription.traffic
 
     def close(self) -> None:
         """End every stream, so that a stop of the server waits for nobody."""
@@ -108,6 +136,12 @@ class SignalBroker:
     def changes(self) -> int:
         """How many changes were told so far: what was shown before the newest one may be old."""
         return self._changes
+
+    @property
+    def traffic(self) -> Traffic:
+        """Of all pages, those that left included."""
+        with self._lock:
+            return sum((one.traffic for one in self._subscriptions), self._before)
 
     @property
     def watching(self) -> int:

@@ -12,7 +12,6 @@ from types import FrameType
 import uvicorn
 from argon2 import PasswordHasher
 from fastapi import FastAPI
-from starlette.staticfiles import StaticFiles
 
 from app import description, errors
 from app.accounts import Accounts
@@ -28,6 +27,7 @@ from app.fleet import Fleet, no_fleet
 from app.guard import GuardedRuntime
 from app.history import Histories
 from app.idempotency import Idempotency
+from app.issuer_setup import issuer_door
 from app.languages import Languages
 from app.limits import Buckets
 from app.lists import Lists
@@ -67,12 +67,15 @@ from app.routes import (
     report,
     robots,
     scene,
+    sign_in,
     watch,
 )
 from app.scene import Scenes
 from app.security import Doorkeeper, Threshold
 from app.settings import ConsoleSettings
 from app.sharing import Shared
+from app.static_files import StampedFiles
+from app.unforeseen import Unforeseen
 from harness.adapters.notify.services import AppriseNotifier
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.bootstrap import open_lists
@@ -148,8 +151,9 @@ def create_app(
         fleet=fleet or no_fleet(),
         wheel=wheel,
         dossier=_dossiers(runtime, folder),
+        issuer=issuer_door(settings, doors, clock=time.time, fresh=_fresh),
     )
-    app.mount("/static", StaticFiles(directory=settings.static), name="static")
+    app.mount("/static", StampedFiles(directory=settings.static), name="static")
     for room in (
         overview,
         robots,
@@ -169,6 +173,7 @@ def create_app(
         candidates,
         releases,
         evaluation,
+        sign_in,
         account,
         audit,
         live,
@@ -192,6 +197,7 @@ def create_app(
     errors.install(app)
     app.add_middleware(Shared, changes=lambda: broker.changes, clock=time.monotonic)
     app.add_middleware(Idempotency, store=store, clock=time.time)
+    app.add_middleware(Unforeseen)
     app.add_middleware(Doorkeeper, doors=doors, threshold=_threshold(settings))
     app.add_middleware(Languages, secure=settings.secure)
     return app
@@ -239,7 +245,8 @@ def _fresh() -> str:
 
 def bind(port: int, host: str = "127.0.0.1") -> socket.socket:
     """A listening socket, on loopback unless told; 0 takes a free port. Raises PortBusy that says what to do."""
-    listener = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_STREAM)
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)  # else asyncio keeps Nagle on
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listener.bind((host, port))

@@ -131,7 +131,9 @@ def _run(masked: _Masked, run: str, translate: Translate) -> str:
     assert edges is not None
     before, core, after = edges.groups()
     holes = _EXPRESSION.findall(core)
-    if not _LETTER.search(_PLAIN.sub("", core)) or '="' in core:
+    if '="' in core:
+        return masked.whole(run)
+    if not _LETTER.search(_PLAIN.sub("", core)):
         return before + _EXPRESSION.sub(lambda sign: masked.expression(sign.group()), core) + after
     number = {sign: str(place) for place, sign in enumerate(holes, 1)}
     message = _EXPRESSION.sub(lambda sign: f"{{{number[sign.group()]}}}", " ".join(core.split()))

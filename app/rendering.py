@@ -1,7 +1,6 @@
 """Templates: strict, escaped, in the reader's language, and given exactly one page. The only place that knows Jinja."""
 
 from functools import cache, partial
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ from app import filters
 from app.languages import CHOICE, ENGLISH, catalogue, told, translated, ways
 from app.phrases import script_messages, spoken
 from app.settings import ROOT
+from app.static_files import STAMP, stamp
 
 
 class SpokenLoader(FileSystemLoader):
@@ -50,8 +50,7 @@ def environment(folder: Path, language: str = ENGLISH) -> Environment:
 @cache
 def asset(path: str) -> str:
     """Address of a static file with a stamp of its content, so that a new release is seen at once."""
-    stamp = sha256((ROOT / "static" / path).read_bytes()).hexdigest()[:8]
-    return f"/static/{path}?v={stamp}"
+    return f"/static/{path}?{STAMP}={stamp(ROOT / 'static' / path)}"
 
 
 @cache

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from app.cloud import Cloud, Floats, Stand, Track, placed, sweep
 from app.history import Histories
 from app.map_view import MapView
+from app.views.saying import listed, said
 from app.views.timeline import Entry
 from harness.contracts.effects import Metric
 from harness.contracts.errors import BlobDamaged
@@ -85,12 +86,19 @@ class Feed:
             return "The 3D view is being prepared."
         if not self.track.stands:
             return "Nothing to draw yet: no pose has been measured in this mission."
-        parts = [f"{self.cloud.count:,} points from {len(self._drawn)} lidar sweeps".replace(",", " ")]
-        parts += [f"{len(self._waiting)} sweeps wait for a pose"] if self._waiting else []
-        parts += [f"{self._missing} sweeps could not be read"] if self._missing else []
-        parts += [f"map cloud {self.map.source}: {self.map.points:,} points".replace(",", " ")] if self.map else []
-        parts += [f"thinned to {VOXEL_M * 100:.0f} cm, at most {POINTS:,} points".replace(",", " ")]
-        return "; ".join(parts) + "."
+        waiting, missing = len(self._waiting), self._missing
+        drawn = _grouped(self.cloud.count)
+        parts = [said("{points} points from {sweeps} lidar sweeps", points=drawn, sweeps=len(self._drawn))]
+        parts += [said("{count} sweeps wait for a pose", count=waiting)] if waiting else []
+        parts += [said("{count} sweeps could not be read", count=missing)] if missing else []
+        if self.map:
+            parts += [
+                said("map cloud {source}: {points} points", source=self.map.source, points=_grouped(self.map.points))
+            ]
+        thinned = said(
+            "thinned to {cm} cm, at most {points} points", cm=f"{VOXEL_M * 100:.0f}", points=_grouped(POINTS)
+        )
+        return said("{parts}.", parts=listed((*parts, thinned)))
 
     def step(self) -> None:
         """Take what is new. Raises HarnessError if the log cannot be read."""
@@ -216,3 +224,8 @@ def _label(name: str, aliases: Sequence[str]) -> str:
     """ "B, Office storage area": the letter of the paper where a place has one."""
     letter = next((one for one in aliases if one in ("A", "B")), "")
     return f"{letter}, {name}" if letter and letter not in name.split() else name
+
+
+def _grouped(count: int) -> str:
+    """1234567 reads as 1 234 567."""
+    return f"{count:,}".replace(",", " ")

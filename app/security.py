@@ -25,10 +25,14 @@ SCENE_POLICY = (
     "worker-src blob:; img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self' ws: data: blob:; "
     "frame-ancestors 'self'"
 )
+UNDER_WAY_S = 600
+"""How long a sign-in at the identity provider may take."""
 SAFE = frozenset({"GET", "HEAD", "OPTIONS"})
 SIGN_IN = "/account/sign-in"
-OPEN_PATHS = ("/healthz", "/readyz", SIGN_IN)
+OPEN_PATHS = ("/healthz", "/readyz", SIGN_IN, "/account/oidc", "/account/oidc/back", "/account/oidc/leave")
 BEARER_PATHS = ("/api/", "/metrics")
+UNROTATED = ("/account/", "/static/")
+"""Answers that never bring a fresh cookie: those that set one themselves, and those that caches keep."""
 OWN_ACCOUNT = ("/account/", "/api/v1/account/")
 OWN_VIEW = re.compile(r"/missions/[^/]+/scene/[^/]+/instant")
 """Where somebody who may only read still changes something: their own password and sessions, their own 3D view."""
@@ -96,7 +100,7 @@ class Doorkeeper:
     def _fresh_cookie(self, connection: HTTPConnection) -> str:
         """A `Set-Cookie` for the rotated session, if it is due and this is a page that a person opened."""
         cookie = connection.cookies.get(self._threshold.cookie, "")
-        if not cookie or "authorization" in connection.headers or str(connection.scope["path"]).startswith("/account/"):
+        if not cookie or "authorization" in connection.headers or str(connection.scope["path"]).startswith(UNROTATED):
             return ""
         fresh = self._doors.rotated(cookie)
         return cookie_line(self._threshold.cookie, fresh, secure=self._threshold.secure) if fresh else ""
@@ -171,6 +175,12 @@ def cookie_line(name: str, value: str, *, secure: bool) -> str:
     """A session's `Set-Cookie`: out of reach of scripts and other sites. An empty value takes it back."""
     lifetime = "" if value else "; Max-Age=0"
     return f"{name}={value}; Path=/; HttpOnly; SameSite=Strict{'; Secure' if secure else ''}{lifetime}"
+
+
+def passing_cookie(name: str, value: str, *, secure: bool) -> str:
+    """The `Set-Cookie` by which a browser is known when the identity provider sends it back; lax, for that one way."""
+    lifetime = UNDER_WAY_S if value else 0
+    return f"{name}={value}; Path=/; HttpOnly; SameSite=Lax; Max-Age={lifetime}{'; Secure' if secure else ''}"
 
 
 def _with_headers(send: Send, *, secure: bool, cookie: str = "") -> Send:

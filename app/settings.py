@@ -2,11 +2,56 @@
 
 from pathlib import Path
 from typing import Annotated
+from urllib.parse import urlsplit
 
-from pydantic import Field, SecretStr
-from pydantic_settings import BaseSettings, SettingsConfigDict
+from pydantic import Field, SecretStr, ValidationError
+from pydantic_settings import BaseSettings, SettingsConfigDict, SettingsError
+
+from harness.contracts.errors import ContractInvalid
 
 ROOT = Path(__file__).resolve().parents[1]
+
+
+class IssuerSettings(BaseSettings):
+    """The OpenID Connect provider that people may sign in at, from REGEN_OIDC_*; none without `issuer`.
+
+    `roles` says which roles a group has here: {"robot-operators": ["operator"]}; who has none is refused. Groups stand
+    in the identity token's claim `groups_claim`. `hosts` may be asked beside the issuer's own; `authority` is a file of
+    certificates to trust for it.
+    """
+
+    model_config = SettingsConfigDict(env_prefix="REGEN_OIDC_", frozen=True, extra="ignore")
+
+    issuer: str = ""
+    client_id: str = ""
+    client_secret: SecretStr = SecretStr("")
+    client_secret_file: Path | None = None
+    scopes: tuple[str, ...] = ("openid", "profile")
+    groups_claim: str = "groups"
+    roles: dict[str, tuple[str, ...]] = {}
+    hosts: tuple[str, ...] = ()
+    authority: Path | None = None
+    title: Annotated[str, Field(max_length=60)] = ""
+
+    @property
+    def name(self) -> str:
+        """What the button on the sign-in page calls it: the title, else the issuer's host; empty without an issuer."""
+        return self.title or urlsplit(self.issuer).hostname or ""
+
+
+def issuer_settings() -> IssuerSettings:
+    """From the environment. Raises ContractInvalid that names the setting, and not what stands in it."""
+    try:
+        return IssuerSettings()
+    except ValidationError as error:
+        named = "_".join(str(part) for part in error.errors()[0]["loc"][:1])
+    except SettingsError as error:
+        named = next((one for one in IssuerSettings.model_fields if f'"{one}"' in str(error)), "")
+    raise ContractInvalid(
+        "A setting of the identity provider cannot be read",
+        where=f"REGEN_OIDC_{named.upper()}",
+        do='lists are JSON, as in ["openid", "profile"], and roles too: {"robot-operators": ["operator"]}',
+    )
 
 
 class ConsoleSettings(BaseSettings):
@@ -38,6 +83,7 @@ class ConsoleSettings(BaseSettings):
     scene_idle_s: Annotated[float, Field(gt=0)] = 600.0
     scenes: Annotated[int, Field(ge=1)] = 8
     notify: dict[str, SecretStr] = {}
+    oidc: IssuerSettings = Field(default_factory=issuer_settings)
     static: Path = ROOT / "static"
     templates: Path = ROOT / "templates"
     results: Path = ROOT / "docs" / "results"
@@ -66,6 +112,11 @@ class ConsoleSettings(BaseSettings):
         return f"{scheme}://{self.names[0] if self.names else f'127.0.0.1:{self.port}'}"
 
     @property
+    def back(self) -> str:
+        """Where the identity provider sends people: the redirect address to register there."""
+        return f"{self.address}/account/oidc/back"
+
+    @property
     def local_address(self) -> str:
         """Where the command line on this machine finds it."""
         scheme = "https" if self.tls_certificate else "http"
@@ -76,3 +127,8 @@ class ConsoleSettings(BaseSettings):
     def cookie(self) -> str:
         """One name per port: cookies do not tell ports apart, and two consoles may run on one machine."""
         return f"{'__Host-' if self.secure else ''}regen_session_{self.port}"
+
+    @property
+    def passing_cookie(self) -> str:
+        """The cookie of a browser that is under way to the identity provider and back."""
+        return f"{'__Host-' if self.secure else ''}regen_sign_in_{self.port}"

@@ -129,7 +129,7 @@ def page_of(console: Console, actor: Actor, alert_id: str, errors: tuple[str, ..
     return AlertPage(
         shell=console.shell(row.title, "alerts", actor),
         row=row,
-        conditions=alert.standing,
+        conditions=tuple(map(alerts.lasting, alert.standing)),
         history=history_of(console, alert_id),
         shelves=alerts.shelves(),
         errors=errors,

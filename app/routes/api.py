@@ -1,4 +1,4 @@
-"""/api/v1/missions: start, stop, pause, resume, list, show, follow. JSON in, JSON or a problem document out."""
+"""/api/v1/missions: preview, start, stop, pause, resume, list, show, follow. JSON in, JSON or a problem out."""
 
 from typing import Annotated, Any
 
@@ -23,13 +23,17 @@ from app.routes.api_words import (
     refusal,
 )
 from app.routes.missions import started
+from app.security import VisitorDep
 from app.views.outcome import mission_outcome
+from app.views.preview import preview as previewed
+from harness.contracts.actors import Actor
 from harness.contracts.commands import PauseMission, ResumeMission, StopMission
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import ConditionId, MissionId, RobotId
 from harness.contracts.read_models import ListQuery, MissionItem
 from harness.contracts.revision_commands import DisputeCompletion, WithdrawMission
+from harness.further import draft
 from harness.runtime import Start
 
 router = APIRouter(
@@ -73,20 +77,26 @@ def mission(console: ConsoleDep, mission_id: MissionId) -> Any:
 @router.post("/missions", status_code=201, responses=answers("MissionOutcome", status=201))
 def start(console: ConsoleDep, actor: ActorDep, body: StartBody) -> Any:
     """Compile the goal to a contract and start it; nothing is written if that fails."""
-    robot_id = body.robot_id or console.settings.robots[0]
-    if robot_id not in console.settings.robots:
-        raise UnknownName(f"There is no robot {robot_id[:40]}", do=f"choose from {', '.join(console.settings.robots)}")
-    order = Start(
-        actor=actor,
-        robot_id=RobotId(robot_id),
-        template=body.template,
-        goal=body.goal,
-        arguments=dict(body.arguments),
-        seed=body.seed,
-        autonomy=body.autonomy,
-        labels=dict(body.labels),
-    )
-    return outcome(console, started(console, order))
+    return outcome(console, started(console, ordered(console, actor, body)))
+
+
+@router.post("/missions/preview", responses=answers("MissionPreview"))
+def preview(console: ConsoleDep, visitor: VisitorDep, body: StartBody) -> Any:
+    """The contract that the same request would start, with its configuration, highest risk and longest time.
+
+    Nothing is written; what could not be started fails as starting it would.
+    """
+    order = ordered(console, visitor.acting("drive"), body)
+    contract = draft(console.runtime, order)
+    shown = previewed(contract, console.runtime.site)
+    return {
+        "robot_id": order.robot_id,
+        "configuration": console.runtime.current_configuration_id(order.robot_id),
+        "highest_risk": shown.highest_risk,
+        "longest_s": shown.longest_s,
+        "stages": [one.node_id for one in shown.stages],
+        "contract": plain(contract),
+    }
 
 
 @router.post("/missions/{mission_id}/stop", responses=answers("MissionOutcome"))
@@ -142,6 +152,23 @@ def events(
         }
         for entry in later[:limit]
     ]
+
+
+def ordered(console: Console, actor: Actor, body: StartBody) -> Start:
+    """What is asked for; raises UnknownName for a robot that this console does not have."""
+    robot_id = body.robot_id or console.settings.robots[0]
+    if robot_id not in console.settings.robots:
+        raise UnknownName(f"There is no robot {robot_id[:40]}", do=f"choose from {', '.join(console.settings.robots)}")
+    return Start(
+        actor=actor,
+        robot_id=RobotId(robot_id),
+        template=body.template,
+        goal=body.goal,
+        arguments=dict(body.arguments),
+        seed=body.seed,
+        autonomy=body.autonomy,
+        labels=dict(body.labels),
+    )
 
 
 def summary(one: MissionItem) -> dict[str, Any]:

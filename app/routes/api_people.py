@@ -7,6 +7,7 @@ from pydantic import Field
 from starlette.responses import JSONResponse
 
 from app.console import ConsoleDep
+from app.errors import problem
 from app.permissions import GRANTS, ROLES, Permission, Role
 from app.routes.api_words import CHECKED, PROBLEMS, Body, Slug, Text, answers, plain
 from app.security import VisitorDep
@@ -104,9 +105,13 @@ def revoke(console: ConsoleDep, visitor: VisitorDep, token_id: Slug) -> Any:
 
 @router.post("/sign-in-links", status_code=201, responses=answers("SignInLink", status=201))
 def sign_in_link(console: ConsoleDep, visitor: VisitorDep) -> Any:
-    """A fresh one-time link for a person; it lets somebody in while there are no accounts. Admins only."""
+    """A fresh one-time link instead of every unused one; refused once there are accounts. Admins only."""
     visitor.acting("people")
-    return {"url": f"{console.settings.address}{console.doors.invite()}"}
+    if console.doors.has_accounts:
+        told = "There are accounts, so a one-time link lets nobody in."
+        do = "sign in with an account, or give somebody a new password with `regen account password NAME`"
+        return problem(409, code="accounts_exist", title="Refused", detail=told, do=do)
+    return {"url": f"{console.settings.address}{console.doors.invite(by=visitor)}"}
 
 
 def shown(account: Value) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from app.views.audit import Wanted
 from harness.contracts.ids import RobotId
 from harness.contracts.memory import KnownCard
 from harness.contracts.read_models import ListQuery
+from harness.further import offered
 
 router = APIRouter(
     prefix="/api/v1", default_response_class=JSONResponse, responses=PROBLEMS, dependencies=CHECKED, tags=["reading"]
@@ -70,9 +71,8 @@ def places(console: ConsoleDep) -> Any:
 
 @router.get("/templates", responses=answers("TaskTemplate", many=True))
 def templates(console: ConsoleDep, robot_id: RobotId | None = None) -> Any:
-    """Task templates of the configuration a new mission of this robot is pinned to, with their parameters."""
-    chosen = robot_id or RobotId(console.settings.robots[0])
-    return [plain(one) for one in console.runtime.current_configuration(chosen).templates]
+    """Task templates that a new mission of this robot can have: its configuration's, then those beside H_0."""
+    return [plain(one) for one in offered(console.runtime, robot_id or RobotId(console.settings.robots[0]))]
 
 
 @router.get("/providers", responses=answers("CapabilityCard", many=True))

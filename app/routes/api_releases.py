@@ -22,9 +22,11 @@ from app.routes.api_words import (
     plain,
     refusal,
 )
+from app.routes.candidate_editor import checked
 from app.routes.candidate_words import WORDS
 from app.routes.candidates import replayed
 from app.routes.releases import instant_of, saved
+from app.security import VisitorDep
 from app.sheets import row, sheet
 from app.views import candidates as board
 from app.views.review_results import CaseRow
@@ -48,11 +50,16 @@ Said = Literal[
 ]  # fmt: skip
 
 
-class CandidateBody(Body):
-    """A configuration and its manifest, as JSON texts; `supersedes` is the candidate that this one edits."""
+class CheckBody(Body):
+    """A configuration and its manifest, as JSON texts."""
 
     configuration: Json
     manifest: Json
+
+
+class CandidateBody(CheckBody):
+    """A candidate to propose; `supersedes` is the candidate that this one edits."""
+
     supersedes: Text = ""
 
 
@@ -97,6 +104,20 @@ def propose(console: ConsoleDep, actor: ActorDep, body: CandidateBody) -> Any:
     if isinstance(decision, Refused):
         return _refused(decision, [f"{one.rule}: {one.path}: {one.message}" for one in desk.refusals(candidate)])
     return sheet(desk, candidate.candidate_id)
+
+
+@router.post("/candidates/check", responses=answers("CandidateCheck"))
+def check(console: ConsoleDep, visitor: VisitorDep, body: CheckBody) -> Any:
+    """Every rule that a candidate breaks, and what it would change against what is current. Nothing is written."""
+    visitor.acting("propose")
+    candidate = read_candidate(body.configuration.encode(), body.manifest.encode())
+    found = checked(console, candidate)
+    return {
+        "candidate": candidate.candidate_id,
+        "holds": not found.refusals,
+        "refusals": plain(found.refusals),
+        "difference": plain(found.difference),
+    }
 
 
 @router.post("/missions/{mission_id}/case", responses=answers("CaseAdded"))

@@ -9,7 +9,17 @@ from app.console import ActorDep, Console, ConsoleDep
 from app.permissions import Visitor
 from app.routes.api_words import CHECKED, PROBLEMS, Body, Reason, ReasonBody, Text, answers, plain, refusal
 from app.routes.driving import Turn, turned
-from app.routes.robots import RobotPath, card, limited, made_safe, newest_picture, posed, signed, stopped_all
+from app.routes.robots import (
+    RobotPath,
+    all_made_safe,
+    card,
+    limited,
+    made_safe,
+    newest_picture,
+    posed,
+    signed,
+    stopped_all,
+)
 from app.security import VisitorDep
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.control import Autonomy, SetAutonomy
@@ -34,6 +44,13 @@ class WheelBody(Body):
 
     device: Text = ""
     reason: Reason
+
+
+class StopBody(Body):
+    """Why, and whether every robot goes to safety then."""
+
+    reason: Reason
+    safe: bool = False
 
 
 class PostureBody(Body):
@@ -63,9 +80,11 @@ def limit(console: ConsoleDep, visitor: VisitorDep, body: AutonomyBody) -> Any:
 
 
 @router.post("/robots/stop", responses=answers("StopsAsked"))
-def stop_all(console: ConsoleDep, visitor: VisitorDep, body: ReasonBody) -> Any:
-    """Ask every open mission of every robot to stop, and return every wheel."""
+def stop_all(console: ConsoleDep, visitor: VisitorDep, body: StopBody) -> Any:
+    """Ask every open mission of every robot to stop, and return every wheel; `safe`: then send each to safety."""
     asked, refused = stopped_all(console, visitor, body.reason)
+    if body.safe:
+        refused = (*refused, *all_made_safe(console, visitor, body.reason))
     return {"asked": list(asked), "refused": list(refused)}
 
 
@@ -90,7 +109,7 @@ def autonomy(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: 
 
 @router.post("/robots/{robot_id}/safe", responses=answers("Robot"))
 def safe(console: ConsoleDep, visitor: VisitorDep, robot_id: RobotPath, body: ReasonBody) -> Any:
-    """Stop what it does, wait until it is static, then have it lie down."""
+    """Stop what it does, then send it to the safe place of its zone; without one, or without `drive`, it lies down."""
     return _answered(console, robot_id, made_safe(console, visitor, robot_id, body.reason))
 
 

@@ -9,6 +9,7 @@ from app.console import Console, ConsoleDep
 from app.rendering import render
 from app.security import VisitorDep
 from app.views.audit import AccessPage, Deed, Sum, TrailRow, Wanted, audit_page, deed
+from app.views.saying import listed, said
 from harness.contracts.errors import LogDamaged
 
 router = APIRouter(prefix="/audit")
@@ -67,7 +68,10 @@ def access(
     found = _trail_sum(console) if verify else Sum()
     page = AccessPage(
         shell=console.shell("Access", "audit", visitor.actor),
-        rows=tuple(TrailRow(e.number, e.at_s, e.kind, e.actor, e.role, e.subject, e.detail, e.source) for e in entries),
+        rows=tuple(
+            TrailRow(e.number, e.at_s, e.kind, e.actor, listed(e.role.split("+")), e.subject, e.detail, e.source)
+            for e in entries
+        ),
         actor=actor,
         kind=kind,
         older=entries[-1].number if len(entries) == SHOWN else 0,
@@ -99,7 +103,11 @@ def _log_sum(console: Console) -> Sum:
         head = console.runtime.verify()
     except LogDamaged as error:
         return Sum(damage=str(error))
-    return Sum(verified=f"Every hash of the log and of its records was computed again: {head.position} events, intact.")
+    return Sum(
+        verified=said(
+            "Every hash of the log and of its records was computed again: {count} events, intact.", count=head.position
+        )
+    )
 
 
 def _trail_sum(console: Console) -> Sum:
@@ -107,4 +115,4 @@ def _trail_sum(console: Console) -> Sum:
         entries = console.doors.accounts.store.verify_trail()
     except LogDamaged as error:
         return Sum(damage=str(error))
-    return Sum(verified=f"Every hash of the trail was computed again: {entries} entries, intact.")
+    return Sum(verified=said("Every hash of the trail was computed again: {count} entries, intact.", count=entries))

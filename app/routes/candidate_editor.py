@@ -9,6 +9,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.rendering import render
 from app.views.candidate_editor import EditorPage, Found, edited_text, editor_page
+from app.views.saying import said
 from harness.contracts.actors import Actor
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Refused
@@ -63,10 +64,17 @@ def read(console: Console, actor: Actor, typed: Mapping[str, str]) -> tuple[Cand
         refusal = Refusal(rule=error.rule, path=error.where or "edit", message=f"{error.what}; {error.do}.")
         return None, Found(errors=(f"{error.what}; {error.do}.",), refusals=(refusal,))
     except msgspec.ValidationError as error:
-        return None, Found(errors=(f"The manifest does not stand: {error}.",))
-    refusals = console.desk.refusals(made)
-    found = Found(refusals=refusals, difference=difference(current, made.configuration))
-    return (None if refusals else made), found
+        return None, Found(errors=(said("The manifest does not stand: {error}.", error=str(error)),))
+    found = checked(console, made)
+    return (None if found.refusals else made), found
+
+
+def checked(console: Console, candidate: Candidate) -> Found:
+    """Which rules a candidate breaks against what is current, and what it would change; nothing is written."""
+    return Found(
+        refusals=console.desk.refusals(candidate),
+        difference=difference(current_of(console), candidate.configuration),
+    )
 
 
 def current_of(console: Console) -> Configuration:

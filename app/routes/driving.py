@@ -13,6 +13,7 @@ from app.routes.robots import RobotPath, card, signed
 from app.security import VisitorDep
 from app.views import forms
 from app.views.driving import DrivePage, TakenOver, taken_over
+from app.views.saying import said
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ProviderFailed
@@ -117,7 +118,7 @@ def _pad(
 ) -> HTMLResponse:
     held = console.control().wheels.get(robot_id)
     page = DrivePage(
-        shell=console.shell(f"Drive {robot_id}", "robots", actor, topics=[f"robot/{robot_id}"]),
+        shell=console.shell(said("Drive {robot_id}", robot_id=robot_id), "robots", actor, topics=[f"robot/{robot_id}"]),
         robot=card(console, robot_id),
         session=held.session if held is not None and held.actor.name == actor.name else "",
         taken=_taken(console, actor, robot_id),

@@ -11,6 +11,7 @@ from app.routes.listing import searching
 from app.views import evidence_list
 from app.views.evidence_list import BlobPage
 from app.views.listing import Sought
+from app.views.saying import said
 from harness.contracts.errors import BlobDamaged, UnknownName
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.read_models import ListQuery
@@ -36,7 +37,7 @@ def index(console: ConsoleDep, actor: ActorDep, sought: SoughtDep) -> HTMLRespon
         sought,
         [evidence_list.row(one) for one in found.items],
         found.following,
-        found=console.lists.count(sought.query),
+        found=console.lists.found(sought.query, found),
         tallies=console.lists.tallies("evidence"),
     )
     return render("evidence/index.html", page)
@@ -54,7 +55,7 @@ def about(console: ConsoleDep, actor: ActorDep, digest: DigestPath) -> HTMLRespo
     except BlobDamaged as error:
         body, broken = b"", error.what
     page = BlobPage(
-        shell=console.shell(f"Blob {digest[:8]}", "evidence", actor),
+        shell=console.shell(said("Blob {name}", name=digest[:8]), "evidence", actor),
         blob=digest,
         broken=broken,
         size=len(body),

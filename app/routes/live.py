@@ -16,7 +16,10 @@ TOPICS = 40
 async def live(
     console: ConsoleDep, actor: ActorDep, topic: Annotated[list[str], Query(max_length=TOPICS)]
 ) -> StreamingResponse:
-    """Server-sent events: `hello` with the log's position, then `changed` with a name, and `beat` in between."""
+    """Server-sent events: `hello` with the log's position, then `changed` with a name, and `beat` in between.
+
+    `joined` tells how many changes of a name were told as one so far, whenever that has grown.
+    """
     return StreamingResponse(
         present(console, actor.name, tuple(topic)), media_type="text/event-stream", headers={"X-Accel-Buffering": "no"}
     )
@@ -31,11 +34,14 @@ async def present(console: Console, name: str, topics: tuple[str, ...]) -> Async
 
 async def stream(console: Console, topics: tuple[str, ...]) -> AsyncIterator[str]:
     """Frames of the stream until the reader leaves or the broker closes."""
-    subscription = console.broker.subscribe(topics)
+    subscription, joined = console.broker.subscribe(topics), 0
     try:
         yield f"retry: 500\nevent: hello\ndata: {console.head().position}\n\n"
         async for name in subscription.names():
             yield f"event: changed\ndata: {name}\n\n" if name else "event: beat\ndata: \n\n"
+            if subscription.joined > joined:
+                joined = subscription.joined
+                yield f"event: joined\ndata: {joined}\n\n"
     finally:
         console.broker.unsubscribe(subscription)
 

@@ -18,6 +18,7 @@ from app.views.forms import Again, Before, Offer, StopPage, Wrong
 from app.views.listing import Sought
 from app.views.missions import Counted, MissionsPage
 from app.views.preview import Preview
+from app.views.saying import said
 from harness.contracts.actors import Actor
 from harness.contracts.commands import StopMission
 from harness.contracts.decisions import Refused
@@ -25,6 +26,7 @@ from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.events import MissionCreated
 from harness.contracts.ids import MissionId, RobotId
 from harness.contracts.tasks import TaskTemplate
+from harness.further import begin, draft, offered
 from harness.projections.mission import Mission
 from harness.runtime import Start
 
@@ -78,7 +80,7 @@ def preview(console: ConsoleDep, visitor: VisitorDep, actor: ActorDep, typed: Fo
     if order is None:
         return _form(console, actor, typed, wrong=wrong)
     try:
-        drafted = console.runtime.draft(order)
+        drafted = draft(console.runtime, order)
     except (UnknownName, ContractInvalid) as error:
         return _form(console, actor, typed, wrong=[_beside(console, typed, error)])
     return _form(console, actor, typed, shown=previews.preview(drafted, console.runtime.site))
@@ -98,7 +100,7 @@ def start(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
 
 def started(console: Console, order: Start) -> MissionId:
     """The new mission's id; raises UnknownName, ContractInvalid or StartRefused."""
-    decision = console.runtime.start(order)
+    decision = begin(console.runtime, order)
     if isinstance(decision, Refused):
         raise StartRefused(decision.message, where=decision.rule)
     return next(event.mission_id for event in decision.events if isinstance(event, MissionCreated))
@@ -125,14 +127,13 @@ def stop(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, typed: For
 @router.get("/{mission_id}/events/{position}")
 def event(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, position: int) -> HTMLResponse:
     entries = console.histories.of(mission_id)
-    shell = console.shell(f"Event {position}", "missions", actor)
+    shell = console.shell(said("Event {position}", position=position), "missions", actor)
     return render("missions/event.html", events.event_page(shell, mission_id, entries, position=position))
 
 
 def _offered(console: Console, typed: dict[str, str]) -> tuple[TaskTemplate, ...]:
-    """Templates of the configuration that a new mission of the chosen robot would be pinned to."""
-    robot_id = RobotId(typed.get("robot_id") or console.settings.robots[0])
-    return console.runtime.current_configuration(robot_id).templates
+    """What the chosen robot can be asked: the templates of its current configuration, and those beside H_0."""
+    return offered(console.runtime, RobotId(typed.get("robot_id") or console.settings.robots[0]))
 
 
 def _template(console: Console, typed: dict[str, str]) -> TaskTemplate | None:
@@ -219,7 +220,7 @@ def waiting_line(console: Console, robot_id: str) -> list[Mission]:
 def _stop_page(console: Console, actor: Actor, mission_id: MissionId, *, errors: tuple[str, ...]) -> StopPage:
     mission = console.runtime.mission(mission_id)
     return StopPage(
-        shell=console.shell(f"Stop {mission.robot_id}", "missions", actor),
+        shell=console.shell(said("Stop {robot_id}", robot_id=mission.robot_id), "missions", actor),
         mission_id=mission_id,
         robot_id=mission.robot_id,
         goal=mission.goal,

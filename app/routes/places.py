@@ -11,6 +11,7 @@ from app.views import place_editor
 from app.views.forms import Wrong, wrong_reason
 from app.views.place_editor import PlaceForm, Version
 from app.views.places import places_page
+from app.views.saying import said
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.decider import Codec
@@ -46,7 +47,7 @@ def new(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
 def add(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
     place_id = typed.get("place_id", "")
     known = any(one.place_id == place_id for one in console.runtime.site.places)
-    wrong = [Wrong("place_id", f"There is a place {place_id} already.")] if known else []
+    wrong = [Wrong("place_id", said("There is a place {place_id} already.", place_id=place_id))] if known else []
     return _save(console, actor, typed, wrong, new=True)
 
 
@@ -96,7 +97,7 @@ def _save(console: Console, actor: Actor, typed: dict[str, str], wrong: list[Wro
 def _form(
     console: Console, actor: Actor, typed: dict[str, str], wrong: Sequence[Wrong] = (), *, new: bool = False
 ) -> PlaceForm:
-    title = "Add a place" if new else f"Place {typed.get('name') or typed.get('place_id', '')}"
+    title = "Add a place" if new else said("Place {name}", name=typed.get("name") or typed.get("place_id", ""))
     place_id = PlaceId(typed.get("place_id", ""))
     return place_editor.place_form(
         console.shell(title, "places", actor),
@@ -140,7 +141,14 @@ def _versions(console: Console, place_id: PlaceId) -> tuple[Version, ...]:
 def _said(place: Place) -> str:
     fields = place_editor.fields_of(place)
     names = f"{place.name} ({fields['aliases']})" if place.aliases else place.name
-    return f"{names} at {fields['x']}, {fields['y']} m, facing {fields['heading']}°, {place.verification}"
+    return said(
+        "{name} at {x}, {y} m, facing {heading}°, {verification}",
+        name=names,
+        x=fields["x"],
+        y=fields["y"],
+        heading=fields["heading"],
+        verification=place.verification,
+    )
 
 
 def _changes(console: Console, place_id: PlaceId) -> list[PlaceEvent]:

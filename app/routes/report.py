@@ -12,6 +12,7 @@ from starlette.background import BackgroundTask
 from starlette.responses import FileResponse, HTMLResponse, JSONResponse, RedirectResponse, Response
 
 from app.console import ActorDep, Console, ConsoleDep, FormDep
+from app.languages import CHOICE
 from app.rendering import render
 from app.report_pdf import report_pdf
 from app.security import VisitorDep
@@ -19,11 +20,15 @@ from app.views import events, facts, forms, report
 from app.views.facts import FactPage
 from app.views.outcome import mission_outcome
 from app.views.report import Journal, ReportPage
+from app.views.saying import said
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import HarnessError, UnknownName
+from harness.contracts.events import HandoffAnswered
 from harness.contracts.ids import ConditionId, Digest, MissionId
 from harness.contracts.revision_commands import DisputeCompletion
+from harness.projections.handoffs import Unanswered
+from harness.projections.starts import repeated_starts
 from rsi_reviews.desk import Say
 
 router = APIRouter(prefix="/missions/{mission_id}")
@@ -40,8 +45,8 @@ def portable(console: ConsoleDep, actor: ActorDep, mission_id: MissionId) -> Res
     """The printable report as one file with its pictures; only those whose bytes verify now."""
     page = page_of(console, actor, mission_id)
     pictures = {one.blob: console.runtime.blob(Digest(one.blob)) for one in page.pictures if not one.broken}
-    fonts = console.settings.static / "vendor" / "dejavu-2.37"
-    made = report_pdf(page, pictures, fonts=fonts, made_s=console.clock())
+    fonts, language = console.settings.static / "vendor", CHOICE.get().language
+    made = report_pdf(page, pictures, fonts=fonts, made_s=console.clock(), language=language)
     name = f'attachment; filename="{mission_id}.pdf"'
     return Response(made.body, media_type="application/pdf", headers={"Content-Disposition": name})
 
@@ -69,7 +74,7 @@ def page_of(console: Console, actor: Actor, mission_id: MissionId, errors: Seque
     entries = console.histories.of(mission_id)
     mission = console.runtime.mission(mission_id)
     broken = {blob: console.check(Digest(blob)) for blob, _, _ in report.pictures(entries)}
-    shell = console.shell(f"Report: {mission.goal}", "missions", actor)
+    shell = console.shell(said("Report: {goal}", goal=mission.goal), "missions", actor)
     return report.report_page(shell, mission, entries, _journal(console, mission_id), broken, errors=errors)
 
 
@@ -157,14 +162,21 @@ def _fact(
 ) -> FactPage:
     entries = console.histories.of(mission_id)
     mission = console.runtime.mission(mission_id)
-    shell = console.shell(f"Fact {named[1]}", "missions", actor)
+    shell = console.shell(said("Fact {name}", name=named[1]), "missions", actor)
     return facts.fact_page(shell, mission, entries, named, check=console.check, errors=errors)
 
 
 def _journal(console: Console, mission_id: MissionId) -> Journal:
     starts = console.starts(mission_id)
     is_case = any(one.mission_id == mission_id for one in console.desk.growth().added)
+    unanswered = _unanswered(console, mission_id)
     if starts is None:
-        return Journal(starts=None, duplicates=None, is_case=is_case)
-    duplicates = len(starts) - len({one.request_id for one in starts})
-    return Journal(starts=len(starts), duplicates=duplicates, is_case=is_case)
+        return Journal(starts=None, duplicates=None, is_case=is_case, unanswered=unanswered)
+    return Journal(starts=len(starts), duplicates=repeated_starts(starts), is_case=is_case, unanswered=unanswered)
+
+
+def _unanswered(console: Console, mission_id: MissionId) -> Unanswered | None:
+    """What the robot did where the mission's last question expired."""
+    answers = [one.event for one in console.histories.of(mission_id) if isinstance(one.event, HandoffAnswered)]
+    expired = bool(answers) and answers[-1].decision == "expired"
+    return console.runtime.handoff(answers[-1].handoff_id).unanswered if expired else None

@@ -49,6 +49,8 @@ def stop_all(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, typed: F
     if wrong:
         return render("robots/stop.html", _stop_page(console, actor, errors=wrong), status=422)
     _, left = stopped_all(console, visitor, reason)
+    if typed.get("safe"):
+        left = (*left, *all_made_safe(console, visitor, reason))
     if left:
         return render("robots/stop.html", _stop_page(console, actor, errors=left), status=409)
     return RedirectResponse("/robots", status_code=303)
@@ -122,7 +124,7 @@ def resume(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: 
 
 @router.post("/{robot_id}/safe")
 def safe(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: RobotPath, typed: FormDep) -> Response:
-    """Stop whatever it does, then have it lie down."""
+    """Stop whatever it does, then send it to the safe place of its zone, or have it lie down."""
     wrong = forms.wrong_reason(typed.get("reason", ""))
     if wrong:
         return _one(console, actor, robot_id, errors=wrong, status=422)
@@ -161,10 +163,13 @@ def camera_of(console: Console, robot_id: str) -> CameraView:
 def stopped_all(console: Console, visitor: Visitor, reason: str) -> tuple[tuple[MissionId, ...], tuple[str, ...]]:
     """Ask every open mission of every robot to stop, each for itself: (those asked, why others could not be).
 
-    Robots that people drive by hand are stopped first: their wheels are returned.
+    Robots outside every mission are stopped first: wheels are returned, and those on their way to a safe place stand.
     """
     asked, left = [], []
     left += [f"{name}: {said}" for name, said in wheels_returned(console, visitor, reason)]
+    for robot_id in on_their_way(console):
+        stopped = retreat_stopped(console, visitor, robot_id, reason)
+        left += [f"{robot_id}: {stopped.message}"] if isinstance(stopped, Refused) else []
     for mission in console.open_missions():
         if mission.replay or mission.status == "stopping":
             continue
@@ -174,6 +179,12 @@ def stopped_all(console: Console, visitor: Visitor, reason: str) -> tuple[tuple[
         elif not console.runtime.mission(mission.mission_id).ended:
             left.append(f"{mission.robot_id}, {mission.mission_id}: {decision.message}")
     return tuple(asked), tuple(left)
+
+
+def on_their_way(console: Console) -> tuple[RobotId, ...]:
+    """Robots that go to a safe place now."""
+    control = console.control()
+    return tuple(name for name in control.retreats if control.retreating(name) is not None)
 
 
 def wheels_returned(console: Console, visitor: Visitor, reason: str) -> list[tuple[RobotId, str]]:
@@ -216,15 +227,48 @@ def level_of(text: str) -> Autonomy:
 
 
 def made_safe(console: Console, visitor: Visitor, robot_id: RobotId, reason: str) -> Decision[AnyEvent]:
-    """Stop the robot's missions, wait for standstill, and have it lie down."""
+    """Stop the robot's missions, wait for standstill, and send it to its zone's safe place; without one it lies down.
+
+    Whoever may only stop sets off no motion: it lies down then. A robot that is on its way is stopped there instead.
+    """
     visitor.acting("stop")
+    if console.control().retreating(robot_id) is not None:
+        return retreat_stopped(console, visitor, robot_id, reason)
     if robot_id in console.control().wheels and console.wheel is not None:
         returned = partial(_returned, console.wheel, robot_id, reason)
         signed(console, visitor, ("stop", "ReturnWheel", robot_id), returned)
     for mission in console.open_missions():
         if mission.robot_id == robot_id and not mission.replay and mission.status != "stopping":
             console.runtime.submit(mission.mission_id, StopMission(actor=visitor.actor, reason=reason))
-    return posed(console, visitor, robot_id, "lying", reason)
+    wheel = console.wheel
+    if wheel is None or not visitor.may("drive"):
+        return posed(console, visitor, robot_id, "lying", reason)
+    return signed(
+        console,
+        visitor,
+        ("drive", "SendRetreat", robot_id),
+        lambda actor: wheel.to_safety(robot_id, actor=actor, reason=reason),
+    )
+
+
+def all_made_safe(console: Console, visitor: Visitor, reason: str) -> tuple[str, ...]:
+    """Send every connected robot to safety, each for itself; why it could not be done for some of them."""
+    busy = on_their_way(console)
+    made = [(name, made_safe(console, visitor, name, reason)) for name in console.fleet.names if name not in busy]
+    return tuple(f"{name}: {decision.message}" for name, decision in made if isinstance(decision, Refused))
+
+
+def retreat_stopped(console: Console, visitor: Visitor, robot_id: RobotId, reason: str) -> Decision[AnyEvent]:
+    """Ask a robot on its way to a safe place to stand where it is."""
+    wheel = console.wheel
+    if wheel is None:
+        return Refused("no_supervisor", "No supervisor runs here, so no robot can be reached.")
+    return signed(
+        console,
+        visitor,
+        ("stop", "StopRetreat", robot_id),
+        lambda actor: wheel.stop_retreat(robot_id, actor=actor, reason=reason),
+    )
 
 
 def posed(console: Console, visitor: Visitor, robot_id: RobotId, posture: Posture, reason: str) -> Decision[AnyEvent]:
@@ -271,7 +315,7 @@ def _card(console: Console, robot_id: RobotId, missions: list[Mission]) -> Robot
         robots.robot_word(console.fleet.word(robot_id), now_s=now_s),
         robots.camera_view(robot_id, console.fleet.shots(robot_id), now_s=now_s),
         missions,
-        wheel=console.control().wheels.get(robot_id),
+        control=console.control(),
         watchers=console.presence.watching(f"robot/{robot_id}", *topics),
     )
 
@@ -318,12 +362,13 @@ def _after(console: Console, actor: Actor, robot_id: RobotId, decision: Decision
 
 def _stop_page(console: Console, actor: Actor, *, errors: tuple[str, ...] = ()) -> StopAllPage:
     missions = robots.stoppable(console.open_missions())
-    driven = tuple(console.control().wheels)
-    busy = {one.robot_id for one in missions} | set(driven)
+    driven, retreating = tuple(console.control().wheels), on_their_way(console)
+    busy = {one.robot_id for one in missions} | set(driven) | set(retreating)
     return StopAllPage(
         shell=console.shell("Stop everything", "robots", actor),
         missions=missions,
         driven=driven,
+        retreating=retreating,
         idle=tuple(name for name in console.settings.robots if name not in busy),
         reasons=forms.STOP_REASONS,
         errors=errors,

@@ -4,18 +4,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from app.permissions import GRANTS, MEANING, ROLES, SCOPES, Visitor
+from app.views.saying import listed
 from app.views.shell import Shell
-
-
-@dataclass(frozen=True)
-class SignInPage:
-    """`let_in`: a link or a cookie was good. `by_password`: there are accounts. `wrong` says why not."""
-
-    let_in: bool
-    by_password: bool
-    link_failed: bool
-    wrong: str
-    name: str
 
 
 @dataclass(frozen=True)
@@ -39,12 +29,13 @@ class Ability:
 
 @dataclass(frozen=True)
 class AccountPage:
-    """A person's own page. `invited`: came by the first link, and has no account yet."""
+    """A person's own page. `invited`: came by the first link, and has no account yet. `by_password`: has a password."""
 
     shell: Shell
     name: str
     roles: str
     invited: bool
+    by_password: bool
     keeps_people: bool
     abilities: tuple[Ability, ...]
     sessions: tuple[OpenSession, ...]
@@ -62,13 +53,18 @@ class RoleChoice:
 
 @dataclass(frozen=True)
 class Person:
-    """One account in the list."""
+    """One account in the list. `by_groups`: made by the identity provider's word, which also gives the roles.
+
+    `identities`: who they are there.
+    """
 
     name: str
     roles: tuple[RoleChoice, ...]
     disabled: bool
     created_at_s: float
     last_seen_at_s: float | None
+    by_groups: bool
+    identities: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -114,6 +110,7 @@ def account_page(
     visitor: Visitor,
     sessions: Sequence[tuple[str, float, float, bool]],
     *,
+    by_password: bool = True,
     errors: Sequence[str] = (),
     done: str = "",
 ) -> AccountPage:
@@ -121,11 +118,12 @@ def account_page(
     return AccountPage(
         shell=shell,
         name=visitor.name,
-        roles=", ".join(visitor.roles),
+        roles=listed(visitor.roles),
         invited=visitor.invited,
+        by_password=by_password and not visitor.invited,
         keeps_people=visitor.may("people"),
         abilities=tuple(
-            Ability(meaning=MEANING[permission], allowed=visitor.may(permission), roles=", ".join(roles))
+            Ability(meaning=MEANING[permission], allowed=visitor.may(permission), roles=listed(roles))
             for permission, roles in GRANTS.items()
         ),
         sessions=tuple(OpenSession(*one) for one in sessions),

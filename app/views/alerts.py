@@ -134,7 +134,11 @@ def row(alert_id: str, alert: Alert, *, now_s: float) -> AlertRow:
     """An alert as it stands at an instant; `alert` has happened at least once."""
     state, newest = status(alert, now_s), alert.newest
     by = alert.suppressed_by or alert.shelved_by
-    away = f"{by.name}: {alert.reason}" if by is not None and state in ("shelved", "suppressed") else ""
+    away = (
+        said("{who}: {reason}", who=by.name, reason=alert.reason)
+        if by is not None and state in ("shelved", "suppressed")
+        else ""
+    )
     return AlertRow(
         alert_id=alert_id,
         title=newest.title if newest else alert_id,
@@ -207,6 +211,12 @@ def alerts_page(
     )
 
 
+def lasting(condition: str) -> str:
+    """What lasts, as its event names it: a kind, and what it is about."""
+    kind, _, about = condition.partition(" ")
+    return said("{kind} {about}", kind=word(kind), about=about)
+
+
 def shelves() -> tuple[Shelf, ...]:
     return tuple(Shelf(seconds, title) for seconds, title in SHELF)
 
@@ -215,9 +225,9 @@ def sentence(event: AlertEvent) -> str:
     """What happened to the alert, as a person would say it."""
     match event:
         case AlertRaised(occurrence=one):
-            return f"{one.title}. {one.text}"
+            return said("{title}. {text}", title=one.title, text=one.text)
         case AlertCleared():
-            return said("Over: {condition}. {reason}", condition=word(event.condition), reason=event.reason)
+            return said("Over: {condition}. {reason}", condition=lasting(event.condition), reason=event.reason)
         case AlertAcknowledged():
             return said("{actor} acknowledged it. {note}", actor=event.actor.name, note=event.note)
         case AlertShelved():

@@ -6,6 +6,7 @@ from typing import Any
 
 import msgspec
 
+from app.views.saying import listed
 from app.views.shell import Shell
 from harness.contracts.ports import Head, StoredEvent
 
@@ -107,7 +108,7 @@ def deed(stored: StoredEvent) -> Deed:
         stream=stored.stream,
         mission_id=name if family == "mission" else str(body.get("mission_id", "")),
         actor=str(actor.get("name", "")),
-        role=str(actor.get("role", "")),
+        role=listed(str(actor.get("role", "")).split("+")),
         channel=str(actor.get("channel", "human")) if actor else "",
         reason=str(body.get("reason", "")),
         digest=stored.digest,

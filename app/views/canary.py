@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import exp, log
 
+from app.views.saying import word
 from harness.contracts.actors import Actor
 from rsi_reviews.canary import outcome
 from rsi_reviews.contracts import CanaryTest
@@ -11,7 +12,7 @@ from rsi_reviews.pointers import Pointer
 from rsi_reviews.projections import CanaryEntry, Review
 
 FINDINGS = (
-    ("sound", "sound"),
+    ("sound", "nothing wrong"),
     ("false_completion", "false completion"),
     ("duplicate_start", "duplicate start"),
     ("safety_violation", "safety violation"),
@@ -76,8 +77,8 @@ def canary_panel(review: Review, pointer: Pointer, actor: Actor) -> CanaryPanel:
         needed=test.missions,
         seen=len(review.canary),
         window=test.window,
-        state=OUTCOMES[outcome(review)] if review.status == "canary" else review.status.replace("_", " "),
-        metric=review.manifest.metric.replace("_", " "),
+        state=OUTCOMES[outcome(review)] if review.status == "canary" else word(review.status),
+        metric=word(review.manifest.metric),
         bound=review.bound,
         bound_missions=review.bound_missions,
         evidence=evidence([one.measured.worse for one in review.exercised], test),
@@ -104,8 +105,8 @@ def _row(entry: CanaryEntry) -> CanaryRow:
         exercised=entry.measured.exercised,
         value=entry.measured.value,
         worse=entry.measured.worse,
-        hard=entry.measured.hard.replace("_", " "),
-        finding=(entry.finding or "").replace("_", " "),
+        hard=word(entry.measured.hard),
+        finding=dict(FINDINGS).get(entry.finding or "", ""),
         by=entry.by.actor.name if entry.by else "",
         reason=entry.by.reason if entry.by else "",
         at_s=entry.by.at_s if entry.by else 0.0,

@@ -8,6 +8,7 @@ import msgspec
 
 from app.views.forms import Choice
 from app.views.review_rows import Component, component_rows
+from app.views.saying import said, word
 from app.views.shell import Shell
 from harness.contracts.configuration import Configuration, RecoveryAction
 from harness.contracts.fields import Field, fields
@@ -17,8 +18,9 @@ from rsi_reviews.difference import NAMES, Difference
 
 LADDERS = "recovery.ladders"
 SECTIONS = ("context_rules", "routing", "recovery")
-LADDER_NOTE = (
-    f"A ladder is what is tried after a failure of its class, in order. Rungs: {', '.join(get_args(RecoveryAction))}."
+LADDER_NOTE = said(
+    "A ladder is what is tried after a failure of its class, in order. Rungs: {rungs}.",
+    rungs=" | ".join(get_args(RecoveryAction)),
 )
 
 
@@ -96,7 +98,8 @@ def editor_page(
         sections=() if by_text else _sections(current, typed, wrong),
         text=typed.get("configuration", msgspec.json.format(encode(current), indent=2).decode()) if by_text else "",
         metrics=tuple(
-            Choice(one, f"{one.replace('_', ' ')}, {BETTER[one]} is better", one == chosen) for one in get_args(Metric)
+            Choice(one, said("{metric}, {direction} is better", metric=word(one), direction=BETTER[one]), one == chosen)
+            for one in get_args(Metric)
         ),
         smallest_effect=typed.get("smallest_effect", "0.1"),
         reason=typed.get("reason", ""),
@@ -142,7 +145,7 @@ def _field(
     ladder = path.startswith(f"{LADDERS}.")
     return EditField(
         path=path,
-        title=path.rpartition(".")[2].removesuffix("_s").replace("_", " "),
+        title=word(path.rpartition(".")[2].removesuffix("_s")),
         value=typed.get(path, _shown(was)),
         was=_shown(was),
         unit=about.unit if about else "",

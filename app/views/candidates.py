@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from app.views.listing import Filter, Option, address
+from app.views.saying import listed, said, word
 from app.views.shell import Shell
 from harness.contracts.ids import Digest
 from rsi_reviews.contracts import ClauseAnswer
@@ -125,7 +126,7 @@ def candidate_row(review: Review, pointer: Pointer, progress: str = "") -> Candi
         status=review.status,
         tone=TONES.get(review.status, "plain"),
         component=NAMES[manifest.component] if manifest else "",
-        metric=f"{manifest.metric.replace('_', ' ')}, {manifest.direction}" if manifest else "",
+        metric=listed((word(manifest.metric), manifest.direction)) if manifest else "",
         authors=", ".join(sorted(review.authors)),
         note=progress or note_of(review),
         stale=stale(review, pointer),
@@ -148,10 +149,17 @@ def note_of(review: Review) -> str:
     """What is to be known beside the status, in a few words."""
     match review.status:
         case "in_review":
-            return f"cycle {review.cycle}, approved by {len(review.approvals) or 'nobody'}"
+            return said(
+                "cycle {cycle}, approved by {count}", cycle=review.cycle, count=len(review.approvals) or "nobody"
+            )
         case "canary":
             needed = review.manifest.canary.missions if review.manifest else 0
-            return f"on {review.robot_id}, exercised in {len(review.exercised)} of {needed} missions"
+            return said(
+                "on {robot_id}, exercised in {count} of {needed} missions",
+                robot_id=review.robot_id,
+                count=len(review.exercised),
+                needed=needed,
+            )
         case "rejected" | "rolled_back" | "withdrawn" | "current":
             return review.ended_reason
         case "inconclusive":
@@ -194,7 +202,7 @@ def _filters(known: Sequence[Review], asked: Asked) -> tuple[Filter, ...]:
     components = Counter(one.manifest.component for one in known if one.manifest)
     metrics = Counter(one.manifest.metric for one in known if one.manifest)
     named = [(value, NAMES[value], count) for value, count in sorted(components.items())]
-    measured = [(value, value.replace("_", " "), count) for value, count in sorted(metrics.items())]
+    measured = [(value, word(value), count) for value, count in sorted(metrics.items())]
     return (
         Filter(name="component", title="component", options=_options(named, asked.component)),
         Filter(name="metric", title="metric", options=_options(measured, asked.metric)),

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from app.views.saying import said, word
 from app.views.timeline import Entry
 from harness.contracts.contexts import Context, ContextRecord, Role
 from harness.contracts.events import DispatchIntended, GoalVerified, NodePlanned, RecoveryAuthorised, VerdictRecorded
@@ -131,12 +132,24 @@ def _cited(entry: Entry, owner: dict[str, str]) -> _Cited | None:
         case NodePlanned() as event:
             return _Cited(event.node_id, "planner", "chose the stage and its provider", event.context)
         case DispatchIntended() as event:
-            return _Cited(event.node_id, "skill", f"set the parameters of attempt {event.attempt}", event.context)
+            return _Cited(
+                event.node_id,
+                "skill",
+                said("set the parameters of attempt {count}", count=event.attempt),
+                event.context,
+            )
         case VerdictRecorded() as event:
             node = owner.get(event.invocation_id, "")
-            return _Cited(node, "verifier", f"judged the packet {event.verdict.verdict}", event.verdict.context)
+            return _Cited(
+                node,
+                "verifier",
+                said("judged the packet {verdict}", verdict=event.verdict.verdict),
+                event.verdict.context,
+            )
         case RecoveryAuthorised() as event:
-            return _Cited(event.node_id, "recovery", f"proposed {event.action.replace('_', ' ')}", event.context)
+            return _Cited(
+                event.node_id, "recovery", said("proposed {action}", action=word(event.action)), event.context
+            )
         case _:
             return None
 

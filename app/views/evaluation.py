@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from app.views.saying import word
 from app.views.shell import Shell
 
 MEASURES = (
@@ -168,7 +169,7 @@ def evaluation_view(found: Document, measure: str) -> EvaluationView:
             MeasureTab(title=title, href=f"/evaluation?measure={name}", chosen=name == measure)
             for name, title in MEASURES
         ),
-        arms=tuple((one["name"].replace("-", " "), one["text"]) for one in found.get("arms", ())),
+        arms=tuple((word(one["name"].replace("-", "_")), one["text"]) for one in found.get("arms", ())),
         conditions=tuple(_condition(found, one, measure) for one in found.get("conditions", ())),
         checks=tuple(_check(one) for one in found.get("suites", ())),
         worst=tuple(str(one) for one in found.get("worst", ())[:10]),
@@ -192,7 +193,7 @@ def _condition(found: Document, condition: Document, measure: str) -> Condition:
     cells = [one for one in found.get("cells", ()) if one["condition"] == condition["name"]]
     rows = tuple(
         ArmRow(
-            arm=cell["arm"].replace("-", " "),
+            arm=word(cell["arm"].replace("-", "_")),
             n=cell["n"],
             value=cell[measure]["value"],
             low=cell[measure]["low"],
@@ -209,7 +210,7 @@ def _condition(found: Document, condition: Document, measure: str) -> Condition:
         for index, cell in enumerate(cells)
     )
     return Condition(
-        name=condition["name"].replace("-", " "), text=condition["text"], rows=rows, height=BAR_ROW * len(rows)
+        name=word(condition["name"].replace("-", "_")), text=condition["text"], rows=rows, height=BAR_ROW * len(rows)
     )
 
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from app.views.measures import ConditionRow, Measure, condition_row, quantity
+from app.views.saying import said
 from app.views.timeline import Entry
 from harness.contracts.events import CommitRejected, NodeCommitted, PacketRetained, VerdictRecorded
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
@@ -11,7 +12,6 @@ from harness.contracts.ids import Digest, PacketId
 from harness.contracts.protocol import Receipt
 from harness.contracts.verdicts import NodeVerdict
 
-ACCEPTED = "{} facts accepted by the configured checks: every rule of the gate held. That is not proof of the truth."
 Check = Callable[[Digest], str]
 """Empty if the blob's bytes match the digest now, else why not."""
 
@@ -150,12 +150,19 @@ def _decision(mission_id: str, entries: Sequence[Entry], packet_id: PacketId) ->
         href = f"/missions/{mission_id}/events/{entry.position}"
         match entry.event:
             case NodeCommitted() as done if done.packet_id == packet_id:
-                return "accepted", ACCEPTED.format(len(done.facts)), "", href
+                return "accepted", _held(len(done.facts)), "", href
             case CommitRejected() as no if no.packet_id == packet_id:
                 return "refused", no.message, no.rule, href
             case _:
                 continue
     return "", "The gate has not decided yet.", "", ""
+
+
+def _held(facts: int) -> str:
+    return said(
+        "{facts} facts accepted by the configured checks: every rule of the gate held. That is not proof of the truth.",
+        facts=facts,
+    )
 
 
 def _reference(part: str, reference: EvidenceReference, *, check: Check) -> Reference:

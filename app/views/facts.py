@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from app.views.evidence import PacketView, packet_view
 from app.views.measures import ConditionRow, Measure, quantity
+from app.views.saying import listed, said, word
 from app.views.shell import Shell
 from app.views.timeline import Entry
 from harness.contracts.errors import UnknownName
@@ -98,8 +99,10 @@ def fact_page(
 
 
 def _row(mission_id: str, fact: CommittedFact, *, begin_s: float, disputed: bool) -> FactRow:
-    said = ", ".join(
-        f"{name} {value}" for name, value in fact.arguments.items() if isinstance(value, str | int | float)
+    shown = listed(
+        said("{field} {value}", field=word(name), value=value)
+        for name, value in fact.arguments.items()
+        if isinstance(value, str | int | float)
     )
     return FactRow(
         name=fact.name,
@@ -110,7 +113,7 @@ def _row(mission_id: str, fact: CommittedFact, *, begin_s: float, disputed: bool
         k=fact.k,
         at_s=fact.at_s,
         elapsed_s=fact.at_s - begin_s,
-        arguments=said,
+        arguments=shown,
         measured=tuple(Measure(*quantity(name, value)) for name, value in list(fact.measured.items())[:3]),
         disputed=disputed,
         href=f"/missions/{mission_id}/facts/{fact.packet_id}/{fact.condition_id}",

@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.views.handoffs import HandoffRow
+from app.views.handoffs import HandoffRow, asking
 from app.views.listing import Filter, Paging, Sought, address, facet_filter, order_filter, paging
 from app.views.missions import Counted, Group, tabs
+from app.views.saying import word
 from app.views.shell import Shell
 from harness.contracts.read_models import HandoffItem, ListQuery
 
@@ -37,14 +38,15 @@ class HandoffsPage:
 
 def listed_row(item: HandoffItem) -> HandoffRow:
     """One row of the list, from the read model alone."""
+    waits = item.status in ("open", "claimed", "taken_over")
     return HandoffRow(
         handoff_id=item.handoff_id,
         mission_id=item.mission_id,
         robot_id=item.robot_id,
-        title=f"{item.robot_id}: {item.node_id.replace('_', ' ')}",
+        title=asking(item.robot_id, item.stage or word(item.node_id), waits=waits),
         failure=item.failure,
         status=item.status,
-        waits=item.status in ("open", "claimed", "taken_over"),
+        waits=waits,
         holder=item.holder,
         opened_at_s=item.opened_at_s,
         deadline_at_s=item.deadline_at_s,

@@ -8,6 +8,7 @@ from msgspec import to_builtins
 
 from app.views.budgets import Budget, budget
 from app.views.measures import ConditionRow, condition_row, quantity
+from app.views.saying import said, word
 from harness.contracts.configuration import RecoveryAction
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.handoff_events import HandoffOpened, ProposedAction
@@ -150,9 +151,11 @@ def _flat(opened: HandoffOpened) -> dict[str, str]:
     found = {"cycle": str(opened.cycle), "state version k": str(opened.k)}
     for name, value in proposal.items():
         if isinstance(value, dict):
-            found |= {f"action: {quantity(key, '')[0]}": _valued(key, one) for key, one in value.items()}
+            found |= {
+                said("action: {name}", name=quantity(key, "")[0]): _valued(key, one) for key, one in value.items()
+            }
         else:
-            found[f"action: {name.replace('_', ' ')}"] = _text(value)
+            found[said("action: {name}", name=word(name))] = _text(value)
     snapshot = opened.snapshot
     found["robot stands at"] = f"{snapshot.x_m:.2f} m, {snapshot.y_m:.2f} m, {snapshot.yaw_rad * 57.29578:.0f}°"
     found["body"] = "measured static" if snapshot.static else "not shown static"
@@ -181,5 +184,7 @@ def _valued(name: str, value: Any) -> str:
     if isinstance(value, float | int) and not isinstance(value, bool):
         return quantity(name, value)[1]
     if isinstance(value, list) and len(value) > 6:
-        return f"{len(value)} points, from {_text(value[0])} to {_text(value[-1])}"
+        return said(
+            "{count} points, from {first} to {last}", count=len(value), first=_text(value[0]), last=_text(value[-1])
+        )
     return _text(value)

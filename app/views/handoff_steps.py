@@ -136,6 +136,7 @@ def _sentence(event: HandoffEvent) -> str:
     words = words.removeprefix("handoff ")
     actor, reason = getattr(event, "actor", None), getattr(event, "reason", "")
     level, device = getattr(event, "level", ""), getattr(event, "device", "")
-    parts = (words, level.replace("_", " "), f"by {actor.name}" if actor else "", f"from {device}" if device else "")
-    sentence = " ".join(part for part in parts if part)
-    return f"{sentence}: {reason}" if reason else sentence
+    text = said("{what} {level}", what=word(words), level=word(level)) if level else word(words)
+    text = said("{what} by {who}", what=text, who=actor.name) if actor else text
+    text = said("{what} from {device}", what=text, device=device) if device else text
+    return said("{what}: {reason}", what=text, reason=reason) if reason else text

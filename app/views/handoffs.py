@@ -14,6 +14,7 @@ from harness.contracts.read_models import HandoffItem
 from harness.contracts.values import Point
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
+from harness.projections.missions_list import stage_sentence
 
 FRESH_S = 60.0
 REASONS = ("seen on camera", "checked on site", "path is clear now", "not safe")
@@ -150,12 +151,15 @@ def title(handoff: Handoff, mission: Mission | None) -> str:
     opened = handoff.opened
     if opened is None:
         return said("Handoff {handoff_id}", handoff_id=handoff.handoff_id)
-    stage = word(opened.node_id)
-    if mission is not None and mission.contract is not None and opened.node_id in mission.nodes:
-        stage = mission.contract.node(opened.node_id).subgoal
-    if handoff.waits:
-        return said("{robot} cannot finish “{stage}” and asks you", robot=opened.robot_id, stage=stage)
-    return said("{robot} asked about “{stage}”", robot=opened.robot_id, stage=stage)
+    stage = stage_sentence(mission, opened.node_id) if mission is not None else ""
+    return asking(opened.robot_id, stage or word(opened.node_id), waits=handoff.waits)
+
+
+def asking(robot: str, stage: str, *, waits: bool) -> str:
+    """The sentence of a question, wherever it is listed."""
+    if waits:
+        return said("{robot} cannot finish “{stage}” and asks you", robot=robot, stage=stage)
+    return said("{robot} asked about “{stage}”", robot=robot, stage=stage)
 
 
 def row(handoff: Handoff, mission: Mission | None) -> HandoffRow:
@@ -186,7 +190,7 @@ def handoff_page(shell: Shell, handoff: Handoff, mission: Mission, surface: Surf
         status=handoff.status,
         waits=handoff.waits,
         answerable=handoff.answerable,
-        no_answer=NO_ANSWER[opened.no_answer],
+        no_answer=no_answer(opened),
         deadline_at_s=opened.deadline_at_s,
         now_s=surface.now_s,
         fresh_until_s=opened.snapshot.taken_at_s + FRESH_S,
@@ -210,6 +214,21 @@ def handoff_page(shell: Shell, handoff: Handoff, mission: Mission, surface: Surf
         key=surface.key,
         refused=surface.refused,
         changes=surface.changes,
+    )
+
+
+def no_answer(opened: HandoffOpened) -> str:
+    """What the robot does if nobody answers, as a clause."""
+    if not opened.safe_place:
+        return NO_ANSWER[opened.no_answer]
+    if opened.otherwise == "lie_down":
+        return said(
+            "the robot goes to {place} on the way that was authorised before, or lies down where it cannot,",
+            place=opened.safe_place,
+        )
+    return said(
+        "the robot goes to {place} on the way that was authorised before, or stays where it cannot,",
+        place=opened.safe_place,
     )
 
 

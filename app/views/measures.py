@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
+from app.views.saying import listed, word
 from harness.contracts.verdicts import ConditionResult
 
 MANY, FEW = 6, 3
@@ -50,10 +51,10 @@ def number(value: float) -> str:
 def quantity(name: str, value: float | str) -> tuple[str, str]:
     """("distance", "0.09 m") for distance_m = 0.09; names without a known unit keep all their words."""
     if name.endswith("_at_s") and not isinstance(value, str):
-        return name.removesuffix("_s").replace("_", " "), datetime.fromtimestamp(value, UTC).strftime("%H:%M:%S UTC")
+        return word(name.removesuffix("_s")), datetime.fromtimestamp(value, UTC).strftime("%H:%M:%S UTC")
     stem, _, suffix = name.rpartition("_")
     unit = UNITS.get(suffix, "") if stem else ""
-    label = (stem if unit else name).replace("_", " ")
+    label = word(stem if unit else name)
     shown = value if isinstance(value, str) else number(value)
     return label, f"{shown} {unit}".strip()
 
@@ -81,7 +82,7 @@ def condition_row(result: ConditionResult) -> ConditionRow:
         reason=result.reason,
         measures=tuple(first),
         others=tuple(one for one in every if one not in first),
-        sources=", ".join(result.sources),
+        sources=listed(map(word, result.sources)),
         independence=result.independence,
         required=result.required_independence,
         age_s=result.age_s,

@@ -6,6 +6,7 @@ from typing import Any
 
 import msgspec
 
+from app.views.saying import listed, said, word
 from app.views.shell import Shell
 from harness.contracts.memory import Knowledge, Remembered
 
@@ -71,7 +72,10 @@ def memory_page(
     """`everything`: superseded records and sides of open conflicts too."""
     return MemoryPage(
         shell=shell,
-        tabs=tuple(RoleTab(value=name, title=f"{name}: {title}", chosen=name == role) for name, title, _ in ROLES),
+        tabs=tuple(
+            RoleTab(value=name, title=said("{role}: {title}", role=name, title=title), chosen=name == role)
+            for name, title, _ in ROLES
+        ),
         rows=tuple(_row(one) for one in found),
         subject=subject,
         everything=everything,
@@ -94,7 +98,7 @@ def _row(remembered: Remembered) -> RecordRow:
         until_s=remembered.until_s,
         mission_id=record.provenance.mission_id,
         position=record.provenance.position,
-        sources=", ".join(record.provenance.sources),
+        sources=listed(map(word, record.provenance.sources)),
         supersedes=len(record.supersedes),
         conflicts=len(record.conflicts),
     )
@@ -102,9 +106,16 @@ def _row(remembered: Remembered) -> RecordRow:
 
 def _said(knowledge: Knowledge) -> str:
     """What the record says, field by field, cut where nobody reads on."""
-    pairs = msgspec.to_builtins(knowledge)
-    text = ", ".join(f"{name.replace('_', ' ')} {_value(value)}" for name, value in pairs.items() if name != "kind")
-    return text if len(text) <= LONGEST else f"{text[:LONGEST]}…"
+    shown: list[str] = []
+    left = LONGEST
+    for name, value in msgspec.to_builtins(knowledge).items():
+        text = _value(value)
+        if name != "kind" and left > 0:
+            shown.append(
+                said("{field} {value}", field=word(name), value=text if len(text) <= left else f"{text[:left]}…")
+            )
+            left -= len(name) + len(text) + 3
+    return listed(shown)
 
 
 def _value(value: Any) -> str:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from app.views.contexts import ContextView
 from app.views.listing import Filter, Paging, Sought, address, facet_filter, order_filter, paging
 from app.views.measures import ConditionRow, condition_row
-from app.views.saying import said
+from app.views.saying import said, word
 from app.views.shell import Shell
 from app.views.timeline import Entry
 from harness.contracts.events import MissionEnded
@@ -141,7 +141,7 @@ def row(item: MissionItem, *, now_s: float) -> MissionRow:
         robot_id=item.robot_id,
         status=item.status,
         tone=tone(item.status),
-        stage=item.stage,
+        stage=_stage(item.stage),
         verdict=item.verdict,
         began_s=item.began_s,
         took_s=max((now_s if item.ended_s is None else item.ended_s) - item.began_s, 0.0),
@@ -149,6 +149,13 @@ def row(item: MissionItem, *, now_s: float) -> MissionRow:
         budget=item.budget,
         handoff_id=item.handoff_id,
     )
+
+
+def _stage(text: str) -> str:
+    """As the list keeps it; "circuit, 2 of 3" in every language."""
+    name, _, place = text.rpartition(", ")
+    done, _, count = place.partition(" of ")
+    return said("{stage}, {done} of {count}", stage=word(name), done=done, count=count) if name and count else text
 
 
 def tabs(
@@ -159,7 +166,7 @@ def tabs(
         Group(
             title=title,
             href=address(path, sought.params, status=value),
-            count=str(counted.groups[value]) if counted.groups[value] <= MANY else f"over {MANY}",
+            count=str(counted.groups[value]) if counted.groups[value] <= MANY else said("over {many}", many=MANY),
             chosen=value == sought.given.get("status", ""),
         )
         for value, title, _ in groups

@@ -13,6 +13,7 @@ from harness.contracts.evidence import EvidencePacket, EvidenceReference
 from harness.contracts.protocol import PhysicalStart, Receipt
 from harness.contracts.tasks import Node, order
 from harness.projections.mission import Mission, NodeState
+from harness.projections.starts import repeated_starts
 
 
 def mission_outcome(
@@ -45,7 +46,7 @@ def mission_outcome(
         "recovery": {"spent": mission.spent_total, "remaining": max(total - mission.spent_total, 0)},
         "dispatches": sum(isinstance(entry.event, DispatchIntended) for entry in entries),
         "physical_starts": len(mine) if mine is not None else None,
-        "duplicate_starts": len(mine) - len({start.request_id for start in mine}) if mine is not None else None,
+        "duplicate_starts": repeated_starts(mine) if mine is not None else None,
         "events": len(entries),
     }
 

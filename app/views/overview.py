@@ -36,13 +36,13 @@ def overview(
     *,
     robots: Sequence[str],
 ) -> OverviewRegions:
-    """Newest first; robots without a word of their own are listed as idle."""
+    """Missions newest first, robots in the house's order; those without a word of their own are listed as idle."""
     ended = [one for one in rows if one.status in TERMINAL_MISSION]
     heard = {strip.robot_id for strip in strips}
     return OverviewRegions(
         waiting=tuple(waiting),
         running=tuple(one for one in rows if one.status not in TERMINAL_MISSION),
         ended=tuple(ended[:RECENT]),
-        robots=tuple(strips),
+        robots=tuple(sorted(strips, key=lambda strip: [*robots, strip.robot_id].index(strip.robot_id))),
         idle=tuple(robot for robot in robots if robot not in heard),
     )

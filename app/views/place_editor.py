@@ -8,6 +8,7 @@ from typing import get_args
 
 from app.views.forms import Wrong, wrong_reason
 from app.views.places import SiteMap, site_map
+from app.views.saying import said
 from app.views.shell import Shell
 from harness.contracts.ids import PlaceId
 from harness.contracts.place_events import Verification
@@ -132,14 +133,16 @@ def wrong_place(typed: Mapping[str, str], site: Site) -> list[Wrong]:
     if not SLUG.fullmatch(place_id):
         wrong.append(Wrong("place_id", "An identifier is small letters, digits and _, and begins with a letter."))
     if not 1 <= len(name) <= NAME_SIGNS:
-        wrong.append(Wrong("name", f"A name has 1 to {NAME_SIGNS} signs."))
+        wrong.append(Wrong("name", said("A name has 1 to {count} signs.", count=NAME_SIGNS)))
     aliases = _aliases(typed)
     if len(aliases) > ALIASES or any(len(one) > NAME_SIGNS for one in aliases):
-        wrong.append(Wrong("aliases", f"At most {ALIASES} other names of {NAME_SIGNS} signs."))
+        wrong.append(
+            Wrong("aliases", said("At most {count} other names of {signs} signs.", count=ALIASES, signs=NAME_SIGNS))
+        )
     wrong += taken(place_id, (name, *aliases), site)
     for field, title in (("x", "x"), ("y", "y"), ("heading", "The heading")):
         if _number(typed.get(field, "")) is None:
-            wrong.append(Wrong(field, f"{title} must be a number."))
+            wrong.append(Wrong(field, said("{title} must be a number.", title=title)))
     if _region(typed.get("region", "")) is None:
         wrong.append(
             Wrong("region", "Write corners as x, y; x, y; x, y with at least three of them, or leave it empty.")
@@ -176,8 +179,13 @@ def taken(place_id: str, words: Sequence[str], site: Site) -> list[Wrong]:
         for word in (one.place_id, one.name, *one.aliases)
     }
     twice = [word for word in words if word.casefold() in others]
-    return [Wrong("aliases" if word != words[0] else "name", f"“{word}” names {others[word.casefold()]} already.")
-            for word in twice]  # fmt: skip
+    return [
+        Wrong(
+            "aliases" if word != words[0] else "name",
+            said("“{word}” names {other} already.", word=word, other=others[word.casefold()]),
+        )
+        for word in twice
+    ]
 
 
 def _far_routes(site: Site, place_id: str, x: float | None, y: float | None) -> tuple[str, ...]:
@@ -187,7 +195,11 @@ def _far_routes(site: Site, place_id: str, x: float | None, y: float | None) -> 
     ends = [(route, route.waypoints_m[-1]) for route in site.routes if route.end == place_id]
     ends += [(route, route.waypoints_m[0]) for route in site.routes if route.start == place_id]
     return tuple(
-        f"Route {route.name} has its end {hypot(at[0] - x, at[1] - y):.2f} m from here: survey it again."
+        said(
+            "Route {route} has its end {distance} m from here: survey it again.",
+            route=route.name,
+            distance=f"{hypot(at[0] - x, at[1] - y):.2f}",
+        )
         for route, at in ends
         if hypot(at[0] - x, at[1] - y) > NEAR_M
     )

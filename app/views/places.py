@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 from math import hypot
 
+from app.views.saying import said, word
 from app.views.shell import Shell
-from harness.contracts.places import Place, Route, Site, Zone
+from harness.contracts.places import Place, Retreat, Route, Site, Zone
 from harness.contracts.values import Point
 
 MARGIN_M = 1.0
@@ -48,11 +49,12 @@ class RouteRow:
 
 @dataclass(frozen=True)
 class ZoneRow:
-    """One zone and what its robot does when nobody answers."""
+    """One zone, what its robot does when nobody answers, and its safe place, empty without one."""
 
     name: str
     no_answer: str
     hold_limit_s: float
+    safe_place: str
 
 
 @dataclass(frozen=True)
@@ -107,9 +109,9 @@ def places_page(shell: Shell, site: Site) -> PlacesPage:
 def site_map(site: Site) -> SiteMap:
     """Zones, passages, regions, routes and places, in this order, so that the small stands on the large."""
     outlines = [
-        *((f"zone {one.name}", "zone", one.region_m) for one in site.zones),
+        *((said("zone {name}", name=one.name), "zone", one.region_m) for one in site.zones),
         *((one.name, "region", one.region_m) for one in site.places if one.region_m),
-        *((str(one.passage_id).replace("_", " "), "passage", one.floor_m) for one in site.passages),
+        *((word(one.passage_id), "passage", one.floor_m) for one in site.passages),
     ]
     lines = [(one.name, "route", one.waypoints_m) for one in site.routes]
     spots = [(one.name, one.approach_m) for one in site.places]
@@ -154,4 +156,20 @@ def _route(route: Route) -> RouteRow:
 
 
 def _zone(zone: Zone) -> ZoneRow:
-    return ZoneRow(name=zone.name, no_answer=zone.no_answer.replace("_", " "), hold_limit_s=zone.hold_limit_s)
+    return ZoneRow(
+        name=zone.name,
+        no_answer=word(zone.no_answer),
+        hold_limit_s=zone.hold_limit_s,
+        safe_place=_safe_place(zone.retreat) if zone.retreat else "",
+    )
+
+
+def _safe_place(retreat: Retreat) -> str:
+    return said(
+        "safe place {place} by {route}, at most {speed} m/s, authorised by {authority} on {day}",
+        place=word(retreat.place_id),
+        route=retreat.route,
+        speed=retreat.speed_cap_mps,
+        authority=retreat.authorised_by,
+        day=retreat.authorised_on,
+    )

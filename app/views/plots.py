@@ -7,6 +7,7 @@ from itertools import pairwise
 from math import dist, hypot
 
 from app.views.cursor import Cursor
+from app.views.saying import said
 from app.views.timeline import Entry
 from harness.contracts.effects import Metric
 from harness.contracts.events import GoalVerified, RecoveryAuthorised
@@ -105,8 +106,8 @@ def at_cursor(series: Series, at_s: float) -> float | None:
 
 
 def _plot(quantity: Quantity, series: Series, cursor: Cursor, *, limit: tuple[str, float | None]) -> Plot:
-    said, bound = limit
-    bounds = [] if bound is None else [bound]
+    bound, most = limit
+    bounds = [] if most is None else [most]
     top = max([value for _, value in series] + bounds + [0.001])
     low = min([value for _, value in series] + [0.0])
     now = at_cursor(series, cursor.at_s)
@@ -119,9 +120,14 @@ def _plot(quantity: Quantity, series: Series, cursor: Cursor, *, limit: tuple[st
         low=low,
         high=top,
         lines=tuple(_line(part, cursor, low=low, high=top) for part in _parts(series)),
-        bounds=tuple(Bound(_y(value, low=low, high=top), f"{said} {value:g} {unit}".strip()) for value in bounds),
+        bounds=tuple(
+            Bound(
+                _y(value, low=low, high=top), said("{bound} {value} {unit}", bound=bound, value=f"{value:g}", unit=unit)
+            )
+            for value in bounds
+        ),
         value=f"{now:.2f} {unit}".strip() if now is not None else "",
-        blank="" if series else f"no {quantity.source} reading yet",
+        blank="" if series else said("no {source} reading yet", source=quantity.source),
     )
 
 

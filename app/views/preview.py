@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app.views.places import SiteMap, site_map
+from app.views.saying import listed, said, word
 from app.views.stages import Acceptance, Graph, Stage, graph
 from harness.contracts.effects import Metric
 from harness.contracts.places import Site
@@ -83,14 +84,14 @@ def _plan(node: Node) -> StagePlan:
         "plan again": limits.local_replan,
         "switch the skill": limits.switch_skill,
     }
-    allowed = ", ".join(f"{name} {count}" for name, count in spends.items() if count)
+    allowed = listed(said("{action} {count}", action=name, count=count) for name, count in spends.items() if count)
     return StagePlan(
         node_id=node.node_id,
         subgoal=node.subgoal,
-        capabilities=", ".join(node.capabilities),
+        capabilities=listed(map(word, node.capabilities)),
         risk=node.risk,
         timeout_s=node.timeout_s,
-        recovery=f"{limits.total} in all: {allowed}" if limits.total else "none",
+        recovery=said("{total} in all: {allowed}", total=limits.total, allowed=allowed) if limits.total else "none",
         conditions=tuple(condition.text for condition in node.success_conditions),
         required=node.required,
     )
@@ -111,9 +112,9 @@ def _marks(contract: TaskContract, site: Site, nodes: Sequence[Node]) -> tuple[M
 def _pending(node: Node) -> Stage:
     return Stage(
         node_id=node.node_id,
-        title=node.node_id.replace("_", " "),
+        title=word(node.node_id),
         state="pending",
-        status=f"risk {node.risk}",
+        status=said("risk {risk}", risk=node.risk),
         verdict="",
         progress=None,
         declared=(),

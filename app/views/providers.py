@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from app.views.saying import listed, said, word
 from app.views.shell import Shell
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.ids import ProviderId
@@ -69,14 +70,14 @@ def _card(card: CapabilityCard, claims: Conformance | None, records: Sequence[Me
     return ProviderCard(
         provider_id=card.provider_id,
         version=card.version,
-        capability=card.capability.replace("_", " "),
+        capability=word(card.capability),
         risk=card.risk,
         moves=card.moves,
         fields=_fields(card),
         supervision=(
             ("moves the body", "yes" if card.moves else "no"),
-            ("after a restart", f"{card.reattach.replace('_', ' ')}{', resumable' if card.resumable else ''}"),
-            ("sources of its evidence", ", ".join(card.sources) or "none named"),
+            ("after a restart", listed((word(card.reattach), "resumable")) if card.resumable else word(card.reattach)),
+            ("sources of its evidence", listed(map(word, card.sources)) or "none named"),
             ("software", card.software or "not named"),
         ),
         conformance=claims,
@@ -90,26 +91,42 @@ def _card(card: CapabilityCard, claims: Conformance | None, records: Sequence[Me
 def _fields(card: CapabilityCard) -> tuple[tuple[str, str], ...]:
     """The twelve fields of the paper (R57)."""
     latency, estimates = card.latency, card.estimates
-    stop = "acknowledged" if card.cancel.acknowledged else "not acknowledged"
     return (
         ("provider and version", f"{card.provider_id} {card.version}"),
-        ("embodiments", ", ".join(card.embodiments) or "any"),
-        ("parameters", ", ".join(_parameter(one.name, one.unit, required=one.required) for one in card.parameters)),
-        ("preconditions", ", ".join(card.preconditions) or "none"),
-        ("side effects", ", ".join(card.side_effects) or "none"),
-        ("expected latency", f"{latency.base_s:g} s and {latency.per_metre_s:g} s per metre"),
-        ("resources", ", ".join(card.resources) or "none"),
-        ("cancel", f"{stop} within {card.cancel.within_s:g} s"),
+        ("embodiments", listed(card.embodiments) or "any"),
+        ("parameters", listed(_parameter(one.name, one.unit, required=one.required) for one in card.parameters)),
+        ("preconditions", listed(card.preconditions) or "none"),
+        ("side effects", listed(card.side_effects) or "none"),
+        ("expected latency", _latency(latency.base_s, latency.per_metre_s)),
+        ("resources", listed(card.resources) or "none"),
+        ("cancel", _stopping(card)),
         ("risk", card.risk),
-        ("failure words", ", ".join(card.failure_words) or "none"),
-        ("evidence it promises", ", ".join(card.evidence) or "none"),
+        ("failure words", listed(map(word, card.failure_words)) or "none"),
+        ("evidence it promises", listed(map(word, card.evidence)) or "none"),
         (
             "its own estimates",
-            f"success {estimates.success:g}, risk {estimates.risk:g}, "
-            f"uncertainty {estimates.uncertainty:g}, cost {estimates.cost:g}",
+            said(
+                "success {success}, risk {risk}, uncertainty {uncertainty}, cost {cost}",
+                success=f"{estimates.success:g}",
+                risk=f"{estimates.risk:g}",
+                uncertainty=f"{estimates.uncertainty:g}",
+                cost=f"{estimates.cost:g}",
+            ),
         ),
     )
 
 
 def _parameter(name: str, unit: str, *, required: bool) -> str:
-    return f"{name}{f' in {unit}' if unit else ''}{'' if required else ' (optional)'}"
+    shown = said("{name} in {unit}", name=name, unit=unit) if unit else name
+    return shown if required else said("{name} (optional)", name=shown)
+
+
+def _latency(base_s: float, per_metre_s: float) -> str:
+    return said("{base} s and {more} s per metre", base=f"{base_s:g}", more=f"{per_metre_s:g}")
+
+
+def _stopping(card: CapabilityCard) -> str:
+    within = f"{card.cancel.within_s:g}"
+    if card.cancel.acknowledged:
+        return said("acknowledged within {seconds} s", seconds=within)
+    return said("not acknowledged within {seconds} s", seconds=within)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from app.views.canary import CanaryPanel, canary_panel
 from app.views.candidates import title_of
 from app.views.review_rows import UptakeRow, policy_sentence, uptake_rows
+from app.views.saying import said
 from app.views.shell import Shell
 from harness.contracts.actors import Actor
 from harness.contracts.ids import Digest, RobotId
@@ -215,7 +216,12 @@ def _spans(pointer: Pointer, *, now_s: float) -> tuple[Span, ...]:
     spans, x = [], 0.0
     for move, seconds in zip(moves, lasted, strict=True):
         width = least + free * seconds / total
-        title = f"revision {move.revision}, {CAUSES[move.cause]}: {(move.canary or move.configuration)[:8]}"
+        title = said(
+            "revision {revision}, {cause}: {configuration}",
+            revision=move.revision,
+            cause=CAUSES[move.cause],
+            configuration=(move.canary or move.configuration)[:8],
+        )
         spans.append(Span(move.revision, TONES.get(move.cause, "plain"), title, round(x, 1), round(width - 2.0, 1)))
         x += width
     return tuple(spans)

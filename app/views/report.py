@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from app.views.facts import FactRow, facts
 from app.views.measures import ConditionRow, condition_row
 from app.views.missions import Head, head
+from app.views.saying import said, word
 from app.views.shell import Shell
 from app.views.stages import Observed, Stage, stages
 from app.views.timeline import Entry
@@ -20,6 +21,7 @@ from harness.contracts.events import (
 from harness.contracts.ids import NodeId
 from harness.contracts.protocol import Receipt
 from harness.contracts.revision_events import AttestationRecorded, CompletionDisputed
+from harness.projections.handoffs import Unanswered
 from harness.projections.mission import Mission
 
 
@@ -98,12 +100,13 @@ class Journal:
     """What is known of a mission outside its own events.
 
     Physical starts and repeated ones by the robot's journal, None where it cannot be read; whether the regression
-    suite holds it as a case.
+    suite holds it as a case; what its robot did because nobody answered.
     """
 
     starts: int | None
     duplicates: int | None
     is_case: bool = False
+    unanswered: Unanswered | None = None
 
 
 def report_page(
@@ -133,7 +136,7 @@ def report_page(
             Shown(blob=blob, node_id=node_id, at_s=at_s, broken=broken.get(blob, ""))
             for blob, node_id, at_s in pictures(entries)
         ),
-        deeds=_deeds(entries),
+        deeds=_deeds(entries, journal.unanswered),
         disputes=tuple(
             Deed(entry.mission_s, entry.event.actor.name, f"{entry.event.condition_id}: {entry.event.reason}")
             for entry in entries
@@ -209,23 +212,41 @@ def _word(receipt: Receipt, node_id: str) -> Word:
     )
 
 
-def _deeds(entries: Sequence[Entry]) -> tuple[Deed, ...]:
+def _deeds(entries: Sequence[Entry], unanswered: Unanswered | None) -> tuple[Deed, ...]:
     found: list[Deed] = []
     for entry in entries:
         match entry.event:
             case HandoffAnswered(actor=actor, decision=decision, reason=reason):
                 found.append(
-                    Deed(entry.mission_s, f"{actor.name} ({actor.channel})", f"{decision.replace('_', ' ')}: {reason}")
+                    Deed(
+                        entry.mission_s,
+                        f"{actor.name} ({actor.channel})",
+                        said("{decision}: {reason}", decision=word(decision), reason=reason),
+                    )
                 )
+                if decision == "expired" and unanswered is not None:
+                    found.append(Deed(entry.mission_s, "robot", no_answer_taken(unanswered)))
             case StopRequested(actor=actor, reason=reason):
-                found.append(Deed(entry.mission_s, actor.name, f"asked to stop: {reason}"))
+                found.append(Deed(entry.mission_s, actor.name, said("asked to stop: {reason}", reason=reason)))
             case CompletionDisputed(actor=actor, reason=reason):
-                found.append(Deed(entry.mission_s, actor.name, f"disputed an acceptance: {reason}"))
+                found.append(Deed(entry.mission_s, actor.name, said("disputed an acceptance: {reason}", reason=reason)))
             case AttestationRecorded(actor=actor, condition_id=condition_id):
-                found.append(Deed(entry.mission_s, actor.name, f"attested {condition_id}"))
+                found.append(
+                    Deed(entry.mission_s, actor.name, said("attested {condition_id}", condition_id=condition_id))
+                )
             case RecoveryAuthorised(action=action, failure=failure, cost=cost):
-                said = f"{action} after {failure}, cost {cost}".replace("_", " ")
-                found.append(Deed(entry.mission_s, "recovery policy", said))
+                text = said(
+                    "{action} after {failure}, cost {cost}", action=word(action), failure=word(failure), cost=cost
+                )
+                found.append(Deed(entry.mission_s, "recovery policy", text))
             case _:
                 continue
     return tuple(found)
+
+
+def no_answer_taken(unanswered: Unanswered) -> str:
+    """What the robot did because nobody answered: shown to be done or not, and never an accepted result."""
+    action, reason = word(unanswered.action), unanswered.reason
+    if unanswered.done:
+        return said("without an answer: {action}, shown to be done. {reason}", action=action, reason=reason)
+    return said("without an answer: {action}, not shown to be done. {reason}", action=action, reason=reason)

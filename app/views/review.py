@@ -30,6 +30,7 @@ from app.views.review_rows import (
     uptake_rows,
 )
 from app.views.review_words import Offer, offers
+from app.views.saying import said, word
 from app.views.shell import Shell
 from harness.contracts.actors import Actor
 from harness.contracts.ids import Digest
@@ -138,16 +139,13 @@ def review_page(
         tone=TONES.get(review.status, "plain"),
         cycle=review.cycle,
         subject=review.subject_digest,
-        subject_rows=tuple((name.replace("_", " "), getattr(subject, name)) for name in subject.__struct_fields__)
+        subject_rows=tuple((word(name), getattr(subject, name)) for name in subject.__struct_fields__)
         if subject
         else (),
         subject_body=encode(subject).decode() if subject else "",
         configuration=review.configuration,
         baseline=review.baseline,
-        stale=f"Its baseline {review.baseline[:12]} is no longer current: that is {pointer.configuration[:12]} since "
-        f"revision {pointer.revision}. Nobody can approve it; propose the change anew on what is current."
-        if old
-        else "",
+        stale=_stale(review, pointer) if old else "",
         progress=seen.progress,
         hands=hand_rows(review),
         declared=declared(review),
@@ -177,6 +175,16 @@ def review_page(
     )
 
 
+def _stale(review: Review, pointer: Pointer) -> str:
+    return said(
+        "Its baseline {baseline} is no longer current: that is {current} since revision {revision}. Nobody can approve "
+        "it; propose the change anew on what is current.",
+        baseline=review.baseline[:12],
+        current=pointer.configuration[:12],
+        revision=pointer.revision,
+    )
+
+
 def _effects(review: Review, seen: Seen, *, robot: str) -> tuple[str, ...]:
     """What a release will change, said before it happens; nothing once it has."""
     if review.released_by is not None or review.status in ENDED:
@@ -185,11 +193,23 @@ def _effects(review: Review, seen: Seen, *, robot: str) -> tuple[str, ...]:
     needed = manifest.canary.missions if manifest else 5
     running = sum(len(missions) for missions in seen.pins.values())
     return (
-        f"The pointer moves from revision {seen.pointer.revision} to {seen.pointer.revision + 1}.",
-        f"New missions of {robot or 'one robot'} are pinned to {review.configuration[:12]}, one at a time, until "
-        f"{needed} of them exercised the change; every other robot stays on {seen.pointer.configuration[:12]}.",
-        f"{running} unfinished mission{'s keep' if running != 1 else ' keeps'} the version pinned now, through pause, "
-        "handoff and replanning.",
+        said(
+            "The pointer moves from revision {revision} to {following}.",
+            revision=seen.pointer.revision,
+            following=seen.pointer.revision + 1,
+        ),
+        said(
+            "New missions of {robot} are pinned to {configuration}, one at a time, until {needed} of them exercised "
+            "the change; every other robot stays on {current}.",
+            robot=robot or "one robot",
+            configuration=review.configuration[:12],
+            needed=needed,
+            current=seen.pointer.configuration[:12],
+        ),
+        said(
+            "Unfinished missions keep the version pinned now, through pause, handoff and replanning: {count} of them.",
+            count=running,
+        ),
         "Every canary mission waits for a person's approval before motion, and is adjudicated by somebody who did not "
         "release it.",
         "A false completion, a duplicate start or a safety violation rolls back at once; the metric only by the "
@@ -201,7 +221,7 @@ def _changed(seen: Subject | None, now: Subject | None) -> tuple[Changed, ...]:
     if seen is None or now is None:
         return ()
     return tuple(
-        Changed(name.replace("_", " "), getattr(seen, name), getattr(now, name))
+        Changed(word(name), getattr(seen, name), getattr(now, name))
         for name in now.__struct_fields__
         if getattr(seen, name) != getattr(now, name)
     )

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from app.views.listing import address
 from app.views.review_results import CaseRow, case_row, pairs_of
+from app.views.saying import word
 from app.views.shell import Shell
 from harness.contracts.errors import ContractInvalid, UnknownName
 from rsi_reviews.contracts import FAMILIES, ResultSet
@@ -63,7 +64,7 @@ def cases_page(
     return CasesPage(
         shell=shell,
         candidate=review.candidate,
-        metric=metric.replace("_", " "),
+        metric=word(metric),
         tabs=tuple(
             CaseTab(
                 title=one or "all",
@@ -75,7 +76,7 @@ def cases_page(
         ),
         families=tuple(
             CaseTab(
-                title=one.replace("_", " ") or "every family",
+                title=word(one) if one else "every family",
                 href=address(path, params, family=one),
                 count=sum(one in ("", row.family) for row in every),
                 chosen=one == family,

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
+from app.views.saying import word
 from rsi_reviews.bounds import paired
 from rsi_reviews.contracts import BETTER, FAMILIES, CaseResult, Manifest, Metric, ResultSet
 
@@ -160,7 +161,7 @@ def _families(
 
     rows = tuple(
         FamilyRow(
-            name=name.replace("_", " "),
+            name=word(name),
             n=len(part),
             worse=sum(passes(one) and not passes(other) for one, other in whole),
             better=sum(not passes(one) and passes(other) for one, other in whole),

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from app.views.saying import listed, said, word
 from harness.contracts.ids import Digest
 from rsi_reviews.contracts import ClauseAnswer
 from rsi_reviews.difference import NAMES, Difference
@@ -15,6 +16,7 @@ CLAUSE_NAMES = {
     "metric_better": "The declared metric is better",
     "release_authorised": "A release is authorised",
 }
+MOST = "_share_at_most"
 VERDICTS = {"pass": "satisfied", "fail": "violated", "inconclusive": "ambiguous", "error": "violated"}
 PARTS = {"proposed": "proposed it", "wrote_earlier": "wrote an earlier one", "launched": "launched its evaluation",
          "edited_suite": "edited its suite"}  # fmt: skip
@@ -155,7 +157,7 @@ def said_rows(review: Review) -> tuple[SaidRow, ...]:
         SaidRow(
             who=one.by.actor.name,
             role=one.by.actor.role,
-            what=one.what.replace("_", " "),
+            what=word(one.what),
             cycle=one.cycle,
             reason=one.by.reason,
             at_s=one.by.at_s,
@@ -168,11 +170,16 @@ def said_rows(review: Review) -> tuple[SaidRow, ...]:
 def policy_sentence(pointer: Pointer) -> str:
     """Who must agree before a release, in one sentence."""
     policy = pointer.policy
-    needed = f"{policy.quorum} approval{'s' if policy.quorum > 1 else ''}"
     if policy.kind == "single_operator":
-        hours = policy.cooling_off_s / 3600.0
-        return f"Single operator: an author may decide alone, {hours:g} h after the evaluation; {needed} needed."
-    return f"Two people: {needed} by a reviewer who is no author of it, then a releaser."
+        return said(
+            "Single operator: an author may decide alone, {hours} h after the evaluation. Approvals needed: {quorum}.",
+            hours=f"{policy.cooling_off_s / 3600.0:g}",
+            quorum=policy.quorum,
+        )
+    return said(
+        "Two people: a reviewer who is no author of it, then a releaser. Approvals needed: {quorum}.",
+        quorum=policy.quorum,
+    )
 
 
 def declared(review: Review) -> Declared | None:
@@ -183,7 +190,7 @@ def declared(review: Review) -> Declared | None:
     return Declared(
         reason=manifest.reason,
         intended=manifest.intended_effect,
-        metric=manifest.metric.replace("_", " "),
+        metric=word(manifest.metric),
         direction=manifest.direction,
         smallest_effect=manifest.smallest_effect,
         digest=review.manifest_digest,
@@ -221,8 +228,15 @@ def clause_row(answer: ClauseAnswer) -> ClauseRow:
         answer=answer.answer,
         verdict=VERDICTS[answer.answer],
         sentence=answer.sentence,
-        numbers=tuple((name.replace("_", " "), value) for name, value in answer.numbers.items()),
+        numbers=tuple((_quantity(name), value) for name, value in answer.numbers.items()),
     )
+
+
+def _quantity(name: str) -> str:
+    """A clause's number by its name: of which family, or the most that its share can be."""
+    if name.endswith(MOST):
+        return said("{quantity}, share at most", quantity=word(name.removesuffix(MOST)))
+    return listed(map(word, name.split(".")))
 
 
 def held_out_view(review: Review, pointer: Pointer, clauses: Sequence[ClauseAnswer]) -> HeldOutView | None:

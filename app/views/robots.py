@@ -8,7 +8,8 @@ from app.views.missions import sentence, tone
 from app.views.saying import said
 from app.views.shell import Shell
 from harness.contracts.control import LEVELS, Autonomy
-from harness.projections.control import Control, Wheel
+from harness.contracts.ids import RobotId
+from harness.projections.control import Control, Retreating, Wheel
 from harness.projections.mission import Mission
 
 OLD_WORD_S = 3.0
@@ -92,7 +93,7 @@ class RobotMission:
 
 @dataclass(frozen=True)
 class RobotCard:
-    """One robot: word, camera, mission, how many wait behind it, who drives it and who looks at it."""
+    """One robot: word, camera, mission, how many wait behind it, who drives it, its way to safety, who looks at it."""
 
     robot_id: str
     word: RobotWord
@@ -101,6 +102,8 @@ class RobotCard:
     queued: int
     control: str
     driver: str
+    retreating: bool
+    retreat: str
     watchers: tuple[str, ...]
 
 
@@ -172,6 +175,7 @@ class StopAllPage:
     shell: Shell
     missions: tuple[Stoppable, ...]
     driven: tuple[str, ...]
+    retreating: tuple[str, ...]
     idle: tuple[str, ...]
     reasons: tuple[str, ...]
     errors: tuple[str, ...]
@@ -268,10 +272,12 @@ def robot_card(
     camera: CameraView,
     missions: Sequence[Mission],
     *,
-    wheel: Wheel | None,
+    control: Control,
     watchers: Sequence[str],
 ) -> RobotCard:
     """`missions` are this robot's open ones, newest first: the one that moves it, else the oldest, is its mission."""
+    robot_id = RobotId(word.robot_id)
+    wheel = control.wheels.get(robot_id)
     mine = [one for one in missions if one.robot_id == word.robot_id and not one.replay]
     mission = next((one for one in mine if one.invocation is not None), mine[-1] if mine else None)
     return RobotCard(
@@ -280,14 +286,51 @@ def robot_card(
         camera=camera,
         mission=robot_mission(mission) if mission else None,
         queued=max(len(mine) - 1, 0),
-        control=_in_control(mission, wheel),
+        control=_in_control(mission, wheel, control.retreating(robot_id)),
         driver=wheel.actor.name if wheel else "",
+        retreating=control.retreating(robot_id) is not None,
+        retreat=retreat_sentence(control.retreats.get(robot_id)),
         watchers=tuple(watchers),
     )
 
 
-def _in_control(mission: Mission | None, wheel: Wheel | None) -> str:
+def retreat_sentence(retreat: Retreating | None) -> str:
+    """The newest way to a safe place: declared and measured, accepted by nobody; empty if there was none."""
+    if retreat is None:
+        return ""
+    intent, ended = retreat.intent, retreat.ended
+    if ended is None:
+        return said(
+            "On the way to {place}, started by {who}, authorised on {day} by {authority}. It is no stage of a mission.",
+            place=intent.place,
+            who=intent.actor.name,
+            day=intent.authorised_on,
+            authority=intent.authorised_by,
+        )
+    reason = ended.reason.rstrip(".")
+    match ended.outcome:
+        case "reached":
+            away = f"{ended.measured.get('distance_m', 0.0):.2f}"
+            return said(
+                "Last sent to {place}: measured {distance} m from it, declared {declared}. Nothing is accepted of it.",
+                place=intent.place,
+                distance=away,
+                declared=ended.declared,
+            )
+        case "short":
+            return said("Last sent to {place}: not shown to be there. {reason}.", place=intent.place, reason=reason)
+        case _:
+            return said(
+                "Last sent to {place}: nobody can say how it ended, and it is not sent again. {reason}.",
+                place=intent.place,
+                reason=reason,
+            )
+
+
+def _in_control(mission: Mission | None, wheel: Wheel | None, retreat: Retreating | None) -> str:
     """Who moves the robot now, in words."""
+    if retreat is not None:
+        return said("the way to {place}", place=retreat.intent.place)
     if wheel is not None:
         return said("{who}, by hand from {device}", who=wheel.actor.name, device=wheel.device)
     if mission is None:

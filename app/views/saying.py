@@ -1,5 +1,6 @@
 """Pure: a sentence that remembers its message and its fields, so that a template can say it in another language."""
 
+from collections.abc import Iterable
 from datetime import datetime
 from typing import Any, Self
 
@@ -23,6 +24,12 @@ class Said(str):
 def said(message: str, /, **fields: Any) -> str:
     """`said("{who} asked", who="ada")`. The message must be a literal: the catalogues are extracted from the source."""
     return Said(message, fields)
+
+
+def listed(items: Iterable[Any]) -> str:
+    """One after the other, as each language separates them; empty for nothing."""
+    first, *rest = [*items] or [""]
+    return said("{first}, {rest}", first=first, rest=listed(rest)) if rest else first
 
 
 def english(value: Any) -> Any:

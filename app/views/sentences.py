@@ -2,7 +2,7 @@
 
 from typing import Literal, assert_never
 
-from app.views.saying import said, word
+from app.views.saying import listed, said, word
 from harness.contracts.control import AutonomySet
 from harness.contracts.events import (
     CommitRejected,
@@ -147,7 +147,7 @@ def sentence(event: MissionEvent) -> str:
             )
         case ObservationRecorded():
             against = (
-                said(", against {contradicts}", contradicts=", ".join(event.contradicts)) if event.contradicts else ""
+                said(", against {contradicts}", contradicts=listed(event.contradicts)) if event.contradicts else ""
             )
             return said(
                 "{kind} from {source} recorded{against}",
@@ -182,7 +182,7 @@ def sentence(event: MissionEvent) -> str:
         case NodeFailed():
             return said("{node_id} failed for good: {reason}", node_id=event.node_id, reason=event.reason)
         case GraphRevised():
-            again = ", ".join(event.reopened) or "no stage"
+            again = listed(event.reopened) or "no stage"
             return said(
                 "Graph revision {revision} for {responsible}: {again} opened again. {reason}",
                 revision=event.revision,

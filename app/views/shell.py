@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app.permissions import permissions_of
+from app.views.saying import listed
 from harness.contracts.actors import Actor
 from harness.projections.mission import Mission
 
@@ -68,7 +69,7 @@ def shell(title: str, section: str, around: Surroundings, *, topics: Sequence[st
         title=title,
         section=section,
         operator=around.actor.name,
-        roles=", ".join(around.actor.role.split("+")),
+        roles=listed(around.actor.role.split("+")),
         may=permissions_of(around.actor.role.split("+")),
         running=sum(not mission.ended for mission in around.missions),
         waiting=around.waiting,

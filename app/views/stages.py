@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import hypot
 
 from app.views.measures import Measure, quantity
-from app.views.saying import said, word
+from app.views.saying import listed, said, word
 from app.views.timeline import Entry
 from harness.contracts.effects import Metric
 from harness.contracts.events import CommitRejected, NodeCommitted
@@ -201,9 +201,13 @@ def _declared(state: NodeState, now: Observed) -> tuple[Measure, ...]:
     for receipt in packet.receipts:
         kinds[receipt.kind] = kinds.get(receipt.kind, 0) + 1
     leading = sorted(packet.declared, key=lambda name: (_rank(name), name.endswith("_at_s")))
-    said = [Measure(*quantity(name, packet.declared[name])) for name in leading[:1]]
-    said += [Measure(name=f"{kind} receipt{'s' if many > 1 else ''}", value=str(many)) for kind, many in kinds.items()]
-    return tuple(said[:2])
+    told = [Measure(*quantity(name, packet.declared[name])) for name in leading[:1]]
+    told += [Measure(name=_receipts(kind, many), value=str(many)) for kind, many in kinds.items()]
+    return tuple(told[:2])
+
+
+def _receipts(kind: str, many: int) -> str:
+    return said("{kind} receipts", kind=word(kind)) if many > 1 else said("{kind} receipt", kind=word(kind))
 
 
 def _measured(node: Node, state: NodeState, now: Observed) -> tuple[Measure, ...]:
@@ -250,7 +254,7 @@ def _note(state: NodeState) -> str:
     if state.failure is not None:
         return said("{failure}: {reason}", failure=word(state.failure.failure), reason=state.failure.reason)
     if state.attempt > 1 or state.spends:
-        tried = ", ".join(spend.action.replace("_", " ") for spend in state.spends)
+        tried = listed(word(spend.action) for spend in state.spends)
         if not tried:
             return said("attempt {count}", count=state.attempt)
         return said("attempt {count} after {tried}", count=state.attempt, tried=tried)

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from app.views.saying import said
 from app.views.sentences import FAMILY, Family, Tone, sentence, tone
 from harness.contracts.events import MissionEvent
 
@@ -97,7 +98,7 @@ def timeline(mission_id: str, entries: Sequence[Entry], *, axis: Axis, at_s: flo
             position=entry.position,
             left=left,
             tone=tone(entry.event),
-            text=f"{entry.position}: {sentence(entry.event)}",
+            text=said("{position}: {text}", position=entry.position, text=sentence(entry.event)),
             href=f"/missions/{mission_id}?at={entry.position}{chosen}#timeline",
         )
         if lane and left - lane[-1].left < NARROWEST and LOUDEST.index(lane[-1].tone) >= LOUDEST.index(tick.tone):

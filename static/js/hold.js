@@ -54,10 +54,24 @@ document.addEventListener("click", (event) => {
   field.focus();
 });
 
+// Looking again opens the question anew: what was typed here goes along, unless it was the answer.
+const draft = `draft ${location.pathname}`;
+const typed = document.querySelector("#decision textarea[name=reason]");
+if (typed && !typed.value) typed.value = sessionStorage.getItem(draft) ?? "";
+sessionStorage.removeItem(draft);
+addEventListener("pagehide", () => {
+  const left = document.querySelector("#decision:not([data-sent]) textarea[name=reason]");
+  if (left?.value) sessionStorage.setItem(draft, left.value);
+});
+document.addEventListener("submit", (event) => {
+  if (event.target.id === "decision" && !event.defaultPrevented) event.target.dataset.sent = "";
+});
+
 document.addEventListener("htmx:after:swap", () => {
   const form = document.getElementById("decision");
   const question = document.getElementById("question");
   if (!form || !question) return;
+  if (question.dataset.claim) for (const field of question.querySelectorAll("input[name=claim]")) field.value = question.dataset.claim;
   const mine = form.elements.claim.value === question.dataset.claim;
   if (form.elements.cycle.value === question.dataset.cycle && mine && !question.dataset.holder) return;
   form.querySelector("[data-changed]").hidden = false;

@@ -13,7 +13,10 @@ let source = null;
 let waiting = new Set();
 let asked = -Infinity;
 let signalled = 0;
+let losses = 0;
+let together = 0;
 const lag = document.getElementById("lag");
+const drops = document.getElementById("drops");
 
 function tell(name) {
   body.dispatchEvent(new CustomEvent(name));
@@ -39,6 +42,8 @@ function lost() {
   for (const region of document.querySelectorAll("[data-region]")) region.dataset.stale = tr("not live since {time} UTC", { time: since });
   buttons(true);
   say(tr("Not live since {time} UTC. What you see may be old. Stop still works if the console answers.", { time: since }));
+  losses += 1;
+  counted();
 }
 
 // Heard again after a silence: every region is fetched anew before the page calls itself live.
@@ -80,6 +85,13 @@ function shown() {
   lag.dataset.late = ms < 1000 ? "no" : "yes";
 }
 
+// What was told together with an earlier change, and how often the link was lost: everything was read again each time.
+function counted(event) {
+  if (event) { alive(); together = Number(event.data); }
+  const said = [together && tr("changes joined: {count}", { count: together }), losses && tr("link losses: {count}", { count: losses })];
+  if (drops) drops.textContent = said.filter(Boolean).join(" · ");
+}
+
 function changed(event) {
   alive();
   signalled ||= performance.now();
@@ -95,6 +107,7 @@ function open() {
   source.addEventListener("hello", hello);
   source.addEventListener("changed", changed);
   source.addEventListener("beat", alive);
+  source.addEventListener("joined", counted);
   source.onerror = () => { if (source.readyState === EventSource.CLOSED) { lost(); setTimeout(open, 1000); } };
 }
 

@@ -21,7 +21,7 @@ from app.main import bind, create_app
 from app.scene import Scenes
 from app.settings import ConsoleSettings
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
-from tests.builders.waiting import Waiting, waiting
+from tests.builders.waiting import BOB, Waiting, waiting
 
 LEVELS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]
 
@@ -73,9 +73,9 @@ def test_a_person_sees_holds_and_follows_and_done_is_never_said_at_approved(
     expect(page.locator(".camera img").first).to_be_visible()
     expect(page.locator(".robot-mark")).to_have_count(2)
     take_picture(page, "handoff-light")
-    for act in ("#look", "#claim"):
-        with page.expect_navigation():
-            page.locator(act).click()
+    with page.expect_navigation():
+        page.locator("#look").click()
+    page.locator("#claim").click()
     expect(page.locator(".holding")).to_contain_text("You have claimed it")
     page.get_by_role("button", name="seen on camera").click()
     button = page.locator("#approve")
@@ -89,6 +89,42 @@ def test_a_person_sees_holds_and_follows_and_done_is_never_said_at_approved(
     assert "done" not in page.locator(".steps").inner_text().lower().split()
     served.asked.run()
     expect(page.locator(".steps")).to_contain_text(re.compile("failed:|confirmed:"))
+
+
+def test_what_is_typed_right_after_claiming_is_kept_and_counts(served: Served, open_page: OpenPage) -> None:
+    page = served.enter(open_page())
+    page.locator("#reason").fill("a pallet ")
+    page.locator("#claim").click()
+    page.locator("#reason").press_sequentially("stands in the way", delay=20)
+    expect(page.locator(".holding")).to_contain_text("You have claimed it")
+    expect(page.locator("#reason")).to_have_value("a pallet stands in the way")
+    expect(page.locator("#reason")).to_be_focused()
+    page.locator("#on-my-way").click()
+    expect(page.locator(".holding")).to_contain_text("operator is on the way")
+    expect(page.locator("#reason")).to_have_value("a pallet stands in the way")
+    expect(page.locator("[data-changed]")).to_be_hidden()
+    with page.expect_navigation():
+        page.locator("#look").click()
+    expect(page.locator("#reason")).to_have_value("a pallet stands in the way")
+    page.locator("#reject").click()
+    expect(page.locator(".steps")).to_contain_text("a pallet stands in the way")
+
+
+def test_why_an_answer_did_not_count_stays_while_the_robot_goes_on_telling(
+    served: Served, open_page: OpenPage, console_watch: ConsoleWatch
+) -> None:
+    console_watch.expect("409")
+    page = served.enter(open_page())
+    served.asked.claim(BOB, "t-bob")
+    expect(page.locator(".holding")).to_contain_text("bob has claimed it")
+    with page.expect_navigation():
+        page.locator("#look").click()
+    expect(page.locator("#errors")).to_contain_text("bob has claimed it until")
+    expect(page.locator("body")).to_have_attribute("data-link", "live")
+    page.locator("h1").evaluate("title => { title.dataset.old = 'yes'; }")
+    served.app.state.console.broker.changed(f"live/{served.asked.mission_id}")
+    expect(page.locator("h1")).not_to_have_attribute("data-old", "yes")
+    expect(page.locator("#errors")).to_contain_text("bob has claimed it until")
 
 
 def test_the_second_of_two_tabs_is_told_who_decided_what_and_when(

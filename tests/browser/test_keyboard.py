@@ -57,11 +57,13 @@ def test_keys_alone_lead_through_the_handoff_gate(open_page: OpenPage, take_pict
         tab_to(page, "#list a.strong")
         page.keyboard.press("Enter")
         page.wait_for_url(re.compile("/handoffs/hof_"))
-        for button in ("#claim", "#look"):
-            tab_to(page, button)
-            with page.expect_navigation():
-                page.keyboard.press("Enter")
+        tab_to(page, "#claim")
+        page.keyboard.press("Enter")
         expect(page.locator(".holding")).to_contain_text("You have claimed it")
+        expect(page.locator("#claim")).to_be_focused()
+        tab_to(page, "#look")
+        with page.expect_navigation():
+            page.keyboard.press("Enter")
         tab_to(page, "#reason")
         page.keyboard.type("seen on camera")
         tab_to(page, "#approve")

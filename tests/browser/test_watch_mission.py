@@ -91,7 +91,7 @@ def console_url(request: pytest.FixtureRequest) -> str:
     if named:
         return named
     running: Console = request.getfixturevalue("console")
-    return running.link
+    return running.fresh_link()
 
 
 def enter(page: Page, console: Console) -> None:

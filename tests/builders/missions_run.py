@@ -15,6 +15,7 @@ from harness.contracts.events import DispatchIntended, MissionEvent
 from harness.contracts.ids import MissionId, NodeId, RobotId
 from harness.gate.decide import DECIDER
 from harness.projections.mission import Mission, required_contract
+from harness.projections.starts import repeated_starts
 from harness.runtime import Start
 from harness.settings import HarnessSettings
 
@@ -66,8 +67,7 @@ class Ran:
         return found
 
     def duplicate_starts(self) -> int:
-        starts = self.harness.starts(self.mission.mission_id)
-        return len(starts) - len({start.request_id for start in starts})
+        return repeated_starts(self.harness.starts(self.mission.mission_id))
 
 
 @contextmanager

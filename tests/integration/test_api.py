@@ -221,7 +221,7 @@ def test_an_answer_with_a_secret_is_not_kept(stand: Stand, owner: TestClient) ->
 # beside it -----------------------------------------------------------------------------------------------------------
 
 
-def test_metrics_are_gauges_that_say_what_is_so(stand: Stand, owner: TestClient) -> None:
+def test_metrics_say_what_is_so(stand: Stand, owner: TestClient) -> None:
     stand.handed_off()
     stand.created()
     lines = owner.get("/metrics").text.splitlines()

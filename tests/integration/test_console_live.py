@@ -37,6 +37,27 @@ def test_a_stream_begins_with_the_logs_position_and_tells_what_changed(stand: St
     assert console.broker.watching == 0
 
 
+def test_a_page_and_the_metrics_are_told_how_many_changes_came_together(stand: Stand) -> None:
+    console = stand.app.state.console
+    before = console.broker.traffic
+
+    async def listen() -> list[str]:
+        frames: list[str] = []
+        async for frame in stream(console, ("live/m1",)):
+            for _ in range(0 if frames else 4):
+                console.broker.changed("live/m1")
+            frames.append(frame)
+            if frame.startswith("event: beat"):
+                break
+        return frames
+
+    assert asyncio.run(listen())[1:-1] == ["event: changed\ndata: live/m1\n\n", "event: joined\ndata: 3\n\n"]
+    told = dict(line.split() for line in stand.owner().get("/metrics").text.splitlines() if line[0] != "#")
+    assert told["regen_live_signals_total"] == str(before.offered + 4)
+    assert told["regen_live_joined_total"] == str(before.joined + 3)
+    assert told["regen_live_dropped_total"] == str(before.dropped)
+
+
 def test_a_stream_without_topics_or_with_too_many_is_refused(stand: Stand) -> None:
     operator = stand.operator()
     assert operator.get("/live").status_code == 422

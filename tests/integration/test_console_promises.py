@@ -143,6 +143,9 @@ def test_a_person_takes_over_drives_and_hands_back_and_the_harness_looks_for_its
         stand.harness.clock.wait_until(stand.harness.clock.now().mission_s + 4.0)
         early = operator.post(f"{address}/hand-back", data={**words_of(operator, handoff_id), "reason": "drove it"})
         assert early.status_code == 409 and "Return the wheel first" in early.text
+        said = {"claim": words_of(operator, handoff_id)["claim"], "key": "k-api", "reason": "drove it"}
+        program = operator.post(f"/api/v1{address}/hand-back", json=said)
+        assert (program.status_code, program.json()["code"]) == (409, "wheel_held")
         assert handoff(stand, handoff_id).status == "taken_over"
         back = operator.post("/robots/vbot-1/drive/return")
         assert (back.status_code, back.headers["location"]) == (303, address)
@@ -230,10 +233,10 @@ TWINS = {
 }
 """Where the API says it otherwise than the page does."""
 OWN = {
-    "/account/password", "/account/sign-in", "/account/sign-out", "/account/sign-out-everywhere", "/candidates/check",
-    "/missions/preview", "/missions/{mission_id}/scene/{view}/instant",
+    "/account/password", "/account/sign-in", "/account/sign-out", "/account/sign-out-everywhere",
+    "/missions/{mission_id}/scene/{view}/instant",
 }  # fmt: skip
-"""A person's own browser and its looks ahead: nothing of the house changes by them."""
+"""A person's own browser: nothing of the house changes by them."""
 
 
 def test_every_act_of_a_page_is_described_for_programs_too() -> None:

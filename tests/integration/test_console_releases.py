@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
@@ -16,6 +17,7 @@ from app.settings import ConsoleSettings
 from harness.contracts.ids import Digest
 from harness.contracts.values import encode
 from rsi_reviews.acceptance import accepted
+from rsi_reviews.contracts import Candidate
 from rsi_reviews.desk import Desk
 from rsi_reviews.regression.results import Kept
 from tests.builders.consoles import Stand, console_stand
@@ -301,6 +303,25 @@ def test_a_person_proposes_by_fields_and_what_loosens_is_refused_beside_its_fiel
     review = house.bench.desk.review(made.headers["location"].rpartition("/")[2])
     assert review.status == "draft" and review.authors == {"lea"}
     assert house.bench.desk.candidate(review.candidate).configuration.recovery.wait_s == 12.0
+
+
+def test_a_program_checks_a_candidate_as_the_page_does_and_nothing_is_stored(house: House) -> None:
+    author, head = house.people["author"], house.bench.harness.runtime.head()
+
+    def checked(made: Candidate) -> dict[str, Any]:
+        body = {"configuration": encode(made.configuration).decode(), "manifest": encode(made.manifest).decode()}
+        answer = author.post("/api/v1/candidates/check", json=body)
+        assert answer.status_code == 200
+        told: dict[str, Any] = answer.json()
+        return told
+
+    fine, loose = checked(candidate(tried(wait_s=7.0))), checked(candidate(tried(wait_s=500.0)))
+    assert fine["holds"] and fine["refusals"] == []
+    assert ("recovery.wait_s", "7.0") in [(one["path"], one["after"]) for one in fine["difference"]["changes"]]
+    assert not loose["holds"] and "wait_bounds" in {one["rule"] for one in loose["refusals"]}
+    wrong = author.post("/api/v1/candidates/check", json={"configuration": "{}", "manifest": "{}"})
+    assert (wrong.status_code, wrong.json()["code"]) == (422, "candidate_invalid")
+    assert house.bench.harness.runtime.head() == head and house.bench.desk.reviews() == []
 
 
 def test_the_api_says_every_word_and_names_every_rule_that_refuses(house: House) -> None:

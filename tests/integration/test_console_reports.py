@@ -20,7 +20,7 @@ from harness.projections.mission import Mission
 from tests.builders.consoles import BASE, OWN, Stand, console_stand
 
 ADA = Actor(name="ada", role="operator")
-FONTS = ConsoleSettings().static / "vendor" / "dejavu-2.37"
+FONTS = ConsoleSettings().static / "vendor"
 
 
 @pytest.fixture(scope="module")
@@ -65,13 +65,23 @@ def test_a_picture_that_does_not_verify_is_not_printed(page: ReportPage, stand: 
         report_pdf(page, {**left, rotten: b"no picture"}, fonts=FONTS, made_s=0.0)
 
 
-def test_signs_that_the_font_lacks_are_counted_and_european_ones_are_not(page: ReportPage) -> None:
+def test_signs_that_no_font_has_are_counted_and_european_and_chinese_ones_are_drawn(page: ReportPage) -> None:
     def lacking(goal: str) -> int:
         told = replace(page, head=replace(page.head, goal=goal), pictures=())
         return report_pdf(told, {}, fonts=FONTS, made_s=0.0).lacking
 
     assert lacking("Prüfe “Łódź”, Ωmega, Склад – 5 €") == 0
-    assert lacking("检查仓库") == 4
+    assert lacking("检查仓库，阻塞") == 0
+    assert lacking("\U0001f916\U0001f916") == 2
+
+
+def test_the_report_as_pdf_is_in_the_language_of_its_reader(page: ReportPage, stand: Stand) -> None:
+    english = report_pdf(page, {}, fonts=FONTS, made_s=0.0)
+    assert b"/Lang (en)" in english.body and b"DroidSansFallback" not in english.body
+    operator = stand.operator()
+    operator.headers["accept-language"] = "zh-CN"
+    chinese = operator.get(f"/missions/{page.mission_id}/report.pdf").content
+    assert b"/Lang (zh-Hans)" in chinese and b"DroidSansFallback" in chinese
 
 
 def test_the_same_report_gives_the_same_bytes(page: ReportPage) -> None:

@@ -3,12 +3,15 @@
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
+from math import hypot
 
 import httpx
 
 from app.main import bind
 from app.settings import ConsoleSettings
 from app.starting import starting
+from harness.adapters.providers.simulation.robot import SimulatedRobot
+from harness.contracts.control import CONTROL
 from harness.contracts.ids import MissionId
 from tests.builders.consoles import Stand
 from tests.builders.fleets import ONE, TWO, fleet_stand, moving, run_together, started
@@ -131,6 +134,43 @@ def test_the_api_says_and_does_what_the_pages_do() -> None:
         assert lying.status_code == 200 and lying.json()["status"]["posture"] == "lying"
         up = owner.post(f"/api/v1/robots/{TWO}/posture", json={"posture": "standing", **REASON})
         assert up.json()["status"]["posture"] == "standing"
+
+
+def test_a_robot_is_sent_to_its_safe_place_shown_on_its_way_and_stopped_there_by_the_stop_of_everything() -> None:
+    with fleet_stand() as stand:
+        mission_id, operator = started(stand.harness, ONE), stand.operator()
+        run_together(stand.harness, mission_id, until=lambda: from_dock_m(stand) > 2.0)
+        assert operator.post(f"/robots/{ONE}/safe", data=REASON).status_code == 409
+        run_together(stand.harness, mission_id)
+        assert "goes the authorised way" in operator.get(f"/robots/{ONE}").text
+        assert operator.post(f"/robots/{ONE}/safe", data=REASON).status_code == 303
+        page = operator.get(f"/robots/{ONE}").text
+        assert "On the way to Anchor A, started by operator, authorised on 2026-11-20" in page
+        assert "Stop it on its way" in page and "Stop all 1 now" in operator.get("/robots/stop").text
+        assert operator.post("/robots/stop", data=REASON).status_code == 303
+        to_the_end(stand)
+        assert "not shown to be there" in operator.get(f"/robots/{ONE}").text
+        assert operator.post("/robots/stop", data={"safe": "yes", **REASON}).status_code == 303
+        to_the_end(stand)
+        assert "declared succeeded. Nothing is accepted of it." in operator.get(f"/robots/{ONE}").text
+        assert from_dock_m(stand) < 0.4
+        assert stand.harness.robots[TWO].status().posture == "lying"
+
+
+def from_dock_m(stand: Stand) -> float:
+    """By the truth of the simulation."""
+    robot = stand.harness.robots[ONE]
+    assert isinstance(robot, SimulatedRobot)
+    return hypot(robot.world.body.state.x_m, robot.world.body.state.y_m)
+
+
+def to_the_end(stand: Stand) -> None:
+    """The robot's own loop, until its way to the safe place has ended."""
+    for _ in range(200):
+        if stand.harness.runtime.fold(CONTROL).retreating(ONE) is None:
+            return
+        stand.harness.clocks[ONE].wait_until(stand.harness.supervisor.step_retreat(ONE))
+    raise AssertionError("the retreat did not end")
 
 
 @contextmanager

@@ -3,9 +3,11 @@
 import re
 from collections.abc import Iterator
 
+import msgspec
 import pytest
 from fastapi.testclient import TestClient
 
+from harness.contracts.tasks import TaskContract
 from tests.builders.consoles import Stand, console_stand
 
 START = {
@@ -40,6 +42,24 @@ def test_a_preview_shows_the_contract_that_would_be_compiled_and_writes_nothing(
     assert len(re.findall(r'<tr id="stage-', shown.text)) == len(contract.nodes)
     assert f"{contract.recovery_total} steps for the whole mission" in shown.text
     assert f'value="{START["goal"]}"' in shown.text or START["goal"] in shown.text
+
+
+def test_a_program_previews_the_contract_that_it_then_starts_and_nothing_is_written(stand: Stand) -> None:
+    owner, runtime = stand.owner(), stand.harness.runtime
+    asked = {"template": "warehouse-inspection", "arguments": {"destination": "office_storage"}}
+    head = runtime.head()
+    seen = owner.post("/api/v1/missions/preview", json=asked)
+    assert seen.status_code == 200
+    assert owner.post("/api/v1/missions/preview", json=asked | {"robot_id": "vbot-9"}).status_code == 404
+    lost = owner.post("/api/v1/missions/preview", json=asked | {"arguments": {"destination": "atlantis"}})
+    assert (lost.status_code, lost.json()["code"]) == (404, "unknown_name")
+    assert runtime.head() == head
+    mission_id = owner.post("/api/v1/missions", json=asked).json()["mission_id"]
+    mission = runtime.mission(mission_id)
+    assert mission.contract is not None
+    assert msgspec.convert(seen.json()["contract"], TaskContract) == mission.contract
+    assert seen.json()["configuration"] == mission.configuration
+    assert seen.json()["longest_s"] == sum(node.timeout_s for node in mission.contract.nodes)
 
 
 @pytest.mark.parametrize(("field", "value"), [("goal", ""), ("destination", "atlantis"), ("robot_id", "vbot-9")])

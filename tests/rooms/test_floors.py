@@ -15,7 +15,10 @@ LIBRARIES = (
     *("cv2", "fastapi", "httpx", "jinja2", "mcap", "mujoco", "rosbags", "sqlalchemy", "uvicorn", "viser"),
     "websockets",
 )
-FUNCTIONS_ONLY = ("contracts", "projections", "planning", "contexts", "routing", "verification", "recovery", "memory")
+FUNCTIONS_ONLY = (
+    *("contracts", "projections", "planning", "contexts", "routing", "verification", "recovery", "memory"),
+    "exploration",
+)
 
 SHARED_BETWEEN_THREADS = ("harness.memory.fabric", "harness.memory.recent")
 """What follows the log for several readers at once holds a lock; everything else on these floors is a function."""

@@ -6,7 +6,7 @@ from threading import Thread
 
 import pytest
 
-from app.live import SPACING_S, SignalBroker
+from app.live import SPACING_S, SignalBroker, Traffic
 
 
 async def heard(broker: SignalBroker, topics: tuple[str, ...], *, count: int, within_s: float = 3.0) -> list[str]:
@@ -72,6 +72,25 @@ def test_a_thousand_changes_of_one_name_are_told_at_most_ten_times_a_second_and_
 
     told = asyncio.run(watch())
     assert all(later - earlier >= 0.9 * SPACING_S for earlier, later in pairwise(told))
+
+
+def test_what_is_told_together_and_what_is_never_told_are_counted() -> None:
+    async def watch() -> tuple[Traffic, Traffic]:
+        broker = SignalBroker()
+        subscription = broker.subscribe(("live/m1", "mission/"))
+        for name in ("live/m1", "live/m1", "live/m1", "mission/m1", "alert/a1"):
+            broker.changed(name)
+        told = subscription.names()
+        assert [await anext(told), await anext(told)] == ["live/m1", "mission/m1"]
+        broker.changed("mission/m2")
+        before = broker.traffic
+        broker.unsubscribe(subscription)
+        return before, broker.traffic
+
+    assert asyncio.run(watch()) == (
+        Traffic(offered=5, joined=2, dropped=0),
+        Traffic(offered=5, joined=2, dropped=1),
+    )
 
 
 def test_silence_is_told_too_so_that_a_page_knows_the_stream_is_alive() -> None:

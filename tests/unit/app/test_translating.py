@@ -6,10 +6,10 @@ import jinja2
 import pytest
 from starlette.datastructures import Headers
 
-from app.filters import duration, instant, words
+from app.filters import duration, instant, named, words
 from app.languages import catalogue, preferred, told
 from app.phrases import messages, spoken
-from app.views.saying import Said, said
+from app.views.saying import Said, listed, said
 from tests.builders.consoles import console_stand
 
 ZH = "zh-Hans"
@@ -50,6 +50,17 @@ def test_a_translated_template_keeps_its_logic_addresses_and_holes() -> None:
     jinja.filters["told"] = lambda value: value
     said_so = jinja.from_string(text).render(id="x<y", n=2, m=9)
     assert said_so == '<a href="/open/x&lt;y" title="打开 x&lt;y">打开 共 9 行之 2</a>'
+
+
+def test_attributes_that_a_macro_writes_stay_as_they_are_in_every_language() -> None:
+    macro = '{% macro live(part) %}id="{{ part }}" hx-get="/missions/{{ part }}"{% endmacro %}'
+    assert spoken(macro, lambda message: "证据") == macro
+
+
+def test_a_list_is_separated_as_its_language_does_and_a_name_is_no_word_of_it() -> None:
+    assert told(listed(("operator", "admin", "ada")), ZH) == "操作员、管理员、ada"
+    assert (listed(()), listed(("operator",)), listed(("a", "b"))) == ("", "operator", "a, b")
+    assert told(named("operator"), ZH) == "operator"
 
 
 def test_what_was_said_with_fields_is_said_again_in_the_readers_language() -> None:

@@ -1,0 +1,52 @@
+"""What persons read of a retreat: where it goes and what else, then declared and measured, never accepted."""
+
+import pytest
+from msgspec.structs import replace
+
+from app.views.handoffs import no_answer
+from app.views.report import no_answer_taken
+from app.views.robots import retreat_sentence
+from harness.contracts.handoff_events import HandoffOpened
+from harness.contracts.retreat_events import RetreatEnded
+from harness.projections.control import Retreating
+from harness.projections.handoffs import Unanswered
+from tests.builders.retreating import LATE_S, newest, unanswered
+
+
+@pytest.fixture(scope="module")
+def told() -> tuple[HandoffOpened, Retreating]:
+    """A question that expired, and the retreat that followed."""
+    with unanswered() as asked:
+        asked.pass_s(LATE_S)
+        asked.run()
+        assert asked.handoff.opened is not None
+        return asked.handoff.opened, newest(asked)
+
+
+def test_the_page_says_where_the_robot_goes_and_what_it_does_where_it_cannot(
+    told: tuple[HandoffOpened, Retreating],
+) -> None:
+    opened, _ = told
+    assert "goes to Anchor A" in no_answer(opened) and "lies down" in no_answer(opened)
+    assert "stays where it cannot" in no_answer(replace(opened, otherwise="hold"))
+    old = replace(opened, safe_place="", otherwise="", no_answer="hold")
+    assert no_answer(old) == "the robot stays where it is"
+
+
+def test_an_end_is_told_as_declared_and_measured(told: tuple[HandoffOpened, Retreating]) -> None:
+    _, retreat = told
+    said, ended = retreat_sentence(retreat), retreat.ended
+    assert "measured 0." in said and "declared succeeded" in said and "Nothing is accepted" in said
+    assert isinstance(ended, RetreatEnded)
+    short = replace(retreat, ended=replace(ended, outcome="short", reason="2.00 m from Anchor A by measurement"))
+    assert "not shown to be there. 2.00 m" in retreat_sentence(short)
+    unknown = replace(retreat, ended=replace(ended, outcome="unknown", reason="nobody looked"))
+    assert "nobody can say how it ended, and it is not sent again" in retreat_sentence(unknown)
+    assert "authorised on 2026-11-20 by surveyor of site-1" in retreat_sentence(replace(retreat, ended=None))
+    assert retreat_sentence(None) == ""
+
+
+@pytest.mark.parametrize(("done", "said"), [(True, "shown to be done"), (False, "not shown to be done")])
+def test_the_report_says_what_the_robot_did_without_an_answer(done: bool, said: str) -> None:
+    told = no_answer_taken(Unanswered(action="lie_down", done=done, reason="the robot declares itself lying", at_s=1.0))
+    assert told == f"without an answer: lie down, {said}. the robot declares itself lying"
