@@ -5,6 +5,7 @@ import logging
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.errors import refused
+from app.limits import TooLarge
 
 LOG = logging.getLogger(__name__)
 
@@ -12,7 +13,8 @@ LOG = logging.getLogger(__name__)
 class Unforeseen:
     """ASGI middleware within the doorkeeper, so that even this answer carries its headers.
 
-    An answer that has begun cannot be taken back: then the exception goes on to the server, which closes the line.
+    What the doorkeeper itself answers goes on to it. An answer that has begun cannot be taken back: then the exception
+    goes on to the server, which closes the line.
     """
 
     def __init__(self, app: ASGIApp) -> None:
@@ -28,6 +30,8 @@ class Unforeseen:
 
         try:
             await self._app(scope, receive, watched)
+        except TooLarge:
+            raise
         except Exception:
             if scope["type"] != "http" or begun:
                 raise

@@ -14,7 +14,7 @@ from sqlalchemy.pool import NullPool
 
 from harness.adapters.stores.chain import GENESIS
 from harness.adapters.stores.postgres import PostgresEventStore
-from harness.adapters.stores.sql_schema import MIGRATIONS
+from harness.adapters.stores.sql_schema import MIGRATIONS, SCHEMA_VERSION
 from harness.contracts.errors import ConcurrencyConflict, LogDamaged, StoreNewer, StoreUnavailable
 from harness.contracts.ids import StreamId, sha256
 from harness.contracts.ports import Batch, NewEvent, StateSnapshot
@@ -259,7 +259,7 @@ def test_an_index_that_hides_events_is_found(nine: str) -> None:
 
 def newer(url: str) -> None:
     PostgresEventStore(url).close()
-    tamper(url, "UPDATE meta SET value = '3'")
+    tamper(url, f"UPDATE meta SET value = '{SCHEMA_VERSION + 1}'")
 
 
 def foreign(url: str) -> None:
@@ -270,7 +270,11 @@ def foreign(url: str) -> None:
 @pytest.mark.parametrize(
     ("spoil", "error", "says"),
     [
-        (newer, StoreNewer, r"version 3; this program reads up to 2.*install the newer version"),
+        (
+            newer,
+            StoreNewer,
+            rf"version {SCHEMA_VERSION + 1}; this program reads up to {SCHEMA_VERSION}.*install the newer version",
+        ),
         (foreign, StoreUnavailable, r"another program: it holds customers.*choose another"),
     ],
 )

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from harness.adapters.stores.sql import SqlEventStore
+from harness.adapters.stores.sql_schema import SCHEMA_VERSION
 from harness.contracts.errors import LogDamaged, StoreNewer, StoreUnavailable
 from harness.contracts.ids import StreamId
 from harness.contracts.ports import Batch, NewEvent
@@ -184,9 +185,9 @@ def test_every_commit_is_synced(file: Path) -> None:
 
 
 def test_a_log_of_a_newer_version_is_left_alone(file: Path) -> None:
-    tamper(file, "UPDATE meta SET value = '3'")
+    tamper(file, f"UPDATE meta SET value = '{SCHEMA_VERSION + 1}'")
     before = file.read_bytes()
-    with pytest.raises(StoreNewer, match=r"version 3.*events\.db.*install the newer version"):
+    with pytest.raises(StoreNewer, match=rf"version {SCHEMA_VERSION + 1}.*events\.db.*install the newer version"):
         opened(file)
     assert file.read_bytes() == before
 
