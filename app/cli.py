@@ -5,56 +5,88 @@ Exit: 0 succeeded; 3 waits for a person or is paused; 1 any other end, or a bad 
 """
 
 import sys
+from importlib import import_module
+from typing import Any
 
 import typer
+from typer.core import TyperGroup
+from typer.main import get_command, get_group
 
-from app.terminal import (
-    accounts,
-    alerts,
-    audit,
-    databases,
-    dossiers,
-    evaluate,
-    handoffs,
-    identity,
-    leases,
-    maps,
-    missions,
-    providers,
-    releases,
-    robots,
-    rsi_cases,
-    rsi_evaluate,
-    rsi_recursion,
-    service,
-)
 from app.terminal.answers import complain
 from harness.contracts.errors import HarnessError
 
-app = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, rich_markup_mode=None)
-app.add_typer(missions.app, name="mission")
-missions.app.command("dossier")(dossiers.dossier)
-app.add_typer(handoffs.app, name="handoff")
-app.add_typer(leases.app, name="lease")
-app.add_typer(alerts.app, name="alert")
-app.add_typer(releases.app, name="rsi")
-releases.app.command("case")(rsi_cases.case)
-releases.app.command("evaluate")(rsi_evaluate.evaluate)
-releases.app.command("recursion")(rsi_recursion.recursion)
-releases.app.command("counterfactual")(rsi_recursion.replayed)
-releases.app.command("generate")(rsi_recursion.generate)
-app.add_typer(robots.app, name="robot")
-app.add_typer(maps.app, name="map")
-app.add_typer(audit.app, name="audit")
-app.add_typer(databases.app, name="data")
-app.add_typer(providers.app, name="provider")
-app.add_typer(accounts.account, name="account")
-accounts.account.command("identity")(identity.identity)
-app.add_typer(accounts.token, name="token")
-app.command("up")(service.up)
-app.command("verify")(dossiers.verify)
-app.command("evaluate")(evaluate.evaluate)
-app.command("doctor")(service.doctor)
+GROUPS = {
+    "mission": "missions:app",
+    "handoff": "handoffs:app",
+    "lease": "leases:app",
+    "alert": "alerts:app",
+    "rsi": "releases:app",
+    "robot": "robots:app",
+    "map": "maps:app",
+    "audit": "audit:app",
+    "data": "databases:app",
+    "provider": "providers:app",
+    "account": "accounts:account",
+    "token": "accounts:token",
+}
+COMMANDS = {
+    "up": "service:up",
+    "verify": "dossiers:verify",
+    "evaluate": "evaluate:evaluate",
+    "doctor": "service:doctor",
+    "mission dossier": "dossiers:dossier",
+    "rsi case": "rsi_cases:case",
+    "rsi evaluate": "rsi_evaluate:evaluate",
+    "rsi recursion": "rsi_recursion:recursion",
+    "rsi counterfactual": "rsi_recursion:replayed",
+    "rsi generate": "rsi_recursion:generate",
+    "account identity": "identity:identity",
+}
+"""Which module of app.terminal has it, and under which name there. A second word: a command beside a group's own."""
+
+
+class Rooms(TyperGroup):
+    """Imports what a command needs when it is asked for: `regen audit` waits for no web server."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """All of the first words."""
+        return [*(name for name in COMMANDS if " " not in name), *GROUPS]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """The command or group of that name; None if there is none."""
+        if cmd_name in GROUPS:
+            group = _group(cmd_name, GROUPS[cmd_name])
+            for name, where in COMMANDS.items():
+                first, _, second = name.partition(" ")
+                if second and first == cmd_name:
+                    group.add_command(_command(second, where), second)
+            return group
+        return _command(cmd_name, COMMANDS[cmd_name]) if cmd_name in COMMANDS else None
+
+
+def _named(where: str) -> Any:
+    module, _, name = where.partition(":")
+    return getattr(import_module(f"app.terminal.{module}"), name)
+
+
+def _group(name: str, where: str) -> Any:
+    around = typer.Typer(add_completion=False, rich_markup_mode=None)
+    around.add_typer(_named(where), name=name)
+    return get_group(around).commands[name]
+
+
+def _command(name: str, where: str) -> Any:
+    alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+    alone.command(name)(_named(where))
+    return get_command(alone)
+
+
+app = typer.Typer(cls=Rooms, no_args_is_help=True, add_completion=False, help=__doc__, rich_markup_mode=None)
+
+
+@app.callback()
+def regen() -> None:
+    """What every command shares: nothing."""
 
 
 def main() -> None:
