@@ -18,7 +18,7 @@ from harness.adapters.providers.simulation.kept import KeptRobot
 from harness.adapters.providers.simulation.robot import SimulatedRobot
 from harness.adapters.providers.simulation.world import WorldSettings
 from harness.adapters.stores.blobs import FileBlobStore
-from harness.adapters.stores.folder import DataFolder, prepare
+from harness.adapters.stores.folder import DataFolder, existing, prepare
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
 from harness.adapters.stores.moving import move_log as moved
@@ -138,7 +138,27 @@ def read_harness(
     settings: HarnessSettings, *, deciders: Deciders = MappingProxyType({}), select: Select = nothing_selected
 ) -> Iterator[Runtime]:
     """Only reading: no robot, no ownership. Raises StoreUnavailable where there is nothing to read."""
+    folder = prepare(settings.data_folder) if settings.database else existing(settings.data_folder)
+    with _without_robots(settings, folder, deciders=deciders, select=select) as runtime:
+        yield runtime
+
+
+@contextmanager
+def edit_harness(
+    settings: HarnessSettings, *, deciders: Deciders = MappingProxyType({}), select: Select = nothing_selected
+) -> Iterator[Runtime]:
+    """Reading and deciding without a robot, as the folder's one owner. Raises StoreOwned if another process is it."""
     folder = prepare(settings.data_folder)
+    with OwnerLock(folder.root) as lock:
+        lock.take(token=SystemIds().token(), url="")
+        with _without_robots(settings, folder, deciders=deciders, select=select) as runtime:
+            yield runtime
+
+
+@contextmanager
+def _without_robots(
+    settings: HarnessSettings, folder: DataFolder, *, deciders: Deciders, select: Select
+) -> Iterator[Runtime]:
     with closing(open_log(settings.database or folder.log_url)) as log:
         parts = Parts(
             store=log,
@@ -152,18 +172,6 @@ def read_harness(
             select=select,
         )
         yield runtime_on(parts)
-
-
-@contextmanager
-def edit_harness(
-    settings: HarnessSettings, *, deciders: Deciders = MappingProxyType({}), select: Select = nothing_selected
-) -> Iterator[Runtime]:
-    """Reading and deciding without a robot, as the folder's one owner. Raises StoreOwned if another process is it."""
-    folder = prepare(settings.data_folder)
-    with OwnerLock(folder.root) as lock:
-        lock.take(token=SystemIds().token(), url="")
-        with read_harness(settings, deciders=deciders, select=select) as runtime:
-            yield runtime
 
 
 @contextmanager

@@ -28,7 +28,7 @@ from app.terminal.rsi_shipped import put_in_review
 from harness.bootstrap import Harness, check_faults, open_harness, owner_of, read_harness
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
-from harness.contracts.errors import ContractInvalid, HarnessError, StoreUnavailable
+from harness.contracts.errors import ContractInvalid, HarnessError
 from harness.further import begin
 from harness.runtime import Start
 from rsi_reviews.deciding import DECIDERS
@@ -175,8 +175,6 @@ def doctor(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
 
 
 def _examine(data: Path, found: dict[str, Any]) -> None:
-    if not data.exists():
-        raise StoreUnavailable("There is no data folder", where=str(data), do="run a mission first, or name another")
     with read_harness(settings(data_folder=data)) as runtime:
         head = runtime.verify()
         found["events"], found["head"] = head.position, head.digest

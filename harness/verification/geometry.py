@@ -18,6 +18,7 @@ DEAD_BAND_M = 0.05
 On the 395 s Husky drive (358.80 m of raw steps) every dead band from 0 to 0.10 m gives 358.78 to 358.80 m, so the
 figure does not hang on the choice; a robot that stands for 19 s with 5 mm of noise gets 0 m instead of metres.
 """
+LEAST_IN_A_THIRD = 2
 AHEAD_M = 2.0
 CORRIDOR_M = 1.5
 WAYPOINT_RADIUS_M = CORRIDOR_M
@@ -162,19 +163,20 @@ def excursion(track: Iterable[Point], *, origin: Point) -> float:
     return max((distance(point, origin) for point in track), default=0.0)
 
 
-def window_displacement(track: Sequence[Fix], *, until_s: float, window_s: float = 1.0, least: int = 6) -> float | None:
+def window_displacement(track: Sequence[Fix], *, until_s: float, window_s: float = 1.0) -> float | None:
     """Robust displacement in metres over the window that ends at `until_s` (D15), or None: not enough to say.
 
     The window is cut into three thirds; each is represented by the median of its fixes. The result is the larger of
     the early-to-late displacement, extrapolated to the whole window, and the largest displacement between any two
-    thirds (a step out and back). Needs `least` distinct sensor times and at least one in every third.
+    thirds (a step out and back). Needs LEAST_IN_A_THIRD distinct sensor times in every third: one alone is no median, and
+    a window that is only begun would be extrapolated.
     """
     fixes = sorted({fix.at_s: fix for fix in track if until_s - window_s <= fix.at_s <= until_s}.values())
     third = window_s / 3
     thirds = [
         [fix for fix in fixes if min(2, int((fix.at_s - until_s + window_s) / third)) == index] for index in range(3)
     ]
-    if len(fixes) < least or not all(thirds):
+    if min(map(len, thirds)) < LEAST_IN_A_THIRD:
         return None
     centres = [Fix(*(median(values) for values in zip(*part, strict=True))) for part in thirds]
     early, late = centres[0], centres[2]

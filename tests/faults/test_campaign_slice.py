@@ -128,6 +128,12 @@ def test_an_end_that_a_clock_which_stepped_back_has_not_reached_yet_hides_no_evi
         assert mission.mission.status == "succeeded"
 
 
+def test_seven_tenths_of_a_second_of_odometry_are_no_second_of_standstill() -> None:
+    with played(mission_plan(280626095845264)) as mission:
+        assert mission.struck["clock-step"]
+        assert judged(mission).offences == ()
+
+
 @pytest.mark.ledger("R233", symbol="campaigns.truths:contradicted")
 def test_a_completion_against_its_own_evidence_is_a_contract_false_completion() -> None:
     with undisturbed() as mission:

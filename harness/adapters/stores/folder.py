@@ -19,8 +19,12 @@ class DataFolder:
     root: Path
 
     @property
+    def log(self) -> Path:
+        return self.root / "events.db"
+
+    @property
     def log_url(self) -> str:
-        return f"sqlite:///{self.root / 'events.db'}"
+        return f"sqlite:///{self.log}"
 
     @property
     def blobs(self) -> Path:
@@ -34,6 +38,18 @@ class DataFolder:
     def robots(self) -> Path:
         """Where robots that run as child processes keep their worlds and start journals."""
         return self.root / "robots"
+
+
+def existing(root: Path) -> DataFolder:
+    """A folder that already holds a log; nothing is created. Raises StoreUnavailable where there is none."""
+    folder = DataFolder(root.absolute())
+    if not folder.log.is_file():
+        raise StoreUnavailable(
+            "There is no data folder with a log here",
+            where=str(folder.root),
+            do="name the right one with --data, or run a mission first: regen mission run warehouse-inspection",
+        )
+    return folder
 
 
 def prepare(root: Path, *, floor_bytes: int = FLOOR_BYTES) -> DataFolder:

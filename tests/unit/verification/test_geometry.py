@@ -143,6 +143,12 @@ def test_too_few_or_repeated_sensor_times_do_not_say_static():
     assert window_displacement([], until_s=5.0) is None
 
 
+def test_a_window_that_is_only_begun_says_nothing():
+    begun = [Fix(45.15 + i / 20, 0.0, 0.0) for i in range(15)]
+    assert window_displacement(begun, until_s=begun[-1].at_s) is None
+    assert window_displacement([Fix(45.10, 0.0, 0.0), *begun], until_s=begun[-1].at_s) == 0.0
+
+
 def test_displacement_between_two_instants_needs_a_fix_near_each():
     track = [Fix(float(i), float(i), 0.0) for i in range(5)]
     assert displacement(track, from_s=1.0, until_s=3.1) == 2.0
