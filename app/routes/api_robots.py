@@ -6,7 +6,6 @@ from fastapi import APIRouter, Response
 from starlette.responses import JSONResponse
 
 from app.console import ActorDep, Console, ConsoleDep
-from app.permissions import Visitor
 from app.routes.api_words import CHECKED, PROBLEMS, Body, Reason, ReasonBody, Text, answers, plain, refusal
 from app.routes.driving import Turn, turned
 from app.routes.robots import (
@@ -19,6 +18,7 @@ from app.routes.robots import (
     posed,
     signed,
     stopped_all,
+    wheel_returned,
 )
 from app.security import VisitorDep
 from harness.contracts.any_events import AnyEvent
@@ -122,15 +122,12 @@ def posture(console: ConsoleDep, visitor: VisitorDep, robot_id: RobotPath, body:
 @router.post("/robots/{robot_id}/wheel", responses=answers("WheelSession"))
 def take(console: ConsoleDep, visitor: VisitorDep, robot_id: RobotPath, body: WheelBody) -> Any:
     """Drive by hand: refused while a mission may move the robot."""
-    wheel = console.wheel
-    if wheel is None:
-        return refusal(Refused("no_supervisor", "No supervisor runs here, so no robot can be reached."))
     device = body.device or "a program"
     decision = signed(
         console,
         visitor,
         ("drive", "TakeWheel", robot_id),
-        lambda who: wheel.take(robot_id, actor=who, device=device, reason=body.reason),
+        lambda wheel, actor: wheel.take(robot_id, actor=actor, device=device, reason=body.reason),
     )
     if isinstance(decision, Refused):
         return refusal(decision)
@@ -148,19 +145,7 @@ def turn(console: ConsoleDep, visitor: VisitorDep, robot_id: RobotPath, body: Tu
 @router.post("/robots/{robot_id}/wheel/return", responses=answers("Robot"))
 def give_back(console: ConsoleDep, visitor: VisitorDep, robot_id: RobotPath, body: ReasonBody) -> Any:
     """End driving by hand; the base is free once the body is shown at rest."""
-    return _answered(console, robot_id, _returned(console, visitor, robot_id, body.reason))
-
-
-def _returned(console: Console, visitor: Visitor, robot_id: RobotId, reason: str) -> Decision[AnyEvent]:
-    wheel = console.wheel
-    if wheel is None:
-        return Refused("no_supervisor", "No supervisor runs here, so no robot can be reached.")
-    return signed(
-        console,
-        visitor,
-        ("stop", "ReturnWheel", robot_id),
-        lambda who: wheel.give_back(robot_id, actor=who, reason=reason),
-    )
+    return _answered(console, robot_id, wheel_returned(console, visitor, robot_id, body.reason))
 
 
 def _answered(console: Console, robot_id: RobotId, decision: Decision[AnyEvent]) -> Any:

@@ -9,7 +9,7 @@ from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Re
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.permissions import NotPermitted, Visitor
 from app.rendering import render
-from app.routes.robots import RobotPath, card, signed
+from app.routes.robots import RobotPath, card, signed, wheel_returned
 from app.security import VisitorDep
 from app.views import forms
 from app.views.driving import DrivePage, TakenOver, taken_over
@@ -44,9 +44,6 @@ def take(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: Ro
     if wrong:
         return _pad(console, actor, robot_id, errors=wrong, status=422)
     device = typed.get("device", "").strip()[:80] or "a browser"
-    wheel = console.wheel
-    if wheel is None:
-        return _pad(console, actor, robot_id, errors=["No supervisor runs here."], status=409)
     held = console.control().wheels.get(robot_id)
     if held is not None and held.actor.name == actor.name:
         return RedirectResponse(f"/robots/{robot_id}/drive", status_code=303)
@@ -54,7 +51,7 @@ def take(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: Ro
         console,
         visitor,
         ("drive", "TakeWheel", robot_id),
-        lambda who: wheel.take(robot_id, actor=who, device=device, reason=typed["reason"].strip()),
+        lambda wheel, who: wheel.take(robot_id, actor=who, device=device, reason=typed["reason"].strip()),
     )
     if isinstance(decision, Refused):
         return _pad(console, actor, robot_id, errors=[decision.message], status=409)
@@ -75,15 +72,7 @@ def turn(console: ConsoleDep, visitor: VisitorDep, robot_id: RobotPath, body: An
 @router.post("/drive/return")
 def give_back(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: RobotPath) -> Response:
     """Back to the question if the robot was taken over for one. A wheel that went back by itself is no mistake."""
-    wheel = console.wheel
-    if wheel is None:
-        return _pad(console, actor, robot_id, errors=["No supervisor runs here."], status=409)
-    decision = signed(
-        console,
-        visitor,
-        ("stop", "ReturnWheel", robot_id),
-        lambda who: wheel.give_back(robot_id, actor=who, reason="returned by a person"),
-    )
+    decision = wheel_returned(console, visitor, robot_id, "returned by a person")
     if isinstance(decision, Refused) and decision.rule != "not_at_the_wheel":
         return _pad(console, actor, robot_id, errors=[decision.message], status=409)
     taken = _taken(console, actor, robot_id)

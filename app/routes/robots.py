@@ -1,7 +1,6 @@
 """/robots: what every robot says and shows, its mission, its stop; the house's autonomy; a stop of everything."""
 
 from collections.abc import Callable
-from functools import partial
 from typing import Annotated
 
 from fastapi import APIRouter, Path
@@ -189,20 +188,22 @@ def on_their_way(console: Console) -> tuple[RobotId, ...]:
 
 def wheels_returned(console: Console, visitor: Visitor, reason: str) -> list[tuple[RobotId, str]]:
     """Return every wheel, whoever has it; the robots whose wheel could not be returned, and why."""
-    wheel = console.wheel
-    if wheel is None:
-        return []
     left = []
     for robot_id in console.control().wheels:
-        returned = partial(_returned, wheel, robot_id, reason)
-        decision = signed(console, visitor, ("stop", "ReturnWheel", robot_id), returned)
+        decision = wheel_returned(console, visitor, robot_id, reason)
         if isinstance(decision, Refused):
             left.append((robot_id, decision.message))
     return left
 
 
-def _returned(wheel: Wheel, robot_id: RobotId, reason: str, actor: Actor) -> Decision[AnyEvent]:
-    return wheel.give_back(robot_id, actor=actor, reason=reason)
+def wheel_returned(console: Console, visitor: Visitor, robot_id: RobotId, reason: str) -> Decision[AnyEvent]:
+    """End driving by hand, whoever drives."""
+    return signed(
+        console,
+        visitor,
+        ("stop", "ReturnWheel", robot_id),
+        lambda wheel, actor: wheel.give_back(robot_id, actor=actor, reason=reason),
+    )
 
 
 def limited(console: Console, visitor: Visitor, level: Autonomy, reason: str) -> None:
@@ -234,20 +235,18 @@ def made_safe(console: Console, visitor: Visitor, robot_id: RobotId, reason: str
     visitor.acting("stop")
     if console.control().retreating(robot_id) is not None:
         return retreat_stopped(console, visitor, robot_id, reason)
-    if robot_id in console.control().wheels and console.wheel is not None:
-        returned = partial(_returned, console.wheel, robot_id, reason)
-        signed(console, visitor, ("stop", "ReturnWheel", robot_id), returned)
+    if robot_id in console.control().wheels:
+        wheel_returned(console, visitor, robot_id, reason)
     for mission in console.open_missions():
         if mission.robot_id == robot_id and not mission.replay and mission.status != "stopping":
             console.runtime.submit(mission.mission_id, StopMission(actor=visitor.actor, reason=reason))
-    wheel = console.wheel
-    if wheel is None or not visitor.may("drive"):
+    if not visitor.may("drive"):
         return posed(console, visitor, robot_id, "lying", reason)
     return signed(
         console,
         visitor,
         ("drive", "SendRetreat", robot_id),
-        lambda actor: wheel.to_safety(robot_id, actor=actor, reason=reason),
+        lambda wheel, actor: wheel.to_safety(robot_id, actor=actor, reason=reason),
     )
 
 
@@ -260,28 +259,22 @@ def all_made_safe(console: Console, visitor: Visitor, reason: str) -> tuple[str,
 
 def retreat_stopped(console: Console, visitor: Visitor, robot_id: RobotId, reason: str) -> Decision[AnyEvent]:
     """Ask a robot on its way to a safe place to stand where it is."""
-    wheel = console.wheel
-    if wheel is None:
-        return Refused("no_supervisor", "No supervisor runs here, so no robot can be reached.")
     return signed(
         console,
         visitor,
         ("stop", "StopRetreat", robot_id),
-        lambda actor: wheel.stop_retreat(robot_id, actor=actor, reason=reason),
+        lambda wheel, actor: wheel.stop_retreat(robot_id, actor=actor, reason=reason),
     )
 
 
 def posed(console: Console, visitor: Visitor, robot_id: RobotId, posture: Posture, reason: str) -> Decision[AnyEvent]:
     """Lying down is a stop; standing up is driving. Raises NotPermitted."""
-    wheel = console.wheel
-    if wheel is None:
-        return Refused("no_supervisor", "No supervisor runs here, so no robot can be reached.")
     permission: Permission = "stop" if posture == "lying" else "drive"
     return signed(
         console,
         visitor,
         (permission, "OrderPosture", robot_id),
-        lambda actor: wheel.rest(robot_id, posture=posture, actor=actor, reason=reason),
+        lambda wheel, actor: wheel.rest(robot_id, posture=posture, actor=actor, reason=reason),
     )
 
 
@@ -289,15 +282,17 @@ def signed(
     console: Console,
     visitor: Visitor,
     asked: tuple[Permission, str, RobotId],
-    act: Callable[[Actor], Decision[AnyEvent]],
+    act: Callable[[Wheel, Actor], Decision[AnyEvent]],
 ) -> Decision[AnyEvent]:
     """An act on a robot outside any mission: checked, signed and written to the trail as a command is."""
     permission, command, robot_id = asked
-    actor = visitor.acting(permission)
+    actor, wheel = visitor.acting(permission), console.wheel
     if visitor.robot_id not in ("", robot_id):
         raise NotPermitted(f"This token is for {visitor.robot_id}", where=f"token {visitor.name}", do="use another one")
+    if wheel is None:
+        return Refused("no_supervisor", "No supervisor runs here, so no robot can be reached.")
     try:
-        decision = act(actor)
+        decision = act(wheel, actor)
     except ProviderFailed as error:
         decision = Refused(error.code, error.what)
     outcome = f"refused: {decision.rule}" if isinstance(decision, Refused) else "accepted"
