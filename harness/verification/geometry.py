@@ -168,8 +168,8 @@ def window_displacement(track: Sequence[Fix], *, until_s: float, window_s: float
 
     The window is cut into three thirds; each is represented by the median of its fixes. The result is the larger of
     the early-to-late displacement, extrapolated to the whole window, and the largest displacement between any two
-    thirds (a step out and back). Needs LEAST_IN_A_THIRD distinct sensor times in every third: one alone is no median, and
-    a window that is only begun would be extrapolated.
+    thirds (a step out and back). Needs LEAST_IN_A_THIRD distinct sensor times in every third: one alone is no median,
+    and a window that is only begun would be extrapolated.
     """
     fixes = sorted({fix.at_s: fix for fix in track if until_s - window_s <= fix.at_s <= until_s}.values())
     third = window_s / 3
