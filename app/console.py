@@ -143,8 +143,8 @@ class Console:
         return shell(title, section, self.surroundings(actor), topics=topics)
 
     def open_missions(self) -> list[Mission]:
-        """Missions that have not ended, newest first: found by the lists, read from the log."""
-        return [self.runtime.mission(MissionId(one.mission_id)) for one in self.lists.open_missions()]
+        """Missions that have not ended, newest first."""
+        return self.runtime.open_missions()
 
     def mission_of(self, handoff: Handoff) -> Mission | None:
         """The mission a handoff belongs to, if the log still has it."""
