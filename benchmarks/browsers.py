@@ -42,8 +42,8 @@ from tools import browser as chromium
 ADA = Actor(name="ada", role="operator")
 TARGET_MS, TARGET_SHARE = 250.0, 0.6
 SETTLE_S = 3.0
-SHELL_EVERY_S = 1.0
-"""A page fetches its bar and its rail at most once in this time."""
+FIRST_S, SHELL_S = 0.1, 1.0
+"""How long after a signal a page fetches its bar and its rail, and how often at most: static/js/live.js, _bar.html."""
 TICK = re.compile(rb"tick (\d+)")
 SEEN = """() => { window.seen = {}; let newest = -1; new MutationObserver(() => {
     const said = [...document.querySelectorAll("#events tbody tr")].pop()?.textContent.match(/tick (\\d+)/);
@@ -160,32 +160,47 @@ async def _stretch(plan: Plan, near: Connection, executable: Path) -> Run:
 
 
 async def _reader(plan: Plan, cookie: str, found: Readers) -> None:
-    """One page without a browser: names in, regions out. Speaks HTTP/1.1 itself, to cost the machine little."""
+    """One page without a browser: names in, regions out. Speaks HTTP/1.1 itself, to cost the machine little.
+
+    After each signal it does what static/js does: the whole instant at once, a little later the bar and the rail.
+    """
     topics = "&".join(f"topic={name}" for name in (f"mission/{plan.mission_id}", "mission/", "handoff/", "alert/"))
-    changed = asyncio.Event()
-    fetching = asyncio.create_task(_fetching(plan, cookie, changed, found))
+    instant, shell = asyncio.Event(), asyncio.Event()
+    whole, counts = (f"/missions/{plan.mission_id}/instant",), ("/overview/bar", "/overview/rail?section=missions")
+    fetching = (
+        asyncio.create_task(_fetching(plan, cookie, instant, found, paths=whole)),
+        asyncio.create_task(_fetching(plan, cookie, shell, found, paths=counts, after_s=FIRST_S, every_s=SHELL_S)),
+    )
     names, way = await asyncio.open_connection("127.0.0.1", plan.port)
     try:
         way.write(_request(f"/live?{topics}", plan, cookie))
         while line := await names.readline():
             if line.startswith(b"data: mission/"):
-                changed.set()
+                instant.set()
+                shell.set()
     finally:
-        fetching.cancel()
+        for task in fetching:
+            task.cancel()
         way.close()
 
 
-async def _fetching(plan: Plan, cookie: str, changed: asyncio.Event, found: Readers) -> None:
-    """After each signal what static/js asks for: the whole instant at once, bar and rail now and then."""
-    shell_at, newest = 0.0, -1
+async def _fetching(
+    plan: Plan,
+    cookie: str,
+    changed: asyncio.Event,
+    found: Readers,
+    *,
+    paths: Sequence[str],
+    after_s: float = 0.0,
+    every_s: float = 0.0,
+) -> None:
+    """Each path over one connection of its own: `after_s` after a signal, at most once in `every_s`."""
+    newest = -1
     answers, way = await asyncio.open_connection("127.0.0.1", plan.port, limit=2**20)
     while True:
         await changed.wait()
         changed.clear()
-        paths = [f"/missions/{plan.mission_id}/instant"]
-        if time.monotonic() - shell_at >= SHELL_EVERY_S:
-            shell_at = time.monotonic()
-            paths += ["/overview/bar", "/overview/rail?section=missions"]
+        await asyncio.sleep(after_s)
         for path in paths:
             way.write(_request(path, plan, cookie))
             head = (await answers.readuntil(b"\r\n\r\n")).lower()
@@ -194,6 +209,7 @@ async def _fetching(plan: Plan, cookie: str, changed: asyncio.Event, found: Read
             found.requests += 1
             found.failed += not head.startswith(b"http/1.1 200")
             newest = found.note(body, newest)
+        await asyncio.sleep(every_s)
 
 
 def _request(path: str, plan: Plan, cookie: str) -> bytes:

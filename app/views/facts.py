@@ -4,8 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from app.views.evidence import PacketView, packet_view
-from app.views.measures import ConditionRow, Measure, quantity
-from app.views.saying import listed, said, word
+from app.views.measures import ConditionRow, Measure, fields, quantity
 from app.views.shell import Shell
 from app.views.timeline import Entry
 from harness.contracts.errors import UnknownName
@@ -27,7 +26,7 @@ class FactRow:
     k: int
     at_s: float
     elapsed_s: float
-    arguments: str
+    arguments: tuple[Measure, ...]
     measured: tuple[Measure, ...]
     disputed: bool
     href: str
@@ -99,11 +98,6 @@ def fact_page(
 
 
 def _row(mission_id: str, fact: CommittedFact, *, begin_s: float, disputed: bool) -> FactRow:
-    shown = listed(
-        said("{field} {value}", field=word(name), value=value)
-        for name, value in fact.arguments.items()
-        if isinstance(value, str | int | float)
-    )
     return FactRow(
         name=fact.name,
         kind=fact.kind,
@@ -113,7 +107,7 @@ def _row(mission_id: str, fact: CommittedFact, *, begin_s: float, disputed: bool
         k=fact.k,
         at_s=fact.at_s,
         elapsed_s=fact.at_s - begin_s,
-        arguments=shown,
+        arguments=tuple(fields(fact.arguments)),
         measured=tuple(Measure(*quantity(name, value)) for name, value in list(fact.measured.items())[:3]),
         disputed=disputed,
         href=f"/missions/{mission_id}/facts/{fact.packet_id}/{fact.condition_id}",

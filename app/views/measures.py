@@ -1,12 +1,15 @@
 """Pure: numbers with units taken from their names, and measured values beside their bounds."""
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from typing import Any
 
 from app.views.saying import listed, word
 from harness.contracts.verdicts import ConditionResult
 
+DIGEST = re.compile("[0-9a-f]{64}")
 MANY, FEW = 6, 3
 """How many quantities of a condition are shown at once: with bounds, or without any."""
 UNITS = {
@@ -57,6 +60,32 @@ def quantity(name: str, value: float | str) -> tuple[str, str]:
     label = word(stem if unit else name)
     shown = value if isinstance(value, str) else number(value)
     return label, f"{shown} {unit}".strip()
+
+
+def fields(stored: Mapping[str, Any]) -> Iterator[Measure]:
+    """What a stored value says, leaf by leaf, `kind` and empty fields left out: numbers with units, digests cut."""
+    for name, value in stored.items():
+        if isinstance(value, Mapping):
+            yield from fields(value)
+        elif name != "kind" and value not in (None, "", (), []):
+            counts = isinstance(value, int | float) and not isinstance(value, bool)
+            yield Measure(*quantity(name, value if counts else _leaf(value)))
+
+
+def _leaf(value: Any) -> str:
+    match value:
+        case bool():
+            return word("yes" if value else "no")
+        case int() | float():
+            return number(value)
+        case {}:
+            return listed(f"{one.name} {one.value}" for one in fields(value))
+        case [str() | list() | tuple() | {}, *_]:
+            return listed(map(_leaf, value))
+        case [*numbers]:
+            return f"({', '.join(map(_leaf, numbers))})"
+        case _:
+            return value[:8] if DIGEST.fullmatch(str(value)) else str(value)
 
 
 def measures(measured: Mapping[str, float], bounds: Mapping[str, float]) -> tuple[Measure, ...]:

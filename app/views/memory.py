@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import msgspec
 
+from app.views.measures import Measure, fields
 from app.views.saying import listed, said, word
 from app.views.shell import Shell
-from harness.contracts.memory import Knowledge, Remembered
+from harness.contracts.memory import Remembered
 
 ROLES: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("spatial", "where things are", ("map", "place", "region", "relation", "pose", "sighting", "dispute")),
@@ -16,7 +16,8 @@ ROLES: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("operational", "how providers did", ("outcome",)),
     ("semantic", "contracts and rules", ("card", "rules")),
 )
-LONGEST = 240
+AT_ONCE = 8
+"""How many fields of a record are shown before a person asks for the others."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,8 @@ class RecordRow:
     subject: str
     standing: str
     tone: str
-    said: str
+    fields: tuple[Measure, ...]
+    others: tuple[Measure, ...]
     confidence: float
     from_s: float
     until_s: float | None
@@ -86,13 +88,15 @@ def memory_page(
 
 def _row(remembered: Remembered) -> RecordRow:
     record = remembered.record
+    stated = tuple(fields(msgspec.to_builtins(record.knowledge)))
     return RecordRow(
         record_id=record.record_id,
         kind=record.kind,
         subject=record.subject,
         standing=remembered.standing,
         tone={"disputed": "bad", "superseded": "plain", "verified": "good"}.get(remembered.standing, "plain"),
-        said=_said(record.knowledge),
+        fields=stated[:AT_ONCE],
+        others=stated[AT_ONCE:],
         confidence=record.confidence,
         from_s=record.valid_from_s,
         until_s=remembered.until_s,
@@ -102,21 +106,3 @@ def _row(remembered: Remembered) -> RecordRow:
         supersedes=len(record.supersedes),
         conflicts=len(record.conflicts),
     )
-
-
-def _said(knowledge: Knowledge) -> str:
-    """What the record says, field by field, cut where nobody reads on."""
-    shown: list[str] = []
-    left = LONGEST
-    for name, value in msgspec.to_builtins(knowledge).items():
-        text = _value(value)
-        if name != "kind" and left > 0:
-            shown.append(
-                said("{field} {value}", field=word(name), value=text if len(text) <= left else f"{text[:left]}…")
-            )
-            left -= len(name) + len(text) + 3
-    return listed(shown)
-
-
-def _value(value: Any) -> str:
-    return value if isinstance(value, str) else msgspec.json.encode(value).decode()

@@ -1,4 +1,4 @@
-// Comfort: the list of keys, ways by key, UTC or local time, a call for a new question, printing, the newest line.
+// Comfort: the list of keys, ways by key, UTC or local time, a call for a new question, printing, the newest line, names of columns.
 import { tr } from "./phrases.js";
 
 const WAYS = { o: "/", m: "/missions", h: "/handoffs", a: "/alerts", r: "/robots", e: "/evidence", s: "/missions/new" };
@@ -111,7 +111,16 @@ function inView() {
   if (row) box.scrollTop = row.offsetTop - box.clientHeight / 2;
 }
 
-document.addEventListener("htmx:after:swap", () => { if (local()) times(); noticed(); inView(); });
+// On a phone a row of a list stands on end: every cell then says which column it is of.
+function columns() {
+  for (const table of document.querySelectorAll(".list, .stacked")) {
+    const names = [...table.querySelectorAll("thead th")].map((one) => one.textContent.trim());
+    for (const cell of table.querySelectorAll("tbody td")) if (names[cell.cellIndex]) cell.dataset.column = names[cell.cellIndex];
+  }
+}
+
+document.addEventListener("htmx:after:swap", () => { if (local()) times(); noticed(); inView(); columns(); });
 times();
+columns();
 pressed();
 inView();

@@ -3,6 +3,7 @@ import { tr } from "./phrases.js";
 
 const LOST_AFTER_MS = 1600;
 const OPENS_WITHIN_MS = 8000;
+const FIRST_MS = 100;
 const body = document.body;
 const topics = (body.dataset.topics || "").split(" ").filter(Boolean);
 const exact = { mission: "live:mission", live: "live:observations", handoff: "live:handoff", alert: "live:alert", candidate: "live:candidate" };
@@ -92,13 +93,15 @@ function counted(event) {
   if (drops) drops.textContent = said.filter(Boolean).join(" · ");
 }
 
+// What a page is about comes first; the counts of bar and rail follow, so that a hundred pages do not ask for all at once.
 function changed(event) {
   alive();
   signalled ||= performance.now();
   const name = event.data;
   const family = name.split("/", 1)[0];
-  if (topics.includes(name) && exact[family]) tell(exact[family]);
-  if (families[family]) tell(families[family]);
+  const own = topics.includes(name) && exact[family];
+  if (own) tell(own);
+  if (families[family]) setTimeout(tell, own ? FIRST_MS : 0, families[family]);
 }
 
 function open() {

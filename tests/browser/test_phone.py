@@ -52,3 +52,20 @@ def test_empty_rooms_say_why_they_are_empty_and_what_to_do(open_page: OpenPage) 
             served.open(page, path)
             text = page.locator(".empty").first.inner_text()
             assert len(text.split()) >= 4, (path, text)
+
+
+def test_rows_of_lists_stand_on_end_with_every_column_named_and_nothing_cut(open_page: OpenPage) -> None:
+    with serving() as served:
+        page = served.enter(open_page(width=WIDTH, height=HEIGHT))
+        log = f"/missions/{served.asked.mission_id}/log"
+        for path in ("/", "/missions", "/handoffs", "/evidence", "/memory", "/audit", "/places", log):
+            served.open(page, path)
+            cut = page.locator(".scroll:has(:is(.list, .stacked))").evaluate_all(
+                "boxes => boxes.filter(box => box.scrollWidth > box.clientWidth).length"
+            )
+            assert cut == 0, path
+        served.open(page, "/missions")
+        verdict = page.locator("td[data-column='goal verdict']").first
+        said = verdict.evaluate("cell => getComputedStyle(cell, '::before').content")
+        assert said == '"goal verdict"'
+        expect(verdict).to_be_in_viewport()

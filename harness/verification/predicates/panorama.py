@@ -2,7 +2,7 @@
 
 import math
 from bisect import bisect_left
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from statistics import fmean, median
 
@@ -37,9 +37,10 @@ def panorama(effect: AnyEffect, evidence: Evidence) -> Finding:
     yaws = [_yaw(odometry, frame.from_s) for frame in frames]
     rest = [at_rest_until(odometry, until_s=frame.from_s) for frame in frames]
     gaps = _gaps(yaws)
+    sizes = {image_size(evidence.bytes_of(frame.blob)) for frame in frames}
     step = math.tau / effect.frames
     problems = [
-        *_sizes(frames, effect, evidence),
+        *_too_small(sizes, effect),
         *_timed(frames, evidence),
         *_rotations(frames, capture, evidence.receipts),
     ]
@@ -52,6 +53,8 @@ def panorama(effect: AnyEffect, evidence: Evidence) -> Finding:
         problems.append(f"the body moved {moved:.3f} m or turned {turned:.3f} rad before a capture")
     measured = {
         "frames": float(len(frames)),
+        "width_px": float(min(width for width, _ in sizes)),
+        "height_px": float(min(height for _, height in sizes)),
         "widest_gap_rad": max(gaps),
         "displacement_m": moved,
         "turn_rad": turned,
@@ -81,9 +84,8 @@ def _distinct(images: Sequence[EvidenceReference]) -> tuple[EvidenceReference, .
     return tuple(sorted(by_content.values(), key=lambda image: image.from_s))
 
 
-def _sizes(frames: Sequence[EvidenceReference], effect: Visual, evidence: Evidence) -> list[str]:
-    found = {image_size(evidence.bytes_of(frame.blob)) for frame in frames}
-    small = [size for size in found if size[0] < effect.width_px or size[1] < effect.height_px]
+def _too_small(sizes: Iterable[tuple[int, int]], effect: Visual) -> list[str]:
+    small = [size for size in sizes if size[0] < effect.width_px or size[1] < effect.height_px]
     return [f"a frame is {width}x{height}, not {effect.width_px}x{effect.height_px}" for width, height in small]
 
 

@@ -23,6 +23,7 @@ def test_eight_frames_around_the_circle_with_their_receipts_are_a_panorama(bench
     result = only(bench.judged(photographed(bench), STATE))
     assert result.verdict == "satisfied", result.reason
     assert result.measured["frames"] == 8
+    assert set(result.bounds) <= set(result.measured)
     assert len(result.evidence) == 8
     assert (result.measured["x_m"], result.measured["y_m"]) == pytest.approx(HOME)
 
