@@ -40,7 +40,7 @@ from harness.gate.commit import Gate, Request
 
 BASE = ResourceId("vbot-1/mobile_base")
 HELD_S = 5.0
-ANSWER_S = 30.0
+ANSWER_S = 120.0
 ENGINEER = Actor(name="ada", role="operator")
 STAND = {"displacement_m": 0.0}
 

@@ -21,6 +21,7 @@ from app.main import bind, create_app
 from app.scene import Scenes
 from app.settings import ConsoleSettings
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
+from tests.builders.patience import PATIENCE_S
 from tests.builders.waiting import BOB, Waiting, waiting
 
 LEVELS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]
@@ -61,7 +62,7 @@ def served() -> Iterator[Served]:
         yield Served(app, f"http://127.0.0.1:{settings.port}", asked)
         broker.close()
         server.should_exit = True
-        thread.join(timeout=20)
+        thread.join(timeout=PATIENCE_S)
         listener.close()
 
 
@@ -73,6 +74,7 @@ def test_a_person_sees_holds_and_follows_and_done_is_never_said_at_approved(
     expect(page.locator(".camera img").first).to_be_visible()
     expect(page.locator(".robot-mark")).to_have_count(2)
     take_picture(page, "handoff-light")
+    served.asked.turn_to_now()
     with page.expect_navigation():
         page.locator("#look").click()
     page.locator("#claim").click()
@@ -83,7 +85,7 @@ def test_a_person_sees_holds_and_follows_and_done_is_never_said_at_approved(
     button.hover()
     page.mouse.down()
     page.wait_for_url(served.question)
-    expect(page.locator(".steps")).to_contain_text("Decision taken up at event", timeout=10_000)
+    expect(page.locator(".steps")).to_contain_text("Decision taken up at event")
     page.mouse.up()
     expect(page.locator(".steps")).to_contain_text("has not confirmed an effect yet")
     assert "done" not in page.locator(".steps").inner_text().lower().split()

@@ -13,6 +13,7 @@ from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
 from tests.browser.test_accessible import CONTRAST, LEVELS, SIZES, broken
 from tests.builders.consoles import Stand, console_stand
 from tests.builders.issuers import trusting
+from tests.builders.patience import PATIENCE_S
 from tests.builders.people import PASSWORD, SETTING_UP
 from tests.fakes.issuer import ADA, Issuer, issuing
 
@@ -32,7 +33,7 @@ def served() -> Iterator[tuple[Stand, Issuer, str]]:
             yield stand, issuer, f"http://127.0.0.1:{port}"
             stand.app.state.console.broker.close()
             server.should_exit = True
-            thread.join(timeout=20)
+            thread.join(timeout=PATIENCE_S)
 
 
 @pytest.mark.parametrize("scripts", [True, False])

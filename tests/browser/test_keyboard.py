@@ -5,7 +5,7 @@ import re
 from playwright.sync_api import Page, expect
 
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
-from tests.builders.serving import VIEWER, serving
+from tests.builders.serving import LET_GO_EARLY, VIEWER, serving
 
 SEEN = """() => { const one = document.activeElement, style = getComputedStyle(one), box = one.getBoundingClientRect();
     return one !== document.body && style.outlineStyle !== "none" && parseFloat(style.outlineWidth) >= 2
@@ -41,7 +41,7 @@ def test_keys_alone_lead_from_the_start_form_to_the_report(open_page: OpenPage, 
         page.wait_for_url(re.compile(r"/missions/msn_"))
         mission = served.asked.runtime.missions()[0]
         assert served.run(mission.mission_id) == "succeeded"
-        expect(page.locator("#head")).to_contain_text("This mission has ended", timeout=10_000)
+        expect(page.locator("#head")).to_contain_text("This mission has ended")
         tab_to(page, "#head a[href$='/report']")
         page.keyboard.press("Enter")
         page.wait_for_url(re.compile("/report"))
@@ -62,19 +62,18 @@ def test_keys_alone_lead_through_the_handoff_gate(open_page: OpenPage, take_pict
         expect(page.locator(".holding")).to_contain_text("You have claimed it")
         expect(page.locator("#claim")).to_be_focused()
         tab_to(page, "#look")
+        served.asked.turn_to_now()
         with page.expect_navigation():
             page.keyboard.press("Enter")
         tab_to(page, "#reason")
         page.keyboard.type("seen on camera")
         tab_to(page, "#approve")
         take_picture(page, "handoff-keyboard", whole=False)
-        page.keyboard.down("Enter")
-        page.wait_for_timeout(200)
-        page.keyboard.up("Enter")
+        page.locator("#approve").evaluate(LET_GO_EARLY)
         expect(page.locator("#status")).to_contain_text("Let go too early")
         assert served.asked.handoff.status == "claimed"
         page.keyboard.down("Enter")
-        expect(page.locator(".steps")).to_contain_text("Decision taken up at event", timeout=10_000)
+        expect(page.locator(".steps")).to_contain_text("Decision taken up at event")
         page.keyboard.up("Enter")
         assert served.asked.handoff.status in ("approved", "dispatched")
 
@@ -99,7 +98,7 @@ def test_a_new_question_takes_no_focus_and_calls_only_who_asked_for_it(open_page
         expect(called.locator("[data-call]")).to_have_attribute("aria-pressed", "true")
         silent.locator("[name=goal]").focus()
         served.asked.asked()
-        expect(silent.locator("#rail .count").first).to_be_visible(timeout=10_000)
+        expect(silent.locator("#rail .count").first).to_be_visible()
         expect(silent.locator("[name=goal]")).to_be_focused()
-        expect(called).to_have_title(re.compile("A question waits"), timeout=5000)
+        expect(called).to_have_title(re.compile("A question waits"))
         assert "A question waits" not in silent.title()

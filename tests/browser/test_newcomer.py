@@ -19,7 +19,8 @@ from app.scene import Scenes
 from app.settings import ConsoleSettings
 from tests.browser.conftest import OpenPage, TakePicture
 from tests.browser.test_handoffs import Served
-from tests.builders.waiting import waiting
+from tests.builders.patience import PATIENCE_S, comes_true
+from tests.builders.waiting import Waiting, waiting
 
 LITTLE_S = 40.0
 """A page that opens with less of its claim left renews it at once."""
@@ -40,7 +41,7 @@ def served() -> Iterator[Served]:
         yield Served(app, f"http://127.0.0.1:{settings.port}", asked)
         broker.close()
         server.should_exit = True
-        thread.join(timeout=20)
+        thread.join(timeout=PATIENCE_S)
         listener.close()
 
 
@@ -75,15 +76,17 @@ def test_a_newcomer_takes_a_robot_over_keeps_it_while_driving_and_hands_it_back(
     page.get_by_role("button", name="Ahead").focus()
     page.keyboard.down("ArrowUp")
     clock, word = asked.harness.clock, page.locator(".pad-word")
-    for _ in range(30):
+
+    def driving() -> bool:
         clock.wait_until(clock.now().mission_s + 0.2)
-        page.wait_for_timeout(120)
-        if "driving" in word.inner_text():
-            break
-    expect(word).to_contain_text("driving")
+        if "The link is lost" in word.inner_text():
+            page.keyboard.up("ArrowUp")
+            page.keyboard.down("ArrowUp")
+        return "driving" in word.inner_text()
+
+    comes_true(page, driving, "a robot that drives")
     page.keyboard.up("ArrowUp")
-    renewed = asked.handoff.claim
-    assert renewed is not None and renewed.until_at_s > claim.until_at_s
+    comes_true(page, lambda: _until_s(asked) > claim.until_at_s, "a claim that is kept while its holder drives")
     page.get_by_role("button", name="Return the wheel and go to the question").click()
     page.wait_for_url(served.question)
     page.get_by_label("What you did").fill("drove it past the pallet")
@@ -97,3 +100,9 @@ def test_a_newcomer_takes_a_robot_over_keeps_it_while_driving_and_hands_it_back(
         page.get_by_role("link", name="asks again").click()
         expect(page.locator("h1")).to_contain_text("asks you")
     take_picture(page, "newcomer-handed-back")
+
+
+def _until_s(asked: Waiting) -> float:
+    """How long the question's claim holds."""
+    claim = asked.handoff.claim
+    return claim.until_at_s if claim is not None else 0.0

@@ -14,7 +14,8 @@ from app.permissions import ROLES
 from app.settings import ConsoleSettings
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
 from tests.builders.consoles import OWNER, Stand, console_stand
-from tests.builders.people import PASSWORD, SETTING_UP
+from tests.builders.patience import PATIENCE_S
+from tests.builders.people import PASSWORD, SETTING_UP, standing_watch
 
 VIEWER = r"'unsafe-eval' is not an allowed source of script.*'wasm-unsafe-eval' blob:|policy violation: script-src eval"
 """The 3D viewer's sorter of splats wants to evaluate text; its frame's own policy forbids it."""
@@ -40,7 +41,7 @@ def served() -> Iterator[tuple[Stand, str]]:
             yield stand, f"http://127.0.0.1:{port}"
             stand.app.state.console.broker.close()
             server.should_exit = True
-            thread.join(timeout=20)
+            thread.join(timeout=PATIENCE_S)
 
 
 def sign_in(page: Page, name: str, password: str = PASSWORD) -> None:
@@ -65,6 +66,7 @@ def test_a_person_signs_in_with_a_password_and_is_slowed_down_after_wrong_ones(
     served: tuple[Stand, str], open_page: OpenPage, take_picture: TakePicture, console_watch: ConsoleWatch
 ) -> None:
     console_watch.expect(REFUSED)
+    watch = standing_watch(served[0])
     page = open_page(f"{served[1]}/")
     expect(page.get_by_role("heading", name="You are not signed in")).to_be_visible()
     page.get_by_role("link", name="Sign in").click()
@@ -75,7 +77,7 @@ def test_a_person_signs_in_with_a_password_and_is_slowed_down_after_wrong_ones(
     sign_in(page, "the-operator", PASSWORD)
     expect(page.get_by_role("alert")).to_contain_text("Too many wrong passwords")
     take_picture(page, "people-throttled")
-    page.wait_for_timeout(1100)
+    watch[0] += 1.1
     sign_in(page, "the-operator")
     expect(page.get_by_role("heading", level=1)).to_be_visible()
     expect(page.locator("#bar")).to_contain_text("operating: the-operator")

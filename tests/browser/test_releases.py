@@ -24,11 +24,11 @@ from rsi_reviews.acceptance import accepted
 from rsi_reviews.desk import Desk
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
 from tests.builders.heard import heard
+from tests.builders.patience import PATIENCE_S
 from tests.builders.releases import LAUNCHER, PREDICATE, Bench, candidate, evaluation, routed, say, terms_of
 from tests.builders.releases import expect as taken
 
 RULES = {"runOnly": {"type": "tag", "values": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]}}
-SOON_MS, USUAL_MS = 15_000, 5_000
 PASSWORD = "seven green bottles"
 PEOPLE = {
     "ada": ["admin"],
@@ -63,7 +63,6 @@ class Served:
 @pytest.fixture
 def served(open_page: OpenPage) -> Iterator[Served]:
     broker = SignalBroker()
-    expect.set_options(timeout=SOON_MS)
     with heard(broker) as harness:
         listener = bind(0)
         port = listener.getsockname()[1]
@@ -84,9 +83,8 @@ def served(open_page: OpenPage) -> Iterator[Served]:
                 page.context.close()
             broker.close()
             server.should_exit = True
-            thread.join(timeout=20)
+            thread.join(timeout=PATIENCE_S)
             listener.close()
-    expect.set_options(timeout=USUAL_MS)
 
 
 def hold(page: Page, word: str, reason: str) -> None:
@@ -168,7 +166,7 @@ def test_a_review_goes_stale_while_it_is_open_when_another_candidate_becomes_cur
     page = served.enter("rob", f"/candidates/{name}")
     expect(page.locator("#approve")).to_be_enabled()
     served.bench.current(routed(), look=2)
-    expect(page.locator(".callout").first).to_contain_text("is no longer current", timeout=10_000)
+    expect(page.locator(".callout").first).to_contain_text("is no longer current")
     expect(page.locator("#approve")).to_be_disabled()
     expect(page.locator("#why-approve")).to_contain_text("is no longer current")
 

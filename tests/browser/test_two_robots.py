@@ -1,7 +1,7 @@
 """Two real robots in a browser: driving by hand stops when let go, and a stop of everything reaches both."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -10,7 +10,7 @@ from playwright.sync_api import Page, expect
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
 from tests.browser.test_watch_mission import Console
 
-SETTLED_MS = 8000
+TRIES = 10
 
 
 @pytest.fixture
@@ -29,6 +29,20 @@ def take_the_wheel(page: Page, address: str) -> None:
     expect(page.locator("body")).to_have_attribute("data-link", "live")
 
 
+def drives(page: Page, press: Callable[[], None], let_go: Callable[[], None]) -> None:
+    """Press until it drives: where a busy machine answers an order too late, the page lets go by itself."""
+    word = page.locator(".pad-word")
+    for _ in range(TRIES):
+        word.evaluate("said => { said.textContent = ''; }")
+        press()
+        expect(word).to_have_text(re.compile("^driving|The link is lost|^Not live"))
+        if word.inner_text().startswith("driving"):
+            return
+        let_go()
+        expect(page.locator("body")).to_have_attribute("data-link", "live")
+    raise AssertionError(f"{TRIES} times the robot did not drive: {word.inner_text()}")
+
+
 def test_letting_go_leaving_the_page_and_a_lost_link_each_stop_the_robot(
     house: Console, open_page: OpenPage, console_watch: ConsoleWatch, take_picture: TakePicture
 ) -> None:
@@ -37,24 +51,22 @@ def test_letting_go_leaving_the_page_and_a_lost_link_each_stop_the_robot(
     take_the_wheel(page, house.address)
     word = page.locator(".pad-word")
     page.get_by_role("button", name="Ahead").hover()
-    page.mouse.down()
-    expect(word).to_contain_text("driving, 0.", timeout=SETTLED_MS)
+    drives(page, page.mouse.down, page.mouse.up)
+    expect(word).to_contain_text("driving, 0.")
     take_picture(page, "robots-drive", whole=False)
     page.mouse.up()
-    expect(word).to_have_text("standing", timeout=SETTLED_MS)
-    page.keyboard.down("ArrowLeft")
-    expect(word).to_contain_text("driving", timeout=SETTLED_MS)
+    expect(word).to_have_text("standing")
+    drives(page, lambda: page.keyboard.down("ArrowLeft"), lambda: page.keyboard.up("ArrowLeft"))
     page.locator("body").dispatch_event("blur")
     page.keyboard.up("ArrowLeft")
-    expect(word).to_have_text("standing", timeout=SETTLED_MS)
-    page.keyboard.down("ArrowUp")
-    expect(word).to_contain_text("driving", timeout=SETTLED_MS)
+    expect(word).to_have_text("standing")
+    drives(page, lambda: page.keyboard.down("ArrowUp"), lambda: page.keyboard.up("ArrowUp"))
     page.context.set_offline(True)
-    expect(word).to_contain_text("The link is lost", timeout=SETTLED_MS)
+    expect(word).to_contain_text("The link is lost")
     page.keyboard.up("ArrowUp")
     page.context.set_offline(False)
     page.get_by_role("button", name="Return the wheel").click()
-    expect(page.locator("#robot")).to_contain_text("standing", timeout=SETTLED_MS)
+    expect(page.locator("#robot")).to_contain_text("standing")
     expect(page.locator("#robot")).to_contain_text("In control: nobody")
 
 

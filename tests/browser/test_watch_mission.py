@@ -9,7 +9,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -20,11 +19,14 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
+from tests.builders.patience import PATIENCE_S, comes_true
+from tests.builders.serving import LET_GO_EARLY
+from tests.builders.silence import listen, silent_ms
 
 ROOT = Path(__file__).resolve().parents[2]
 VIEWER = r"'unsafe-eval' is not an allowed source of script.*'wasm-unsafe-eval' blob:|policy violation: script-src eval"
 """The viewer's sorter of splats, which no scene here has, wants to evaluate text; its frame's policy forbids it."""
-REPORT_MS = 110_000
+REPORT_MS = 300_000
 
 
 class Console:
@@ -53,7 +55,7 @@ class Console:
         """One more sign-in link, by the owner's token from the data folder."""
         owner = json.loads((self._folder / "owner.lock").read_text(encoding="utf-8"))
         headers = {"Authorization": f"Bearer {owner['token']}"}
-        answer = httpx.post(f"{self.address}/api/v1/sign-in-links", headers=headers, timeout=20)
+        answer = httpx.post(f"{self.address}/api/v1/sign-in-links", headers=headers, timeout=PATIENCE_S)
         return str(answer.raise_for_status().json()["url"])
 
     def suspend(self) -> None:
@@ -66,10 +68,10 @@ class Console:
         self.go_on()
         self.process.terminate()
         try:
-            self.process.wait(timeout=20)
+            self.process.wait(timeout=PATIENCE_S)
         except subprocess.TimeoutExpired:
             self.process.kill()
-            self.process.wait(timeout=10)
+            self.process.wait(timeout=PATIENCE_S)
         assert self.process.stdout is not None
         self.process.stdout.close()
         self._log.close()
@@ -77,9 +79,12 @@ class Console:
 
 @pytest.fixture(scope="module")
 def console(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Console]:
-    """One console for all tests here, with an inspection at three times its speed; the physics is tried elsewhere."""
+    """One console for all tests here, with an inspection under way; the physics is tried elsewhere.
+
+    At a speed above 1 the robot's dead man would strike sooner than a busy machine lets the supervisor speak.
+    """
     folder = tmp_path_factory.mktemp("console")
-    running = Console(folder / "var", "--speed", "3", "--fidelity", "kinematic", "--start", "warehouse-inspection")
+    running = Console(folder / "var", "--speed", "1", "--fidelity", "kinematic", "--start", "warehouse-inspection")
     yield running
     running.stop()
 
@@ -113,6 +118,7 @@ def colours(picture: bytes) -> int:
     return len(np.unique(pixels.reshape(-1, 3), axis=0))
 
 
+@pytest.mark.timeout(600)
 def test_a_mission_is_watched_to_its_report_without_a_reload(
     console_url: str, open_page: OpenPage, console_watch: ConsoleWatch, take_picture: TakePicture
 ) -> None:
@@ -122,7 +128,7 @@ def test_a_mission_is_watched_to_its_report_without_a_reload(
     page.wait_for_url(re.compile(r"/$"))
     open_mission(page)
     page.locator("body").evaluate("body => { body.dataset.unreloaded = 'yes' }")
-    expect(page.locator("body")).to_have_attribute("data-link", "live", timeout=60_000)
+    expect(page.locator("body")).to_have_attribute("data-link", "live")
     expect(page.locator("#stage-go[data-state=committed]")).to_be_visible(timeout=REPORT_MS)
     expect(page.locator("#stage-go")).to_contain_text("distance")
     expect(page.locator("#graph .node[data-state=committed]").first).to_be_visible()
@@ -132,7 +138,7 @@ def test_a_mission_is_watched_to_its_report_without_a_reload(
     expect(page.locator("#stages .stage[data-state=committed]")).to_have_count(7)
     assert page.locator("body").get_attribute("data-unreloaded") == "yes"
     frame = page.frame_locator(".scene iframe")
-    expect(frame.locator("canvas").first).to_be_visible(timeout=30_000)
+    expect(frame.locator("canvas").first).to_be_visible()
     take_picture(page, "mission-succeeded")
     page.goto(page.url.split("?")[0].split("#")[0] + "?node=panorama")
     expect(page.locator("#evidence img")).to_have_count(8)
@@ -146,13 +152,10 @@ def test_the_3d_view_draws_what_the_lidar_saw(
     page = open_page(width=1280, height=900)
     enter(page, console)
     open_mission(page)
-    expect(page.locator("#view")).to_contain_text(re.compile(r"[1-9]\d{2} points|\d \d{3} points"), timeout=60_000)
+    expect(page.locator("#view")).to_contain_text(re.compile(r"[1-9]\d{2} points|\d \d{3} points"))
     scene = page.locator(".scene")
     scene.scroll_into_view_if_needed()
-    deadline = time.monotonic() + 60
-    while colours(scene.screenshot()) < 60:
-        assert time.monotonic() < deadline, "the 3D view stayed uniform"
-        page.wait_for_timeout(500)
+    comes_true(page, lambda: colours(scene.screenshot()) >= 60, "a 3D view that is not uniform")
     take_picture(page, "scene", whole=False)
 
 
@@ -160,27 +163,28 @@ def test_a_page_that_is_not_live_says_so_within_two_seconds_and_recovers_by_itse
     console: Console, open_page: OpenPage, take_picture: TakePicture
 ) -> None:
     page = open_page()
+    listen(page)
     enter(page, console)
     body = page.locator("body")
-    expect(body).to_have_attribute("data-link", "live", timeout=60_000)
+    expect(body).to_have_attribute("data-link", "live")
     page.goto(f"{console.address}/missions/new")
     start = page.get_by_role("button", name="Start", exact=True)
-    expect(body).to_have_attribute("data-link", "live", timeout=60_000)
+    expect(body).to_have_attribute("data-link", "live")
     expect(start).to_be_enabled()
     console.suspend()
-    began = time.monotonic()
-    expect(body).to_have_attribute("data-link", "lost", timeout=5_000)
-    assert time.monotonic() - began < 2.5
+    expect(body).to_have_attribute("data-link", "lost")
+    assert silent_ms(page) < 2000
     expect(start).to_be_disabled()
     expect(page.locator("#status")).to_contain_text(re.compile(r"Not live since \d\d:\d\d:\d\d UTC"))
     expect(page.locator("[data-region][data-stale^='not live since']")).to_have_count(2)
     take_picture(page, "not-live")
     console.go_on()
-    expect(body).to_have_attribute("data-link", "live", timeout=15_000)
+    expect(body).to_have_attribute("data-link", "live")
     expect(start).to_be_enabled()
     expect(page.locator("[data-stale]")).to_have_count(0)
 
 
+@pytest.mark.timeout(600)
 def test_a_handoff_is_approved_by_holding_a_key_and_letting_go_early_changes_nothing(
     console: Console, open_page: OpenPage, take_picture: TakePicture
 ) -> None:
@@ -203,21 +207,18 @@ def test_a_handoff_is_approved_by_holding_a_key_and_letting_go_early_changes_not
     question.click()
     page.get_by_role("button", name="Look again").click()
     expect(page.locator(".mono", has_text="cycle 2").first).to_be_visible()
-    expect(page.locator("body")).to_have_attribute("data-link", "live", timeout=60_000)
+    expect(page.locator("body")).to_have_attribute("data-link", "live")
     page.get_by_role("button", name="checked on site").click()
     approve = page.locator("#approve")
-    approve.focus()
-    page.keyboard.down("Enter")
-    page.wait_for_timeout(200)
-    page.keyboard.up("Enter")
+    approve.evaluate(LET_GO_EARLY)
     expect(page.locator("#status")).to_contain_text("nothing was sent")
     expect(page.locator("#decision")).to_be_visible()
     take_picture(page, "handoff")
     approve.focus()
     page.keyboard.down("Enter")
-    expect(page.locator(".steps")).to_contain_text("checked on site", timeout=15_000)
+    expect(page.locator(".steps")).to_contain_text("checked on site")
     page.keyboard.up("Enter")
-    expect(page.locator(".steps li", has_text="dispatched")).to_have_attribute("data-state", "done", timeout=60_000)
+    expect(page.locator(".steps li", has_text="dispatched")).to_have_attribute("data-state", "done")
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

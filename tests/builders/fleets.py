@@ -34,9 +34,9 @@ def two_robots(seed: int = 3) -> Iterator[Harness]:
 
 
 @contextmanager
-def fleet_stand(seed: int = 3) -> Iterator[Stand]:
-    """A console over two robots."""
-    settings = ConsoleSettings(port=8000, robots=(ONE, TWO), owner_token=SecretStr(OWNER), password_memory_kib=19456)
+def fleet_stand(seed: int = 3, *, port: int = 8000) -> Iterator[Stand]:
+    """A console over two robots, which takes itself for the one at this port."""
+    settings = ConsoleSettings(port=port, robots=(ONE, TWO), owner_token=SecretStr(OWNER), password_memory_kib=19456)
     with two_robots(seed) as harness:
         scenes = Scenes(harness.runtime)
         fleet = Fleet(harness.robots, harness.cameras, lambda: harness.clock.now().wall_s)

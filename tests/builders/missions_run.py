@@ -56,7 +56,7 @@ class Ran:
 
     def false_completions(self) -> list[str]:
         """Committed arrivals of which the truth says otherwise (5 cm of localiser noise allowed)."""
-        found = []
+        found: list[str] = []
         for fact in self.mission.facts:
             if fact.name in ("arrival", "circuit"):
                 packet = next(
@@ -86,4 +86,4 @@ def begin(harness: Harness, template: str, *faults: str, seed: int = 3) -> Missi
     labels = {"faults": ",".join(faults)} if faults else {}
     decision = harness.runtime.start(Start(actor=OPERATOR, robot_id=ROBOT, template=template, seed=seed, labels=labels))
     assert isinstance(decision, Accepted), decision
-    return harness.runtime.missions()[0].mission_id
+    return next(harness.runtime.newest_missions()).mission_id

@@ -1,5 +1,6 @@
 """People of every role with browsers of their own, and programs with tokens, at a console."""
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -25,6 +26,13 @@ def browser(stand: Stand, name: str, password: str = PASSWORD) -> TestClient:
     answer = client.post("/account/sign-in", data={"name": name, "password": password})
     assert answer.status_code == 303, answer.text
     return client
+
+
+def standing_watch(stand: Stand) -> list[float]:
+    """Pauses after wrong passwords go by this one number from now on, wall seconds: not by how long a test takes."""
+    watch = [time.time()]
+    stand.app.state.doors.accounts._clock = lambda: watch[0]
+    return watch
 
 
 def everybody(stand: Stand) -> dict[str, TestClient]:

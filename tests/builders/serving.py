@@ -20,11 +20,20 @@ from harness.contracts.decisions import Accepted
 from harness.contracts.ids import MissionId
 from harness.runtime import Start
 from tests.builders.missions_run import ROBOT
+from tests.builders.patience import PATIENCE_S
 from tests.builders.waiting import ADA, Waiting, waiting
 from tests.builders.wires import Wire
 
 VIEWER = r"'unsafe-eval' is not an allowed source of script.*'wasm-unsafe-eval' blob:|policy violation: script-src eval"
 """What viser's own client tries in its frame, and its frame's policy forbids."""
+
+LET_GO_EARLY = """(button) => {
+    const enter = { key: "Enter", bubbles: true, cancelable: true };
+    const say = (kind) => button.dispatchEvent(new KeyboardEvent(kind, enter));
+    say("keydown");
+    setTimeout(say, 200, "keyup");
+}"""
+"""Enter is let go of 200 ms after it was pressed, by the page's own clock, however busy the machine is."""
 
 
 @dataclass(frozen=True)
@@ -101,5 +110,5 @@ def serving(*, finished: bool = False, waits: bool = True, wire: Wire | None = N
                 page.context.close()
             broker.close()
             server.should_exit = True
-            thread.join(timeout=20)
+            thread.join(timeout=PATIENCE_S)
             listener.close()

@@ -16,7 +16,7 @@ from harness.baseline.load import baseline, site
 from harness.bootstrap import DECIDERS, Parts, Unheard
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import Digest
-from harness.contracts.ports import Batch, NewEvent, Record, StoredEvent
+from harness.contracts.ports import Batch, NewEvent, Record, Snapshots, StoredEvent
 from harness.contracts.values import Moment
 from harness.gate.commit import Gate
 from harness.memory.fabric import MemoryFabric
@@ -45,6 +45,7 @@ def rewritten(
     *,
     events: dict[int, Change] | None = None,
     records: dict[Digest, Callable[[Body], Body]] | None = None,
+    snapshots: Snapshots | None = None,
 ) -> Runtime:
     """A runtime that reads the log as it was written again; `events` by position."""
     store = DoctoredStore(records or {})
@@ -59,7 +60,7 @@ def rewritten(
         versions[stored.stream] = version + 1
     clock = SystemClock()
     return Runtime(
-        gate=Gate(store=store, clock=clock, deciders=DECIDERS),
+        gate=Gate(store=store, clock=clock, deciders=DECIDERS, snapshots=snapshots),
         store=store,
         blobs=parts.blobs,
         ids=SystemIds(),

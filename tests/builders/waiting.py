@@ -37,7 +37,7 @@ from harness.contracts.handoff_commands import (
 from harness.contracts.handoff_events import HandoffEvent
 from harness.contracts.ids import HandoffId, MissionId, RequestId, handoff_stream
 from harness.contracts.places import Site
-from harness.contracts.ports import Provider, Signals
+from harness.contracts.ports import EventStore, Provider, Signals
 from harness.contracts.protocol import InvocationReport, PhysicalStart, StartRequest
 from harness.gate.handoffs import DECIDER
 from harness.projections.handoffs import Handoff
@@ -138,6 +138,10 @@ class Waiting:
         """Only the wall clock goes on."""
         self._wall[0] = wall_s
 
+    def turn_to_now(self) -> None:
+        """To the machine's own: a picture that is taken next is new to a browser, however long the test took so far."""
+        self.turn_to(time.time())
+
     def pass_s(self, seconds: float) -> None:
         """Wall time goes on; the robot's own goes on a little, and its loop takes a step."""
         self._wall[0] += seconds
@@ -205,13 +209,14 @@ class Waiting:
 def waiting(
     *,
     log: Path | None = None,
+    store: EventStore | None = None,
     site: Site | None = None,
     seed: int = 3,
     signals: Signals | None = None,
     failpoint: str = "",
     journals: Path | None = None,
 ) -> Iterator[Waiting]:
-    """The kinematic robot at speed 0, everything in this process; the log in memory, or in a file.
+    """The kinematic robot at speed 0, everything in this process; the log in memory, in a file, or in a given store.
 
     With `journals` the robot keeps its own in that folder; `failpoint` kills the process that runs into it.
     """
@@ -220,7 +225,7 @@ def waiting(
         robot = SimulatedRobot(WorldSettings(fidelity="kinematic", seed=seed), journals, robot_id=ROBOT)
         stack.callback(robot.world.truth.close)
         clock = LockstepClock(robot.advance_to, at_s=robot.at_s, wall=lambda: wall[0])
-        store = SqlEventStore(f"sqlite:///{log}") if log is not None else MemoryEventStore()
+        store = store or (SqlEventStore(f"sqlite:///{log}") if log is not None else MemoryEventStore())
         stack.callback(store.close)
         parts = Parts(
             store=with_failpoint(store, parse(failpoint) if failpoint else None),

@@ -33,7 +33,7 @@ class Wire:
     def close(self) -> None:
         self.cut()
         _end(self._listener)
-        self._thread.join(timeout=5)
+        self._thread.join(timeout=60)
 
     def _accept(self) -> None:
         while True:

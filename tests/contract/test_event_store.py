@@ -173,6 +173,17 @@ def test_a_mission_is_open_until_its_stream_says_that_it_ended(store: EventStore
     assert store.open_missions() == ["mission/b", "mission/c"]
 
 
+def test_missions_that_ended_are_found_between_two_positions_in_the_order_of_their_ends(store: EventStore) -> None:
+    store.append([batch(f"mission/{name}", 0, "MissionCreated") for name in "abc"], [], NOW)
+    ends = [store.append([batch(f"mission/{name}", 1, "MissionEnded")], [], NOW).position for name in "cab"]
+    store.append([batch("mission/a", 2, "CompletionDisputed"), batch("handoff/h", 0, "HandoffOpened")], [], NOW)
+    head = store.head().position
+    assert store.ended_missions(0, head) == ["mission/c", "mission/a", "mission/b"]
+    assert store.ended_missions(ends[0], head) == ["mission/a", "mission/b"]
+    assert store.ended_missions(ends[0] - 1, ends[1]) == ["mission/c", "mission/a"]
+    assert store.ended_missions(ends[2], head) == store.ended_missions(0, ends[0] - 1) == []
+
+
 @pytest.mark.parametrize("name", ["mission/\0", "mission/\ud800"])
 def test_a_name_that_not_every_database_keeps_is_refused_by_all(store: EventStore, name: str) -> None:
     with pytest.raises(ContractInvalid, match="not every database keeps"):

@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import httpx
@@ -31,6 +31,7 @@ from tests.contract.test_providers import truths
 from tests.unit.simulation.builders import MISSION, Bench, along
 
 Start = Callable[..., tuple[RobotProcess, Bench]]
+PATIENCE_S = 120.0
 
 
 @pytest.fixture
@@ -115,7 +116,7 @@ def test_a_server_that_speaks_another_language_breaks_the_protocol() -> None:
                "h.SimpleHTTPRequestHandler); print(s.server_port, flush=True); s.handle_request()"]  # fmt: skip
     with subprocess.Popen(serving, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, cwd="/") as other:
         assert other.stdout is not None
-        robot = HttpRobot(f"http://127.0.0.1:{int(other.stdout.readline())}", "token", timeout_s=5.0)
+        robot = HttpRobot(f"http://127.0.0.1:{int(other.stdout.readline())}", "token", timeout_s=60.0)
         with pytest.raises(ProviderFailed, match="answered 404"):
             robot.status()
         robot.close()
@@ -190,12 +191,9 @@ def test_a_busy_port_is_a_typed_error(tmp_path: Path) -> None:
 
 def test_when_the_harness_is_killed_the_robot_stands_within_two_seconds_and_can_be_adopted(tmp_path: Path) -> None:
     folder = tmp_path / "vbot-1"
-    with subprocess.Popen([sys.executable, "-c", _HARNESS, str(folder)], stdout=subprocess.PIPE) as harness:
-        assert harness.stdout is not None
-        attachment = decode(harness.stdout.readline(), Attachment)
-        killed_at_s = float(harness.stdout.readline())
-        harness.kill()
-    process = RobotProcess(RobotSettings(folder=str(folder), speed=4.0, fidelity="kinematic", linger_s=2.0))
+    with harness(folder, linger_s=600.0) as (killed, attachment, killed_at_s):
+        killed.kill()
+    process = RobotProcess(RobotSettings(folder=str(folder), speed=0.0, fidelity="kinematic"))
     try:
         assert process.adopted
         assert process.pid == attachment.pid
@@ -214,13 +212,11 @@ def test_when_the_harness_is_killed_the_robot_stands_within_two_seconds_and_can_
 
 def test_an_orphaned_robot_ends_by_itself_once_it_stands(tmp_path: Path) -> None:
     folder = tmp_path / "vbot-1"
-    with subprocess.Popen([sys.executable, "-c", _HARNESS, str(folder)], stdout=subprocess.PIPE) as harness:
-        assert harness.stdout is not None
-        assert decode(harness.stdout.readline(), Attachment).speed == 4.0
-        harness.stdout.readline()
+    with harness(folder, linger_s=2.0) as (killed, attachment, _):
+        assert attachment.speed == 0.0
         assert (folder / "robot.json").exists()
-        harness.kill()
-    deadline = time.monotonic() + 30.0
+        killed.kill()
+    deadline = time.monotonic() + PATIENCE_S
     while (folder / "robot.json").exists() and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not (folder / "robot.json").exists()
@@ -228,30 +224,37 @@ def test_an_orphaned_robot_ends_by_itself_once_it_stands(tmp_path: Path) -> None
 
 
 _HARNESS = f"""
-import sys, time
+import signal, sys
 from harness.adapters.providers.simulation.child import RobotProcess, RobotSettings
 from harness.contracts.values import encode
 from tests.unit.simulation.builders import Bench, along
-process = RobotProcess(RobotSettings(folder=sys.argv[1], speed=4.0, fidelity="kinematic", linger_s=2.0))
+settings = RobotSettings(folder=sys.argv[1], speed=0.0, fidelity="kinematic", linger_s=float(sys.argv[2]))
+process = RobotProcess(settings)
 robot = process.robot
 robot.configure("{MISSION}", 1, ())
-made = Bench(robot, lambda s: s, robot.configure, lambda: [])
-report = made.start("route-follower", along("A-B"))
-begun = made.at_s
-while made.at_s < begun + 6.0:
-    made.provider("route-follower").keepalive(report.handle)
-    time.sleep(0.05)
+made = Bench(robot, robot.advance, robot.configure, lambda: [])
+made.watch(made.start("route-follower", along("A-B")), until_s=6.0)
 print(encode(process.attachment).decode(), flush=True)
 print(made.at_s, flush=True)
-time.sleep(60)
+signal.pause()
 """
+"""Takes a robot in lockstep six seconds along its way and waits to be killed."""
+
+
+@contextmanager
+def harness(folder: Path, *, linger_s: float) -> Iterator[tuple[subprocess.Popen[bytes], Attachment, float]]:
+    """That program, the robot it has started, and the robot's time after the last keepalive; it must be killed."""
+    words = [sys.executable, "-c", _HARNESS, str(folder), str(linger_s)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE) as running:
+        assert running.stdout is not None
+        yield running, decode(running.stdout.readline(), Attachment), float(running.stdout.readline())
 
 
 def _until_blocked(process: RobotProcess) -> str:
     """Poll without a keepalive until the dead man has worked; the handle of the held invocation."""
     provider = process.robot.providers()[0]
     (only,) = process.robot.starts()
-    deadline = time.monotonic() + 10.0
+    deadline = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline:
         report = provider.find(only.request_id)
         assert report is not None

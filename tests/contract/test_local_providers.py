@@ -270,7 +270,7 @@ provider.report(provider.start(request_to(CARD, parameters={"text": "t", "images
 
 
 def test_a_kill_between_delivery_and_receipt_leads_to_one_message_and_its_receipts(tmp_path: Path) -> None:
-    killed = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path)], cwd=Path.cwd(), timeout=60, check=False)
+    killed = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path)], cwd=Path.cwd(), timeout=200, check=False)
     assert killed.returncode == -signal.SIGKILL
     (message,) = (tmp_path / "outbox").iterdir()
     written = {path.name: (path.stat().st_mtime_ns, path.stat().st_ino) for path in message.iterdir()}

@@ -26,7 +26,7 @@ def log(postgres: PostgresServer) -> Iterator[tuple[str, PostgresEventStore]]:
 def told(names: "SimpleQueue[str]", *expected: str) -> bool:
     """Whether exactly these names come, in this order."""
     try:
-        return tuple(names.get(timeout=10) for _ in expected) == expected and names.empty()
+        return tuple(names.get(timeout=60) for _ in expected) == expected and names.empty()
     except Empty:
         return False
 

@@ -77,7 +77,7 @@ def workers(postgres: PostgresServer) -> Iterator[list[Worker]]:
 @pytest.mark.ledger("R151", symbol="harness.adapters.stores.chain:link")
 @pytest.mark.ledger("R151", symbol="harness.gate.leases:decide")
 def test_of_several_workers_one_holds_all_it_asked_for_and_tokens_rise_in_one_order(workers: list[Worker]) -> None:
-    together = Barrier(WORKERS, timeout=30)
+    together = Barrier(WORKERS, timeout=120)
     threads = [Thread(target=worker.work, args=(together,)) for worker in workers]
     for thread in threads:
         thread.start()

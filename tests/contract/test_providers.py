@@ -40,7 +40,8 @@ def served(folder: Path) -> Iterator[Bench]:
 
 
 def truths(file: Path) -> list[Truth]:
-    return [decode(line, Truth) for line in file.read_bytes().splitlines()]
+    """Every whole line of a file that a robot may be writing to."""
+    return [decode(line, Truth) for line in file.read_bytes().split(b"\n")[:-1]]
 
 
 def speeds(made: Bench, after_s: float) -> list[float]:

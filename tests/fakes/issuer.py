@@ -24,6 +24,8 @@ from starlette.routing import Route
 
 from app.main import bind
 
+ACCESS_TOKEN = "opaque-and-only-for-the-issuer-itself"
+GIVEN = {"access_token": ACCESS_TOKEN, "token_type": "Bearer", "expires_in": 60}
 CLIENT_ID, CLIENT_SECRET = "regen-console", "the client's own secret"
 ADA = {"sub": "248289761001", "preferred_username": "ada", "groups": ["robot-operators"]}
 
@@ -42,9 +44,12 @@ class Issuer:
     published: list[ECKey] = field(default_factory=list)
     document: dict[str, Any] = field(default_factory=dict)
     claims: dict[str, Any] = field(default_factory=dict)
+    given: dict[str, Any] = field(default_factory=dict)
     answer: dict[str, str] = field(default_factory=dict)
     algorithm: str = "ES256"
     broken: bool = False
+    said: dict[str, Any] | None = None
+    """What the userinfo endpoint says, for the token that was given last; None: there is no such endpoint."""
     credentials: str = ""
     asked: list[str] = field(default_factory=list)
     codes: dict[str, dict[str, str]] = field(default_factory=dict)
@@ -59,6 +64,7 @@ class Issuer:
                 Route("/authorize", self.page, methods=["GET"]),
                 Route("/authorize", self.signed_in, methods=["POST"]),
                 Route("/token", self.token, methods=["POST"]),
+                Route("/person", self.told),
                 Route("/out", self.out),
                 Route("/favicon.ico", lambda request: Response(status_code=204)),
             ]
@@ -77,6 +83,8 @@ class Issuer:
             "id_token_signing_alg_values_supported": ["ES256"],
             "authorization_response_iss_parameter_supported": True,
         }
+        if self.said is not None:
+            told["userinfo_endpoint"] = f"{self.url}/person"
         return JSONResponse({**told, **self.document})
 
     def keys(self, request: Request) -> Response:
@@ -120,7 +128,7 @@ class Issuer:
             return JSONResponse({"error": "invalid_grant"}, status_code=400)
         made = self.id_token(asked["nonce"])
         self.tokens.append(made)
-        return JSONResponse({"access_token": "opaque", "token_type": "Bearer", "expires_in": 60, "id_token": made})
+        return JSONResponse({**GIVEN, "id_token": made, **self.given})
 
     def knows(self, authorization: str, sent: dict[str, str]) -> bool:
         """Whether the client's credentials are right, in the one way that the issuer takes them."""
@@ -144,6 +152,13 @@ class Issuer:
                 f"{body}.{'' if self.algorithm == 'none' else base64.urlsafe_b64encode(shared).rstrip(b'=').decode()}"
             )
         return jwt.encode(header, claims, self.key, algorithms=[self.algorithm])
+
+    def told(self, request: Request) -> Response:
+        """Of the person whose access token it is; nothing for anybody without one."""
+        self.asked.append("person")
+        if request.headers.get("authorization") != f"Bearer {ACCESS_TOKEN}" or self.said is None:
+            return JSONResponse({"error": "invalid_token"}, status_code=401)
+        return JSONResponse(self.said)
 
     def out(self, request: Request) -> Response:
         """Signed out here; back to where the client wanted."""

@@ -269,11 +269,12 @@ def stuck(seeds: list[int]) -> Tally:
 
 
 def test_a_campaign_ends_with_a_sentence_where_its_workers_die_or_fall_silent() -> None:
+    before = set(multiprocessing.active_children())
     with pytest.raises(WorkersLost, match="A worker process died"):
         list(spread([[1], [2]], processes=2, work=lost))
     with pytest.raises(WorkersLost, match="No worker answered for 3 s"):
         list(spread([[1], [2]], processes=1, work=stuck, silent_s=3.0))
-    assert not multiprocessing.active_children()
+    assert set(multiprocessing.active_children()) <= before
 
 
 def pose(at_s: float, x_m: float) -> Pose:

@@ -73,7 +73,7 @@ def test_a_run_that_is_broken_off_keeps_what_is_finished(proposed: Path) -> None
         [*words, "--processes", "1", "--cases", "400"], stderr=subprocess.PIPE, text=True, preexec_fn=listening
     )
     folder = proposed.with_name("var-evaluator")
-    for _ in range(600):
+    for _ in range(1500):
         if run.poll() is not None or any(path.read_bytes().count(b"\n") > 8 for path in folder.glob("*.jsonl")):
             break
         time.sleep(0.1)

@@ -23,7 +23,7 @@ def environment(**changes: str) -> dict[str, str]:
 def regen(*words: object, **changes: str) -> subprocess.CompletedProcess[str]:
     """One call of the command line, waited for."""
     return subprocess.run(
-        command(*words), cwd=ROOT, env=environment(**changes), capture_output=True, text=True, timeout=110, check=False
+        command(*words), cwd=ROOT, env=environment(**changes), capture_output=True, text=True, timeout=200, check=False
     )
 
 
@@ -54,10 +54,10 @@ def until(true: Callable[[], bool], *, seconds: float, what: str) -> None:
 
 
 def truth(data: Path) -> list[dict[str, Any]]:
-    """What the robot's process wrote for an adjudicator, every mission, in order of time."""
+    """What the robot's process wrote for an adjudicator, every mission, in order of time; whole lines only."""
     lines: list[dict[str, Any]] = []
     for file in sorted((data / "robots" / "vbot-1" / "truth").glob("*.jsonl")):
-        lines += [json.loads(line) for line in file.read_text().splitlines() if line.endswith("}")]
+        lines += [json.loads(line) for line in file.read_text().split("\n")[:-1]]
     return sorted(lines, key=lambda line: line["at_s"])
 
 

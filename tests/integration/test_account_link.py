@@ -32,7 +32,7 @@ def owned(tmp_path: Path) -> Iterator[Stand]:
         lock.take(token=OWNER, url=settings.address)
         yield stand
         server.should_exit = True
-        thread.join(timeout=20)
+        thread.join(timeout=60)
 
 
 def linked(folder: Path) -> Result:

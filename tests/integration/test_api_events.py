@@ -30,7 +30,7 @@ def read(stand: Stand, after: int, until: int, *, prefix: str = "") -> list[str]
                     break
         return found
 
-    return asyncio.run(asyncio.wait_for(listen(), 20))
+    return asyncio.run(asyncio.wait_for(listen(), 60))
 
 
 def test_a_reader_gets_every_event_once_in_order_as_the_log_has_it(stand: Stand) -> None:
@@ -83,7 +83,7 @@ def test_what_is_committed_while_somebody_listens_arrives_and_other_streams_do_n
         assert set(found) == {f"mission/{mine}"}
         return found
 
-    assert len(asyncio.run(asyncio.wait_for(listen(), 20))) == 2
+    assert len(asyncio.run(asyncio.wait_for(listen(), 60))) == 2
     assert console.broker.watching == 0
 
 
@@ -98,7 +98,7 @@ def test_a_stream_ends_when_the_console_stops() -> None:
                 console.broker.close()
             return count
 
-        assert asyncio.run(asyncio.wait_for(listen(), 20)) >= 1
+        assert asyncio.run(asyncio.wait_for(listen(), 60)) >= 1
 
 
 def test_an_id_that_no_log_gave_is_a_problem(stand: Stand) -> None:

@@ -2,7 +2,6 @@
 
 import json
 import re
-from collections.abc import Iterator
 from threading import current_thread
 
 import pytest
@@ -11,21 +10,8 @@ from fastapi.testclient import TestClient
 from app.permissions import GRANTS, ROLES
 from tests.builders.consoles import BASE, FOREIGN, OWN
 from tests.builders.issuers import RETURNING, Entrance, cookies, entrance
-from tests.builders.people import PASSWORD, store_of
-from tests.fakes.issuer import ADA, CLIENT_SECRET, Issuer, issuing
-
-
-@pytest.fixture
-def issuer() -> Iterator[Issuer]:
-    with issuing() as running:
-        yield running
-
-
-@pytest.fixture
-def here(issuer: Issuer) -> Iterator[Entrance]:
-    """A console with an admin, who has a password."""
-    with entrance(issuer) as made:
-        yield made
+from tests.builders.people import PASSWORD, SETTING_UP, store_of
+from tests.fakes.issuer import ACCESS_TOKEN, ADA, CLIENT_SECRET, Issuer
 
 
 def test_a_person_of_a_mapped_group_comes_in_with_that_role_and_lands_where_they_wanted_to_go(here: Entrance) -> None:
@@ -115,6 +101,43 @@ def test_a_stranger_is_told_what_to_ask_for(here: Entrance) -> None:
         assert "Ask an admin of this console for a role for one of your groups" in answer.text
         assert here.keeps_out(client)
     assert here.refusals() == ["role_missing"] * 6
+
+
+SILENT = {"sub": ADA["sub"], "preferred_username": "ada"}
+"""Ada where the identity token does not say a word about groups."""
+
+
+def test_groups_that_the_token_lacks_are_asked_for_where_the_issuer_tells_of_people(here: Entrance) -> None:
+    here.issuer.person = {"sub": ADA["sub"], "groups": None}
+    here.issuer.said = {"sub": ADA["sub"], "preferred_username": "ada", "groups": ["robot-admins"]}
+    client = here.browser()
+    assert here.enter(client).status_code == 200
+    own = client.get("/api/v1/account").json()
+    assert (own["name"], own["roles"]) == ("ada", ["admin"])
+    here.issuer.said = {"sub": ADA["sub"], "groups": ["robot-operators"]}
+    again = here.browser()
+    here.enter(again)
+    assert again.get("/api/v1/account").json()["roles"] == ["operator"]
+    assert here.issuer.asked.count("person") == 2
+
+
+def test_what_the_token_says_of_groups_is_asked_of_nobody_else(here: Entrance) -> None:
+    here.issuer.said = {"sub": ADA["sub"], "groups": ["robot-admins"]}
+    client = here.browser()
+    here.enter(client)
+    assert client.get("/api/v1/account").json()["roles"] == ["operator"]
+    here.issuer.person = {**ADA, "groups": []}
+    assert here.enter(here.browser()).status_code == 403, "none is an answer, too"
+    assert "person" not in here.issuer.asked
+
+
+def test_who_has_an_account_by_name_comes_in_without_a_question_about_groups(here: Entrance) -> None:
+    setting_up(here, "the-admin", subject=str(ADA["sub"]))
+    here.issuer.person, here.issuer.said = SILENT, {"sub": "somebody else"}
+    client = here.browser()
+    assert here.enter(client).status_code == 200
+    assert client.get("/api/v1/account").json()["name"] == "the-admin"
+    assert "person" not in here.issuer.asked
 
 
 def test_without_a_mapping_nobody_has_a_role(issuer: Issuer) -> None:
@@ -207,6 +230,11 @@ def test_signing_out_ends_the_session_and_offers_the_issuers_own_way_out(here: E
         assert other.browser().get("/account/oidc/leave").headers["location"] == "/account/sign-in"
 
 
+def setting_up(here: Entrance, name: str, *, subject: str) -> None:
+    identities = here.stand.app.state.console.issuer.identities
+    identities.link(name, issuer=here.issuer.url, subject=subject, by=SETTING_UP)
+
+
 @pytest.mark.parametrize("role", ROLES)
 def test_every_role_comes_by_this_door_with_exactly_what_it_may(issuer: Issuer, role: str) -> None:
     with entrance(issuer, roles={"a-group": (role,)}) as here:
@@ -228,6 +256,7 @@ def test_no_secret_of_a_sign_in_stands_in_a_page_the_accounts_an_event_or_a_log(
     here: Entrance, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(0)
+    here.issuer.said = {"sub": "another", "groups": ["robot-operators"]}
     client = here.browser()
     away = here.away(client)
     under_way = cookies(client)["regen_sign_in_8000"]
@@ -237,8 +266,11 @@ def test_no_secret_of_a_sign_in_stands_in_a_page_the_accounts_an_event_or_a_log(
     told = [client.get(back, headers=RETURNING).text, client.get("/account").text]
     here.issuer.claims = {"nonce": "another"}
     told.append(here.enter(here.browser()).text)
-    secrets = [CLIENT_SECRET, verifier, code, under_way, *here.issuer.tokens, *cookies(client).values()]
-    assert len(here.issuer.tokens) == 2
+    here.issuer.claims, here.issuer.person = {}, {**SILENT, "sub": "another"}
+    told.append(here.enter(here.browser()).text)
+    assert here.issuer.asked[-1] == "person"
+    secrets = [CLIENT_SECRET, ACCESS_TOKEN, verifier, code, under_way, *here.issuer.tokens, *cookies(client).values()]
+    assert len(here.issuer.tokens) == 3
     assert all(len(one) > 20 for one in secrets if one)
     raw = store_of(here.stand)._engine.raw_connection()
     told.append("\n".join(raw.driver_connection.iterdump()))  # type: ignore[union-attr]

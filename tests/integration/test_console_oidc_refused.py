@@ -1,7 +1,6 @@
 """Every way in which an identity provider is not taken at its word: refused, named in the trail, nothing changed."""
 
 import re
-from collections.abc import Iterator
 
 import pytest
 from fastapi.testclient import TestClient
@@ -9,21 +8,7 @@ from fastapi.testclient import TestClient
 from tests.builders.consoles import BASE, OWN
 from tests.builders.issuers import RETURNING, Entrance, cookies, entrance
 from tests.builders.people import PASSWORD
-from tests.fakes.issuer import Issuer, issuing, new_key
-
-
-@pytest.fixture
-def issuer() -> Iterator[Issuer]:
-    with issuing() as running:
-        yield running
-
-
-@pytest.fixture
-def here(issuer: Issuer) -> Iterator[Entrance]:
-    """A console with an admin, who has a password."""
-    with entrance(issuer) as made:
-        yield made
-
+from tests.fakes.issuer import ADA, Issuer, new_key
 
 WRONG: tuple[tuple[dict[str, object], str], ...] = (
     ({"iss": "https://elsewhere.example"}, "wrong_issuer"),
@@ -157,3 +142,37 @@ def test_a_wrong_client_secret_is_the_admins_matter(issuer: Issuer) -> None:
     with entrance(issuer, client_secret="wrong") as here:
         assert here.enter(here.browser()).status_code == 403
         assert here.refusals() == ["client_refused"]
+
+
+SILENT = {"sub": ADA["sub"], "preferred_username": "ada"}
+GROUPS = {"groups": ["robot-admins"]}
+TOLD: tuple[tuple[dict[str, object], dict[str, object], str], ...] = (
+    ({**GROUPS, "sub": "somebody else"}, {}, "person_mismatch"),
+    ({**GROUPS}, {}, "person_mismatch"),
+    ({**GROUPS, "sub": [ADA["sub"]]}, {}, "person_mismatch"),
+    ({**GROUPS, "sub": ADA["sub"]}, {"token_type": "mac"}, "token_invalid"),
+    ({**GROUPS, "sub": ADA["sub"]}, {"access_token": None}, "token_invalid"),
+    ({**GROUPS, "sub": ADA["sub"]}, {"access_token": "a\r\nX-Other: b"}, "token_invalid"),
+    ({**GROUPS, "sub": ADA["sub"]}, {"access_token": "another"}, "issuer_unreachable"),
+    ({"sub": ADA["sub"], "groups": {"robot-admins": 1}}, {}, "role_missing"),
+    ({"sub": ADA["sub"]}, {}, "role_missing"),
+)
+
+
+def test_what_is_told_of_somebody_else_or_to_nobody_we_know_gives_no_role(here: Entrance) -> None:
+    here.issuer.person = SILENT
+    for said, given, code in TOLD:
+        here.issuer.said, here.issuer.given = said, given
+        client = here.browser()
+        assert here.enter(client).status_code in (403, 502), said
+        assert here.refusals()[0] == code, (said, given)
+        assert here.keeps_out(client), said
+    assert len(here.refusals()) == len(TOLD)
+
+
+@pytest.mark.parametrize("endpoint", ["https://elsewhere.example/person", "http://127.0.0.1:9/person", 7, None])
+def test_an_access_token_goes_to_no_host_that_is_not_configured(here: Entrance, endpoint: object) -> None:
+    here.issuer.person, here.issuer.document = SILENT, {"userinfo_endpoint": endpoint}
+    assert here.enter(here.browser()).status_code == 403
+    assert here.refusals() == ["role_missing"]
+    assert "person" not in here.issuer.asked

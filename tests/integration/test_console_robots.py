@@ -1,5 +1,6 @@
 """/robots: a stop of everything, autonomy, camera, driving by hand, who may; and the page while robots start."""
 
+import re
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,6 +8,7 @@ from math import hypot
 
 import httpx
 
+from app.filters import iso
 from app.main import bind
 from app.settings import ConsoleSettings
 from app.starting import starting
@@ -154,7 +156,37 @@ def test_a_robot_is_sent_to_its_safe_place_shown_on_its_way_and_stopped_there_by
         to_the_end(stand)
         assert "declared succeeded. Nothing is accepted of it." in operator.get(f"/robots/{ONE}").text
         assert from_dock_m(stand) < 0.4
+        ended = [one.recorded_s for one in stand.harness.runtime.stream(CONTROL) if one.kind == "RetreatEnded"]
+        said = re.findall(
+            r'<time datetime="([^"]*)">[^<]+ UTC</time>: Last sent to', operator.get(f"/robots/{ONE}").text
+        )
+        assert said == [iso(ended[-1])]
+        started(stand.harness, ONE)
+        assert "Last sent to" not in operator.get(f"/robots/{ONE}").text, "it mattered until the next mission"
+        assert 'href="/audit?kind=Retreat"' in operator.get(f"/robots/{ONE}").text
+        history = operator.get("/audit?kind=RetreatEnded").text
+        assert (history.count("<td>RetreatEnded</td>"), history.count(f'<span class="under">{ONE}</span>')) == (2, 2)
         assert stand.harness.robots[TWO].status().posture == "lying"
+
+
+def test_a_button_that_says_stop_never_sends_a_robot_off_and_the_other_way_round() -> None:
+    with fleet_stand() as stand:
+        mission_id, operator = started(stand.harness, ONE), stand.operator()
+        run_together(stand.harness, mission_id, until=lambda: from_dock_m(stand) > 2.0)
+        operator.post(f"/robots/{ONE}/safe", data=REASON)
+        run_together(stand.harness, mission_id)
+        go, stay = {"meant": "go", **REASON}, {"meant": "stay", **REASON}
+        assert 'name="meant" value="go"' in operator.get(f"/robots/{ONE}").text
+        refused = operator.post(f"/robots/{ONE}/safe", data=stay)
+        assert refused.status_code == 409 and "nothing to stop: nothing was done" in refused.text
+        assert stand.harness.runtime.fold(CONTROL).retreats == {}
+        assert operator.post(f"/robots/{ONE}/safe", data=go).status_code == 303
+        assert 'name="meant" value="stay"' in operator.get(f"/robots/{ONE}").text
+        again = operator.post(f"/robots/{ONE}/safe", data=go)
+        assert again.status_code == 409 and "on its way to its safe place by now" in again.text
+        assert stand.harness.runtime.fold(CONTROL).retreats[ONE].status == "sent"
+        assert operator.post(f"/robots/{ONE}/safe", data=stay).status_code == 303
+        assert stand.harness.runtime.fold(CONTROL).retreats[ONE].status == "stopping"
 
 
 def from_dock_m(stand: Stand) -> float:
@@ -185,12 +217,12 @@ def listening() -> Iterator[socket.socket]:
 def test_while_robots_start_the_console_says_so_and_takes_no_command() -> None:
     with listening() as listener:
         port = listener.getsockname()[1]
-        client = httpx.Client(base_url=f"http://127.0.0.1:{port}", trust_env=False, timeout=10.0)
+        client = httpx.Client(base_url=f"http://127.0.0.1:{port}", trust_env=False, timeout=60.0)
         with client, starting(ConsoleSettings(port=port), listener, ("vbot-1", "vbot-2")):
             assert client.get("/healthz").text == "ok\n"
             page = client.get("/missions")
             assert page.status_code == 503 and "vbot-1, vbot-2" in page.text
             assert "default-src 'self'" in page.headers["content-security-policy"]
             assert client.post("/robots/stop", data=REASON).status_code == 503
-        with socket.create_connection(("127.0.0.1", port), timeout=5.0):
+        with socket.create_connection(("127.0.0.1", port), timeout=60.0):
             assert listener.accept()[0].close() is None, "whoever serves next takes the connections that come"

@@ -11,7 +11,7 @@ from app.limits import LARGEST_BODY
 from app.permissions import ROLES
 from app.settings import ConsoleSettings
 from tests.builders.consoles import BASE, FOREIGN, OWN, Stand, console_stand
-from tests.builders.people import PASSWORD, browser, everybody, program
+from tests.builders.people import PASSWORD, browser, everybody, program, standing_watch
 
 
 @pytest.fixture
@@ -50,12 +50,13 @@ def test_a_session_is_never_taken_over_from_before_signing_in(stand: Stand, peop
 
 def test_wrong_passwords_are_slowed_down_with_retry_after(stand: Stand, people: dict[str, TestClient]) -> None:
     stranger = people["stranger"]
+    standing_watch(stand)
     tries = [
         stranger.post("/account/sign-in", data={"name": "the-viewer", "password": "wrong password"})
         for _ in range(FREE_TRIES + 1)
     ]
     assert [one.status_code for one in tries] == [403] * FREE_TRIES + [429]
-    assert int(tries[-1].headers["retry-after"]) >= 1
+    assert tries[-1].headers["retry-after"] == "1"
     assert "Too many wrong passwords" in tries[-1].text
     known = stranger.post("/account/sign-in", data={"name": "nobody", "password": "wrong password"})
     assert known.text.replace("nobody", "the-viewer") == tries[0].text, "an unknown name is answered like a known one"
@@ -123,12 +124,12 @@ def test_a_body_that_is_too_large_is_refused_however_it_comes(stand: Stand, peop
 
 
 def test_a_caller_that_asks_too_fast_is_told_when_to_go_on() -> None:
-    settings = ConsoleSettings(port=8000, stranger_rate_per_s=0.5, stranger_rate_burst=3)
+    settings = ConsoleSettings(port=8000, stranger_rate_per_s=0.01, stranger_rate_burst=3)
     with console_stand(settings=settings) as stand:
         stranger = stand.stranger()
         answers = [stranger.get("/healthz") for _ in range(4)]
         assert [one.status_code for one in answers] == [200, 200, 200, 429]
-        assert answers[-1].headers["retry-after"] == "2"
+        assert 60 < int(answers[-1].headers["retry-after"]) <= 100
         assert stranger.get("/static/css/base.css").status_code == 200
 
 

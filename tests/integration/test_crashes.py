@@ -65,41 +65,43 @@ def test_killed_again_inside_the_recovery_the_mission_still_goes_on(tmp_path: Pa
 
 @pytest.mark.mujoco(missions=1)
 def test_the_harness_killed_in_mid_leg_leaves_a_robot_that_stands_within_two_seconds(tmp_path: Path) -> None:
-    harness = start("mission", "run", "circuit", "--data", tmp_path, "--speed", "8", "--json")
+    harness = start("mission", "run", "circuit", "--data", tmp_path, "--speed", "2", "--json")
     until(
         lambda: any(line["kind"] == "pose" and line["v_mps"] > 0.3 for line in truth(tmp_path)),
-        seconds=40,
+        seconds=100,
         what="the robot's motion",
     )
     moving_s = truth(tmp_path)[-1]["at_s"]
     os.kill(harness.pid, signal.SIGKILL)
     harness.communicate()
-    until(lambda: truth(tmp_path)[-1]["at_s"] > moving_s + 4.0, seconds=20, what="four seconds without a harness")
+    dead_s = truth(tmp_path)[-1]["at_s"]
+    until(lambda: truth(tmp_path)[-1]["at_s"] > dead_s + 4.0, seconds=100, what="four seconds without a harness")
     poses = [line for line in truth(tmp_path) if line["kind"] == "pose"]
-    assert all(line["v_mps"] < 0.02 for line in poses if line["at_s"] > moving_s + 2.0 + KILL_LATENCY_S)
+    assert any(line["v_mps"] > 0.1 for line in poses if line["at_s"] > moving_s - 2.0)
+    assert all(line["v_mps"] < 0.02 for line in poses if line["at_s"] > dead_s + 2.0 + LAST_WORD_S)
     mission_id = only_mission(tmp_path)
-    again = regen("mission", "resume", mission_id, "--data", tmp_path, "--speed", "8", "--json")
+    again = regen("mission", "resume", mission_id, "--data", tmp_path, "--speed", "2", "--json")
     assert again.returncode == 0, again.stderr
     assert answer(again)["duplicate_starts"] == 0
     assert_nothing_doubled(tmp_path)
 
 
-KILL_LATENCY_S = 1.6
-"""Mission seconds at 8x between the last pose that was read and the last keepalive before the signal arrived."""
+LAST_WORD_S = 0.8
+"""Mission seconds at 2x that a keepalive which the dead harness had sent may still lie before the robot's door."""
 
 
 def test_the_robot_killed_in_mid_leg_comes_back_and_nothing_starts_twice(tmp_path: Path) -> None:
     harness = start(
-        "mission", "run", "circuit", "--data", tmp_path, "--speed", "8", "--fidelity", "kinematic", "--json"
+        "mission", "run", "circuit", "--data", tmp_path, "--speed", "4", "--fidelity", "kinematic", "--json"
     )
     until(
         lambda: any(line["kind"] == "pose" and line["v_mps"] > 0.3 for line in truth(tmp_path)),
-        seconds=40,
+        seconds=100,
         what="the robot's motion",
     )
     attachment = json.loads((tmp_path / "robots" / "vbot-1" / "robot.json").read_text())
     os.kill(attachment["pid"], signal.SIGKILL)
-    printed, _ = harness.communicate(timeout=100)
+    printed, _ = harness.communicate(timeout=200)
     outcome = json.loads(printed)
     assert outcome["status"] == "succeeded"
     assert outcome["recovery"]["spent"] >= 1

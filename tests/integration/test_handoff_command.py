@@ -57,7 +57,7 @@ def terminal(tmp_path: Path) -> Iterator[Terminal]:
         lock.take(token=TOKEN, url=f"http://127.0.0.1:{port}")
         yield Terminal(tmp_path, asked)
         server.should_exit = True
-        thread.join(timeout=20)
+        thread.join(timeout=60)
         listener.close()
 
 
@@ -93,7 +93,7 @@ def test_an_approval_from_a_terminal_names_the_digest_and_follows_the_mission(te
     while terminal.asked.handoff.status == "open" and following.is_alive():
         following.join(0.05)
     terminal.asked.run()
-    following.join(30.0)
+    following.join(120.0)
     assert done[0]["status"] == "awaiting_human"
     assert sum(start.moves for start in terminal.asked.starts[before:]) == 1
     answer = terminal.asked.handoff.answer

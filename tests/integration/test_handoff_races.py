@@ -27,7 +27,7 @@ def at_once(*acts: Callable[[], Any]) -> list[Any]:
     barrier, got = threading.Barrier(len(acts)), dict[int, Any]()
 
     def one(number: int) -> None:
-        barrier.wait(30.0)
+        barrier.wait(60.0)
         got[number] = acts[number]()
 
     threads = [threading.Thread(target=one, args=(number,)) for number in range(len(acts))]

@@ -150,7 +150,7 @@ def test_the_drive_is_disarmed_before_the_observation_begins(inspection: Ran) ->
     go, panorama = committed(inspection, "go"), committed(inspection, "panorama")
     assert 0.0 <= go.declared["distance_m"] <= 0.4
     disarmed = next(receipt for receipt in go.receipts if receipt.kind == "disarm")
-    assert disarmed.at_s <= panorama.dispatched_s
+    assert go.dispatched_s < go.declared["departed_at_s"] < disarmed.at_s <= panorama.dispatched_s
 
 
 @pytest.mark.ledger("R202", symbol="harness.adapters.providers.messaging.delivery:OutboxDelivery.work")

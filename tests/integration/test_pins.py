@@ -215,8 +215,8 @@ def test_a_version_has_the_missions_that_ran_under_it_with_their_evidence_failur
     troubled = stage.run(stage.begin("circuit", "early-success")).mission
     newer = release(stage.runtime, sterner())
     other = stage.run(stage.begin("circuit")).mission
-    assert stage.runtime.pinned_to(H_0) == [troubled]
-    assert stage.runtime.pinned_to(newer) == [other]
+    assert list(stage.runtime.pinned_to(H_0)) == [troubled]
+    assert list(stage.runtime.pinned_to(newer)) == [other]
     (told,) = stage.runtime.pinned_to(H_0)
     circuit = told.nodes[NodeId("circuit")]
     assert len(circuit.packets) > 1

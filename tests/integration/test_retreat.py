@@ -266,9 +266,9 @@ def test_a_harness_that_stops_in_between_leaves_an_unknown_end_and_never_sends_a
 def test_a_process_that_is_killed_on_the_way_starts_nothing_twice(tmp_path: Path, point: str, outcome: str) -> None:
     log = str(tmp_path / "log.db")
     program = [sys.executable, "-m", "tests.builders.killed_retreat"]
-    killed = subprocess.run([*program, "expire", log, point], capture_output=True, timeout=60, check=False)
+    killed = subprocess.run([*program, "expire", log, point], capture_output=True, timeout=200, check=False)
     assert killed.returncode == -signal.SIGKILL, killed.stderr[-500:]
-    after = subprocess.run([*program, "resume", log], capture_output=True, timeout=60, check=True)
+    after = subprocess.run([*program, "resume", log], capture_output=True, timeout=200, check=True)
     shown = json.loads(after.stdout)
     assert (shown["starts"], shown["outcome"]) == (1, outcome)
     assert shown["done"] == [outcome == "reached"] and shown["mission"] == "safe_stopped"

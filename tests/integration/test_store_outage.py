@@ -36,14 +36,14 @@ def begun(harness: Harness) -> MissionId:
 
 
 def test_a_mission_outlives_its_database(tmp_path: Path, server: PostgresServer) -> None:
-    settings = HarnessSettings(data_folder=tmp_path, speed=10.0, fidelity="kinematic", database=server.database())
+    settings = HarnessSettings(data_folder=tmp_path, speed=2.0, fidelity="kinematic", database=server.database())
     with open_harness(settings) as harness:
         mission_id = begun(harness)
-        until(lambda: moving(tmp_path), seconds=30, what="the robot's motion")
+        until(lambda: moving(tmp_path), seconds=100, what="the robot's motion")
         server.stop("immediate")
-        until(lambda: not moving(tmp_path), seconds=10, what="the dead man's stop")
+        until(lambda: not moving(tmp_path), seconds=60, what="the dead man's stop")
         server.start()
-        until(lambda: harness.runtime.mission(mission_id).ended, seconds=60, what="the end of the mission")
+        until(lambda: harness.runtime.mission(mission_id).ended, seconds=150, what="the end of the mission")
         assert harness.runtime.mission(mission_id).status == "succeeded"
         starts: tuple[PhysicalStart, ...] = harness.starts(mission_id)
         assert len({start.request_id for start in starts}) == len(starts)

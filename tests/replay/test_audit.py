@@ -3,19 +3,20 @@
 import gzip
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import msgspec
 import pytest
+from msgspec.structs import replace
 
-from harness.auditing.replay import ReplayReport, replay_all, replay_mission
+from harness.auditing.replay import UNEQUAL, ReplayReport, replay_all, replay_mission
 from harness.bootstrap import read_harness
 from harness.contracts.commands import PauseMission, ResumeMission, StopMission
 from harness.contracts.decisions import Accepted
 from harness.contracts.handoff_commands import DecideHandoff, LookAgain
-from harness.contracts.ids import Digest, MissionId
-from harness.contracts.ports import StoredEvent
-from harness.projections.mission import all_required_committed
+from harness.contracts.ids import Digest, MissionId, StreamId, mission_stream
+from harness.contracts.ports import State, StoredEvent
+from harness.projections.mission import Mission, all_required_committed
 from harness.settings import HarnessSettings
 from tests.builders.crews import Failing, Stage, only, staged, template
 from tests.builders.missions_run import OPERATOR
@@ -62,6 +63,29 @@ def test_every_decision_of_an_honest_log_is_derived_again(told: Told) -> None:
     assert report.decisions == 11 and report.leases == 4
     live = told.stage.runtime.mission(told.mission_id)
     assert report.k == live.k
+
+
+class ForgedSnapshots:
+    """Restores one mission as something that its log does not say, and keeps nothing."""
+
+    def __init__(self, forged: Mission) -> None:
+        self.forged = forged
+
+    def restore(self, stream: StreamId, initial: State) -> tuple[State, int]:
+        if stream == mission_stream(self.forged.mission_id):
+            return cast(State, self.forged), self.forged.version
+        return initial, 0
+
+    def offer(self, stream: StreamId, version: int, state: object) -> None:
+        """Nothing is kept."""
+
+
+@pytest.mark.ledger("R147", symbol="harness.auditing.replay:replay_mission")
+def test_a_live_state_that_does_not_follow_from_its_log_is_named(told: Told) -> None:
+    live = told.stage.runtime.mission(told.mission_id)
+    assert told.replayed(snapshots=ForgedSnapshots(live)).differences == ()
+    report = told.replayed(snapshots=ForgedSnapshots(replace(live, relooks=live.relooks + 1)))
+    assert report.differences == (f"mission/{told.mission_id}: {UNEQUAL}",)
 
 
 def changed(body: Body, value: object, *path: object) -> Body:

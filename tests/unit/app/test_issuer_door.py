@@ -46,7 +46,7 @@ class Believing:
         self.begun.append(attempt)
         return f"{self.issuer}/authorize?state={attempt.state}"
 
-    def finish(self, attempt: Attempt, *, code: str, issuer: str) -> Claims:
+    def finish(self, attempt: Attempt, *, code: str, issuer: str, by_groups: Callable[[str], bool]) -> Claims:
         return Claims(issuer=self.issuer, subject=code, name="ada", groups=self.groups)
 
     def leave(self, after: str) -> str:

@@ -27,6 +27,7 @@ SENTENCES = {
         ("offers navigate, not look_again", "提供导航，不提供再看一次"),
         ("92% of the route was measured, bound 95%; it is done", "实测 92%，界限 95%；已完成"),
         ("circuit.closed: it is done", "circuit.closed：已完成"),
+        ("it is done: look_again", "已完成：再看一次"),
         ("The robot stands. it is done.", "机器人站着。已完成。"),
         (
             "Ambiguous (92% of the route was measured, bound 95%; it is done). Tried: nothing, look again. "

@@ -89,6 +89,7 @@ def test_the_planner_sees_goal_frontier_facts_places_and_coarse_failures() -> No
     assert mandatory(c1) == {"goal", "frontier"}
     assert [one["node_id"] for one in held(c1, "frontier")] == ["look", "wait"]
     assert held(c1, "failures") == {"node_id": "look", "failures": {"timeout": 2, "violated": 1}}
+    assert {"failures", "history"}.isdisjoint(kinds(planner_context(view(three()))))
 
 
 @pytest.mark.ledger("R67", "R70", symbol="harness.contexts.planner:frontier")
@@ -96,6 +97,18 @@ def test_another_state_version_makes_another_plan() -> None:
     before, after = planner_context(view(three())), planner_context(view(after_go(three())))
     assert (plan(before).node_id, plan(after).node_id) == ("go", "look")
     assert (before.k, after.k) == (3, 4)
+
+
+@pytest.mark.ledger("R28", symbol="harness.contexts.observed:newest_samples")
+def test_of_each_source_the_newest_sample_is_observed_even_where_an_older_one_arrives_after_it() -> None:
+    recent = Drive(after_s=0.0).samples()
+    sources = {sample.source for sample in recent}
+    newest = {source: max(sample.at_s for sample in recent if sample.source == source) for source in sources}
+    at_s = recent[-1].at_s
+    for arrived in (recent, tuple(reversed(recent))):
+        shown = planner_context(view(three(), at_s=at_s, recent=arrived)).all("observation")
+        assert {record.source: record.at_s for record in shown} == newest
+        assert len(shown) == len(sources)
 
 
 @pytest.mark.ledger("R69", symbol="harness.contexts.observed:other_map")

@@ -76,7 +76,7 @@ def test_an_answer_that_cannot_be_read_accepts_nothing(text: str) -> None:
 
 
 def test_an_endpoint_is_asked_by_its_protocol() -> None:
-    with served("violated") as url, httpx.Client(timeout=5.0) as client:
+    with served("violated") as url, httpx.Client(timeout=60.0) as client:
         assert answered(endpoint(client, "small", url), "?") == "violated"
 
 

@@ -40,6 +40,8 @@ def test_a_mission_is_written_with_the_papers_topics_in_the_map_frame(recorded, 
     assert (recorded.frame, recorded.map_version) == ("map", "site-1")
     assert [route.route_m for route in recorded.paths()] == [OUT, BACK]
     assert {"/rosout", "/tf_static"} <= set(types)
+    lasted_s = mission.samples[-1].at_s - mission.samples[0].at_s
+    assert {topic.name: topic.messages for topic in recorded.topics}["/path"] == math.ceil(lasted_s / 10.0) == 4
 
 
 def test_poses_and_odometry_come_back_sample_for_sample(recorded, mission):
@@ -75,12 +77,13 @@ def test_the_recorded_slam_path_is_the_walked_way(recorded):
     assert math.dist(route[-1], BACK[-1]) < 0.3
 
 
+@pytest.mark.parametrize("frame", ["map", "odom", "world", "map_01"])
 @pytest.mark.ledger("R177", symbol="harness.adapters.providers.recording.survey:_poses_in")
-def test_the_slam_path_is_the_final_one_that_is_not_empty(tmp_path):
+def test_the_slam_path_is_the_final_one_that_is_not_empty(tmp_path, frame):
     words = RosWords()
     stages = [[(0.0, 0.0)], [(0.0, 0.0), (1.0, 0.0)], []]
-    paths = [("/path", PATH, 10.0 + at, words.path(10.0 + at, "map", points)) for at, points in enumerate(stages)]
-    pose = (BODY_POSE, POSE, 10.0, words.pose(pose_at(10.0, 0.0)))
+    paths = [("/path", PATH, 10.0 + at, words.path(10.0 + at, frame, points)) for at, points in enumerate(stages)]
+    pose = (BODY_POSE, POSE, 10.0, words.pose(pose_at(10.0, 0.0, frame=frame)))
     with open_recording(mcap_of(tmp_path / "slam.mcap", [pose, paths[1], paths[0], paths[2]])) as recording:
         assert recording.slam_path().route_m == ((0.0, 0.0), (1.0, 0.0))
         assert recording.slam_path().at_s == pytest.approx(11.0)

@@ -94,11 +94,11 @@ def endpoint() -> Iterator[Endpoint]:
         thread.start()
         yield server
         server.shutdown()
-        thread.join(5.0)
+        thread.join(60.0)
 
 
 def generator(endpoint: Endpoint, **settings: Any) -> ModelGenerator:
-    return ModelGenerator(ModelSettings(model_url=endpoint.url, model="small-1", model_timeout_s=10.0, **settings))
+    return ModelGenerator(ModelSettings(model_url=endpoint.url, model="small-1", model_timeout_s=60.0, **settings))
 
 
 def answered(endpoint: Endpoint, answer: object) -> tuple[Any, ...]:
@@ -167,7 +167,7 @@ def test_an_endpoint_that_fails_or_is_not_there_is_a_typed_error_and_is_not_aske
     with pytest.raises(ModelSilent, match=endpoint.url):
         answered(endpoint, GOOD)
     assert len(endpoint.asked) == 1
-    gone = ModelSettings(model_url="http://127.0.0.1:9/v1", model="small-1", model_timeout_s=5.0)
+    gone = ModelSettings(model_url="http://127.0.0.1:9/v1", model="small-1", model_timeout_s=60.0)
     with pytest.raises(ModelSilent):
         ModelGenerator(gone).propose(TRACE, H0, GenerationBudget())
 

@@ -3,7 +3,7 @@
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from multiprocessing import active_children
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from tests.builders.evaluations import BASELINE, patient
 
 CASES = spread(tuple(c for c in cases_of(shipped("regression")) if c.situation.template == "circuit"), 6)
 NINE = spread(cases_of(shipped("safety")), 9)
+TRIES = 8
 
 
 class Counting:
@@ -137,7 +138,7 @@ def test_a_result_that_never_came_back_is_no_measurement() -> None:
 def test_a_worker_that_cannot_import_is_a_typed_error_and_no_hang() -> None:
     """The program is started from a text that a new interpreter cannot import again."""
     words = "from tests.unit.rsi_regression.test_runner import start_a_worker; start_a_worker()"
-    run = subprocess.run([sys.executable, "-"], input=words, capture_output=True, text=True, timeout=60, check=False)
+    run = subprocess.run([sys.executable, "-"], input=words, capture_output=True, text=True, timeout=200, check=False)
     assert "WorkersLost: A worker ended before it could begin" in run.stderr
 
 
@@ -146,17 +147,25 @@ def start_a_worker() -> None:
 
 
 def test_a_worker_that_is_silent_costs_its_case() -> None:
-    (result,) = measured(CASES[:1], (BASELINE,), executor=Processes(1, longest_s=1e-6))
-    assert result.outcome == "timed_out"
+    assert lost(lambda: measured(CASES[:1], (BASELINE,), executor=Processes(1, longest_s=1e-6))) == {"timed_out": 1}
 
 
 def test_a_worker_that_dies_costs_its_case_and_no_other() -> None:
     def kill(advance: Advance) -> None:
         if advance.done == 8:
-            active_children()[0].kill()
+            next(one for one in active_children() if one.name == "regression worker").kill()
 
-    results = measured(NINE, (BASELINE,), executor=Processes(1), watch=kill)
-    assert Counter(one.outcome for one in results) == {"finished": 8, "crashed": 1}
+    counted = lost(lambda: measured(NINE, (BASELINE,), executor=Processes(1), watch=kill))
+    assert counted == {"finished": 8, "crashed": 1}
+
+
+def lost(run: Callable[[], Sequence[CaseResult]]) -> Counter[str]:
+    """Outcomes of the first run that lost a case: a worker may have its case done before it is let go of or killed."""
+    for _ in range(TRIES):
+        counted = Counter(one.outcome for one in run())
+        if set(counted) != {"finished"}:
+            return counted
+    raise AssertionError(f"no case was lost in {TRIES} runs")
 
 
 def test_a_job_runs_each_of_its_cases_even_after_one_that_crashed() -> None:

@@ -2,8 +2,6 @@
 
 import time
 
-import pytest
-
 from harness.adapters.clock import LockstepClock, RobotClock
 from harness.contracts.errors import ProviderUnreachable
 from tests.unit.simulation.builders import bench
@@ -30,7 +28,7 @@ def test_a_robots_clock_is_extrapolated_at_its_speed_and_never_runs_backwards() 
     begun = time.monotonic()
     clock = RobotClock(lambda: 1000.0 + 20.0 * (time.monotonic() - begun), speed=20.0)
     clock.wait_until(1010.0)
-    assert time.monotonic() - begun == pytest.approx(0.5, abs=0.2)
+    assert 0.3 < time.monotonic() - begun < 10.0 / 2, "ten seconds of the robot, not ten of the machine"
     readings = [clock.now().mission_s for _ in range(200)]
     assert readings == sorted(readings)
 

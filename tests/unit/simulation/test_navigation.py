@@ -3,10 +3,14 @@
 import math
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from harness.adapters.providers.simulation.faults import CLEARED_AFTER_S
+from harness.adapters.providers.simulation.navigation import CarefulPlanner, Leg, RouteFollower
 from harness.adapters.providers.simulation.obstruction import GAP_M
+from harness.adapters.providers.simulation.senses import Senses, Shot
+from harness.contracts.ids import RequestId
 from harness.contracts.values import Point
 from tests.unit.simulation.builders import Bench, along, bench, route
 
@@ -15,6 +19,41 @@ GOAL_B = route("A-B").waypoints_m[-1]
 
 def off_m(made: Bench, goal: Point) -> float:
     return math.dist((made.pose().x_m, made.pose().y_m), goal)
+
+
+FREE = Leg(
+    route_m=((0.0, 0.0), (8.0, 0.0)),
+    target_m=(8.0, 0.0),
+    tolerance_m=0.4,
+    speed_cap_mps=0.5,
+    lookahead_m=3.0,
+    begin_m=1.0,
+)
+"""Along a straight route on an empty floor, seen far ahead."""
+
+
+def driven(planner: RouteFollower, place: Point, *, until_s: float) -> list[Point]:
+    """Where a body goes that does at once what it is told and whose lidar sees nothing; ten places a second."""
+    (x_m, y_m), yaw_rad, way = place, 0.0, [place]
+    for tick in range(round(until_s * 10)):
+        senses = Senses(
+            at_s=tick / 10,
+            x_m=x_m,
+            y_m=y_m,
+            yaw_rad=yaw_rad,
+            still=False,
+            ranges=lambda headings, reach_m: np.full(len(headings), reach_m),
+            capture=nothing_to_capture,
+        )
+        command = planner.step(senses).command
+        yaw_rad += 0.1 * command.w_radps
+        x_m, y_m = x_m + 0.1 * command.v_mps * math.cos(yaw_rad), y_m + 0.1 * command.v_mps * math.sin(yaw_rad)
+        way.append((x_m, y_m))
+    return way
+
+
+def nothing_to_capture(at_s: float, request: RequestId) -> Shot:
+    raise AssertionError("nobody takes a picture on the way")
 
 
 @pytest.mark.parametrize("provider", ["route-follower", "careful-local-planner"])
@@ -28,6 +67,16 @@ def test_a_leg_ends_inside_the_arrival_radius_with_arrival_and_disarm_receipts(p
     assert report.declared["distance_m"] == pytest.approx(off_m(made, GOAL_B), abs=0.05)
     assert [receipt.kind for receipt in report.receipts] == ["arrival", "disarm"]
     assert report.receipts[0].text.startswith("GOAL REACHED")
+
+
+@pytest.mark.ledger("R199", symbol="harness.adapters.providers.simulation.navigation:RouteFollower.claim")
+def test_a_leg_too_short_to_depart_claims_its_endpoint_error_and_a_disarmed_drive_and_no_departure() -> None:
+    made = bench()
+    report = made.run("route-follower", {**along("A-B"), "route": ((0.0, 0.0), (0.7, 0.0)), "target": (0.7, 0.0)})
+    assert report.status == "succeeded"
+    assert report.declared["distance_m"] == pytest.approx(off_m(made, (0.7, 0.0)), abs=0.05)
+    assert report.receipts[-1].kind == "disarm"
+    assert "departed_at_s" not in report.declared
 
 
 @pytest.mark.ledger("R217", symbol="harness.adapters.providers.simulation.navigation:RouteFollower._settle")
@@ -98,12 +147,27 @@ def test_the_careful_planner_passes_a_gap_that_the_follower_must_not(fidelity: s
     assert aside > (2.2 - GAP_M) / 2 - 0.3
 
 
-def test_nobody_passes_where_every_gap_is_closed() -> None:
+@pytest.mark.ledger("R186", symbol="harness.adapters.providers.simulation.navigation:CarefulPlanner._look")
+def test_nobody_passes_where_every_gap_is_closed_and_each_says_what_it_sees() -> None:
     made = bench(faults=["blocked-passage:persistent"])
-    for attempt, provider in enumerate(("route-follower", "careful-local-planner"), start=1):
+    seen = {
+        "route-follower": "The route ahead is closed for the lidar.",
+        "careful-local-planner": "The lidar shows no gap wide enough.",
+    }
+    for attempt, (provider, told) in enumerate(seen.items(), start=1):
         report = made.run(provider, along("A-B"), attempt=attempt)
         assert (report.status, report.failure) == ("failed", "no_progress")
+        assert report.message == f"No 0.2 m of progress in 10 s. {told}"
     assert max(truth.x_m for truth in made.truth()) < 6.0
+
+
+@pytest.mark.ledger("R186", symbol="harness.adapters.providers.simulation.navigation:CarefulPlanner._look")
+def test_beside_a_free_route_the_careful_planner_comes_back_to_it_early_and_then_keeps_to_it() -> None:
+    way = driven(CarefulPlanner(FREE), (1.0, 0.8), until_s=12.0)
+    back_x_m = next(x_m for x_m, y_m in way if y_m < 0.25)
+    assert back_x_m < 2.5
+    assert all(abs(y_m) < 0.4 for x_m, y_m in way if x_m > back_x_m)
+    assert way[-1][0] > 4.0
 
 
 def test_a_passed_obstruction_is_gone_on_the_way_back() -> None:

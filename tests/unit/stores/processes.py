@@ -37,5 +37,5 @@ def kill(child: "subprocess.Popen[str]") -> list[str]:
     assert child.stdout is not None
     child.kill()
     rest = child.stdout.read().split()
-    child.wait(timeout=30)
+    child.wait(timeout=60)
     return rest

@@ -137,4 +137,4 @@ def test_a_provider_failpoint_kills_before_or_after_the_provider_was_asked(failp
     with running("dispatch", failpoint) as child:
         assert child.stdout is not None
         assert " ".join(child.stdout.read().split()) == printed
-        assert child.wait(timeout=30) == -9
+        assert child.wait(timeout=60) == -9

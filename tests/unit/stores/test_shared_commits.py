@@ -17,7 +17,7 @@ from harness.contracts.ports import Batch, Head, Record, StoredEvent
 from tests.unit.stores.builders import NOW, batch, record
 
 THREADS = 8
-PATIENCE_S = 10.0
+PATIENCE_S = 60.0
 
 
 class CountedStore(SqlEventStore):
@@ -33,10 +33,15 @@ class CountedStore(SqlEventStore):
     def queued(self) -> int:
         return len(self._waiting)
 
+    @property
+    def writes(self) -> bool:
+        """Whether an append has taken everything that waited, itself included, and is on its way to the disk."""
+        return self._lock.locked() and not self._waiting
+
 
 @pytest.fixture
 def store(tmp_path: Path) -> Iterator[CountedStore]:
-    with closing(CountedStore(f"sqlite:///{tmp_path / 'log.db'}")) as opened:
+    with closing(CountedStore(f"sqlite:///{tmp_path / 'log.db'}", busy_s=PATIENCE_S)) as opened:
         yield opened
 
 
@@ -62,7 +67,7 @@ def appended_together(store: CountedStore, tmp_path: Path, batches: Sequence[Bat
     with ThreadPoolExecutor(len(batches)) as threads:
         with busy(tmp_path):
             first = threads.submit(store.append, [batches[0]], [record("note", "first")], NOW)
-            until(lambda: store.queued == 0 and first.running())
+            until(lambda: store.writes)
             others = [
                 threads.submit(store.append, [one], [record("note", number)], NOW)
                 for number, one in enumerate(batches[1:])
@@ -164,8 +169,9 @@ def test_a_question_does_not_wait_for_a_commit_on_its_way_to_the_disk(store: Cou
     stream = StreamId("mission/0")
     store.append([batch(stream, 0, "Seen")], [], NOW)
     assert store.load(stream, 1) == []
-    with busy(tmp_path), ThreadPoolExecutor(1) as pool:
+    with ThreadPoolExecutor(1) as pool, busy(tmp_path):
         waiting = pool.submit(store.append, [batch("mission/1", 0, "Seen")], [], NOW)
-        until(store._lock.locked)
+        until(lambda: store.writes)
         assert store.load(stream, 1) == []
         assert not waiting.done()
+    assert waiting.result().position == 2

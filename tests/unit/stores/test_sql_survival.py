@@ -74,7 +74,7 @@ def test_a_full_disk_is_said_and_costs_nothing_that_was_acknowledged(url: str, t
 )
 def test_a_failpoint_kills_before_or_after_the_append_is_durable(url: str, failpoint: str, kept: list[str]) -> None:
     with running("fail", url, failpoint) as child:
-        assert child.wait(timeout=30) == -9
+        assert child.wait(timeout=60) == -9
     store = SqlEventStore(url)
     assert [event.kind for event in store.load(StreamId("mission/a"))] == kept
     assert store.verify().position == len(kept)
@@ -83,7 +83,7 @@ def test_a_failpoint_kills_before_or_after_the_append_is_durable(url: str, failp
 
 def test_a_failpoint_that_is_never_reached_changes_nothing(url: str) -> None:
     with running("fail", url, "after:Dispatched#2") as child:
-        assert child.wait(timeout=30) == 0
+        assert child.wait(timeout=60) == 0
     store = SqlEventStore(url)
     assert store.head().position == 3
     store.close()

@@ -16,7 +16,7 @@ from harness.contracts.errors import HarnessError, ProviderUnreachable
 from harness.contracts.values import Value, decode
 
 ATTACHMENT = "robot.json"
-READY_S = 30.0
+READY_S = 60.0
 END_S = 10.0
 
 

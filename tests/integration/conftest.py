@@ -1,0 +1,21 @@
+"""What tests of the integration room share: an identity provider on loopback, and a console that trusts it."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from tests.builders.issuers import Entrance, entrance
+from tests.fakes.issuer import Issuer, issuing
+
+
+@pytest.fixture
+def issuer() -> Iterator[Issuer]:
+    with issuing() as running:
+        yield running
+
+
+@pytest.fixture
+def here(issuer: Issuer) -> Iterator[Entrance]:
+    """A console with an admin, who has a password."""
+    with entrance(issuer) as made:
+        yield made
