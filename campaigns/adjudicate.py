@@ -94,8 +94,8 @@ def _duplicates(mission: Played) -> Iterator[str]:
 
 
 def _loose_starts(mission: Played, books: Books) -> Iterator[str]:
-    """Physical starts that no recorded intent asked for."""
-    asked = {intent.request_id for intent in books.intents.values()}
+    """Physical starts that no recorded intent asked for: a stage's, or a retreat's that its zone authorised before."""
+    asked = {intent.request_id for intent in books.intents.values()} | books.retreats
     yield from (
         f"{start.node_id} started without an intent" for start in mission.starts if start.request_id not in asked
     )

@@ -34,6 +34,7 @@ from harness.contracts.evidence import EvidencePacket
 from harness.contracts.handoff_events import HandoffApproved, HandoffRejected
 from harness.contracts.lease_events import LeaseAcquired, LeaseFreed, LeaseQuarantined, LeaseReleased
 from harness.contracts.ports import StoredEvent
+from harness.contracts.retreat_events import RetreatIntended
 from harness.contracts.revision_events import (
     AttestationRecorded,
     CompletionDisputed,
@@ -54,6 +55,7 @@ class Books:
     created: MissionCreated | None = None
     contract: TaskContract | None = None
     intents: dict[str, DispatchIntended] = field(default_factory=dict)
+    retreats: set[str] = field(default_factory=set)
     packets: dict[str, EvidencePacket] = field(default_factory=dict)
     committed: list[NodeCommitted] = field(default_factory=list)
     standing: set[str] = field(default_factory=set)
@@ -105,6 +107,8 @@ def _fold(books: Books, together: Sequence[AnyEvent]) -> None:
             case DispatchIntended():
                 books.breaches.extend(_dispatched(books, event, together))
                 books.intents[event.invocation_id] = event
+            case RetreatIntended():
+                books.retreats.add(event.request_id)
             case PacketRetained():
                 books.packets[event.packet.identity.packet_id] = event.packet
             case NodeCommitted():

@@ -6,7 +6,6 @@ Persons and the supervisor enter here; every change goes on to the gate, which a
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
-from threading import Lock
 from typing import Any
 
 from harness.contracts.actors import Actor
@@ -47,6 +46,8 @@ from harness.contracts.protocol import InvocationReport, RobotStatus
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.contracts.values import Value, encode
 from harness.gate.commit import Gate, Request
+from harness.gate.ended_missions import EndedMissions
+from harness.gate.kept import Kept
 from harness.gate.open_missions import OpenMissions
 from harness.gate.places import DECIDER as PLACE
 from harness.memory.fabric import MemoryFabric
@@ -59,6 +60,8 @@ from harness.projections.places import Places, changed_site
 
 KEPT_CONTRACTS = 16
 """The same request under the same template and site gives the same contract: so many are not compiled again."""
+KEPT_LIVE = 64
+"""Of so many missions what was observed last is kept, and the places they were compiled with."""
 COMPILED = ("ContractCompiled", "ContractRecompiled")
 
 
@@ -118,12 +121,12 @@ class Runtime:
         self._signals = signals
         self._configurations = configurations
         self._shipped = site
-        self._sites: dict[tuple[MissionId, Digest], Site] = {}
+        self._sites: Kept[tuple[MissionId, Digest], Site] = Kept(KEPT_LIVE)
         self.memory = memory
         self._open_missions = OpenMissions(store)
+        self._ended_missions = EndedMissions(store, gate.state)
         self._contracts: dict[bytes, TaskContract] = {}
-        self._live: dict[MissionId, Live] = {}
-        self._live_lock = Lock()
+        self._live: Kept[MissionId, Live] = Kept(KEPT_LIVE)
         self._desk: Callable[[PersonCommand], Decision[AnyEvent]] | None = None
 
     @property
@@ -134,9 +137,11 @@ class Runtime:
     def site_of(self, mission: Mission) -> Site:
         """The places that a mission was compiled with: what people changed since is not its own."""
         key = (mission.mission_id, mission.configuration)
-        if key not in self._sites:
-            self._sites[key] = self._site_before(mission.mission_id)
-        return self._sites[key]
+        site = self._sites.get(key)
+        if site is None:
+            site = self._site_before(mission.mission_id)
+            self._sites.put(key, site)
+        return site
 
     def _site_before(self, mission_id: MissionId) -> Site:
         changes = self._store.load(place_stream(self._shipped.name))
@@ -276,9 +281,9 @@ class Runtime:
                 )
         return tuple(found)
 
-    def pinned_to(self, configuration_id: Digest) -> list[Mission]:
+    def pinned_to(self, configuration_id: Digest) -> Iterator[Mission]:
         """D_j, newest first: every mission under this version with its packets, failures and spends (R155)."""
-        return [mission for mission in self.missions() if mission.configuration == configuration_id]
+        return (mission for mission in self.newest_missions() if mission.configuration == configuration_id)
 
     def pause_pinned(self, configuration_id: Digest, *, actor: Actor, reason: str) -> tuple[MissionId, ...]:
         """Pause what runs under a version that was revoked for safety; a person decides on each, nothing is swapped.
@@ -304,12 +309,20 @@ class Runtime:
 
     def missions(self) -> list[Mission]:
         """All missions, newest first."""
-        return [self._gate.state(stream) for stream in reversed(self._store.streams(MISSION_STREAMS))]
+        return list(self.newest_missions())
+
+    def newest_missions(self) -> Iterator[Mission]:
+        """The same one by one: whoever wants the newest few does not pay for the others."""
+        return map(self._gate.state, reversed(self._store.streams(MISSION_STREAMS)))
 
     def open_missions(self, robot_id: RobotId | None = None) -> list[Mission]:
         """Those that are not over, newest first, of one robot or of all; costs nothing for those that are."""
         found: Iterator[Mission] = map(self._gate.state, reversed(self._open_missions.streams()))
         return [one for one in found if not one.ended and robot_id in (None, one.robot_id)]
+
+    def ended_under(self, configuration_id: Digest, *, after: int) -> Iterator[Mission]:
+        """Missions under this version whose end stands behind position `after`, in the order of their ends."""
+        return map(self._gate.state, self._ended_missions.under(configuration_id, after=after))
 
     def handoff(self, handoff_id: HandoffId) -> Handoff:
         handoff: Handoff = self._gate.state(handoff_stream(handoff_id))
@@ -333,9 +346,9 @@ class Runtime:
     def log(self, after: int = 0, limit: int = 1000) -> list[StoredEvent]:
         return self._store.read(after, limit)
 
-    def stream(self, stream: StreamId) -> list[StoredEvent]:
-        """All events of one stream, in order."""
-        return self._store.load(stream)
+    def stream(self, stream: StreamId, after: int = 0) -> list[StoredEvent]:
+        """The events of one stream beyond a version, in order."""
+        return self._store.load(stream, after)
 
     def streams(self, prefix: str) -> list[StreamId]:
         return self._store.streams(prefix)
@@ -366,13 +379,11 @@ class Runtime:
 
     def publish(self, live: Live) -> None:
         """Replace what is observed of a mission now; nothing durable."""
-        with self._live_lock:
-            self._live[live.mission_id] = live
+        self._live.put(live.mission_id, live)
         self._signals.changed(f"live/{live.mission_id}")
 
     def observations(self, mission_id: MissionId) -> Live | None:
-        with self._live_lock:
-            return self._live.get(mission_id)
+        return self._live.get(mission_id)
 
 
 def _chosen(start: Start, configuration: Configuration) -> TaskTemplate:

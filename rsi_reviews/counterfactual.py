@@ -78,11 +78,11 @@ def counterfactual(
     runtime: Runtime, configuration: Configuration, missions: Iterable[MissionId] | None = None
 ) -> Counterfactual:
     """Derive the decisions of these missions again, of all stored ones without a list. Raises UnknownName."""
-    every = [MissionId(stream.partition("/")[2]) for stream in runtime.streams("mission/")]
-    chosen = every if missions is None else list(missions)
+    if missions is None:
+        missions = [MissionId(stream.partition("/")[2]) for stream in runtime.streams("mission/")]
     return Counterfactual(
         configuration=configuration.configuration_id,
-        missions=tuple(_mission(runtime, configuration, mission_id) for mission_id in chosen),
+        missions=tuple(_mission(runtime, configuration, mission_id) for mission_id in missions),
     )
 
 

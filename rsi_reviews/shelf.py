@@ -10,6 +10,7 @@ from harness.contracts.values import digest
 from harness.runtime import Runtime
 from rsi_reviews.canary import Outcome, outcome
 from rsi_reviews.contracts import AcceptanceReport, Candidate, ClauseAnswer, Refusal, ResultSet
+from rsi_reviews.courses import canary_missions, ran
 from rsi_reviews.difference import Difference, difference
 from rsi_reviews.growth import GROWTH, Growth
 from rsi_reviews.manifest import unfounded
@@ -151,10 +152,10 @@ def selected(runtime: Runtime, robot_id: RobotId) -> Digest | None:
 
 def _occupied(runtime: Runtime, review: Review) -> bool:
     """Whether a canary mission that has begun is not over and adjudicated yet."""
-    begun = (one for one in runtime.missions() if one.configuration == review.configuration and not one.replay)
-    for mission in begun:
-        entry = review.entry(mission.mission_id)
-        never_ran = mission.ended and not any(state.attempt for state in mission.nodes.values())
-        if mission.status not in ("draft", "compiled") and not never_ran and (entry is None or entry.finding is None):
-            return True
-    return False
+    under_way = (
+        one.configuration == review.configuration and not one.replay and one.status not in ("draft", "compiled")
+        for one in runtime.open_missions()
+    )
+    unjudged = (entry.finding is None for entry in review.canary)
+    missed = (ran(one) and review.entry(one.mission_id) is None for one in canary_missions(runtime, review))
+    return any(under_way) or any(unjudged) or any(missed)

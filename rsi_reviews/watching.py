@@ -14,7 +14,7 @@ from harness.runtime import Runtime
 from rsi_reviews.canary import exercised, is_worse, outcome, value_of
 from rsi_reviews.commands import MovePointer, PromoteCandidate, RecordCanaryMission, RollBack, WithdrawCandidate
 from rsi_reviews.contracts import BETTER, CanaryMission, Manifest
-from rsi_reviews.courses import course_of
+from rsi_reviews.courses import canary_missions, course_of, ran
 from rsi_reviews.pointers import POINTER, Pointer, candidate_stream
 from rsi_reviews.projections import Review
 from rsi_reviews.rollback import DESK, why
@@ -45,13 +45,12 @@ def mission_ended(runtime: Runtime, mission_id: MissionId, *, duplicate_starts: 
 
 
 def catch_up(runtime: Runtime, *, duplicate_starts: Starts = no_duplicates) -> Answered:
-    """Record every canary mission that ended unrecorded, oldest first, and act on what they show."""
+    """Record every canary mission that ended unrecorded, in the order of their ends, and act on what they show."""
     review = _trial(runtime)
     if review is None:
         return Accepted(())
-    for mission in reversed(runtime.missions()):
-        missed = mission.configuration == review.configuration and review.entry(mission.mission_id) is None
-        if missed and _counts(mission):
+    for mission in canary_missions(runtime, review):
+        if review.entry(mission.mission_id) is None and ran(mission):
             mission_ended(runtime, mission.mission_id, duplicate_starts=duplicate_starts(mission.mission_id))
     return settle(runtime)
 
@@ -107,7 +106,7 @@ def _trial(runtime: Runtime) -> Review | None:
 
 def _counts(mission: Mission) -> bool:
     """Over, on the robot itself, and begun: one that was called off before anything ran shows nothing."""
-    return mission.ended and not mission.replay and any(state.attempt for state in mission.nodes.values())
+    return mission.ended and not mission.replay and ran(mission)
 
 
 def _measured(runtime: Runtime, review: Review, mission: Mission, duplicate_starts: int) -> CanaryMission:

@@ -106,7 +106,7 @@ def generate(
     with _stored(data) as runtime:
         shelf = Shelf(runtime)
         current = runtime.stored_configuration(shelf.current())
-        under = [one.mission_id for one in reversed(runtime.missions()) if one.configuration == shelf.current()]
+        under = [one.mission_id for one in runtime.pinned_to(shelf.current())][::-1]
         trace = read_trace(runtime, under)
         seen = tuple(review.configuration for review in shelf.reviews())
     candidates = _generator(way).propose(trace, current, GenerationBudget(candidates=most, seen=seen))

@@ -108,6 +108,9 @@ class FailpointStore:
     def open_missions(self) -> list[StreamId]:
         return self._store.open_missions()
 
+    def ended_missions(self, after: int, upto: int) -> list[StreamId]:
+        return self._store.ended_missions(after, upto)
+
     def record(self, digest: Digest) -> Record:
         return self._store.record(digest)
 

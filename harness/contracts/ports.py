@@ -94,6 +94,9 @@ class EventStore(Protocol):
     def open_missions(self) -> list[StreamId]:
         """Streams of missions that hold no MissionEnded, by first position."""
 
+    def ended_missions(self, after: int, upto: int) -> list[StreamId]:
+        """Streams whose MissionEnded has a position > after and <= upto, in the order of their ends."""
+
     def record(self, digest: Digest) -> Record:
         """Raises UnknownName."""
 

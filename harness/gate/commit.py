@@ -3,8 +3,9 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from threading import RLock
+from threading import Lock, RLock
 from typing import Any
+from weakref import WeakValueDictionary
 
 from harness.contracts.decider import Decider
 from harness.contracts.decisions import Accepted, Authority, Refused
@@ -12,6 +13,7 @@ from harness.contracts.errors import ConcurrencyConflict
 from harness.contracts.ids import RobotId, StreamId
 from harness.contracts.ports import Batch, Clock, EventStore, Record, Snapshots
 from harness.contracts.values import Moment
+from harness.gate.kept import KEPT_STREAMS, Folds, Kept
 
 
 def unquestioned(command: Any) -> Refused | None:
@@ -26,8 +28,18 @@ class Request:
     command: Any
 
 
+@dataclass(frozen=True)
+class _Decided:
+    """What the gate decided for one stream, the state and version it decided on, and the events that follow."""
+
+    stream: StreamId
+    state: Any
+    version: int
+    events: tuple[Any, ...]
+
+
 class Gate:
-    """Folds are kept per stream, so that a commit loads only the tail.
+    """The newest folds are kept, so that a commit loads only the tail; one that was given up is folded again.
 
     `clocks` are the robots' own, where there are several: an event bears the mission time of the robot it is about.
     A lock per stream, taken in the order of their names: missions that share no stream wait for the disk together.
@@ -41,14 +53,17 @@ class Gate:
         deciders: dict[str, Decider[Any, Any, Any]],
         snapshots: Snapshots | None = None,
         clocks: Mapping[RobotId, Clock] | None = None,
+        folds: Folds | None = None,
     ) -> None:
         self._store = store
         self._snapshots = snapshots
         self._clock = clock
         self._clocks = clocks or {}
         self._deciders = deciders
-        self._folds: dict[StreamId, tuple[Any, int]] = {}
-        self._locks: dict[StreamId, RLock] = {}
+        self._folds = Folds() if folds is None else folds
+        self._locks: WeakValueDictionary[StreamId, RLock] = WeakValueDictionary()
+        self._near: Kept[StreamId, RLock] = Kept(KEPT_STREAMS)
+        self._making = Lock()
         self._authority: Authority = unquestioned
 
     def obey(self, authority: Authority) -> None:
@@ -58,15 +73,19 @@ class Gate:
     def state(self, stream: StreamId) -> Any:
         """The fold of a stream as the log has it now."""
         with self._lock(stream):
-            decider = self._decider(stream)
-            known = self._folds.get(stream)
-            state, version = known or self._restored(stream, decider)
-            tail = self._store.load(stream, version)
-            if tail:
-                state = decider.fold(state, (decider.codec.decode(event) for event in tail))
-            if tail or known is None:
-                self._advance(stream, state, version + len(tail))
-            return state
+            return self._folded(stream)[0]
+
+    def _folded(self, stream: StreamId) -> tuple[Any, int]:
+        """The fold and its version, by whoever holds the stream's lock."""
+        decider = self._decider(stream)
+        known = self._folds.get(stream)
+        state, version = known or self._restored(stream, decider)
+        tail = self._store.load(stream, version)
+        if tail:
+            state = decider.fold(state, (decider.codec.decode(event) for event in tail))
+        if tail or known is None:
+            self._advance(stream, state, version + len(tail))
+        return state, version + len(tail)
 
     def commit(self, requests: Sequence[Request], *, records: Sequence[Record] = ()) -> Accepted[Any] | Refused:
         """Decide every request on the newest state and append all their events atomically.
@@ -77,21 +96,20 @@ class Gate:
         with self._holding(request.stream for request in requests):
             clock = self._clock_of(requests)
             while True:
-                decided: list[tuple[Request, int, tuple[Any, ...]]] = []
+                decided: list[_Decided] = []
                 for request in requests:
                     if revoked := self._authority(request.command):
                         return revoked
-                    state = self.state(request.stream)
-                    version = self._folds.get(request.stream, (None, 0))[1]
+                    state, version = self._folded(request.stream)
                     decision = self._decider(request.stream).decide(state, request.command, clock.now())
                     if isinstance(decision, Refused):
                         return decision
-                    decided.append((request, version, decision.events))
+                    decided.append(_Decided(request.stream, state, version, decision.events))
                 try:
                     self._append(decided, records, clock.now())
                 except ConcurrencyConflict:
                     continue
-                return Accepted(tuple(event for _, _, events in decided for event in events))
+                return Accepted(tuple(event for one in decided for event in one.events))
 
     def _clock_of(self, requests: Sequence[Request]) -> Clock:
         """The mission time of the robot that these requests are about; the house's own where they are about none."""
@@ -101,24 +119,23 @@ class Gate:
                 return clock
         return self._clock
 
-    def _append(
-        self, decided: list[tuple[Request, int, tuple[Any, ...]]], records: Sequence[Record], now: Moment
-    ) -> None:
+    def _append(self, decided: Sequence[_Decided], records: Sequence[Record], now: Moment) -> None:
         batches = [
             Batch(
-                stream=request.stream,
-                expected_version=version,
-                events=tuple(self._decider(request.stream).codec.encode(event) for event in events),
+                stream=one.stream,
+                expected_version=one.version,
+                events=tuple(self._decider(one.stream).codec.encode(event) for event in one.events),
             )
-            for request, version, events in decided
-            if events
+            for one in decided
+            if one.events
         ]
         if not batches:
             return
         self._store.append(batches, tuple(records), now)
-        for request, version, events in decided:
-            state, _ = self._folds.get(request.stream, (self._decider(request.stream).initial, 0))
-            self._advance(request.stream, self._decider(request.stream).fold(state, events), version + len(events))
+        for one in decided:
+            if one.events:
+                state = self._decider(one.stream).fold(one.state, one.events)
+                self._advance(one.stream, state, one.version + len(one.events))
 
     @contextmanager
     def _holding(self, streams: Iterable[StreamId]) -> Iterator[None]:
@@ -128,13 +145,20 @@ class Gate:
             yield
 
     def _lock(self, stream: StreamId) -> RLock:
-        return self._locks.get(stream) or self._locks.setdefault(stream, RLock())
+        """Every thread that holds or wants a stream's lock has the same one; one that nobody wants is given up."""
+        near = self._near.get(stream)
+        if near is not None:
+            return near
+        with self._making:
+            made = self._locks.setdefault(stream, RLock())
+            self._near.put(stream, made)
+        return made
 
     def _restored(self, stream: StreamId, decider: Decider[Any, Any, Any]) -> tuple[Any, int]:
         return self._snapshots.restore(stream, decider.initial) if self._snapshots else (decider.initial, 0)
 
     def _advance(self, stream: StreamId, state: Any, version: int) -> None:
-        self._folds[stream] = (state, version)
+        self._folds.put(stream, state, version)
         if self._snapshots:
             self._snapshots.offer(stream, version, state)
 

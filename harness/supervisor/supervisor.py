@@ -1,7 +1,8 @@
 """Runs missions on robots: one loop per mission, one robot at a time per crew, persons' answers in between."""
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from threading import Event, RLock, Thread
 
 from harness.contracts.actors import Actor
@@ -23,17 +24,23 @@ from harness.supervisor.vigil import overlooked
 LOG = logging.getLogger("regen.supervisor")
 IDLE_WAIT_S = 0.2
 OUTAGE_WAIT_S = 1.0
+OUTAGE_TRIES = 60
+"""So often a run in the foreground asks a log that is away again, OUTAGE_WAIT_S of the robot's time apart."""
 WAITING: frozenset[str] = frozenset({"awaiting_human", "paused", "awaiting_approval"})
 
 
 class Supervisor:
-    """The loops of all crews. A lock per robot keeps a person's answer and a step apart."""
+    """The loops of all crews. A lock per robot keeps a person's answer and a step apart.
+
+    Whoever meets StoreUnavailable here may ask again: what was open is then met again from the log, as after a restart.
+    """
 
     def __init__(self, *, runtime: Runtime, crews: Mapping[RobotId, Crew]) -> None:
         self._runtime = runtime
         self._crews = crews
         self._locks = {robot_id: RLock() for robot_id in crews}
-        self._loops: dict[MissionId, AgentLoop] = {}
+        self._loops: dict[RobotId, dict[MissionId, AgentLoop]] = {robot_id: {} for robot_id in crews}
+        self._cut_off: set[RobotId] = set()
         self._returning = {robot_id: Returning(runtime=runtime, crew=crew) for robot_id, crew in crews.items()}
         self._halt = Event()
         self._threads: list[Thread] = []
@@ -52,24 +59,36 @@ class Supervisor:
                 )
 
     def run(self, mission_id: MissionId, *, watch: Callable[[Mission], None] | None = None) -> Mission:
-        """In the foreground until the mission is over or, at speed 0, waits for a person."""
+        """In the foreground until the mission is over or, at speed 0, waits for a person.
+
+        Raises StoreUnavailable if the log stays away.
+        """
         mission = self._runtime.mission(mission_id)
-        crew = self._crews[mission.robot_id]
+        clock, tries = self._crews[mission.robot_id].clock, 0
         while not self._halt.is_set():
-            wake_s = self.step(mission_id)
-            mission = self._runtime.mission(mission_id)
+            try:
+                wake_s = self.step(mission_id)
+                mission = self._runtime.mission(mission_id)
+            except StoreUnavailable as error:
+                tries += 1
+                if tries > OUTAGE_TRIES:
+                    raise
+                LOG.error("store_unavailable mission=%s %s", mission_id, error)
+                clock.wait_until(clock.now().mission_s + OUTAGE_WAIT_S)
+                continue
+            tries = 0
             if watch is not None:
                 watch(mission)
             if wake_s is None:
                 return mission
-            crew.clock.wait_until(wake_s)
+            clock.wait_until(wake_s)
         return mission
 
     def step(self, mission_id: MissionId) -> float | None:
         """One step of one mission's loop. Raises ConfigurationMissing where its pinned version cannot be read."""
         mission = self._runtime.mission(mission_id)
         check_readable(self._runtime, mission)
-        with self._locks[mission.robot_id]:
+        with self._turn_of(mission.robot_id):
             if self._returning[mission.robot_id].under_way:
                 return self.step_retreat(mission.robot_id)
             wake_s = self._loop(mission).step()
@@ -78,7 +97,7 @@ class Supervisor:
 
     def step_retreat(self, robot_id: RobotId) -> float:
         """One step of a robot's open retreat, before any mission of this robot goes on; its end is told at once."""
-        with self._locks[robot_id]:
+        with self._turn_of(robot_id):
             wake_s = self._returning[robot_id].step()
             if not self._returning[robot_id].under_way:
                 self.finish_unanswered(robot_id)
@@ -89,17 +108,18 @@ class Supervisor:
         opened = self._runtime.handoff(command.handoff_id).opened
         if opened is None or opened.robot_id not in self._crews:
             return Refused("no_robot", "The robot of this handoff is not connected, so nothing can be observed.")
-        with self._locks[opened.robot_id]:
+        with self._turn_of(opened.robot_id):
             loop = self._loop(self._runtime.mission(opened.mission_id))
             decision = loop.desk.answer(command)
             if isinstance(decision, Accepted):
-                self._begin(loop)
+                self._begin(loop, opened.robot_id)
             return decision
 
-    def _begin(self, loop: AgentLoop) -> None:
+    def _begin(self, loop: AgentLoop, robot_id: RobotId) -> None:
         """The step after an answer. The answer stands if it fails; the robot's own loop meets the failure again."""
         try:
-            loop.step()
+            with self._turn_of(robot_id):
+                loop.step()
         except HarnessError as error:
             LOG.warning("step_after_answer_failed mission=%s code=%s %s", loop.mission_id, error.code, error)
 
@@ -151,10 +171,11 @@ class Supervisor:
     def _turn(self, robot_id: RobotId) -> None:
         """One step of the mission this robot is at, and the wait after it.
 
-        Raises StoreUnavailable: nothing can be decided then. The robot stands by its dead man, and what was open is
-        met again from the log, as after a restart.
+        Raises StoreUnavailable: nothing can be decided then, and the robot stands by its dead man.
         """
-        if self._returning[robot_id].under_way:
+        with self._turn_of(robot_id):
+            retreats = self._returning[robot_id].under_way
+        if retreats:
             self._crews[robot_id].clock.wait_until(self.step_retreat(robot_id))
             return
         mission = self._next(robot_id)
@@ -164,7 +185,6 @@ class Supervisor:
         try:
             wake_s = self.step(mission.mission_id)
         except StoreUnavailable:
-            self._loops.pop(mission.mission_id, None)
             raise
         except HarnessError as error:
             self._broken(mission, error)
@@ -186,16 +206,35 @@ class Supervisor:
     def _broken(self, mission: Mission, error: HarnessError) -> None:
         """A step failed for a reason the loop does not answer: stop the mission and say why; the next one runs."""
         LOG.error("step_failed mission=%s code=%s %s", mission.mission_id, error.code, error)
-        self._loops.pop(mission.mission_id, None)
+        self._loops[mission.robot_id].pop(mission.mission_id, None)
         if mission.status == "stopping" and mission.invocation is None:
             self._runtime.submit(mission.mission_id, EndMission(status="failed", reason=str(error)))
         else:
             self._runtime.submit(mission.mission_id, StopMission(actor=SUPERVISOR, reason=str(error)))
 
     def _loop(self, mission: Mission) -> AgentLoop:
-        loop = self._loops.get(mission.mission_id)
-        if loop is None:
+        """The loop of a mission; those of this robot's missions that are over are given up when another begins."""
+        loops = self._loops[mission.robot_id]
+        if mission.mission_id not in loops:
+            for over in [one for one in loops if self._runtime.mission(one).ended]:
+                del loops[over]
             crew = self._crews[mission.robot_id]
-            loop = AgentLoop(runtime=self._runtime, crew=crew, mission_id=mission.mission_id)
-            self._loops[mission.mission_id] = loop
-        return loop
+            loops[mission.mission_id] = AgentLoop(runtime=self._runtime, crew=crew, mission_id=mission.mission_id)
+        return loops[mission.mission_id]
+
+    @contextmanager
+    def _turn_of(self, robot_id: RobotId) -> Iterator[None]:
+        """This robot's lock. An outage takes its loops with it: none goes on with what it believed to be stored.
+
+        A no-answer action that it cut off is taken first thing afterwards.
+        """
+        with self._locks[robot_id]:
+            try:
+                if robot_id in self._cut_off:
+                    self.finish_unanswered(robot_id)
+                    self._cut_off.discard(robot_id)
+                yield
+            except StoreUnavailable:
+                self._cut_off.add(robot_id)
+                self._loops[robot_id].clear()
+                raise

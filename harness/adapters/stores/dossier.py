@@ -114,6 +114,9 @@ class DossierLog:
         ended = {event.stream for event in self._log if event.kind == MISSION_ENDED}
         return [one for one in self.streams(MISSION_STREAMS) if one not in ended]
 
+    def ended_missions(self, after: int, upto: int) -> list[StreamId]:
+        return [one.stream for one in self._log if one.kind == MISSION_ENDED and after < one.position <= upto]
+
     def record(self, digest: Digest) -> Record:
         """Raises UnknownName."""
         if digest not in self._records:

@@ -54,6 +54,11 @@ class MemoryEventStore:
             ended = {event.stream for event in self._log if event.kind == MISSION_ENDED}
             return [one for one in self._by_stream if one.startswith(MISSION_STREAMS) and one not in ended]
 
+    def ended_missions(self, after: int, upto: int) -> list[StreamId]:
+        """Streams whose MissionEnded has a position > after and <= upto, in the order of their ends."""
+        with self._lock:
+            return [event.stream for event in self._log[after:upto] if event.kind == MISSION_ENDED]
+
     def record(self, digest: Digest) -> Record:
         """Raises UnknownName."""
         with self._lock:

@@ -93,6 +93,10 @@ class SqlLog(ABC):
         ended = {row[0] for row in self._rows(self._sql.ended, ())}
         return [stream for stream in self.streams(MISSION_STREAMS) if stream not in ended]
 
+    def ended_missions(self, after: int, upto: int) -> list[StreamId]:
+        """Streams whose MissionEnded has a position > after and <= upto, in the order of their ends."""
+        return [StreamId(row[0]) for row in self._rows(self._sql.ended_between, (after, upto))]
+
     def record(self, digest: Digest) -> Record:
         """Raises UnknownName; LogDamaged if the stored body does not match."""
         rows = self._rows(self._sql.record, (digest,))

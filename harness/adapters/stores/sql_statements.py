@@ -14,9 +14,8 @@ class Statements:
     """SQL text. Events come as the fields of `StoredEvent`, records as those of `Record`, in their order.
 
     `load` takes (stream, after), `read` (after, limit), `streams` (first name, name behind the last), `ended`
-    nothing, `record` and
-    `snapshot` one name, `records` (after this digest, limit), `holds` (position, digest), `keep` (version,
-    fingerprint, digest, body, stream, version).
+    nothing, `ended_between` (after, up to), `record` and `snapshot` one name, `records` (after this digest, limit),
+    `holds` (position, digest), `keep` (version, fingerprint, digest, body, stream, version).
     """
 
     mark: str
@@ -27,6 +26,7 @@ class Statements:
     read: str
     streams: str
     ended: str
+    ended_between: str
     record: str
     records: str
     holds: str
@@ -48,6 +48,10 @@ def statements(mark: str) -> Statements:
         "read": f"SELECT {_EVENT} FROM event WHERE position > ? ORDER BY position LIMIT ?",
         "streams": "SELECT stream FROM event WHERE version = 1 AND stream >= ? AND stream < ? ORDER BY position",
         "ended": f"SELECT stream FROM event WHERE kind = '{MISSION_ENDED}'",
+        "ended_between": (
+            f"SELECT stream FROM event WHERE kind = '{MISSION_ENDED}' AND position > ? AND position <= ? "
+            "ORDER BY position"
+        ),
         "record": f"SELECT {_RECORD} FROM record WHERE digest = ?",
         "records": f"SELECT {_RECORD} FROM record WHERE digest > ? ORDER BY digest LIMIT ?",
         "holds": "SELECT 1 FROM event WHERE position = ? AND digest = ?",

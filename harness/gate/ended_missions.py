@@ -1,0 +1,36 @@
+"""Which missions ended under one configuration, followed along the log: each is looked at once when it has ended."""
+
+from collections.abc import Callable
+
+from harness.contracts.ids import Digest, StreamId
+from harness.contracts.ports import EventStore
+from harness.gate.kept import Kept
+from harness.projections.mission import Mission
+
+KEPT_QUESTIONS = 8
+"""So many questions are followed at once: a canary asks one all the time."""
+
+
+class EndedMissions:
+    """The answer to each question is kept and only added to. `mission` folds a stream. Safe between threads.
+
+    A mission's configuration is final once it has ended.
+    """
+
+    def __init__(self, store: EventStore, mission: Callable[[StreamId], Mission]) -> None:
+        self._store = store
+        self._mission = mission
+        self._known: Kept[tuple[Digest, int], tuple[int, tuple[StreamId, ...]]] = Kept(KEPT_QUESTIONS)
+
+    def under(self, configuration: Digest, *, after: int) -> tuple[StreamId, ...]:
+        """Those whose end stands behind position `after` of the log, in the order of their ends.
+
+        Raises StoreUnavailable.
+        """
+        head = self._store.head().position
+        position, streams = self._known.get((configuration, after)) or (after, ())
+        if position < head:
+            ended = self._store.ended_missions(position, head)
+            streams += tuple(one for one in ended if self._mission(one).configuration == configuration)
+            self._known.put((configuration, after), (head, streams))
+        return streams
