@@ -9,7 +9,7 @@ WORKERS ?= 2
 MUTANTS ?= 20
 SEED ?= 1
 
-.PHONY: targets install install-test run test check lint format types rooms ledger ledger-mutants bench campaign lock clean
+.PHONY: targets install install-test run test check lint format types rooms ledger ledger-mutants bench campaign lock sbom clean
 
 targets: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -58,6 +58,9 @@ campaign: install-test ## every fault campaign: CAMPAIGN_MISSIONS=100000 CAMPAIG
 
 lock: ## resolve both locks anew: universal, with hashes, without any index address
 	@tools/lock.sh
+
+sbom: install ## the software bill of materials: build/regenharness.cdx.json (CycloneDX)
+	@$(BIN)/python -m tools.sbom
 
 clean: ## forget the environment, caches and artefacts (./var stays)
 	rm -rf .venv build artefacts .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache *.egg-info

@@ -32,6 +32,7 @@ from harness.contracts.contexts import Context
 from harness.contracts.control import CONTROL, Posture
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import BlobDamaged, UnknownName
+from harness.contracts.exploration import TargetAnswer, TargetQuestion
 from harness.contracts.ids import Digest, MissionId, RequestId, RobotId
 from harness.contracts.ports import Head
 from harness.contracts.proposals import CandidateSet
@@ -168,6 +169,12 @@ class Console:
 
     def candidates(self, digest: Digest) -> CandidateSet | None:
         return self._record(digest, CandidateSet)
+
+    def target_question(self, digest: Digest) -> TargetQuestion | None:
+        return self._record(digest, TargetQuestion)
+
+    def target_answer(self, digest: Digest) -> TargetAnswer | None:
+        return self._record(digest, TargetAnswer)
 
     def _record(self, digest: Digest, kind: type[T]) -> T | None:
         try:

@@ -9,12 +9,14 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse
 
 from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.exploration import TargetAnswer, TargetQuestion
 from harness.contracts.maps import MapCloud
 from harness.contracts.places import Site
 from harness.contracts.ports import Head
 from harness.contracts.protocol import DriveReport, RobotStatus
 from harness.contracts.read_models import EvidenceItem
 from harness.contracts.tasks import TaskContract, TaskTemplate
+from harness.projections.exploration import ExplorationDecision
 from harness.projections.handoffs import Handoff
 from rsi_reviews.contracts import HeldOutAnswer, Refusal, ReleasePolicy
 from rsi_reviews.growth import CaseAdded
@@ -24,10 +26,13 @@ CONTRACTS = (
     CapabilityCard,
     CaseAdded,
     EvidenceItem,
+    ExplorationDecision,
     Handoff,
     Head,
     MapCloud,
     Site,
+    TargetAnswer,
+    TargetQuestion,
     TaskContract,
     TaskTemplate,
     DriveReport,
@@ -181,6 +186,7 @@ SHAPES: dict[str, dict[str, Any]] = {
         kind=TEXT,
         stream=TEXT,
         mission_id=TEXT,
+        robot_id=TEXT,
         actor=TEXT,
         role=TEXT,
         channel=TEXT,
@@ -301,6 +307,12 @@ SHAPES: dict[str, dict[str, Any]] = {
         looks=_many(OBJECT),
         uptakes=_many(OBJECT),
         policy={"$ref": "#/components/schemas/ReleasePolicy"},
+    ),
+    "ExplorationChoice": _record(
+        "One target of an exploring mission. `question` and `answer` are null where their records are not kept.",
+        decision={"$ref": "#/components/schemas/ExplorationDecision"},
+        question=_maybe({"$ref": "#/components/schemas/TargetQuestion"}),
+        answer=_maybe({"$ref": "#/components/schemas/TargetAnswer"}),
     ),
     "SignInLink": _record("A link that lets one person in once.", url=TEXT),
 }

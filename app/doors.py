@@ -96,7 +96,8 @@ class Doors:
     def who(self, cookie: str, *, source: str = "", active: bool = True) -> Visitor | None:
         """Whose session this is, with the roles they have now; None once it is idle or old or they are disabled.
 
-        A request that a page makes by itself is not `active`: it does not keep a session from becoming idle.
+        A request that a page makes by itself is not `active`: it does not keep a session from becoming idle. What is
+        one, the doorkeeper says (app/security.py).
         """
         digest = sha256(cookie.encode())
         session = self.accounts.store.session(digest)

@@ -29,6 +29,11 @@ class Identities:
                 )
         self._accounts, self._mapping, self._clock = accounts, roles, clock
 
+    def by_groups(self, issuer: str, subject: str) -> bool:
+        """Whether groups decide what they may do here: not where no group has a role, nor for a linked account."""
+        known = self._accounts.store.identity(issuer, subject)
+        return bool(self._mapping) and (known is None or known.by_groups)
+
     def account_of(self, claims: Claims, *, source: str) -> Account:
         """The person's account; made for them if their groups have a role here. Raises RoleMissing, AccountDisabled."""
         known = self._accounts.store.identity(claims.issuer, claims.subject)

@@ -111,8 +111,11 @@ class IssuerDoor:
                 where=answer.get("error", "")[:60],
                 do="sign in there with an account that may use this console, or sign in here with a password",
             )
-        claims = self.provider.finish(begun.attempt, code=code, issuer=answer.get("iss", ""))
+        claims = self.provider.finish(begun.attempt, code=code, issuer=answer.get("iss", ""), by_groups=self._by_groups)
         return self.identities.account_of(claims, source=origin.source).name
+
+    def _by_groups(self, subject: str) -> bool:
+        return self.identities.by_groups(self.provider.issuer, subject)
 
     def _note(self, kind: str, name: str, detail: str, origin: Origin) -> None:
         accounts = self._doors.accounts

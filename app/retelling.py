@@ -79,8 +79,9 @@ class Retelling:
         if text.endswith(".") and self.told(text[:-1]) != text[:-1]:
             return f"{self.told(text[:-1])}。"
         whose, _, reason = text.partition(": ")
-        if reason and self.told(reason) != reason and (self.told(whose) != whose or " " not in whose):
-            return f"{self._word(whose) or self.told(whose)}：{self.told(reason)}"
+        why = self._word(reason) or self.told(reason)
+        if reason and why != reason and (self.told(whose) != whose or " " not in whose):
+            return f"{self._word(whose) or self.told(whose)}：{why}"
         for separator, between in ((", ", "、"), (" or ", "或")):
             listed = [self._word(one) for one in text.split(separator)]
             if len(listed) > 1 and all(listed):

@@ -27,6 +27,8 @@ SCENE_POLICY = (
 )
 UNDER_WAY_S = 600
 """How long a sign-in at the identity provider may take."""
+BY_ITSELF = "x-by-itself"
+"""The header by which a page's script says that nobody asked for this request."""
 SAFE = frozenset({"GET", "HEAD", "OPTIONS"})
 SIGN_IN = "/account/sign-in"
 OPEN_PATHS = ("/healthz", "/readyz", SIGN_IN, "/account/oidc", "/account/oidc/back", "/account/oidc/leave")
@@ -111,8 +113,7 @@ class Doorkeeper:
         if authorization is not None:
             return self._doors.bearer(authorization, source=source) if path.startswith(BEARER_PATHS) else None
         cookie = connection.cookies.get(self._threshold.cookie, "")
-        active = "hx-request" not in connection.headers and path != "/live"
-        return self._doors.who(cookie, source=source, active=active) if cookie else None
+        return self._doors.who(cookie, source=source, active=by_a_person(connection)) if cookie else None
 
     def _refusal(self, connection: HTTPConnection, scope: Scope, visitor: Visitor | None) -> Refusal | None:
         headers, path = connection.headers, str(scope["path"])
@@ -164,6 +165,20 @@ def same_origin(headers: Headers, *, websocket: bool) -> bool:
     if origin is not None:
         return origin.split("://", 1)[-1].lower() == headers.get("host", "").lower()
     return site == "same-origin" and not websocket
+
+
+def by_a_person(connection: HTTPConnection) -> bool:
+    """Whether somebody did this, rather than a page that stands open by itself: only that keeps a session awake.
+
+    A form that was sent counts, by htmx too, and a page that was opened. What pages fetch to stay live does not: their
+    regions, pictures, streams, sockets and views, nor what a script marks with BY_ITSELF, as the renewal of a claim.
+    """
+    headers, path = connection.headers, str(connection.scope["path"])
+    if connection.scope["type"] == "websocket" or BY_ITSELF in headers or path == "/live":
+        return False
+    if connection.scope["method"] not in SAFE:
+        return not OWN_VIEW.fullmatch(path)
+    return "hx-request" not in headers and headers.get("sec-fetch-dest", "document") == "document"
 
 
 def source_of(connection: HTTPConnection) -> str:

@@ -16,8 +16,8 @@ class IssuerSettings(BaseSettings):
     """The OpenID Connect provider that people may sign in at, from REGEN_OIDC_*; none without `issuer`.
 
     `roles` says which roles a group has here: {"robot-operators": ["operator"]}; who has none is refused. Groups stand
-    in the identity token's claim `groups_claim`. `hosts` may be asked beside the issuer's own; `authority` is a file of
-    certificates to trust for it.
+    in the claim `groups_claim` of the identity token, else of the userinfo endpoint. `hosts` may be asked beside the
+    issuer's own; `authority` is a file of certificates to trust for it.
     """
 
     model_config = SettingsConfigDict(env_prefix="REGEN_OIDC_", frozen=True, extra="ignore")

@@ -11,10 +11,11 @@ from app.routes.audit import Before, Filter, newest_first
 from app.routes.evidence import show as verified_blob
 from app.security import VisitorDep
 from app.views.audit import Wanted
-from harness.contracts.ids import RobotId
+from harness.contracts.ids import MissionId, RobotId
 from harness.contracts.memory import KnownCard
 from harness.contracts.read_models import ListQuery
 from harness.further import offered
+from harness.projections import exploration as explorations
 
 router = APIRouter(
     prefix="/api/v1", default_response_class=JSONResponse, responses=PROBLEMS, dependencies=CHECKED, tags=["reading"]
@@ -28,6 +29,21 @@ BLOB: dict[int | str, dict[str, Any]] = {
         },
     }
 }
+
+
+@router.get("/missions/{mission_id}/exploration", responses=answers("ExplorationChoice", many=True))
+def exploration(console: ConsoleDep, mission_id: MissionId) -> Any:
+    """Every target that an exploring mission chose, oldest first, with what the proposer was asked and answered."""
+    mission = console.runtime.mission(mission_id)
+    made = explorations.decisions(mission) if mission.contract else ()
+    return [
+        {
+            "decision": plain(one),
+            "question": plain(console.target_question(one.question)),
+            "answer": plain(console.target_answer(one.answer)),
+        }
+        for one in made
+    ]
 
 
 @router.get("/evidence", responses=answers("EvidenceItem", many=True))

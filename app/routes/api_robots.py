@@ -8,18 +8,8 @@ from starlette.responses import JSONResponse
 from app.console import ActorDep, Console, ConsoleDep
 from app.routes.api_words import CHECKED, PROBLEMS, Body, Reason, ReasonBody, Text, answers, plain, refusal
 from app.routes.driving import Turn, turned
-from app.routes.robots import (
-    RobotPath,
-    all_made_safe,
-    card,
-    limited,
-    made_safe,
-    newest_picture,
-    posed,
-    signed,
-    stopped_all,
-    wheel_returned,
-)
+from app.routes.robot_acts import all_made_safe, limited, made_safe, posed, signed, stopped_all, wheel_returned
+from app.routes.robots import RobotPath, card, newest_picture
 from app.security import VisitorDep
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.control import Autonomy, SetAutonomy

@@ -1,5 +1,6 @@
 """/candidates: proposed changes to the harness itself; who says what about them, and what follows."""
 
+from itertools import islice
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Request
@@ -19,6 +20,7 @@ from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ConfigurationMissing, ContractInvalid, UnknownName
 from harness.contracts.ids import Digest, MissionId, mission_stream
+from harness.contracts.ports import MISSION_STREAMS
 from rsi_reviews.counterfactual import counterfactual
 
 router = APIRouter(prefix="/candidates")
@@ -148,14 +150,14 @@ def replayed(console: Console, actor: Actor, candidate: str) -> ReplayPage:
     """The newest stored missions under the candidate, decision by decision; no robot is touched."""
     desk, runtime = console.desk, console.runtime
     review = desk.review(candidate)
-    newest = [one.mission_id for one in runtime.missions() if not one.replay][:REPLAYED]
+    newest = islice((one.mission_id for one in runtime.newest_missions() if not one.replay), REPLAYED)
     found: Any = counterfactual(runtime, runtime.stored_configuration(review.configuration), newest)
     rows = [
         (one.mission_id, one.template, one.status, sum(one.derived.values()), one.differences, len(one.unreadable))
         for one in found.missions
     ]
     shell = console.shell("Counterfactual replay", "candidates", actor)
-    return replay_page(shell, review, rows, held=len(runtime.missions()))
+    return replay_page(shell, review, rows, held=len(runtime.streams(MISSION_STREAMS)))
 
 
 def rollback_of(console: Console, actor: Actor, candidate: str, *, refused: str = "", typed: str = "") -> RollbackPage:

@@ -9,7 +9,8 @@ from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Re
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.permissions import NotPermitted, Visitor
 from app.rendering import render
-from app.routes.robots import RobotPath, card, signed, wheel_returned
+from app.routes.robot_acts import signed, wheel_returned
+from app.routes.robots import RobotPath, card
 from app.security import VisitorDep
 from app.views import forms
 from app.views.driving import DrivePage, TakenOver, taken_over

@@ -18,14 +18,18 @@ from app.report_pdf import report_pdf
 from app.security import VisitorDep
 from app.views import events, facts, forms, report
 from app.views.facts import FactPage
-from app.views.outcome import mission_outcome
+from app.views.outcome import mission_outcome, no_answer_outcome
 from app.views.report import Journal, ReportPage
 from app.views.saying import said
 from harness.contracts.actors import Actor
+from harness.contracts.control import CONTROL, ControlEvent
+from harness.contracts.decider import Codec
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import HarnessError, UnknownName
 from harness.contracts.events import HandoffAnswered
-from harness.contracts.ids import ConditionId, Digest, MissionId
+from harness.contracts.handoff_events import HandoffEvent, HandoffOpened, NoAnswerTaken
+from harness.contracts.ids import ConditionId, Digest, HandoffId, MissionId, handoff_stream
+from harness.contracts.retreat_events import RetreatEnded, RetreatEvent, RetreatIntended, RetreatStopping
 from harness.contracts.revision_commands import DisputeCompletion
 from harness.projections.handoffs import Unanswered
 from harness.projections.starts import repeated_starts
@@ -33,6 +37,8 @@ from rsi_reviews.desk import Say
 
 router = APIRouter(prefix="/missions/{mission_id}")
 LONGEST = 200
+QUESTION: Codec[HandoffEvent] = Codec(HandoffEvent)
+HOUSE: Codec[ControlEvent] = Codec(ControlEvent)
 
 
 @router.get("/report")
@@ -80,11 +86,14 @@ def page_of(console: Console, actor: Actor, mission_id: MissionId, errors: Seque
 
 @router.get("/report.json")
 def machine_readable(console: ConsoleDep, mission_id: MissionId) -> JSONResponse:
-    """The object that `regen mission run --json` prints, with timings, and the place in the log it stands at."""
+    """The object that `regen mission run --json` prints, with timings, what was done where nobody answered, and the
+    place in the log it stands at.
+    """
     entries = console.histories.of(mission_id)
     mission = console.runtime.mission(mission_id)
     body: dict[str, Any] = mission_outcome(mission, entries, console.starts(mission_id))
     body["timings"] = [vars(one) for one in report.timings(mission, entries)]
+    body["no_answer"] = _no_answer(console, mission_id)
     body["log"] = {"position": entries[-1].position, "digest": entries[-1].digest}
     return JSONResponse(body, headers={"Content-Disposition": f'attachment; filename="{mission_id}.json"'})
 
@@ -177,6 +186,33 @@ def _journal(console: Console, mission_id: MissionId) -> Journal:
 
 def _unanswered(console: Console, mission_id: MissionId) -> Unanswered | None:
     """What the robot did where the mission's last question expired."""
+    expired = _expired(console, mission_id)
+    return console.runtime.handoff(expired).unanswered if expired is not None else None
+
+
+def _no_answer(console: Console, mission_id: MissionId) -> dict[str, Any] | None:
+    """The same for programs, with what was meant and what was measured; None where no question expired."""
+    expired = _expired(console, mission_id)
+    opened = console.runtime.handoff(expired).opened if expired is not None else None
+    if expired is None or opened is None:
+        return None
+    told = (QUESTION.decode(one) for one in console.runtime.stream(handoff_stream(expired)))
+    taken = next((event for event in told if isinstance(event, NoAnswerTaken)), None)
+    return no_answer_outcome(opened, taken, _retreat_for(console, opened))
+
+
+def _retreat_for(console: Console, opened: HandoffOpened) -> list[RetreatEvent]:
+    """The house's events of the one retreat that this question was the reason for, if its zone allows one at all."""
+    if opened.no_answer != "retreat":
+        return []
+    house = [HOUSE.decode(one) for one in console.runtime.stream(CONTROL)]
+    moves = [one for one in house if isinstance(one, RetreatIntended | RetreatStopping | RetreatEnded)]
+    intents = [one for one in moves if isinstance(one, RetreatIntended) and one.handoff_id == opened.handoff_id]
+    sent = {one.invocation_id for one in intents}
+    return [one for one in moves if one.invocation_id in sent]
+
+
+def _expired(console: Console, mission_id: MissionId) -> HandoffId | None:
+    """The mission's last question, if nobody answered it in time."""
     answers = [one.event for one in console.histories.of(mission_id) if isinstance(one.event, HandoffAnswered)]
-    expired = bool(answers) and answers[-1].decision == "expired"
-    return console.runtime.handoff(answers[-1].handoff_id).unanswered if expired else None
+    return answers[-1].handoff_id if answers and answers[-1].decision == "expired" else None

@@ -1,29 +1,35 @@
 """/robots: what every robot says and shows, its mission, its stop; the house's autonomy; a stop of everything."""
 
-from collections.abc import Callable
 from typing import Annotated
 
 from fastapi import APIRouter, Path
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
-from app.console import ActorDep, Console, ConsoleDep, FormDep, Wheel
-from app.permissions import NotPermitted, Permission, Visitor
+from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.rendering import render
+from app.routes.robot_acts import all_made_safe, level_of, limited, made_safe, on_their_way, posed, stopped_all
 from app.security import VisitorDep
 from app.views import forms, robots
+from app.views.retreats import LastRetreat, last_retreat
 from app.views.robots import CameraRegion, CameraView, RobotCard, RobotPage, RobotRegion, RobotsRegion, StopAllPage
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
-from harness.contracts.commands import MissionCommand, PauseMission, ResumeMission, StopMission
-from harness.contracts.control import CONTROL, LEVELS, Autonomy, LimitAutonomy, Posture, SetAutonomy
-from harness.contracts.decisions import Accepted, Decision, Refused
-from harness.contracts.errors import ContractInvalid, ProviderFailed, UnknownName
-from harness.contracts.ids import MissionId, RobotId, mission_stream
+from harness.contracts.commands import MissionCommand, PauseMission, ResumeMission
+from harness.contracts.control import CONTROL, SetAutonomy
+from harness.contracts.decisions import Decision, Refused
+from harness.contracts.errors import UnknownName
+from harness.contracts.ids import MissionId, RobotId
+from harness.contracts.read_models import ListQuery
 from harness.projections.mission import Mission
 
 router = APIRouter(prefix="/robots")
 RobotPath = Annotated[RobotId, Path(pattern="^[a-z0-9][a-z0-9-]{0,30}$")]
 JPEG = "image/jpeg"
+OTHERWISE = {
+    True: "It is on its way to its safe place by now: nothing was done. Look again, then decide.",
+    False: "It is not on its way any more, so there was nothing to stop: nothing was done. Look again, then decide.",
+}
+"""Why a button counts no more, by whether the robot is on its way to its safe place."""
 
 
 @router.get("")
@@ -123,10 +129,16 @@ def resume(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: 
 
 @router.post("/{robot_id}/safe")
 def safe(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: RobotPath, typed: FormDep) -> Response:
-    """Stop whatever it does, then send it to the safe place of its zone, or have it lie down."""
+    """Stop whatever it does, then send it to the safe place of its zone, or have it lie down.
+
+    One on its way there is stopped instead. `meant` (go, stay) is what the button said when the page was made.
+    """
     wrong = forms.wrong_reason(typed.get("reason", ""))
     if wrong:
         return _one(console, actor, robot_id, errors=wrong, status=422)
+    under_way = console.control().retreating(robot_id) is not None
+    if typed.get("meant") == ("go" if under_way else "stay"):
+        return _one(console, actor, robot_id, errors=[OTHERWISE[under_way]], status=409)
     decision = made_safe(console, visitor, robot_id, typed["reason"].strip())
     return _after(console, actor, robot_id, decision)
 
@@ -159,149 +171,6 @@ def camera_of(console: Console, robot_id: str) -> CameraView:
     return robots.camera_view(robot_id, console.fleet.shots(robot_id), now_s=console.clock())
 
 
-def stopped_all(console: Console, visitor: Visitor, reason: str) -> tuple[tuple[MissionId, ...], tuple[str, ...]]:
-    """Ask every open mission of every robot to stop, each for itself: (those asked, why others could not be).
-
-    Robots outside every mission are stopped first: wheels are returned, and those on their way to a safe place stand.
-    """
-    asked, left = [], []
-    left += [f"{name}: {said}" for name, said in wheels_returned(console, visitor, reason)]
-    for robot_id in on_their_way(console):
-        stopped = retreat_stopped(console, visitor, robot_id, reason)
-        left += [f"{robot_id}: {stopped.message}"] if isinstance(stopped, Refused) else []
-    for mission in console.open_missions():
-        if mission.replay or mission.status == "stopping":
-            continue
-        decision = console.runtime.submit(mission.mission_id, StopMission(actor=visitor.actor, reason=reason))
-        if isinstance(decision, Accepted):
-            asked.append(mission.mission_id)
-        elif not console.runtime.mission(mission.mission_id).ended:
-            left.append(f"{mission.robot_id}, {mission.mission_id}: {decision.message}")
-    return tuple(asked), tuple(left)
-
-
-def on_their_way(console: Console) -> tuple[RobotId, ...]:
-    """Robots that go to a safe place now."""
-    control = console.control()
-    return tuple(name for name in control.retreats if control.retreating(name) is not None)
-
-
-def wheels_returned(console: Console, visitor: Visitor, reason: str) -> list[tuple[RobotId, str]]:
-    """Return every wheel, whoever has it; the robots whose wheel could not be returned, and why."""
-    left = []
-    for robot_id in console.control().wheels:
-        decision = wheel_returned(console, visitor, robot_id, reason)
-        if isinstance(decision, Refused):
-            left.append((robot_id, decision.message))
-    return left
-
-
-def wheel_returned(console: Console, visitor: Visitor, robot_id: RobotId, reason: str) -> Decision[AnyEvent]:
-    """End driving by hand, whoever drives."""
-    return signed(
-        console,
-        visitor,
-        ("stop", "ReturnWheel", robot_id),
-        lambda wheel, actor: wheel.give_back(robot_id, actor=actor, reason=reason),
-    )
-
-
-def limited(console: Console, visitor: Visitor, level: Autonomy, reason: str) -> None:
-    """Set the limit of the whole house. Raises NotPermitted for a token that is bound to one robot."""
-    if visitor.robot_id:
-        raise NotPermitted(
-            f"This token is for {visitor.robot_id} alone", where=f"token {visitor.name}", do="sign in to set the limit"
-        )
-    command = LimitAutonomy(autonomy=level, actor=visitor.actor, reason=reason)
-    console.runtime.decide([(CONTROL, command)])
-    for mission in console.open_missions():
-        told = SetAutonomy(autonomy=level, actor=visitor.actor, reason=reason, scope="house")
-        console.runtime.decide([(mission_stream(mission.mission_id), told)])
-
-
-def level_of(text: str) -> Autonomy:
-    """Raises ContractInvalid for a level that does not exist."""
-    found = next((one for one in LEVELS if one == text), None)
-    if found is None:
-        raise ContractInvalid(f"There is no autonomy level {text[:40]!r}", do=f"choose from {', '.join(LEVELS)}")
-    return found
-
-
-def made_safe(console: Console, visitor: Visitor, robot_id: RobotId, reason: str) -> Decision[AnyEvent]:
-    """Stop the robot's missions, wait for standstill, and send it to its zone's safe place; without one it lies down.
-
-    Whoever may only stop sets off no motion: it lies down then. A robot that is on its way is stopped there instead.
-    """
-    visitor.acting("stop")
-    if console.control().retreating(robot_id) is not None:
-        return retreat_stopped(console, visitor, robot_id, reason)
-    if robot_id in console.control().wheels:
-        wheel_returned(console, visitor, robot_id, reason)
-    for mission in console.open_missions():
-        if mission.robot_id == robot_id and not mission.replay and mission.status != "stopping":
-            console.runtime.submit(mission.mission_id, StopMission(actor=visitor.actor, reason=reason))
-    if not visitor.may("drive"):
-        return posed(console, visitor, robot_id, "lying", reason)
-    return signed(
-        console,
-        visitor,
-        ("drive", "SendRetreat", robot_id),
-        lambda wheel, actor: wheel.to_safety(robot_id, actor=actor, reason=reason),
-    )
-
-
-def all_made_safe(console: Console, visitor: Visitor, reason: str) -> tuple[str, ...]:
-    """Send every connected robot to safety, each for itself; why it could not be done for some of them."""
-    busy = on_their_way(console)
-    made = [(name, made_safe(console, visitor, name, reason)) for name in console.fleet.names if name not in busy]
-    return tuple(f"{name}: {decision.message}" for name, decision in made if isinstance(decision, Refused))
-
-
-def retreat_stopped(console: Console, visitor: Visitor, robot_id: RobotId, reason: str) -> Decision[AnyEvent]:
-    """Ask a robot on its way to a safe place to stand where it is."""
-    return signed(
-        console,
-        visitor,
-        ("stop", "StopRetreat", robot_id),
-        lambda wheel, actor: wheel.stop_retreat(robot_id, actor=actor, reason=reason),
-    )
-
-
-def posed(console: Console, visitor: Visitor, robot_id: RobotId, posture: Posture, reason: str) -> Decision[AnyEvent]:
-    """Lying down is a stop; standing up is driving. Raises NotPermitted."""
-    permission: Permission = "stop" if posture == "lying" else "drive"
-    return signed(
-        console,
-        visitor,
-        (permission, "OrderPosture", robot_id),
-        lambda wheel, actor: wheel.rest(robot_id, posture=posture, actor=actor, reason=reason),
-    )
-
-
-def signed(
-    console: Console,
-    visitor: Visitor,
-    asked: tuple[Permission, str, RobotId],
-    act: Callable[[Wheel, Actor], Decision[AnyEvent]],
-) -> Decision[AnyEvent]:
-    """An act on a robot outside any mission: checked, signed and written to the trail as a command is."""
-    permission, command, robot_id = asked
-    actor, wheel = visitor.acting(permission), console.wheel
-    if visitor.robot_id not in ("", robot_id):
-        raise NotPermitted(f"This token is for {visitor.robot_id}", where=f"token {visitor.name}", do="use another one")
-    if wheel is None:
-        return Refused("no_supervisor", "No supervisor runs here, so no robot can be reached.")
-    try:
-        decision = act(wheel, actor)
-    except ProviderFailed as error:
-        decision = Refused(error.code, error.what)
-    outcome = f"refused: {decision.rule}" if isinstance(decision, Refused) else "accepted"
-    if robot_id in console.fleet.names:
-        console.fleet.hear(robot_id)
-    console.doors.accounts.told(visitor, actor, command, f"robot/{robot_id}", outcome)
-    return decision
-
-
 def _card(console: Console, robot_id: RobotId, missions: list[Mission]) -> RobotCard:
     now_s = console.clock()
     mine = [one for one in missions if one.robot_id == robot_id]
@@ -311,8 +180,20 @@ def _card(console: Console, robot_id: RobotId, missions: list[Mission]) -> Robot
         robots.camera_view(robot_id, console.fleet.shots(robot_id), now_s=now_s),
         missions,
         control=console.control(),
+        retreat=_last_retreat(console, robot_id),
         watchers=console.presence.watching(f"robot/{robot_id}", *topics),
     )
+
+
+def _last_retreat(console: Console, robot_id: RobotId) -> LastRetreat | None:
+    """When it ended stands with its event; what the robot has begun since in the list of missions."""
+    newest = console.control().retreats.get(robot_id)
+    if newest is None or newest.ended is None:
+        return last_retreat(newest, ended_at_s=0.0, mission_began_s=0.0, now_s=0.0)
+    ended = console.runtime.stream(CONTROL, newest.version - 1)[0]
+    since = console.lists.missions(ListQuery(listing="mission", facets={"robot": robot_id}, limit=1)).items
+    began_s = since[0].began_s if since else 0.0
+    return last_retreat(newest, ended_at_s=ended.recorded_s, mission_began_s=began_s, now_s=console.clock())
 
 
 def _index(console: Console, actor: Actor, *, errors: list[str] | None = None, status: int = 200) -> HTMLResponse:

@@ -1,7 +1,7 @@
 """regen robot: what the robots of a running console say, autonomy, stops, lying down. All of it through its owner."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 
@@ -10,6 +10,7 @@ from app.terminal.owner import OwnerApi, owner_api
 from harness.contracts.control import LEVELS
 from harness.contracts.errors import HarnessError
 
+HEAD = ["robot", "posture", "battery", "hardware stop", "localised", "mission", "status", "driver"]
 app = typer.Typer(no_args_is_help=True, help="See and stop the robots of a running console.")
 Reason = Annotated[str, typer.Option(help="Why; it stands in the log.")]
 
@@ -18,9 +19,7 @@ Reason = Annotated[str, typer.Option(help="Why; it stands in the log.")]
 def list_robots(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
     """Every robot: posture, battery, hardware stop, mission, who drives it."""
     rows = _owner(data).get("/robots")
-    lines = [["robot", "posture", "battery", "hardware stop", "localised", "mission", "status", "driver"]]
-    lines += [_line(row) for row in rows]
-    show({"robots": rows}, as_json=as_json, lines=table(lines))
+    show({"robots": rows}, as_json=as_json, lines=table([HEAD, *map(_line, rows)]))
 
 
 @app.command()
@@ -37,15 +36,25 @@ def stop(robot: str, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = 
 @app.command("stop-all")
 def stop_all(reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
     """Ask every mission of every robot to stop. Exit 1 if one could not be asked."""
-    outcome = _owner(data).post("/robots/stop", {"reason": reason})
-    lines = [f"asked to stop: {one}" for one in outcome["asked"]] + [f"not asked: {one}" for one in outcome["refused"]]
-    show(outcome, as_json=as_json, lines=lines or ["No mission was under way."])
-    raise typer.Exit(1 if outcome["refused"] else 0)
+    _stopped(data, {"reason": reason, "safe": False}, as_json=as_json)
 
 
 @app.command()
-def safe(robot: str, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
-    """Stop what a robot does and send it to the safe place of its zone; without one it lies down where it stands."""
+def safe(
+    reason: Reason,
+    robot: Annotated[str, typer.Argument(help="Which; --all instead for every robot.")] = "",
+    every: Annotated[bool, typer.Option("--all", help="Stop and send every robot, each for itself.")] = False,
+    data: Data = DEFAULT_DATA,
+    as_json: Json = False,
+) -> None:
+    """Stop what a robot does and send it to the safe place of its zone; without one it lies down where it stands.
+
+    With --all: every mission stops, every wheel is returned, every robot is sent. Exit 1 if one could not be.
+    """
+    if every == bool(robot):
+        raise typer.BadParameter("Name one robot, or --all for every one.")
+    if every:
+        _stopped(data, {"reason": reason, "safe": True}, as_json=as_json)
     _said(_owner(data).post(f"/robots/{robot}/safe", {"reason": reason}), as_json=as_json)
 
 
@@ -72,6 +81,16 @@ def autonomy(
     outcome = _owner(data).post(path, body)
     bound = mission or "every mission"
     show(outcome, as_json=as_json, lines=[f"{bound}: {outcome['autonomy']}"])
+
+
+def _stopped(data: Path, body: dict[str, Any], *, as_json: bool) -> NoReturn:
+    """A stop of everything, sent to safety too if the body says so, how it went, and how every robot is then."""
+    api = _owner(data)
+    outcome = api.post("/robots/stop", body)
+    lines = [f"asked to stop: {one}" for one in outcome["asked"]] + [f"not done: {one}" for one in outcome["refused"]]
+    rows = [_line(row) for row in api.get("/robots")]
+    show(outcome, as_json=as_json, lines=(lines or ["No mission was under way."]) + table([HEAD, *rows]))
+    raise typer.Exit(1 if outcome["refused"] else 0)
 
 
 def _said(row: dict[str, Any], *, as_json: bool) -> None:

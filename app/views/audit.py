@@ -13,13 +13,17 @@ from harness.contracts.ports import Head, StoredEvent
 
 @dataclass(frozen=True)
 class Deed:
-    """One event of the log. `actor` is empty where nobody asked for it: the harness or a robot brought it about."""
+    """One event of the log. `actor` is empty where nobody asked for it: the harness or a robot brought it about.
+
+    `mission_id` and `robot_id` are empty where the event names none.
+    """
 
     position: int
     at_s: float
     kind: str
     stream: str
     mission_id: str
+    robot_id: str
     actor: str
     role: str
     channel: str
@@ -107,6 +111,7 @@ def deed(stored: StoredEvent) -> Deed:
         kind=stored.kind,
         stream=stored.stream,
         mission_id=name if family == "mission" else str(body.get("mission_id", "")),
+        robot_id=str(body.get("robot_id", "")),
         actor=str(actor.get("name", "")),
         role=listed(str(actor.get("role", "")).split("+")),
         channel=str(actor.get("channel", "human")) if actor else "",

@@ -14,6 +14,7 @@ from harness.contracts.protocol import RobotStatus
 from harness.contracts.read_models import MANY, ListQuery, MissionItem, Tally
 from harness.contracts.tasks import order
 from harness.contracts.verdicts import GoalVerdict
+from harness.projections.exploration import choices
 from harness.projections.mission import Mission
 from harness.projections.missions_list import current_stage
 
@@ -83,7 +84,7 @@ class MissionsPage:
 
 @dataclass(frozen=True)
 class Head:
-    """Where the mission stands, in one line and one sentence."""
+    """Where the mission stands, in one line and one sentence. `targets`: how many an exploration has chosen."""
 
     goal: str
     template: str
@@ -100,6 +101,7 @@ class Head:
     labels: str
     disputed: int
     rerun_of: str
+    targets: int
 
 
 @dataclass(frozen=True)
@@ -217,6 +219,7 @@ def head(mission: Mission, entries: Sequence[Entry]) -> Head:
         labels=", ".join(f"{name} {value}" for name, value in mission.labels.items() if name != "rerun_of"),
         disputed=mission.false_completions,
         rerun_of=mission.labels.get("rerun_of", ""),
+        targets=len(choices(mission.contract)) if mission.contract else 0,
     )
 
 

@@ -10,7 +10,9 @@ from app.views.timeline import Entry
 from harness.contracts.effects import Metric
 from harness.contracts.events import DispatchIntended, PacketRetained
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
+from harness.contracts.handoff_events import HandoffOpened, NoAnswerTaken
 from harness.contracts.protocol import PhysicalStart, Receipt
+from harness.contracts.retreat_events import RetreatEnded, RetreatEvent, RetreatIntended
 from harness.contracts.tasks import Node, order
 from harness.projections.mission import Mission, NodeState
 from harness.projections.starts import repeated_starts
@@ -48,6 +50,46 @@ def mission_outcome(
         "physical_starts": len(mine) if mine is not None else None,
         "duplicate_starts": repeated_starts(mine) if mine is not None else None,
         "events": len(entries),
+    }
+
+
+def no_answer_outcome(
+    opened: HandoffOpened, taken: NoAnswerTaken | None, retreat: Sequence[RetreatEvent]
+) -> dict[str, Any]:
+    """What was to happen where nobody answered this question, what was done, and what of it was measured (D27).
+
+    `taken` is None while it goes on; `retreat` are the events of the one that was sent for it, none if none was.
+    Metres and radians; nothing of it is accepted.
+    """
+    return {
+        "handoff_id": opened.handoff_id,
+        "intended": {
+            "action": opened.no_answer,
+            "safe_place": opened.safe_place or None,
+            "otherwise": opened.otherwise or None,
+        },
+        "done": {"action": taken.action, "shown": taken.done, "reason": taken.reason} if taken else None,
+        "measured": taken.measured if taken else None,
+        "retreat": _retreat(retreat),
+    }
+
+
+def _retreat(events: Sequence[RetreatEvent]) -> dict[str, Any] | None:
+    intent = next((one for one in events if isinstance(one, RetreatIntended)), None)
+    ended = next((one for one in events if isinstance(one, RetreatEnded)), None)
+    if intent is None:
+        return None
+    return {
+        "place": intent.place,
+        "target_m": list(intent.target_m),
+        "frame": intent.frame,
+        "map_version": intent.map_version,
+        "authorised_by": intent.authorised_by,
+        "authorised_on": intent.authorised_on,
+        "request_id": intent.request_id,
+        "declared": ended.declared if ended else None,
+        "measured": ended.measured if ended else None,
+        "outcome": ended.outcome if ended else None,
     }
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from app.fleet import Shots, Word
 from app.views.missions import sentence, tone
+from app.views.retreats import LastRetreat
 from app.views.saying import said
 from app.views.shell import Shell
 from harness.contracts.control import LEVELS, Autonomy
@@ -93,7 +94,10 @@ class RobotMission:
 
 @dataclass(frozen=True)
 class RobotCard:
-    """One robot: word, camera, mission, how many wait behind it, who drives it, its way to safety, who looks at it."""
+    """One robot: word, camera, mission, how many wait behind it, who drives it, its way to safety, who looks at it.
+
+    `retreat` is there while it matters; `retreated` says that there was one, so that the audit log has it.
+    """
 
     robot_id: str
     word: RobotWord
@@ -103,7 +107,8 @@ class RobotCard:
     control: str
     driver: str
     retreating: bool
-    retreat: str
+    retreat: LastRetreat | None
+    retreated: bool
     watchers: tuple[str, ...]
 
 
@@ -273,6 +278,7 @@ def robot_card(
     missions: Sequence[Mission],
     *,
     control: Control,
+    retreat: LastRetreat | None,
     watchers: Sequence[str],
 ) -> RobotCard:
     """`missions` are this robot's open ones, newest first: the one that moves it, else the oldest, is its mission."""
@@ -289,42 +295,10 @@ def robot_card(
         control=_in_control(mission, wheel, control.retreating(robot_id)),
         driver=wheel.actor.name if wheel else "",
         retreating=control.retreating(robot_id) is not None,
-        retreat=retreat_sentence(control.retreats.get(robot_id)),
+        retreat=retreat,
+        retreated=robot_id in control.retreats,
         watchers=tuple(watchers),
     )
-
-
-def retreat_sentence(retreat: Retreating | None) -> str:
-    """The newest way to a safe place: declared and measured, accepted by nobody; empty if there was none."""
-    if retreat is None:
-        return ""
-    intent, ended = retreat.intent, retreat.ended
-    if ended is None:
-        return said(
-            "On the way to {place}, started by {who}, authorised on {day} by {authority}. It is no stage of a mission.",
-            place=intent.place,
-            who=intent.actor.name,
-            day=intent.authorised_on,
-            authority=intent.authorised_by,
-        )
-    reason = ended.reason.rstrip(".")
-    match ended.outcome:
-        case "reached":
-            away = f"{ended.measured.get('distance_m', 0.0):.2f}"
-            return said(
-                "Last sent to {place}: measured {distance} m from it, declared {declared}. Nothing is accepted of it.",
-                place=intent.place,
-                distance=away,
-                declared=ended.declared,
-            )
-        case "short":
-            return said("Last sent to {place}: not shown to be there. {reason}.", place=intent.place, reason=reason)
-        case _:
-            return said(
-                "Last sent to {place}: nobody can say how it ended, and it is not sent again. {reason}.",
-                place=intent.place,
-                reason=reason,
-            )
 
 
 def _in_control(mission: Mission | None, wheel: Wheel | None, retreat: Retreating | None) -> str:

@@ -25,6 +25,7 @@ REASONS: Mapping[str, tuple[str, str]] = {
     "bad_signature": ("What was said of you is not signed by the identity provider.", ASK_AN_ADMIN),
     "token_expired": ("What the identity provider said of you is no longer good.", TRY_AGAIN),
     "nonce_mismatch": ("What the identity provider said was meant for another sign-in.", TRY_AGAIN),
+    "person_mismatch": ("The identity provider told of somebody else than who signed in there.", ASK_AN_ADMIN),
     "role_missing": (
         "The identity provider knows you, and you have no role in this console.",
         "Ask an admin of this console for a role for one of your groups, or to link your account.",

@@ -17,7 +17,7 @@ from harness.contracts.decider import Decider
 from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.errors import ContractInvalid, LogDamaged
 from harness.contracts.events import ContractCompiled, MissionEvent
-from harness.contracts.ids import Digest, HandoffId, MissionId, ResourceId, StreamId, sha256
+from harness.contracts.ids import Digest, HandoffId, MissionId, ResourceId, StreamId, mission_stream, sha256
 from harness.contracts.ports import StoredEvent
 from harness.contracts.values import Count, Moment, Value, digest, encode
 from harness.gate.decide import DECIDER
@@ -76,9 +76,7 @@ def replay_mission(runtime: Runtime, mission_id: MissionId) -> ReplayReport:
     stored = runtime.events(mission_id)
     mission, decisions = _mission(replay, roles, stored)
     if encode(mission) != encode(live):
-        replay.differences.append(
-            f"mission/{mission_id}: the state folded from zero is not, byte for byte, the live one"
-        )
+        replay.differences.append(f"{mission_stream(mission_id)}: {UNEQUAL}")
     leases = sum(_leases(replay, stream, mission_id) for stream in runtime.streams("lease/"))
     handoffs = sum(_handoff(replay, stream, mission_id) for stream in runtime.streams("handoff/"))
     return ReplayReport(

@@ -11,11 +11,13 @@ SignInRefused            somebody came back from the issuer, or wanted to go the
 │   ├── TokenUnsigned    signed by nobody, or with a key that both sides share
 │   ├── SignatureBad     the issuer's keys did not sign it
 │   ├── TokenExpired     it was good, and is not any more
-│   └── NonceMismatch    it was made for another sign-in
+│   ├── NonceMismatch    it was made for another sign-in
+│   └── PersonMismatch   what was asked with it is said of somebody else
 ├── RoleMissing          the person is known, and nothing here gives them a role
 └── AccountDisabled      the person is known, and an admin turned them away
 """
 
+from collections.abc import Callable
 from typing import Protocol
 
 from harness.contracts.errors import HarnessError
@@ -23,7 +25,10 @@ from harness.contracts.values import Name, Value
 
 
 class Claims(Value):
-    """What a verified identity token says of a person. (issuer, subject) is who they are; `name` is only a wish."""
+    """What a verified identity token says of a person. (issuer, subject) is who they are; `name` is only a wish.
+
+    `groups` may come from the issuer's userinfo endpoint instead, where the token has none.
+    """
 
     issuer: Name
     subject: str
@@ -87,6 +92,10 @@ class NonceMismatch(TokenInvalid):
     code = "nonce_mismatch"
 
 
+class PersonMismatch(TokenInvalid):
+    code = "person_mismatch"
+
+
 class RoleMissing(SignInRefused):
     code = "role_missing"
 
@@ -110,8 +119,11 @@ class IdentityProvider(Protocol):
         """Where to send the browser."""
         ...
 
-    def finish(self, attempt: Attempt, *, code: str, issuer: str) -> Claims:
-        """Who came back with `code`; `issuer` is what the answer says of itself, empty if it says nothing."""
+    def finish(self, attempt: Attempt, *, code: str, issuer: str, by_groups: Callable[[str], bool]) -> Claims:
+        """Who came back with `code`; `issuer` is what the answer says of itself, empty if it says nothing.
+
+        `by_groups` says of a subject whether their groups are wanted: they may have to be asked for.
+        """
         ...
 
     def leave(self, after: str) -> str:

@@ -37,12 +37,16 @@ class Wheel(Value):
 
 
 class Retreating(Value):
-    """A robot's newest retreat. `stop` is why it was asked to stand; `ended` how it ended, None while it is open."""
+    """A robot's newest retreat. `stop` is why it was asked to stand; `ended` how it ended, None while it is open.
+
+    `version` is that of the newest event about it in the house's control stream.
+    """
 
     intent: RetreatIntended
     status: Literal["sent", "stopping"] | RetreatOutcome = "sent"
     stop: RetreatStopping | None = None
     ended: RetreatEnded | None = None
+    version: Count = 0
 
     @property
     def open(self) -> bool:
@@ -94,10 +98,11 @@ def apply(control: Control, event: ControlEvent) -> Control:
 def _retreat(control: Control, event: RetreatEvent) -> Retreating:
     match event:
         case RetreatIntended():
-            return Retreating(intent=event)
+            return Retreating(intent=event, version=control.version)
         case RetreatStopping():
-            return replace(control.retreats[event.robot_id], status="stopping", stop=event)
+            return replace(control.retreats[event.robot_id], status="stopping", stop=event, version=control.version)
         case RetreatEnded():
-            return replace(control.retreats[event.robot_id], status=event.outcome, ended=event)
+            known = control.retreats[event.robot_id]
+            return replace(known, status=event.outcome, ended=event, version=control.version)
         case _:
             assert_never(event)

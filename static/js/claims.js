@@ -7,7 +7,8 @@ async function renew() {
   const form = document.querySelector("form[data-keep]");
   if (!form || document.body.dataset.link === "lost") return;
   try {
-    await fetch(form.action, { method: "POST", body: new URLSearchParams(new FormData(form)), redirect: "manual" });
+    const body = new URLSearchParams(new FormData(form));
+    await fetch(form.action, { method: "POST", headers: { "X-By-Itself": "yes" }, body, redirect: "manual" });
   } catch {
     return; // A lost link shows itself in the bar; the claim then lapses by itself.
   }

@@ -13,6 +13,7 @@ from authlib.oauth2.rfc7636 import create_s256_code_challenge
 from authlib.oidc.discovery import get_well_known_url
 from joserfc.jwk import KeySet
 
+from harness.adapters.identity.person import person_of
 from harness.adapters.identity.tokens import KeyUnknown, accepted, algorithm_of, keys_of, offered, verified
 from harness.adapters.identity.wire import Wire, secure
 from harness.contracts.errors import ContractInvalid
@@ -92,7 +93,7 @@ class OpenIdProvider:
         )
         return address
 
-    def finish(self, attempt: Attempt, *, code: str, issuer: str) -> Claims:
+    def finish(self, attempt: Attempt, *, code: str, issuer: str, by_groups: Callable[[str], bool]) -> Claims:
         document = self._document()
         announced = document.body.get("authorization_response_iss_parameter_supported") is True
         if issuer != self.issuer and (issuer or announced):
@@ -112,11 +113,15 @@ class OpenIdProvider:
             access_token=answer.get("access_token"),
             now_s=self._clock(),
         )
+        told = {name: value for name, value in claims.items() if value is not None}
+        endpoint, subject = document.body.get("userinfo_endpoint"), told["sub"]
+        if self._registration.groups_claim not in told and self._wire.permits(endpoint) and by_groups(subject):
+            told = person_of(self._wire, endpoint, answer, subject=subject) | told
         return Claims(
             issuer=self.issuer,
-            subject=claims["sub"],
-            name=next((str(claims[one]) for one in ("preferred_username", "email", "name") if claims.get(one)), ""),
-            groups=_groups(claims.get(self._registration.groups_claim)),
+            subject=subject,
+            name=next((str(told[one]) for one in ("preferred_username", "email", "name") if told.get(one)), ""),
+            groups=_groups(told.get(self._registration.groups_claim)),
         )
 
     def leave(self, after: str) -> str:

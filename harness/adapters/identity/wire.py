@@ -25,9 +25,13 @@ class Wire:
         self._hosts = frozenset(host.lower() for host in hosts)
         self._trusted = _trusted(authority)
 
+    def permits(self, url: object) -> bool:
+        """Whether an address is one of the configured hosts', over TLS."""
+        return isinstance(url, str) and secure(url) and urlsplit(url).netloc.lower() in self._hosts
+
     def allowed(self, url: object) -> str:
         """The address, if it may be asked or a browser sent there. Raises IssuerWrong."""
-        if not isinstance(url, str) or not secure(url) or urlsplit(url).netloc.lower() not in self._hosts:
+        if not isinstance(url, str) or not self.permits(url):
             raise IssuerWrong(
                 "The identity provider names an address outside of what is configured",
                 where=_place(url),

@@ -1,0 +1,66 @@
+"""/missions/{id}/exploration: where an exploring mission looked next and why, one choice in full, live."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Query
+from starlette.responses import HTMLResponse
+
+from app.console import ActorDep, Console, ConsoleDep
+from app.rendering import render
+from app.views.exploration import (
+    ChoicesRegion,
+    Recorded,
+    choices_region,
+    exploration_page,
+    shown_of,
+)
+from app.views.saying import said
+from harness.contracts.errors import BlobDamaged
+from harness.contracts.exploration import GridMap
+from harness.contracts.ids import Digest, MissionId
+from harness.contracts.values import decode
+from harness.projections.mission import Mission
+
+router = APIRouter(prefix="/missions/{mission_id}")
+Leg = Annotated[str, Query(max_length=60)]
+
+
+@router.get("/exploration")
+def show(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, leg: Leg = "") -> HTMLResponse:
+    region = _region(console, mission_id, leg)
+    mission = console.runtime.mission(mission_id)
+    shell = console.shell(
+        said("Exploration: {goal}", goal=mission.goal), "missions", actor, topics=[f"mission/{mission_id}"]
+    )
+    page = exploration_page(shell, mission, console.histories.of(mission_id), region)
+    return render("missions/exploration.html", page)
+
+
+@router.get("/choices")
+def choices(console: ConsoleDep, mission_id: MissionId, leg: Leg = "") -> HTMLResponse:
+    return render("missions/_choices.html", _region(console, mission_id, leg))
+
+
+def _region(console: Console, mission_id: MissionId, leg: str) -> ChoicesRegion:
+    mission = console.runtime.mission(mission_id)
+    return choices_region(mission, console.histories.of(mission_id), _recorded(console, mission, leg), leg=leg)
+
+
+def _recorded(console: Console, mission: Mission, leg: str) -> Recorded:
+    """The records and maps of the choice that is shown, as far as they are kept and verify."""
+    shown = shown_of(mission, leg)
+    if shown is None:
+        return Recorded()
+    return Recorded(
+        question=console.target_question(shown.question),
+        answer=console.target_answer(shown.answer),
+        before=_grid(console, shown.map_before),
+        after=_grid(console, shown.map_after) if shown.map_after else None,
+    )
+
+
+def _grid(console: Console, blob: Digest) -> GridMap | None:
+    try:
+        return decode(console.runtime.blob(blob), GridMap)
+    except BlobDamaged:
+        return None

@@ -1,0 +1,131 @@
+"""Pure: the floor as it was known when a target was chosen, with what the way there showed anew, drawn to scale."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+from harness.contracts.exploration import FREE, OCCUPIED, GridMap, Region, TargetAnswer, TargetQuestion
+from harness.contracts.values import Point
+
+EDGE_M = (0.28, 0.7)
+"""The smallest and the largest radius of an edge's mark; its area grows with the edge."""
+KNOWN_M = 1.5
+"""So much is shown around what is known."""
+
+
+@dataclass(frozen=True)
+class Mark:
+    """An edge on the map: its number where one would stand for it, as large as it promises."""
+
+    number: int
+    x: float
+    y: float
+    r: float
+    chosen: bool
+
+
+@dataclass(frozen=True)
+class Spot:
+    """One point of the map, in its view box."""
+
+    x: float
+    y: float
+
+
+@dataclass(frozen=True)
+class Floor:
+    """In metres, the y axis turned so that north is up. `free`, `closed`, `gained` are SVG paths of cells.
+
+    `target` is where the robot was sent, `refused` where the proposer wanted it and the harness did not.
+    """
+
+    box: str
+    free: str
+    closed: str
+    gained: str
+    keep_out: tuple[str, ...]
+    route: str
+    marks: tuple[Mark, ...]
+    robot: Spot
+    target: Spot | None
+    refused: Spot | None
+
+
+def explored_floor(
+    before: GridMap | None,
+    after: GridMap | None,
+    *,
+    question: TargetQuestion | None,
+    answer: TargetAnswer | None,
+) -> Floor | None:
+    """None where the map or the question is not kept any more. `after` is None until the way there was mapped."""
+    if before is None or question is None:
+        return None
+    chosen = answer.chosen if answer else None
+    wanted = answer.said if answer and answer.refused else None
+    longest = max((one.length_m for one in question.frontiers), default=1.0)
+    return Floor(
+        box=_box(after or before, question),
+        free=_cells(before, lambda index: before.cells[index] == FREE),
+        closed=_cells(after or before, lambda index: (after or before).cells[index] == OCCUPIED),
+        gained=_cells(after, _gained(before, after)) if after else "",
+        keep_out=tuple(_points(region) for region in question.keep_out_m),
+        route=_points(answer.route_m) if answer else "",
+        marks=tuple(
+            Mark(
+                number=number,
+                x=round(one.approach_m[0], 3),
+                y=round(-one.approach_m[1], 3),
+                r=round(EDGE_M[0] + (EDGE_M[1] - EDGE_M[0]) * (one.length_m / longest) ** 0.5, 3),
+                chosen=chosen is not None and one.approach_m == chosen.target_m,
+            )
+            for number, one in enumerate(question.frontiers, start=1)
+        ),
+        robot=_spot(question.position_m),
+        target=_spot(chosen.target_m) if chosen else None,
+        refused=_spot(wanted.target_m) if wanted else None,
+    )
+
+
+def _gained(before: GridMap, after: GridMap) -> Callable[[int], bool]:
+    """Floor that was not known to be free and is now; nothing where the two are maps of different floors."""
+    same = (before.columns, before.rows, before.origin_m) == (after.columns, after.rows, after.origin_m)
+    return lambda index: same and after.cells[index] == FREE and before.cells[index] != FREE
+
+
+def _cells(grid: GridMap, wanted: Callable[[int], bool]) -> str:
+    """The wanted cells as one path: a rectangle for every run of them in a row."""
+    return "".join(
+        f"M{grid.origin_m[0] + first * grid.cell_m:.2f} {-(grid.origin_m[1] + (row + 1) * grid.cell_m):.2f}"
+        f"h{count * grid.cell_m:.2f}v{grid.cell_m:.2f}h-{count * grid.cell_m:.2f}z"
+        for row, first, count in _runs(grid, wanted)
+    )
+
+
+def _runs(grid: GridMap, wanted: Callable[[int], bool]) -> Iterator[tuple[int, int, int]]:
+    """(row, first column, how many) of every stretch of wanted cells."""
+    for row in range(grid.rows):
+        column = 0
+        for fits, cells in groupby(range(row * grid.columns, (row + 1) * grid.columns), key=wanted):
+            count = sum(1 for _ in cells)
+            if fits:
+                yield row, column, count
+            column += count
+
+
+def _box(grid: GridMap, question: TargetQuestion) -> str:
+    """Around everything that is known, and the robot."""
+    known = [(row, column, count) for row, column, count in _runs(grid, lambda index: grid.cells[index] != 0)]
+    xs = [grid.origin_m[0] + side * grid.cell_m for _, first, count in known for side in (first, first + count)]
+    ys = [grid.origin_m[1] + side * grid.cell_m for row, _, _ in known for side in (row, row + 1)]
+    xs, ys = [*xs, question.position_m[0]], [*ys, question.position_m[1]]
+    width, height = max(xs) - min(xs) + 2 * KNOWN_M, max(ys) - min(ys) + 2 * KNOWN_M
+    return f"{min(xs) - KNOWN_M:.2f} {-max(ys) - KNOWN_M:.2f} {width:.2f} {height:.2f}"
+
+
+def _points(points: Sequence[Point] | Region) -> str:
+    return " ".join(f"{x:.3f},{-y:.3f}" for x, y in points)
+
+
+def _spot(at_m: Point) -> Spot:
+    return Spot(x=round(at_m[0], 3), y=round(-at_m[1], 3))
