@@ -17,7 +17,7 @@ from harness.contracts.alert_commands import ClearAlert, RaiseAlert
 from harness.contracts.alert_events import AlertRaised, Occurrence, alert_id, alert_stream
 from harness.contracts.decider import Codec
 from harness.contracts.decisions import Accepted
-from harness.contracts.errors import BlobDamaged, HarnessError, LogDamaged, UnknownName
+from harness.contracts.errors import BlobDamaged, HarnessError, LogDamaged, ProviderUnreachable, UnknownName
 from harness.contracts.events import MissionEnded, MissionEvent
 from harness.contracts.handoff_events import HandoffEvent
 from harness.contracts.ids import Digest, HandoffId, MissionId, RobotId
@@ -77,6 +77,7 @@ class AlertWatch:
     tell: Raised = unheard
     _position: int = -1
     _troubles: dict[str, _Trouble] = field(default_factory=dict)
+    _unread: dict[MissionId, causes.About] = field(default_factory=dict)
     _halt: Event = field(default_factory=Event)
     _thread: Thread | None = None
     _blobs: Iterator[Digest] = field(default_factory=lambda: iter(()))
@@ -109,6 +110,9 @@ class AlertWatch:
                 if stored.recorded_s >= oldest_s and stored.kind in TELLING:
                     self._take(stored)
             self._position = fresh[-1].position
+        for mission_id, about in tuple(self._unread.items()):
+            if not self._standing(causes.link_cause(about.robot_id)):
+                self._journal(mission_id)
 
     def ask(self, cause: str, command: RaiseAlert | ClearAlert) -> None:
         """One request to the gate; a refusal means there was nothing to clear."""
@@ -157,9 +161,16 @@ class AlertWatch:
         self._ask_all(causes.of_mission(event, about))
         if isinstance(event, MissionEnded):
             self._troubles.pop(mission_id, None)
+            self._unread[mission_id] = about
+
+    def _journal(self, mission_id: MissionId) -> None:
+        """What the robot's own journal says of a mission that is over; a robot that is silent is asked again later."""
+        try:
             starts = self.watched.starts(mission_id) or ()
-            for one in causes.duplicate_starts(about, starts):
-                self._raise(one)
+        except ProviderUnreachable:
+            return
+        for one in causes.duplicate_starts(self._unread.pop(mission_id), starts):
+            self._raise(one)
 
     def _about(self, stored: StoredEvent, mission_id: MissionId) -> causes.About:
         try:

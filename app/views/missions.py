@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from app.views.contexts import ContextView
 from app.views.listing import Filter, Paging, Sought, address, facet_filter, order_filter, paging
-from app.views.measures import ConditionRow, condition_row
+from app.views.measures import ConditionRow, condition_row, fields
 from app.views.saying import said, word
 from app.views.shell import Shell
 from app.views.timeline import Entry
@@ -216,7 +216,10 @@ def head(mission: Mission, entries: Sequence[Entry]) -> Head:
         handoff_id=mission.handoff_id or "",
         sentence=sentence(mission),
         ended=last is not None,
-        labels=", ".join(f"{name} {value}" for name, value in mission.labels.items() if name != "rerun_of"),
+        labels=", ".join(
+            f"{one.name} {one.value}"
+            for one in fields({name: value for name, value in mission.labels.items() if name != "rerun_of"})
+        ),
         disputed=mission.false_completions,
         rerun_of=mission.labels.get("rerun_of", ""),
         targets=len(choices(mission.contract)) if mission.contract else 0,

@@ -1,7 +1,9 @@
 """The HTTP provider protocol and its process: who may speak, what is described, what survives a crash."""
 
 import json
+import os
 import re
+import signal
 import socket
 import subprocess
 import sys
@@ -14,7 +16,8 @@ import httpx
 import pytest
 
 from harness.adapters.providers.http.robot import HttpRobot
-from harness.adapters.providers.simulation.child import Attachment, RobotProcess, RobotSettings
+from harness.adapters.providers.simulation.child import ATTACHMENT, Attachment, RobotProcess, RobotSettings
+from harness.adapters.providers.simulation.kept import KeptRobot
 from harness.contracts.errors import (
     BlobDamaged,
     FencingRefused,
@@ -24,7 +27,7 @@ from harness.contracts.errors import (
     StoreUnavailable,
     UnknownName,
 )
-from harness.contracts.ids import Digest
+from harness.contracts.ids import Digest, MissionId
 from harness.contracts.protocol import PhysicalStart
 from harness.contracts.values import decode
 from tests.contract.test_providers import truths
@@ -32,6 +35,7 @@ from tests.unit.simulation.builders import MISSION, Bench, along
 
 Start = Callable[..., tuple[RobotProcess, Bench]]
 PATIENCE_S = 120.0
+SECOND = MissionId("mission-2")
 
 
 @pytest.fixture
@@ -158,6 +162,22 @@ def test_a_killed_robot_remembers_its_starts_and_starts_none_of_them_again(start
     assert abs(after.pose().x_m - there.x_m) < 0.3
     assert after.pose().v_mps == 0.0
     assert after.watch(after.start("route-follower", along("A-B"), attempt=2)).status == "succeeded"
+
+
+def test_a_robot_that_died_between_two_missions_is_started_again_for_the_next(tmp_path: Path) -> None:
+    folder = tmp_path / "vbot-1"
+    kept = KeptRobot(RobotSettings(folder=str(folder), speed=0.0, fidelity="kinematic", linger_s=0.2))
+    try:
+        kept.configure(MISSION, 1, ())
+        dead = decode((folder / ATTACHMENT).read_bytes(), Attachment).pid
+        os.kill(dead, signal.SIGKILL)
+        os.waitid(os.P_PID, dead, os.WEXITED | os.WNOWAIT)
+        kept.configure(SECOND, 2, ())
+        assert decode((folder / ATTACHMENT).read_bytes(), Attachment).pid != dead
+        kept.clock.wait_until(kept.clock.now().mission_s + 1.0)
+        assert (folder / "truth" / f"{SECOND}.jsonl").exists()
+    finally:
+        kept.close()
 
 
 def test_an_ended_robot_keeps_its_world_and_its_terminal_reports(start: Start) -> None:

@@ -55,10 +55,16 @@ class Watchman:
     def __init__(self, runtime: Runtime) -> None:
         self.now_s, self.free, self.robot = 1e9, 10**12, FakeRobot()
         self.starts: list[PhysicalStart] = []
+        self.journal_away = False
         fleet = Fleet({RobotId("vbot-9"): self.robot}, {}, lambda: self.now_s)  # type: ignore[dict-item]
         self.alerts = Alerts(runtime)
-        watched = Watched(fleet, lambda mission_id: self.starts, lambda: self.free, lambda: self.now_s)
+        watched = Watched(fleet, lambda mission_id: self._journal(), lambda: self.free, lambda: self.now_s)
         self.watch = AlertWatch(runtime, self.alerts, watched)
+
+    def _journal(self) -> list[PhysicalStart]:
+        if self.journal_away:
+            raise ProviderUnreachable("It does not answer", where="vbot-9")
+        return self.starts
 
     def seen(self, wait_s: float = 1.5) -> dict[str, Alert]:
         """Alerts by kind after one more look."""
@@ -167,6 +173,18 @@ def test_a_request_that_was_started_twice_is_an_alert(stand: Stand, watchman: Wa
     found = watchman.seen()["duplicate_start"]
     assert found.newest is not None
     assert "1 starts beyond the first" in found.newest.text
+
+
+def test_a_robot_that_keeps_its_journal_to_itself_holds_no_other_alert_up(stand: Stand, watchman: Watchman) -> None:
+    mission = stand.run()
+    watchman.now_s = stand.harness.runtime.log()[-1].recorded_s
+    starts = list(stand.harness.starts(mission.mission_id))
+    watchman.starts, watchman.journal_away = [*starts, starts[0]], True
+    assert "duplicate_start" not in watchman.seen()
+    stand.handed_off()
+    assert "handoff" in watchman.seen()
+    watchman.journal_away = False
+    assert "duplicate_start" in watchman.seen()
 
 
 def test_damaged_evidence_is_an_alert(tmp_path: Path) -> None:

@@ -107,8 +107,6 @@ class RobotProcess:
             except subprocess.TimeoutExpired:
                 self._child.kill()
                 self._child.wait()
-        if self._child.stdout is not None:
-            self._child.stdout.close()
 
 
 def _alive(pid: int) -> bool:
@@ -143,6 +141,7 @@ def _first_line(child: subprocess.Popen[bytes]) -> bytes:
         return child.stdout.readline()
     finally:
         timer.cancel()
+        child.stdout.close()
 
 
 def _running(settings: RobotSettings) -> Attachment | None:

@@ -27,9 +27,13 @@ class KeptRobot:
         )
 
     def configure(self, mission_id: MissionId, seed: int, faults: Sequence[str]) -> None:
-        """Begin a mission on it; a robot that is started again is told the same."""
+        """Begin a mission on it; a robot that is started again, now or later, is told the same."""
         self._under_way = (mission_id, seed, tuple(faults))
-        self.robot.configure(mission_id, seed, faults)
+        try:
+            self.robot.configure(mission_id, seed, faults)
+        except ProviderUnreachable:
+            if not self.revive():
+                raise
 
     def revive(self) -> bool:
         """Start a dead process again, as a service manager would; its world goes on where it was saved."""
