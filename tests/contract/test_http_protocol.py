@@ -166,15 +166,17 @@ def test_a_killed_robot_remembers_its_starts_and_starts_none_of_them_again(start
 
 def test_a_robot_that_died_between_two_missions_is_started_again_for_the_next(tmp_path: Path) -> None:
     folder = tmp_path / "vbot-1"
-    kept = KeptRobot(RobotSettings(folder=str(folder), speed=0.0, fidelity="kinematic", linger_s=0.2))
+    kept = KeptRobot(RobotSettings(folder=str(folder), speed=400.0, fidelity="kinematic", linger_s=60.0))
     try:
         kept.configure(MISSION, 1, ())
+        before_s = kept.clock.now().mission_s
+        kept.clock.wait_until(before_s + 200.0)
         dead = decode((folder / ATTACHMENT).read_bytes(), Attachment).pid
         os.kill(dead, signal.SIGKILL)
         os.waitid(os.P_PID, dead, os.WEXITED | os.WNOWAIT)
         kept.configure(SECOND, 2, ())
         assert decode((folder / ATTACHMENT).read_bytes(), Attachment).pid != dead
-        kept.clock.wait_until(kept.clock.now().mission_s + 1.0)
+        assert kept.robot.clock().at_s >= before_s + 200.0
         assert (folder / "truth" / f"{SECOND}.jsonl").exists()
     finally:
         kept.close()

@@ -8,6 +8,7 @@ import threading
 from pathlib import Path
 
 import msgspec
+from msgspec.structs import replace
 
 from harness.adapters.providers.http.robot import HttpRobot
 from harness.adapters.providers.http.wire import Problem, error_of
@@ -65,11 +66,14 @@ class RobotProcess:
     def pid(self) -> int:
         return self.attachment.pid
 
-    def revive(self) -> bool:
-        """Start the robot again if its process died; the same client goes on with the new one. False if it lives."""
+    def revive(self, *, from_s: float) -> bool:
+        """Start the robot again if its process died; the same client goes on with the new one. False if it lives.
+
+        Its clock is then at mission time `from_s` at least.
+        """
         if _alive(self.pid) and (self._child is None or self._child.poll() is None):
             return False
-        self.attachment = self._spawn(self._settings)
+        self.attachment = self._spawn(replace(self._settings, epoch_s=from_s))
         self.robot.reconnect(self.attachment.base_url, self.attachment.token)
         return True
 

@@ -36,9 +36,12 @@ class KeptRobot:
                 raise
 
     def revive(self) -> bool:
-        """Start a dead process again, as a service manager would; its world goes on where it was saved."""
+        """Start a dead process again, as a service manager would; its world goes on where it was saved.
+
+        Its clock went on meanwhile: a mission does not wait for the time that nobody was there.
+        """
         with self._reviving:
-            if not self._process.revive():
+            if not self._process.revive(from_s=self.clock.now().mission_s):
                 return False
             if self._under_way is not None:
                 self.robot.configure(*self._under_way)

@@ -43,7 +43,7 @@ EARLY_CLAIM_M = 0.14
 
 
 class WorldSettings(Value):
-    """How to build a world. `epoch_s` is its first mission time where no saved world says otherwise.
+    """How to build a world. `epoch_s` is its first mission time, unless a saved world has reached a later one.
 
     `hidden` is what its site does again and again; without it a robot starts a mission where the last one ended.
     """
@@ -77,7 +77,7 @@ class World:
         )
         self.hardware_stop = False
         self.reached_m: dict[str, float] = dict(saved.reached_m) if saved else {}
-        self._epoch_s = saved.at_s if saved else settings.epoch_s
+        self._epoch_s = max(saved.at_s, settings.epoch_s) if saved else settings.epoch_s
         self._ticks = 0
         self._command = Velocity()
         self.at_s = self._epoch_s
