@@ -5,7 +5,6 @@ Persons and the supervisor enter here; every change goes on to the gate, which a
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice
 from typing import Any
 
 from harness.contracts.actors import Actor
@@ -125,7 +124,7 @@ class Runtime:
         self.memory = memory
         self._open_missions = OpenMissions(store)
         self._ended_missions = EndedMissions(store, gate.state)
-        self._contracts: dict[bytes, TaskContract] = {}
+        self._contracts: Kept[bytes, TaskContract] = Kept(KEPT_CONTRACTS)
         self._live: Kept[MissionId, Live] = Kept(KEPT_LIVE)
         self._desk: Callable[[PersonCommand], Decision[AnyEvent]] | None = None
 
@@ -201,7 +200,7 @@ class Runtime:
         known = self._contracts.get(asked)
         if known is None:
             known = compile_contract(goal=goal, template=template, arguments=arguments, site=site)
-            self._contracts = {asked: known, **dict(islice(self._contracts.items(), KEPT_CONTRACTS - 1))}
+            self._contracts.put(asked, known)
         return known
 
     def submit(

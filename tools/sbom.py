@@ -10,7 +10,7 @@ import re
 import sys
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -53,11 +53,11 @@ def pins(lock: str) -> tuple[Pinned, ...]:
         if pin := PIN.match(line):
             found.append(Pinned(pin["name"], pin["version"], (pin["marker"] or "").strip(), (), ()))
         elif (one := HASH.match(line)) and found:
-            found[-1] = _with(found[-1], hashes=(*found[-1].hashes, one["digest"]))
+            found[-1] = replace(found[-1], hashes=(*found[-1].hashes, one["digest"]))
         elif line.strip() in ("", "# via"):
             continue
         elif (one := WANTED_BY.match(line)) and found:
-            found[-1] = _with(found[-1], wanted_by=(*found[-1].wanted_by, one["name"]))
+            found[-1] = replace(found[-1], wanted_by=(*found[-1].wanted_by, one["name"]))
         else:
             raise ValueError(f"line {number} of the lock is none that `make lock` writes: {line[:80]!r}")
     bare = [one.name for one in found if not one.hashes]
@@ -170,10 +170,6 @@ def _needs(own: Component, packages: tuple[Pinned, ...], files: tuple[Component,
             for ref in refs[name]:
                 wants[ref].add(one.purl)
     return [{"ref": ref, "dependsOn": sorted(wanted)} for ref, wanted in sorted(wants.items())]
-
-
-def _with(pinned: Pinned, *, hashes: tuple[str, ...] = (), wanted_by: tuple[str, ...] = ()) -> Pinned:
-    return Pinned(pinned.name, pinned.version, pinned.marker, hashes or pinned.hashes, wanted_by or pinned.wanted_by)
 
 
 def main() -> None:

@@ -1,10 +1,11 @@
 """Pure: the floor as it was known when a target was chosen, with what the way there showed anew, drawn to scale."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import groupby
 
-from harness.contracts.exploration import FREE, OCCUPIED, GridMap, Region, TargetAnswer, TargetQuestion
+from app.views.drawn import polyline, view_box
+from harness.contracts.exploration import FREE, OCCUPIED, GridMap, TargetAnswer, TargetQuestion
 from harness.contracts.values import Point
 
 EDGE_M = (0.28, 0.7)
@@ -69,8 +70,8 @@ def explored_floor(
         free=_cells(before, lambda index: before.cells[index] == FREE),
         closed=_cells(after or before, lambda index: (after or before).cells[index] == OCCUPIED),
         gained=_cells(after, _gained(before, after)) if after else "",
-        keep_out=tuple(_points(region) for region in question.keep_out_m),
-        route=_points(answer.route_m) if answer else "",
+        keep_out=tuple(polyline(region) for region in question.keep_out_m),
+        route=polyline(answer.route_m) if answer else "",
         marks=tuple(
             Mark(
                 number=number,
@@ -119,12 +120,7 @@ def _box(grid: GridMap, question: TargetQuestion) -> str:
     xs = [grid.origin_m[0] + side * grid.cell_m for _, first, count in known for side in (first, first + count)]
     ys = [grid.origin_m[1] + side * grid.cell_m for row, _, _ in known for side in (row, row + 1)]
     xs, ys = [*xs, question.position_m[0]], [*ys, question.position_m[1]]
-    width, height = max(xs) - min(xs) + 2 * KNOWN_M, max(ys) - min(ys) + 2 * KNOWN_M
-    return f"{min(xs) - KNOWN_M:.2f} {-max(ys) - KNOWN_M:.2f} {width:.2f} {height:.2f}"
-
-
-def _points(points: Sequence[Point] | Region) -> str:
-    return " ".join(f"{x:.3f},{-y:.3f}" for x, y in points)
+    return view_box(xs, ys, margin_m=KNOWN_M)[0]
 
 
 def _spot(at_m: Point) -> Spot:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from math import hypot
 
+from app.views.drawn import polyline, view_box
 from app.views.saying import said, word
 from app.views.shell import Shell
 from harness.contracts.places import Place, Retreat, Route, Site, Zone
@@ -117,10 +118,9 @@ def site_map(site: Site) -> SiteMap:
     spots = [(one.name, one.approach_m) for one in site.places]
     every = [point for _, _, points in (*outlines, *lines) for point in points] + [at for _, at in spots]
     xs, ys = [p[0] for p in every] or [0.0], [p[1] for p in every] or [0.0]
-    left, top = min(xs) - MARGIN_M, -max(ys) - MARGIN_M
-    width, height = max(xs) - min(xs) + 2 * MARGIN_M, max(ys) - min(ys) + 2 * MARGIN_M
+    box, width, height = view_box(xs, ys, margin_m=MARGIN_M)
     return SiteMap(
-        box=f"{left:.2f} {top:.2f} {width:.2f} {height:.2f}",
+        box=box,
         width_m=width,
         height_m=height,
         shapes=tuple(_shape(name, kind, points) for name, kind, points in (*outlines, *lines)),
@@ -130,7 +130,7 @@ def site_map(site: Site) -> SiteMap:
 
 def _shape(name: str, kind: str, points: Sequence[Point]) -> Shape:
     x, y = sum(p[0] for p in points) / len(points), -sum(p[1] for p in points) / len(points)
-    return Shape(name=name, kind=kind, points=" ".join(f"{p[0]:.3f},{-p[1]:.3f}" for p in points), x=x, y=y)
+    return Shape(name=name, kind=kind, points=polyline(points), x=x, y=y)
 
 
 def _place(place: Place) -> PlaceRow:

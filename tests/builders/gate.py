@@ -106,10 +106,10 @@ def contract() -> TaskContract:
     )
 
 
-def created(**changes: object) -> Mission:
-    """An active mission that has done nothing yet."""
-    create = CreateMission(
-        mission_id=MISSION,
+def creation(mission_id: MissionId = MISSION, **changes: object) -> CreateMission:
+    """The request for a mission with this house's contract."""
+    return CreateMission(
+        mission_id=mission_id,
         robot_id=RobotId("vbot-1"),
         goal="Go and tell",
         template="test",
@@ -119,7 +119,11 @@ def created(**changes: object) -> Mission:
         policy=POLICY,
         **changes,  # type: ignore[arg-type]
     )
-    return after(Mission(), create, ActivateMission())
+
+
+def created(**changes: object) -> Mission:
+    """An active mission that has done nothing yet."""
+    return after(Mission(), creation(**changes), ActivateMission())  # type: ignore[arg-type]
 
 
 def after(mission: Mission, *commands: object) -> Mission:

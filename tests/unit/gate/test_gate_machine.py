@@ -14,20 +14,18 @@ from harness.contracts.commands import (
     ActivateMission,
     ClearVeto,
     CompleteNode,
-    CreateMission,
     JudgeGoal,
     MissionCommand,
     RaiseVeto,
     StopMission,
 )
 from harness.contracts.decisions import Accepted, Refused
-from harness.contracts.ids import RobotId, mission_stream
+from harness.contracts.ids import mission_stream
 from harness.contracts.revision_commands import DisputeCompletion
 from harness.gate.commit import Gate, Request
 from harness.gate.decide import DECIDER
 from harness.projections.mission import Mission
 from tests.builders.gate import (
-    CONFIGURATION,
     GO,
     LIMITS,
     MISSION,
@@ -36,6 +34,7 @@ from tests.builders.gate import (
     TELL,
     complete,
     contract,
+    creation,
     dispatch,
     goal_verdict,
     recovery,
@@ -58,18 +57,7 @@ class GateMachine(RuleBasedStateMachine):
         self.earned: set[str] = set()
         self.last_k = 0
         self.old: list[CompleteNode] = []
-        self.ask(
-            CreateMission(
-                mission_id=MISSION,
-                robot_id=RobotId("vbot-1"),
-                goal="Go and tell",
-                template="test",
-                requested_by=OPERATOR,
-                configuration=CONFIGURATION,
-                contract=contract(),
-                policy=POLICY,
-            )
-        )
+        self.ask(creation())
         self.ask(ActivateMission())
 
     @property

@@ -18,7 +18,6 @@ from harness.bootstrap import DECIDERS, simulated
 from harness.contracts.commands import (
     AcquireLease,
     ActivateMission,
-    CreateMission,
     JudgeGoal,
     MissionCommand,
     RaiseVeto,
@@ -26,14 +25,21 @@ from harness.contracts.commands import (
     StopMission,
 )
 from harness.contracts.decisions import Accepted
-from harness.contracts.ids import InvocationId, MissionId, ResourceId, RobotId, StreamId, lease_stream, mission_stream
+from harness.contracts.ids import InvocationId, MissionId, ResourceId, StreamId, lease_stream, mission_stream
 from harness.contracts.ports import EventStore, Snapshots, State, StoredEvent
 from harness.contracts.values import encode
 from harness.gate.commit import Gate, Request
 from harness.gate.kept import KEPT_MISSIONS, Folds, Kept
 from harness.projections.mission import Mission
 from harness.settings import HarnessSettings
-from tests.builders.gate import CONFIGURATION, OPERATOR, POLICY, TELL, complete, contract, dispatch, goal_verdict
+from tests.builders.gate import (
+    OPERATOR,
+    TELL,
+    complete,
+    creation,
+    dispatch,
+    goal_verdict,
+)
 from tests.builders.missions_run import begin
 
 BASE = lease_stream(ResourceId("vbot-1/base"))
@@ -54,19 +60,6 @@ def gate_on(store: EventStore, folds: Folds | None = None, snapshots: Snapshots 
     return Gate(store=store, clock=clock, deciders=DECIDERS, folds=folds, snapshots=snapshots)
 
 
-def create(name: MissionId) -> CreateMission:
-    return CreateMission(
-        mission_id=name,
-        robot_id=RobotId("vbot-1"),
-        goal="Go and tell",
-        template="test",
-        requested_by=OPERATOR,
-        configuration=CONFIGURATION,
-        contract=contract(),
-        policy=POLICY,
-    )
-
-
 def lived(gate: Gate, order: Sequence[int]) -> None:
     """Each number lets that mission do its next step, together with a lease that is taken or given back."""
     done = dict.fromkeys(NAMES, 0)
@@ -76,7 +69,7 @@ def lived(gate: Gate, order: Sequence[int]) -> None:
         if at > len(LIFE):
             continue
         stream = mission_stream(name)
-        command = LIFE[at - 1](gate.state(stream)) if at else create(name)
+        command = LIFE[at - 1](gate.state(stream)) if at else creation(name)
         leases = [Request(BASE, one) for one in (lease_of(gate, name),) if at]
         decision = gate.commit([Request(stream, command), *leases])
         assert isinstance(decision, Accepted), decision
@@ -177,7 +170,7 @@ def test_threads_that_take_each_others_folds_away_lose_no_commit() -> None:
             gate.state(mission_stream(NAMES[number % len(NAMES)]))
 
     for name in NAMES:
-        assert isinstance(gate.commit([Request(mission_stream(name), create(name))]), Accepted)
+        assert isinstance(gate.commit([Request(mission_stream(name), creation(name))]), Accepted)
     with ThreadPoolExecutor(len(NAMES)) as threads:
         list(threads.map(vetoed, NAMES))
     for name in NAMES[:2]:
@@ -193,7 +186,7 @@ def test_a_house_that_ran_many_missions_keeps_a_bounded_number_of_folds() -> Non
     gate = gate_on(store, folds)
     for number in range(2 * KEPT_MISSIONS):
         stream = mission_stream(MissionId(f"msn_{number}"))
-        assert isinstance(gate.commit([Request(stream, create(MissionId(f"msn_{number}")))]), Accepted)
+        assert isinstance(gate.commit([Request(stream, creation(MissionId(f"msn_{number}")))]), Accepted)
         assert isinstance(gate.commit([Request(stream, StopMission(actor=OPERATOR, reason="enough"))]), Accepted)
     assert len(folds) == KEPT_MISSIONS
 

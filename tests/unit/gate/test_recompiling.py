@@ -3,32 +3,21 @@
 import pytest
 from msgspec.structs import replace
 
-from harness.contracts.commands import ActivateMission, CreateMission, RecompileContract
+from harness.contracts.commands import ActivateMission, RecompileContract
 from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.events import ContractRecompiled, MissionEvent
-from harness.contracts.ids import Digest, NodeId, RobotId, sha256
+from harness.contracts.ids import Digest, NodeId, sha256
 from harness.contracts.tasks import Goal, TaskContract
 from harness.contracts.values import digest
 from harness.gate.decide import DECIDER
 from harness.projections.mission import Mission
-from tests.builders.gate import CONFIGURATION, MISSION, NOW, OPERATOR, POLICY, after, contract, created
+from tests.builders.gate import CONFIGURATION, NOW, POLICY, after, contract, created, creation
 
 NEWER = Digest("d" * 64)
 
 
 def compiled(**changes: object) -> Mission:
-    create = CreateMission(
-        mission_id=MISSION,
-        robot_id=RobotId("vbot-1"),
-        goal="Go and tell",
-        template="test",
-        requested_by=OPERATOR,
-        configuration=CONFIGURATION,
-        contract=contract(),
-        policy=POLICY,
-        **changes,  # type: ignore[arg-type]
-    )
-    return after(Mission(), create)
+    return after(Mission(), creation(**changes))  # type: ignore[arg-type]
 
 
 def again(mission: Mission, *, under: Digest = NEWER, to: TaskContract | None = None) -> Decision[MissionEvent]:
