@@ -1,6 +1,5 @@
 """What every room of the console shares: the runtime, the doors, the scenes, and how a page is put together."""
 
-from collections import OrderedDict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -8,6 +7,7 @@ from threading import Lock
 from typing import Annotated, Protocol, TypeVar
 
 import msgspec
+from cachetools import LRUCache
 from fastapi import Depends, Request
 
 from app.alerts import Alerts
@@ -81,7 +81,7 @@ class OneUse:
     """Remembers what the newest one-use keys led to, so that a form sent twice acts once."""
 
     def __init__(self) -> None:
-        self._results: OrderedDict[str, str] = OrderedDict()
+        self._results: LRUCache[str, str] = LRUCache(SPENT_KEYS)
         self._lock = Lock()
 
     def once(self, key: str, act: Callable[[], str]) -> str:
@@ -89,8 +89,6 @@ class OneUse:
         with self._lock:
             if key not in self._results:
                 self._results[key] = act()
-                while len(self._results) > SPENT_KEYS:
-                    self._results.popitem(last=False)
             return self._results[key]
 
 

@@ -80,7 +80,6 @@ class ConsoleSettings(BaseSettings):
     owner_token: SecretStr = SecretStr("")
     session_idle_s: Annotated[float, Field(gt=0)] = 8 * 3600.0
     session_age_s: Annotated[float, Field(gt=0)] = 24 * 3600.0
-    scene_idle_s: Annotated[float, Field(gt=0)] = 600.0
     scenes: Annotated[int, Field(ge=1)] = 8
     notify: dict[str, SecretStr] = {}
     oidc: IssuerSettings = Field(default_factory=issuer_settings)

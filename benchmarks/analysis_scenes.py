@@ -16,9 +16,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from benchmarks.scenes import Scene, random_scene
 from harness.adapters.providers.models.passage import METHOD, Frame, Report, analyse, shows_passage
 from harness.adapters.providers.simulation.camera import CAMERA, jpeg, render
-from harness.adapters.providers.simulation.scenes import Scene, random_scene
 from harness.contracts.ids import sha256
 
 FRAMES = 8

@@ -5,9 +5,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
-from campaigns.bounds import upper_bound
 from campaigns.findings import Findings
 from campaigns.plan import DISTURBANCES, ROBOT_FAULTS
+from rsi_reviews.bounds import upper_bound
 
 EXAMPLES = 20
 COUNTED = ("contract_false", "epistemic_false", "false_rejections", "duplicate_starts", "unauthorised", "breaches")

@@ -17,7 +17,7 @@ from harness.adapters.providers.simulation.hand import SimulatedHand
 from harness.adapters.providers.simulation.kept import KeptRobot
 from harness.adapters.providers.simulation.robot import SimulatedRobot
 from harness.adapters.providers.simulation.world import WorldSettings
-from harness.adapters.stores.blobs import FileBlobStore
+from harness.adapters.stores.blobs import FileBlobStore, owned_blobs
 from harness.adapters.stores.folder import DataFolder, existing, prepare
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
@@ -118,7 +118,7 @@ def open_harness(
         kept = _started(stack, folder, settings)
         parts = Parts(
             store=store,
-            blobs=FileBlobStore(folder.blobs),
+            blobs=owned_blobs(folder.blobs),
             spool=FileSpool(folder.spool),
             ids=ids,
             clock=kept[0].clock,
@@ -151,6 +151,7 @@ def edit_harness(
     folder = prepare(settings.data_folder)
     with OwnerLock(folder.root) as lock:
         lock.take(token=SystemIds().token(), url="")
+        owned_blobs(folder.blobs)
         with _without_robots(settings, folder, deciders=deciders, select=select) as runtime:
             yield runtime
 

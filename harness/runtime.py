@@ -5,7 +5,10 @@ Persons and the supervisor enter here; every change goes on to the gate, which a
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from threading import Lock
 from typing import Any
+
+from cachetools import LRUCache
 
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
@@ -46,7 +49,6 @@ from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.contracts.values import Value, encode
 from harness.gate.commit import Gate, Request
 from harness.gate.ended_missions import EndedMissions
-from harness.gate.kept import Kept
 from harness.gate.open_missions import OpenMissions
 from harness.gate.places import DECIDER as PLACE
 from harness.memory.fabric import MemoryFabric
@@ -120,12 +122,13 @@ class Runtime:
         self._signals = signals
         self._configurations = configurations
         self._shipped = site
-        self._sites: Kept[tuple[MissionId, Digest], Site] = Kept(KEPT_LIVE)
+        self._sites: LRUCache[tuple[MissionId, Digest], Site] = LRUCache(KEPT_LIVE)
         self.memory = memory
         self._open_missions = OpenMissions(store)
         self._ended_missions = EndedMissions(store, gate.state)
-        self._contracts: Kept[bytes, TaskContract] = Kept(KEPT_CONTRACTS)
-        self._live: Kept[MissionId, Live] = Kept(KEPT_LIVE)
+        self._contracts: LRUCache[bytes, TaskContract] = LRUCache(KEPT_CONTRACTS)
+        self._live: LRUCache[MissionId, Live] = LRUCache(KEPT_LIVE)
+        self._caching = Lock()
         self._desk: Callable[[PersonCommand], Decision[AnyEvent]] | None = None
 
     @property
@@ -136,10 +139,12 @@ class Runtime:
     def site_of(self, mission: Mission) -> Site:
         """The places that a mission was compiled with: what people changed since is not its own."""
         key = (mission.mission_id, mission.configuration)
-        site = self._sites.get(key)
+        with self._caching:
+            site = self._sites.get(key)
         if site is None:
             site = self._site_before(mission.mission_id)
-            self._sites.put(key, site)
+            with self._caching:
+                self._sites[key] = site
         return site
 
     def _site_before(self, mission_id: MissionId) -> Site:
@@ -197,10 +202,12 @@ class Runtime:
     def _compiled(self, start: Start, template: TaskTemplate) -> TaskContract:
         goal, arguments, site = start.goal or template.goal, start.arguments or {}, self.site
         asked = encode((goal, template, arguments, site))
-        known = self._contracts.get(asked)
+        with self._caching:
+            known = self._contracts.get(asked)
         if known is None:
             known = compile_contract(goal=goal, template=template, arguments=arguments, site=site)
-            self._contracts.put(asked, known)
+            with self._caching:
+                self._contracts[asked] = known
         return known
 
     def submit(
@@ -378,11 +385,13 @@ class Runtime:
 
     def publish(self, live: Live) -> None:
         """Replace what is observed of a mission now; nothing durable."""
-        self._live.put(live.mission_id, live)
+        with self._caching:
+            self._live[live.mission_id] = live
         self._signals.changed(f"live/{live.mission_id}")
 
     def observations(self, mission_id: MissionId) -> Live | None:
-        return self._live.get(mission_id)
+        with self._caching:
+            return self._live.get(mission_id)
 
 
 def _chosen(start: Start, configuration: Configuration) -> TaskTemplate:

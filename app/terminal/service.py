@@ -116,7 +116,8 @@ def _watch_desk(stack: ExitStack, harness: Harness, evaluator: Path | None) -> N
     desk = Desk(harness.runtime)
     watch = DeskWatch(
         desk=desk,
-        position=lambda: harness.runtime.head().position,
+        head=harness.runtime.head,
+        read=harness.runtime.log,
         duplicate_starts=lambda mission_id: duplicate_starts(harness, mission_id),
         first=(lambda: put_in_review(desk, evaluator)) if evaluator is not None else None,
     )

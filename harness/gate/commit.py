@@ -7,13 +7,15 @@ from threading import Lock, RLock
 from typing import Any
 from weakref import WeakValueDictionary
 
+from cachetools import LRUCache
+
 from harness.contracts.decider import Decider
 from harness.contracts.decisions import Accepted, Authority, Refused
 from harness.contracts.errors import ConcurrencyConflict
 from harness.contracts.ids import RobotId, StreamId
 from harness.contracts.ports import Batch, Clock, EventStore, Record, Snapshots
 from harness.contracts.values import Moment
-from harness.gate.kept import KEPT_STREAMS, Folds, Kept
+from harness.gate.aggregate_cache import KEPT_STREAMS, AggregateCache
 
 
 def unquestioned(command: Any) -> Refused | None:
@@ -53,16 +55,16 @@ class Gate:
         deciders: dict[str, Decider[Any, Any, Any]],
         snapshots: Snapshots | None = None,
         clocks: Mapping[RobotId, Clock] | None = None,
-        folds: Folds | None = None,
+        folds: AggregateCache | None = None,
     ) -> None:
         self._store = store
         self._snapshots = snapshots
         self._clock = clock
         self._clocks = clocks or {}
         self._deciders = deciders
-        self._folds = Folds() if folds is None else folds
+        self._folds = AggregateCache() if folds is None else folds
         self._locks: WeakValueDictionary[StreamId, RLock] = WeakValueDictionary()
-        self._near: Kept[StreamId, RLock] = Kept(KEPT_STREAMS)
+        self._near: LRUCache[StreamId, RLock] = LRUCache(KEPT_STREAMS)
         self._making = Lock()
         self._authority: Authority = unquestioned
 
@@ -146,13 +148,10 @@ class Gate:
 
     def _lock(self, stream: StreamId) -> RLock:
         """Every thread that holds or wants a stream's lock has the same one; one that nobody wants is given up."""
-        near = self._near.get(stream)
-        if near is not None:
-            return near
         with self._making:
-            made = self._locks.setdefault(stream, RLock())
-            self._near.put(stream, made)
-        return made
+            lock = self._near.get(stream) or self._locks.setdefault(stream, RLock())
+            self._near[stream] = lock
+        return lock
 
     def _restored(self, stream: StreamId, decider: Decider[Any, Any, Any]) -> tuple[Any, int]:
         return self._snapshots.restore(stream, decider.initial) if self._snapshots else (decider.initial, 0)

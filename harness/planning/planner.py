@@ -114,8 +114,3 @@ def _storable(said: PlanProposal) -> PlanProposal:
 
 def _short(text: str) -> str:
     return text.encode("utf-8", "replace").decode()[:LONGEST_REASON]
-
-
-def admissible(proposal: PlanProposal, *, mission: Mission) -> bool:
-    """Whether `plan_refusal` has nothing against this plan."""
-    return plan_refusal(proposal, mission=mission) is None

@@ -1,7 +1,6 @@
 """Driving a robot by hand: under a lease of its base, never while a mission's execution runs, returned at rest."""
 
 from collections.abc import Mapping
-from threading import Event, Thread
 
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
@@ -33,6 +32,7 @@ from harness.supervisor.rest import WINDOW_S, Rest, at_rest
 from harness.supervisor.retreat import Order, planned_retreat, sending
 from harness.supervisor.roles import Roles
 from harness.supervisor.senses import BATCH, Senses
+from harness.workers import Worker
 
 BASE = "mobile_base"
 LONGEST_S = 900.0
@@ -50,19 +50,15 @@ class HandWheel:
         self._runtime = runtime
         self._crews = crews
         self._turned_s: dict[RequestId, float] = {}
-        self._halt = Event()
-        self._thread: Thread | None = None
+        self._worker = Worker("wheel", self._look, every_s=LOOK_S, close_within_s=SETTLE_WITHIN_S)
 
     def watch(self) -> None:
         """From now on, in the background: a wheel that nobody turns is returned after IDLE_S of wall time."""
-        self._thread = Thread(target=self._look, name="wheel", daemon=True)
-        self._thread.start()
+        self._worker.start()
 
     def close(self) -> None:
         """End the watch. Wheels stay taken: the robots' dead man stops them, the next start returns them."""
-        self._halt.set()
-        if self._thread is not None:
-            self._thread.join(timeout=SETTLE_WITHIN_S)
+        self._worker.close()
 
     def holder(self, robot_id: RobotId) -> Wheel | None:
         """Who drives this robot by hand now."""
@@ -190,12 +186,11 @@ class HandWheel:
         return self._runtime.commit([Request(CONTROL, StopRetreat(robot_id=robot_id, actor=actor, reason=reason))])
 
     def _look(self) -> None:
-        while not self._halt.wait(LOOK_S):
-            control: Control = self._runtime.fold(CONTROL)
-            for robot_id, wheel in control.wheels.items():
-                crew = self._crews.get(robot_id)
-                if crew is not None and self._silent(crew, wheel):
-                    self.give_back(robot_id, actor=SUPERVISOR, reason=f"no sign from {wheel.device} for a while")
+        control: Control = self._runtime.fold(CONTROL)
+        for robot_id, wheel in control.wheels.items():
+            crew = self._crews.get(robot_id)
+            if crew is not None and self._silent(crew, wheel):
+                self.give_back(robot_id, actor=SUPERVISOR, reason=f"no sign from {wheel.device} for a while")
 
     def _silent(self, crew: Crew, wheel: Wheel) -> bool:
         """Nobody turned it for IDLE_S, or its lease is about to end."""

@@ -1,12 +1,10 @@
 """What a mission is worth: counted from its log, the robot's journals and the truth, by what H_0 asks."""
 
-import pytest
-
 from rsi_reviews.regression.cases import Case, Outside, Situation
 from rsi_reviews.regression.conduct import Account, conducted, yardstick
 from rsi_reviews.regression.judge import CHARGES, judged
-from rsi_reviews.regression.pairs import in_step, parting
 from tests.builders.evaluations import BASELINE, patient
+from tests.builders.pairs import in_step, parting
 
 
 def case(*faults: str, seed: int = 5, outside: tuple[Outside, ...] = ()) -> Case:
@@ -86,7 +84,6 @@ def test_the_yardstick_is_what_was_asked_whatever_a_configuration_says() -> None
     assert contract.recovery_total == CHARGES.task_budget
 
 
-@pytest.mark.ledger("R157", symbol="rsi_reviews.regression.pairs:in_step")
 def test_pairs_are_in_step_until_the_configurations_decide_differently() -> None:
     """Chance is keyed by seed, subsystem and reading: the truth and every sensor agree to the last bit until then."""
     pair = tuple(conducted(case("stale-pose", outside=LEASED), one) for one in (BASELINE, patient()))

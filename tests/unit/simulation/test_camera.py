@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
+from benchmarks.scenes import AISLE_X, AISLE_Y, random_scene
 from harness.adapters.providers.simulation.camera import CAMERA, jpeg, render
-from harness.adapters.providers.simulation.scenes import AISLE_X, AISLE_Y, random_scene
 from harness.adapters.providers.simulation.solids import SiteModel, Solid, standing
 from harness.contracts.observations import Image, Odometry
 from harness.contracts.values import Point

@@ -28,8 +28,8 @@ from harness.contracts.decisions import Accepted
 from harness.contracts.ids import InvocationId, MissionId, ResourceId, StreamId, lease_stream, mission_stream
 from harness.contracts.ports import EventStore, Snapshots, State, StoredEvent
 from harness.contracts.values import encode
+from harness.gate.aggregate_cache import KEPT_MISSIONS, AggregateCache
 from harness.gate.commit import Gate, Request
-from harness.gate.kept import KEPT_MISSIONS, Folds, Kept
 from harness.projections.mission import Mission
 from harness.settings import HarnessSettings
 from tests.builders.gate import (
@@ -55,7 +55,7 @@ LIFE: Sequence[Callable[[Mission], MissionCommand]] = (
 """What takes a mission from its contract to its success."""
 
 
-def gate_on(store: EventStore, folds: Folds | None = None, snapshots: Snapshots | None = None) -> Gate:
+def gate_on(store: EventStore, folds: AggregateCache | None = None, snapshots: Snapshots | None = None) -> Gate:
     clock = LockstepClock(lambda until_s: until_s, at_s=1000.0, wall=lambda: 2000.0)
     return Gate(store=store, clock=clock, deciders=DECIDERS, folds=folds, snapshots=snapshots)
 
@@ -93,7 +93,7 @@ def lease_of(gate: Gate, name: MissionId) -> AcquireLease | ReleaseLease:
 @given(order=st.lists(st.integers(0, len(NAMES) - 1), max_size=30))
 def test_whatever_is_given_up_in_between_the_same_is_decided_written_and_known(order: list[int]) -> None:
     kept_all, kept_none = MemoryEventStore(), MemoryEventStore()
-    rich, poor = gate_on(kept_all), gate_on(kept_none, Folds(missions=0, others=0))
+    rich, poor = gate_on(kept_all), gate_on(kept_none, AggregateCache(missions=0, others=0))
     lived(rich, order)
     lived(poor, order)
     assert kept_none.read(0, 10_000) == kept_all.read(0, 10_000)
@@ -112,7 +112,7 @@ def test_a_mission_that_was_given_up_comes_back_from_its_snapshot_and_tail_as_it
         with closing(StoredSnapshots(log)) as keeper:
             assert encode(gate_on(log, snapshots=keeper).state(stream)) == encode(mission)
         assert log.snapshot(stream) is not None
-        gate = gate_on(log, Folds(missions=1), StoredSnapshots(log, keeping=False))
+        gate = gate_on(log, AggregateCache(missions=1), StoredSnapshots(log, keeping=False))
         for _ in range(2):
             assert encode(gate.state(stream)) == encode(mission)
             gate.state(mission_stream(MissionId("msn_other")))
@@ -160,7 +160,7 @@ def test_what_is_kept_is_neither_read_nor_restored_nor_offered_again() -> None:
 
 def test_threads_that_take_each_others_folds_away_lose_no_commit() -> None:
     store = MemoryEventStore()
-    gate, together = gate_on(store, Folds(missions=1, others=0)), Barrier(len(NAMES))
+    gate, together = gate_on(store, AggregateCache(missions=1, others=0)), Barrier(len(NAMES))
 
     def vetoed(name: MissionId) -> None:
         together.wait()
@@ -182,7 +182,7 @@ def test_threads_that_take_each_others_folds_away_lose_no_commit() -> None:
 
 def test_a_house_that_ran_many_missions_keeps_a_bounded_number_of_folds() -> None:
     store = MemoryEventStore()
-    folds = Folds()
+    folds = AggregateCache()
     gate = gate_on(store, folds)
     for number in range(2 * KEPT_MISSIONS):
         stream = mission_stream(MissionId(f"msn_{number}"))
@@ -192,11 +192,20 @@ def test_a_house_that_ran_many_missions_keeps_a_bounded_number_of_folds() -> Non
 
 
 def test_what_was_asked_for_longest_ago_is_given_up_first() -> None:
-    kept: Kept[str, int] = Kept(2)
-    kept.put("a", 1)
-    kept.put("b", 2)
-    assert kept.get("a") == 1
-    kept.put("c", 3)
-    assert [kept.get(key) for key in "abc"] == [1, None, 3]
-    kept.put("c", 4)
-    assert len(kept) == 2 and kept.get("c") == 4
+    kept = AggregateCache(others=2)
+    a, b, c = (lease_stream(ResourceId(f"vbot-1/{name}")) for name in "abc")
+    kept.put(a, "state", 1)
+    kept.put(b, "state", 2)
+    assert kept.get(a) == ("state", 1)
+    kept.put(c, "state", 3)
+    assert [kept.get(stream) for stream in (a, b, c)] == [("state", 1), None, ("state", 3)]
+    kept.put(c, "newer", 4)
+    assert len(kept) == 2 and kept.get(c) == ("newer", 4)
+
+
+def test_small_streams_drive_no_mission_out() -> None:
+    kept = AggregateCache(missions=1, others=1)
+    kept.put(mission_stream(NAMES[0]), "mission", 7)
+    for number in range(5):
+        kept.put(lease_stream(ResourceId(f"vbot-1/{number}")), "lease", 1)
+    assert kept.get(mission_stream(NAMES[0])) == ("mission", 7)

@@ -1,4 +1,4 @@
-"""Pure: where the two missions of a pair part, and whether chance was the same for both until then (D31)."""
+"""Where the two missions of a pair part, and whether chance was the same for both until then (D31)."""
 
 from harness.contracts.values import Value
 from rsi_reviews.regression.conduct import Account
