@@ -62,7 +62,7 @@ VOCABULARY = (
 )  # fmt: skip
 PUBLISHED = (*NAMES.values(), *(one.text for one in ARMS), *(one.text for one in CONDITIONS))
 """What tables and published documents say in words of their own."""
-MACHINE = ("harness", "rsi_reviews")
+MACHINE = ("harness", "simulator", "rsi_reviews")
 """Whose identifiers may be shown as words: names of quantities, of fields, of kinds."""
 HOLE = re.compile(r"\{(\w*)\}")
 _SENTENCE = re.compile(r"[A-Za-z“](?:[^{}<>/_\\=$:\n]|:(?=\s|\Z))*")

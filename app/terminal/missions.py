@@ -12,7 +12,7 @@ from app.terminal.answers import DEFAULT_DATA, Data, Json, Progress, exit_code, 
 from app.terminal.opening import running
 from app.terminal.owner import owner_api
 from app.views.outcome import mission_outcome
-from harness.bootstrap import Harness, check_faults, read_harness
+from harness.bootstrap import Harness, read_harness
 from harness.contracts.actors import Actor
 from harness.contracts.commands import StopMission
 from harness.contracts.decisions import Refused
@@ -24,6 +24,7 @@ from harness.projections.exploration import ExplorationDecision, decisions
 from harness.projections.mission import Mission
 from harness.recordings import replayed, write_recording
 from harness.runtime import Start
+from simulator.in_process import SIMULATOR
 
 app = typer.Typer(no_args_is_help=True, help="Run and read missions.")
 
@@ -47,7 +48,7 @@ def run(
 ) -> None:
     """Run one mission and wait for its end. At speed 0 nothing waits for people: exit 3 at once."""
     faults = ",".join(fault or [])
-    check_faults(fault or [])
+    SIMULATOR.check_faults(fault or [])
     api = owner_api(data)
     if api is not None:
         body = {

@@ -25,7 +25,7 @@ from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show
 from app.terminal.identity import examine_issuer
 from app.terminal.opening import duplicate_starts
 from app.terminal.rsi_shipped import put_in_review
-from harness.bootstrap import Harness, check_faults, open_harness, owner_of, read_harness
+from harness.bootstrap import Harness, open_harness, owner_of, read_harness
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, HarnessError
@@ -34,6 +34,7 @@ from harness.runtime import Start
 from rsi_reviews.deciding import DECIDERS
 from rsi_reviews.desk import Desk
 from rsi_reviews.shelf import on_trial, selected
+from simulator.in_process import SIMULATOR
 
 
 def up(
@@ -152,7 +153,7 @@ def _faults(given: Sequence[str], fleet: Sequence[str]) -> dict[str, str]:
             raise typer.BadParameter(
                 f"{text!r} is not ROBOT=NAME with a robot of {', '.join(fleet)}", param_hint="--fault"
             )
-        check_faults([name])
+        SIMULATOR.check_faults([name])
         found.setdefault(robot_id, []).append(name)
     return {robot_id: ",".join(names) for robot_id, names in found.items()}
 

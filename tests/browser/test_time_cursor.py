@@ -29,6 +29,7 @@ from harness.runtime import Start
 from harness.settings import HarnessSettings
 from rsi_reviews.deciding import DECIDERS
 from rsi_reviews.shelf import selected
+from simulator.in_process import SIMULATOR
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
 from tests.builders.patience import PATIENCE_S, comes_true
 
@@ -56,7 +57,7 @@ class Served:
 @pytest.fixture(scope="module")
 def served() -> Iterator[Served]:
     settings = HarnessSettings(fidelity="kinematic", speed=0)
-    with simulated(settings, seed=1, deciders=DECIDERS, select=selected) as harness:
+    with simulated(settings, simulator=SIMULATOR, seed=1, deciders=DECIDERS, select=selected) as harness:
         order = Start(
             actor=Actor(name="ada", role="operator"), robot_id=RobotId("vbot-1"), template="warehouse-inspection"
         )

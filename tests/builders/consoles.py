@@ -23,6 +23,7 @@ from harness.runtime import Start
 from harness.settings import HarnessSettings
 from rsi_reviews.deciding import DECIDERS
 from rsi_reviews.shelf import selected
+from simulator.in_process import SIMULATOR
 
 BASE = "http://127.0.0.1:8000"
 OWN = {"Origin": BASE, "Sec-Fetch-Site": "same-origin"}
@@ -92,7 +93,11 @@ def console_stand(*, seed: int = 1, settings: ConsoleSettings | None = None) -> 
         port=8000, robots=("vbot-1",), owner_token=SecretStr(OWNER), password_memory_kib=19456
     )
     with simulated(
-        HarnessSettings(fidelity="kinematic", speed=0), seed=seed, deciders=DECIDERS, select=selected
+        HarnessSettings(fidelity="kinematic", speed=0),
+        simulator=SIMULATOR,
+        seed=seed,
+        deciders=DECIDERS,
+        select=selected,
     ) as harness:
         scenes = Scenes(harness.runtime)
         try:

@@ -19,6 +19,7 @@ from harness.runtime import Start
 from harness.settings import HarnessSettings
 from rsi_reviews.deciding import DECIDERS
 from rsi_reviews.shelf import selected
+from simulator.in_process import SIMULATOR
 from tests.builders.consoles import OWNER, Stand
 
 ONE, TWO = RobotId("vbot-1"), RobotId("vbot-2")
@@ -29,7 +30,7 @@ ADA = Actor(name="ada", role="operator")
 def two_robots(seed: int = 3) -> Iterator[Harness]:
     """Kinematic robots, stores in memory."""
     settings = HarnessSettings(fidelity="kinematic", speed=0, robots=(ONE, TWO))
-    with simulated(settings, seed=seed, deciders=DECIDERS, select=selected) as harness:
+    with simulated(settings, simulator=SIMULATOR, seed=seed, deciders=DECIDERS, select=selected) as harness:
         yield harness
 
 

@@ -11,11 +11,6 @@ from msgspec.structs import replace
 from harness.adapters.clock import LockstepClock
 from harness.adapters.failpoints import parse, with_failpoint
 from harness.adapters.ids import SeededIds
-from harness.adapters.providers.simulation.camera import CAMERA
-from harness.adapters.providers.simulation.faults import parse_faults
-from harness.adapters.providers.simulation.hand import SimulatedHand
-from harness.adapters.providers.simulation.robot import SimulatedRobot
-from harness.adapters.providers.simulation.world import WorldSettings
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.adapters.stores.sql import SqlEventStore
 from harness.assembly import Harness, Member, Parts, Unheard, joined, local_providers
@@ -46,6 +41,11 @@ from harness.runtime import Start
 from harness.settings import HarnessSettings
 from rsi_reviews.deciding import DECIDERS
 from rsi_reviews.shelf import selected
+from simulator.camera import CAMERA
+from simulator.faults import parse_faults
+from simulator.robot import SimulatedRobot
+from simulator.teleoperation import SimulatedTeleoperation
+from simulator.world import WorldSettings
 from tests.builders.crews import CrewRobot, Wrapped
 from tests.builders.missions_run import ROBOT
 
@@ -246,7 +246,7 @@ def waiting(
             local=local_providers(parts, camera=CAMERA, folder=None),
             configure=_configured(robot),
             camera=robot,
-            hand=SimulatedHand(robot),
+            hand=SimulatedTeleoperation(robot),
         )
         settings = HarnessSettings(speed=0, fidelity="kinematic", failpoint=failpoint)
         yield Waiting(lambda: joined(stack, settings, parts, [member]), robot, wall=wall, link=link)

@@ -20,13 +20,14 @@ from rsi_reviews.evaluation.report import BEGIN, END, evaluation, figures, load,
 from rsi_reviews.evaluation.roles import RoleReport
 from rsi_reviews.evaluation.rules import BINDING, BOUND, EVIDENCE
 from rsi_reviews.evaluation.suites import checks
+from simulator.in_process import SIMULATOR
 
 GATED, UNSEEN = "evidence-gated", ("biased-localiser", "place-aliasing")
 
 
 def row(arm: str, fault: str, mission: MissionName = "patrol", seed: int = 5) -> MissionRow:
     """One judged mission."""
-    return judged(Case(arm=arm, condition=condition(fault), mission=mission, seed=seed))
+    return judged(Case(arm=arm, condition=condition(fault), mission=mission, seed=seed), SIMULATOR)
 
 
 @pytest.mark.ledger("R227", symbol="rsi_reviews.evaluation.arms:run")
@@ -131,7 +132,7 @@ def test_nothing_of_the_harness_knows_the_arms() -> None:
 @pytest.mark.ledger("R226", symbol="rsi_reviews.evaluation.suites:checks")
 @pytest.mark.ledger("R166", symbol="rsi_reviews.evaluation.suites:matched_regression")
 def test_both_check_suites_hold() -> None:
-    found = checks(2)
+    found = checks(2, SIMULATOR)
     assert {one.suite for one in found} == {"execution", "RSI"}
     assert [(one.name, one.seen) for one in found if not one.holds] == []
     assert len(found) == 9
@@ -140,31 +141,38 @@ def test_both_check_suites_hold() -> None:
 def test_a_run_that_broke_off_goes_on_and_comes_out_the_same(tmp_path: Path) -> None:
     kept = tmp_path / "missions.jsonl"
     ask = Ask(missions=2, seed=3, arms=("direct",), conditions=("nominal", "success-too-soon"))
-    whole = rows(ask, processes=1, kept=kept)
+    whole = rows(ask, SIMULATOR, processes=1, kept=kept)
     lines = kept.read_bytes().splitlines(keepends=True)
     kept.write_bytes(b"".join(lines[:3]) + lines[3][:40])
     counted: list[int] = []
-    again = rows(ask, processes=1, kept=kept, told=lambda done, of: counted.append(done))
+    again = rows(ask, SIMULATOR, processes=1, kept=kept, told=lambda done, of: counted.append(done))
     assert counted[0] == 2
     assert [_timeless(one) for one in again] == [_timeless(one) for one in whole]
 
 
 def test_finished_missions_of_another_seed_are_not_mixed_in(tmp_path: Path) -> None:
     kept = tmp_path / "missions.jsonl"
-    rows(Ask(missions=1, seed=3, arms=("always-hands-off",), conditions=("nominal",)), processes=1, kept=kept)
+    rows(
+        Ask(missions=1, seed=3, arms=("always-hands-off",), conditions=("nominal",)), SIMULATOR, processes=1, kept=kept
+    )
     with pytest.raises(ContractInvalid, match="another seed"):
-        rows(Ask(missions=1, seed=4, arms=("always-hands-off",), conditions=("nominal",)), processes=1, kept=kept)
+        rows(
+            Ask(missions=1, seed=4, arms=("always-hands-off",), conditions=("nominal",)),
+            SIMULATOR,
+            processes=1,
+            kept=kept,
+        )
 
 
 def test_processes_change_no_result() -> None:
     ask = Ask(missions=6, seed=3, arms=("direct", "behaviour-tree"), conditions=("nominal",))
-    alone, together = rows(ask, processes=1, kept=None), rows(ask, processes=2, kept=None)
+    alone, together = rows(ask, SIMULATOR, processes=1, kept=None), rows(ask, SIMULATOR, processes=2, kept=None)
     assert [_timeless(one) for one in alone] == [_timeless(one) for one in together]
 
 
 def test_results_are_published_between_the_marks_and_loaded_again(tmp_path: Path) -> None:
     ask = Ask(missions=1, seed=3, arms=("direct", GATED), conditions=("nominal", "success-too-soon"))
-    judged_rows = rows(ask, processes=1, kept=None)
+    judged_rows = rows(ask, SIMULATOR, processes=1, kept=None)
     found = evaluation(judged_rows, ask, code=Digest("0" * 64), roles=RoleReport(tested=False), suites=())
     save(found, tmp_path / "evaluation.json")
     assert load(tmp_path / "evaluation.json") == found

@@ -12,9 +12,9 @@ from app.filters import iso
 from app.main import bind
 from app.settings import ConsoleSettings
 from app.starting import starting
-from harness.adapters.providers.simulation.robot import SimulatedRobot
 from harness.contracts.control import CONTROL
 from harness.contracts.ids import MissionId
+from simulator.robot import SimulatedRobot
 from tests.builders.consoles import Stand
 from tests.builders.fleets import ONE, TWO, fleet_stand, moving, run_together, started
 

@@ -11,8 +11,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from campaigns.races import opened_gates, together
-from harness.adapters.providers.simulation.faults import FaultPlan, parse_faults
+from experiments.campaigns.races import opened_gates, together
 from harness.auditing.replay import replay_mission
 from harness.contracts.commands import AcquireLease, AnswerMission, PauseMission, RaiseVeto, RejectHandoff, StopMission
 from harness.contracts.control import CONTROL, PostureOrdered, SetAutonomy, TakeWheel
@@ -37,6 +36,7 @@ from harness.contracts.retreat_events import RETREAT, SendRetreat, StopRetreat
 from harness.gate.commit import Gate, Request
 from harness.gate.control import DECIDER as HOUSE
 from harness.gate.decide import DECIDER as MISSION
+from simulator.faults import FaultPlan, parse_faults
 from tests.builders.crews import CrewRobot
 from tests.builders.missions_run import ROBOT
 from tests.builders.retreating import LATE_S, from_dock_m, newest, retreating_site, sent, step, unanswered

@@ -32,6 +32,7 @@ from harness.gate.aggregate_cache import KEPT_MISSIONS, AggregateCache
 from harness.gate.commit import Gate, Request
 from harness.projections.mission import Mission
 from harness.settings import HarnessSettings
+from simulator.in_process import SIMULATOR
 from tests.builders.gate import (
     OPERATOR,
     TELL,
@@ -105,7 +106,7 @@ def test_whatever_is_given_up_in_between_the_same_is_decided_written_and_known(o
 def test_a_mission_that_was_given_up_comes_back_from_its_snapshot_and_tail_as_it_was(tmp_path: Path) -> None:
     with (
         closing(open_log(f"sqlite:///{tmp_path}/log")) as log,
-        simulated(HarnessSettings(speed=0, fidelity="kinematic"), seed=3, store=log) as harness,
+        simulated(HarnessSettings(speed=0, fidelity="kinematic"), simulator=SIMULATOR, seed=3, store=log) as harness,
     ):
         mission = harness.supervisor.run(begin(harness, "warehouse-inspection"))
         stream = mission_stream(mission.mission_id)
