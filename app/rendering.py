@@ -12,6 +12,7 @@ from app.languages import CHOICE, ENGLISH, catalogue, told, translated, ways
 from app.phrases import script_messages, spoken
 from app.settings import ROOT
 from app.static_files import STAMP, stamp
+from app.views.regions import REGIONS
 
 
 class SpokenLoader(FileSystemLoader):
@@ -42,6 +43,7 @@ def environment(folder: Path, language: str = ENGLISH) -> Environment:
     jinja.filters["told"] = partial(told, language=language)
     jinja.globals["asset"] = asset
     jinja.globals["language"] = language
+    jinja.globals["regions"] = REGIONS
     jinja.globals["languages"] = ways
     jinja.globals["phrases"] = {one: catalogue(language)[one] for one in script_phrases() if one in catalogue(language)}
     return jinja

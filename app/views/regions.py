@@ -1,152 +1,45 @@
-"""Pure: the regions of a mission page. Each is fetched again by itself; the page is all of them inside the shell."""
+"""Pure: the regions of a mission page, in one table: its name, what it shows, and the signals that refresh it.
 
+From a name come the template (`missions/_name.html`), the element (`#name`) and the address (`/missions/{id}/name`).
+"""
+
+from collections.abc import Mapping
 from dataclasses import dataclass
-
-from app.views.budgets import Budget
-from app.views.contexts import ContextsView
-from app.views.cursor import Standing
-from app.views.evidence import EvidenceView
-from app.views.facts import FactRow
-from app.views.frames import FramesView
-from app.views.missions import ContractView, Head, RobotStrip
-from app.views.plots import Plot
-from app.views.shell import Shell
-from app.views.stages import Graph, Stage
-from app.views.timeline import Line, Timeline
 
 
 @dataclass(frozen=True)
 class Region:
-    """Which mission and which instant: `at` is None while it follows the newest event. `query` keeps both."""
+    """One part of the page that is fetched by itself. `triggers`: the signals, as htmx writes them."""
 
-    mission_id: str
-    at: int | None
-    query: str
+    name: str
+    triggers: str
 
-
-@dataclass(frozen=True)
-class HeadRegion(Region):
-    """Where the mission stands."""
-
-    head: Head
+    @property
+    def template(self) -> str:
+        return f"missions/_{self.name}.html"
 
 
-@dataclass(frozen=True)
-class RobotRegion(Region):
-    """The robot's condition, while it is known."""
-
-    robot: RobotStrip | None
-
-
-@dataclass(frozen=True)
-class StagesRegion(Region):
-    """Declared, measured, accepted."""
-
-    stages: tuple[Stage, ...]
+def _region(name: str, *signals: str) -> Region:
+    """`signals`: "observations 2s" is heard every two seconds at most."""
+    parts = [one.partition(" ") for one in ("mission", *signals)]
+    heard = [f"live:{signal} from:body{f' throttle:{pause}' if pause else ''}" for signal, _, pause in parts]
+    return Region(name=name, triggers=", ".join(heard))
 
 
-@dataclass(frozen=True)
-class GraphRegion(Region):
-    """The task graph with the state of every node."""
-
-    graph: Graph | None
-
-
-@dataclass(frozen=True)
-class SceneRegion(Region):
-    """What the 3D view shows and lacks, in words. The view itself stands outside everything that is swapped."""
-
-    scene: str
-
-
-@dataclass(frozen=True)
-class TimelineRegion(Region):
-    """Lanes and cursor."""
-
-    timeline: Timeline
-
-
-@dataclass(frozen=True)
-class EventsRegion(Region):
-    """The events around the cursor as sentences; `count` of them in all."""
-
-    lines: tuple[Line, ...]
-    count: int
-
-
-@dataclass(frozen=True)
-class PlotsRegion(Region):
-    """What was measured, over mission time."""
-
-    plots: tuple[Plot, ...]
-    cursor: Standing
-
-
-@dataclass(frozen=True)
-class FramesRegion(Region):
-    """What the camera had seen by the instant."""
-
-    frames: FramesView
-
-
-@dataclass(frozen=True)
-class FactsRegion(Region):
-    """What had been accepted by the instant, each fact with the way down to its evidence."""
-
-    facts: tuple[FactRow, ...]
-
-
-@dataclass(frozen=True)
-class EvidenceRegion(Region):
-    """The packets of the chosen stage."""
-
-    evidence: EvidenceView
-
-
-@dataclass(frozen=True)
-class ContextsRegion(Region):
-    """What each role was shown about the chosen stage."""
-
-    contexts: ContextsView
-
-
-@dataclass(frozen=True)
-class ContractRegion(Region):
-    """Goal and original completion conditions."""
-
-    contract: ContractView | None
-
-
-@dataclass(frozen=True)
-class BudgetRegion(Region):
-    """Recovery budgets of the chosen stage."""
-
-    budget: Budget
-
-
-@dataclass(frozen=True)
-class InstantRegions(
-    HeadRegion,
-    RobotRegion,
-    StagesRegion,
-    GraphRegion,
-    SceneRegion,
-    TimelineRegion,
-    PlotsRegion,
-    FramesRegion,
-    EventsRegion,
-    EvidenceRegion,
-    ContextsRegion,
-    ContractRegion,
-    FactsRegion,
-    BudgetRegion,
-):
-    """All regions of one instant."""
-
-
-@dataclass(frozen=True)
-class MissionPage(InstantRegions):
-    """The regions inside the shell. `view` names the reader's own 3D view."""
-
-    shell: Shell
-    view: str
+TABLE = (
+    _region("head"),
+    _region("robot", "observations 1s"),
+    _region("graph"),
+    _region("stages", "observations 500ms"),
+    _region("budget"),
+    _region("view", "observations 3s", "scene"),
+    _region("timeline"),
+    _region("plots", "observations 2s"),
+    _region("frames"),
+    _region("contract"),
+    _region("facts"),
+    _region("evidence"),
+    _region("contexts"),
+    _region("events"),
+)
+REGIONS: Mapping[str, Region] = {one.name: one for one in TABLE}
