@@ -7,19 +7,19 @@ from typing import Annotated
 from fastapi import Depends, Query
 
 from app.console import Console, ConsoleDep
-from app.views import budgets, contexts, evidence, facts, frames, missions, plots, stages, timeline
+from app.views import budgets, contexts, evidence, frames, missions, plots, stages, timeline
 from app.views.budgets import Budget
-from app.views.contexts import ContextsView
+from app.views.contexts import ContextsView, ContextView
 from app.views.cursor import Cursor, cursor_of
 from app.views.evidence import EvidenceView
-from app.views.facts import FactRow
 from app.views.frames import FramesView
-from app.views.missions import ContractView, Head, RobotStrip
+from app.views.missions import Head, RobotStrip
 from app.views.plots import Plot
 from app.views.shell import Shell
 from app.views.stages import Graph, Observed, Stage
 from app.views.timeline import Axis, Entry, Line, Timeline
 from harness.contracts.events import CompletionReported, FailureReported, MissionEnded
+from harness.contracts.evidence import CommittedFact
 from harness.contracts.ids import MissionId, NodeId
 from harness.projections.mission import Mission
 from harness.projections.mission_fold import apply
@@ -126,8 +126,8 @@ class Instant:
         return frames.frames(self.entries, at_s=self.cursor.at_s)
 
     @cached_property
-    def facts(self) -> tuple[FactRow, ...]:
-        return facts.facts(self.mission, self.shown)
+    def facts(self) -> tuple[CommittedFact, ...]:
+        return self.mission.facts
 
     @cached_property
     def evidence(self) -> EvidenceView:
@@ -140,8 +140,9 @@ class Instant:
         return contexts.contexts(self.shown, node_id=self.node, read=read, candidates=candidates)
 
     @cached_property
-    def contract(self) -> ContractView | None:
-        return missions.contract_view(self.mission, contexts.goal_context(self.shown, read=self.console.context))
+    def contract(self) -> ContextView | None:
+        """What the goal verifier was shown; the contract itself stands with the mission."""
+        return contexts.goal_context(self.shown, read=self.console.context)
 
     @cached_property
     def budget(self) -> Budget:

@@ -14,7 +14,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.languages import CHOICE
 from app.permissions import Visitor
-from app.views.regions import REGIONS
+from app.regions import REGIONS
 
 KEPT = 256
 LASTS_S = 1.0

@@ -8,8 +8,8 @@ from starlette.responses import HTMLResponse
 
 from app.console import ActorDep
 from app.instant import InstantDep, MissionPage
+from app.regions import REGIONS
 from app.rendering import render
-from app.views.regions import REGIONS
 
 
 class RegionName(Convertor[str]):

@@ -3,12 +3,12 @@
 import re
 
 from app.instant import Instant
+from app.regions import REGIONS
 from app.sharing import FOR_EVERYBODY
-from app.views.regions import REGIONS
 from tests.rooms.markup import template_texts
 from tests.rooms.sources import ROOT, modules
 
-TABLE = "app/views/regions.py"
+TABLE = "app/regions.py"
 MANY = 4
 
 

@@ -1,4 +1,4 @@
-"""Pure: the regions of a mission page, in one table: its name, what it shows, and the signals that refresh it.
+"""The regions of a mission page, in one table: its name, what it shows, and the signals that refresh it.
 
 From a name come the template (`missions/_name.html`), the element (`#name`) and the address (`/missions/{id}/name`).
 """
