@@ -10,8 +10,11 @@ from starlette.responses import HTMLResponse
 from app import filters
 from app.languages import CHOICE, ENGLISH, catalogue, told, translated, ways
 from app.phrases import script_messages, spoken
+from app.regions import REGIONS
 from app.settings import ROOT
 from app.static_files import STAMP, stamp
+from app.views.canary import FINDINGS
+from rsi_reviews.difference import NAMES
 
 
 class SpokenLoader(FileSystemLoader):
@@ -42,6 +45,9 @@ def environment(folder: Path, language: str = ENGLISH) -> Environment:
     jinja.filters["told"] = partial(told, language=language)
     jinja.globals["asset"] = asset
     jinja.globals["language"] = language
+    jinja.globals["regions"] = REGIONS
+    jinja.globals["findings"] = FINDINGS
+    jinja.globals["components"] = NAMES
     jinja.globals["languages"] = ways
     jinja.globals["phrases"] = {one: catalogue(language)[one] for one in script_phrases() if one in catalogue(language)}
     return jinja

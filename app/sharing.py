@@ -14,13 +14,11 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.languages import CHOICE
 from app.permissions import Visitor
+from app.regions import REGIONS
 
 KEPT = 256
 LASTS_S = 1.0
-FOR_EVERYBODY = re.compile(
-    r"/missions/[^/]+/(instant|head|robot|graph|stages|budget|view|timeline|plots|frames|contract|facts|evidence"
-    r"|contexts|events)"
-)
+FOR_EVERYBODY = re.compile(rf"/missions/[^/]+/(instant|{'|'.join(REGIONS)})")
 FOR_ONE = re.compile(r"/(overview/(now|bar|rail)|(missions|handoffs|alerts)/list|queue/lines|robots/now)")
 
 Key = tuple[str, bytes, str, tuple[str, ...], str, int]

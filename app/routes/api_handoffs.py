@@ -43,6 +43,7 @@ from harness.contracts.handoff_commands import (
 )
 from harness.contracts.ids import ConditionId, Digest, HandoffId
 from harness.contracts.read_models import ListQuery
+from harness.projections.handoffs import Handoff
 
 router = APIRouter(
     prefix="/api/v1", default_response_class=JSONResponse, responses=PROBLEMS, dependencies=CHECKED, tags=["handoffs"]
@@ -96,7 +97,7 @@ class TakeOverBody(HeldBody):
     device: Slug
 
 
-@router.get("/handoffs", responses=answers("Handoff", many=True))
+@router.get("/handoffs", responses=answers(Handoff, many=True))
 def handoffs(
     console: ConsoleDep,
     response: Response,
@@ -116,37 +117,37 @@ def handoffs(
     return [plain(console.runtime.handoff(HandoffId(one.handoff_id))) for one in found.items]
 
 
-@router.get("/handoffs/{handoff_id}", responses=answers("Handoff"))
+@router.get("/handoffs/{handoff_id}", responses=answers(Handoff))
 def handoff(console: ConsoleDep, handoff_id: HandoffId) -> Any:
     """What a person is asked, on exactly which bytes, and what was answered."""
     return plain(console.runtime.handoff(handoff_id))
 
 
-@router.post("/handoffs/{handoff_id}/look", responses=answers("Handoff"))
+@router.post("/handoffs/{handoff_id}/look", responses=answers(Handoff))
 def look_again(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId) -> Any:
     """Observe without motion; the answer is the handoff as it is after that."""
     return _said(console, LookAgain(handoff_id=handoff_id, actor=actor))
 
 
-@router.post("/handoffs/{handoff_id}/claim", responses=answers("Handoff"))
+@router.post("/handoffs/{handoff_id}/claim", responses=answers(Handoff))
 def claim(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: ClaimBody) -> Any:
     """Yours to answer for a minute; the same token again renews it."""
     return _said(console, ClaimHandoff(handoff_id=handoff_id, actor=actor, claim=body.claim))
 
 
-@router.post("/handoffs/{handoff_id}/release", responses=answers("Handoff"))
+@router.post("/handoffs/{handoff_id}/release", responses=answers(Handoff))
 def release(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: ClaimBody) -> Any:
     """Somebody else may answer it."""
     return _said(console, ReleaseHandoff(handoff_id=handoff_id, actor=actor, claim=body.claim))
 
 
-@router.post("/handoffs/{handoff_id}/on-my-way", responses=answers("Handoff"))
+@router.post("/handoffs/{handoff_id}/on-my-way", responses=answers(Handoff))
 def on_my_way(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: WayBody) -> Any:
     """Wait longer: once, as long as the zone allows."""
     return _said(console, OnMyWay(handoff_id=handoff_id, actor=actor, reason=body.reason))
 
 
-@router.post("/handoffs/{handoff_id}/choose", responses=answers("Handoff"))
+@router.post("/handoffs/{handoff_id}/choose", responses=answers(Handoff))
 def choose(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: ChoiceBody) -> Any:
     """Ask anew with another action of the ladder; it is approved, if at all, on its own digest."""
     command = ChooseAction(
@@ -155,7 +156,7 @@ def choose(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: Ch
     return _said(console, command)
 
 
-@router.post("/handoffs/{handoff_id}/decision", responses=answers("Handoff"))
+@router.post("/handoffs/{handoff_id}/decision", responses=answers(Handoff))
 def decide(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: DecisionBody) -> Any:
     """The same key and body again is the same receipt; any other second answer is a 409."""
     command = DecideHandoff(
@@ -172,7 +173,7 @@ def decide(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: De
     return _said(console, command, cycle=body.cycle)
 
 
-@router.post("/handoffs/{handoff_id}/attest", responses=answers("Handoff"))
+@router.post("/handoffs/{handoff_id}/attest", responses=answers(Handoff))
 def attest(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: AttestBody) -> Any:
     """Evidence by a person, only where the stage's policy names it; it opens one look and satisfies nothing."""
     command = AttestCondition(
@@ -187,7 +188,7 @@ def attest(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: At
     return _said(console, command, cycle=body.cycle)
 
 
-@router.post("/handoffs/{handoff_id}/take-over", responses=answers("Handoff"))
+@router.post("/handoffs/{handoff_id}/take-over", responses=answers(Handoff))
 def take_over(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: TakeOverBody) -> Any:
     """Drive it yourself: the deadline pauses as long as the claim is renewed."""
     command = TakeOver(
@@ -201,14 +202,14 @@ def take_over(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body:
     return _said(console, command)
 
 
-@router.post("/handoffs/{handoff_id}/hand-back", responses=answers("Handoff"))
+@router.post("/handoffs/{handoff_id}/hand-back", responses=answers(Handoff))
 def hand_back(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: HeldBody) -> Any:
     """The robot is the harness's again; it looks afresh, without motion."""
     command = HandBack(handoff_id=handoff_id, actor=actor, claim=body.claim, key=body.key, reason=body.reason)
     return _said(console, command)
 
 
-@router.post("/handoffs/{handoff_id}/close", responses=answers("Handoff"))
+@router.post("/handoffs/{handoff_id}/close", responses=answers(Handoff))
 def close(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: HeldBody) -> Any:
     """Keep the robot: the mission ends handed off."""
     command = CloseHandoff(handoff_id=handoff_id, actor=actor, claim=body.claim, key=body.key, reason=body.reason)

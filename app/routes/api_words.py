@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 from app.errors import problem
 from app.lists import Slice
+from app.routes.api_schemas import Problem
 from app.routes.listing import bookmark
 from harness.contracts.control import Autonomy
 from harness.contracts.decisions import Refused
@@ -93,9 +94,14 @@ def known_parameters(request: Request) -> None:
 CHECKED = [Depends(known_parameters)]
 
 
-def answers(name: str, *, status: int = 200, many: bool = False) -> dict[int | str, dict[str, Any]]:
-    """For `responses=`: the answer has the shape of this component, or is a list of them."""
-    one = {"$ref": f"#/components/schemas/{name}"}
+ANSWERED: set[type] = {Problem}
+"""Every struct that an operation answers with, or fails with: the description is derived from them."""
+
+
+def answers(kind: type, *, status: int = 200, many: bool = False) -> dict[int | str, dict[str, Any]]:
+    """For `responses=`: the answer has the shape of this struct, or is a list of them."""
+    ANSWERED.add(kind)
+    one = {"$ref": f"#/components/schemas/{kind.__name__}"}
     schema = {"type": "array", "items": one} if many else one
     return {status: {"description": "Done.", "content": {"application/json": {"schema": schema}}}}
 

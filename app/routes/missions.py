@@ -60,8 +60,9 @@ def listed(console: Console, actor: Actor, sought: Sought) -> MissionsPage:
     found = console.lists.missions(queries[group])
     tallies = console.lists.tallies("mission")
     counted = Counted(groups={value: console.lists.count(one) for value, one in queries.items()}, tallies=tallies)
-    rows = [missions.row(one, now_s=console.clock()) for one in found.items]
-    return missions.missions_page(console.shell("Missions", "missions", actor), sought, rows, found.following, counted)
+    return missions.missions_page(
+        console.shell("Missions", "missions", actor), sought, found.items, found.following, counted
+    )
 
 
 @router.get("/new")

@@ -16,17 +16,17 @@ router = APIRouter()
 
 def regions(console: Console) -> OverviewRegions:
     """What is open, and the last few that ended: the rest of the history is not read."""
-    now_s = console.clock()
     running = console.lists.open_missions()
     ended = console.lists.missions(ListQuery(listing="mission", facets={"open": "no"}, limit=RECENT)).items
     waiting = [console.runtime.handoff(HandoffId(one.handoff_id)) for one in console.lists.open_handoffs()]
     heard = [console.runtime.observations(MissionId(one.mission_id)) for one in running]
     strips = [missions.robot_strip(live.status, live.at_s) for live in heard if live is not None]
     return overview(
-        [missions.row(one, now_s=now_s) for one in (*running, *ended)],
+        (*running, *ended),
         [handoffs.row(one, console.mission_of(one)) for one in waiting],
         [strip for strip in strips if strip is not None],
         robots=console.settings.robots,
+        now_s=console.clock(),
     )
 
 

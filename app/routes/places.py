@@ -10,7 +10,7 @@ from app.rendering import render
 from app.views import place_editor
 from app.views.forms import Wrong, wrong_reason
 from app.views.place_editor import PlaceForm, Version
-from app.views.places import places_page
+from app.views.places import PlacesPage, site_map
 from app.views.saying import said
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
@@ -35,7 +35,14 @@ EVENTS: Codec[PlaceEvent] = Codec(PlaceEvent)
 
 @router.get("")
 def index(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
-    return render("places/index.html", places_page(console.shell("Places", "places", actor), console.runtime.site))
+    return render(
+        "places/index.html",
+        PlacesPage(
+            shell=console.shell("Places", "places", actor),
+            site=console.runtime.site,
+            map=site_map(console.runtime.site),
+        ),
+    )
 
 
 @router.get("/new")

@@ -1,6 +1,5 @@
 """Pure: who decided what, when, by which channel; and who came in."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,16 +8,16 @@ import msgspec
 from app.views.saying import listed
 from app.views.shell import Shell
 from harness.contracts.ports import Head, StoredEvent
+from harness.contracts.values import Count, Value
 
 
-@dataclass(frozen=True)
-class Deed:
+class Deed(Value):
     """One event of the log. `actor` is empty where nobody asked for it: the harness or a robot brought it about.
 
     `mission_id` and `robot_id` are empty where the event names none.
     """
 
-    position: int
+    position: Count
     at_s: float
     kind: str
     stream: str
@@ -29,51 +28,6 @@ class Deed:
     channel: str
     reason: str
     digest: str
-
-
-@dataclass(frozen=True)
-class AuditPage:
-    """Newest first, below `before`. `verified` is empty unless it was asked for; `damage` says what does not verify."""
-
-    shell: Shell
-    position: int
-    digest: str
-    deeds: tuple[Deed, ...]
-    actor: str
-    kind: str
-    everything: bool
-    scanned_from: int
-    older: int
-    verified: str
-    damage: str
-    keeps_trail: bool
-
-
-@dataclass(frozen=True)
-class TrailRow:
-    """One line of the access trail."""
-
-    number: int
-    at_s: float
-    kind: str
-    actor: str
-    role: str
-    subject: str
-    detail: str
-    source: str
-
-
-@dataclass(frozen=True)
-class AccessPage:
-    """Who came in, from where, and what they commanded; newest first."""
-
-    shell: Shell
-    rows: tuple[TrailRow, ...]
-    actor: str
-    kind: str
-    older: int
-    verified: str
-    damage: str
 
 
 @dataclass(frozen=True)
@@ -120,21 +74,39 @@ def deed(stored: StoredEvent) -> Deed:
     )
 
 
-def audit_page(
-    shell: Shell, head: Head, deeds: Sequence[Deed], wanted: Wanted, *, scanned_from: int, keeps_trail: bool, found: Sum
-) -> AuditPage:
-    """`scanned_from`: the lowest position that was looked at; older events may hold more."""
-    return AuditPage(
-        shell=shell,
-        position=head.position,
-        digest=head.digest,
-        deeds=tuple(deeds),
-        actor=wanted.actor,
-        kind=wanted.kind,
-        everything=wanted.everything,
-        scanned_from=scanned_from,
-        older=scanned_from if scanned_from > 1 else 0,
-        verified=found.verified,
-        damage=found.damage,
-        keeps_trail=keeps_trail,
-    )
+@dataclass(frozen=True)
+class AuditPage:
+    """Newest first, down to `scanned_from`, the lowest position that was looked at; older events may hold more."""
+
+    shell: Shell
+    head: Head
+    deeds: tuple[Deed, ...]
+    wanted: Wanted
+    scanned_from: int
+    found: Sum
+    keeps_trail: bool
+
+
+@dataclass(frozen=True)
+class TrailRow:
+    """One line of the access trail."""
+
+    number: int
+    at_s: float
+    kind: str
+    actor: str
+    role: str
+    subject: str
+    detail: str
+    source: str
+
+
+@dataclass(frozen=True)
+class AccessPage:
+    """Who came in, from where, and what they commanded; newest first."""
+
+    shell: Shell
+    rows: tuple[TrailRow, ...]
+    wanted: Wanted
+    older: int
+    found: Sum

@@ -21,12 +21,7 @@ class Reference:
     """One piece of evidence. `broken` says why its checksum does not verify now; empty means it does."""
 
     part: str
-    kind: str
-    origin: str
-    source: str
-    from_s: float
-    until_s: float
-    blob: str
+    item: EvidenceReference
     broken: str
 
 
@@ -37,18 +32,6 @@ class Picture:
     blob: str
     caption: str
     broken: str
-
-
-@dataclass(frozen=True)
-class ReceiptRow:
-    """A service's word: declared, never measured."""
-
-    kind: str
-    receipt_id: str
-    source: str
-    at_s: float
-    text: str
-    blob: str
 
 
 @dataclass(frozen=True)
@@ -76,7 +59,7 @@ class PacketView:
     declared: tuple[Measure, ...]
     references: tuple[Reference, ...]
     pictures: tuple[Picture, ...]
-    receipts: tuple[ReceiptRow, ...]
+    receipts: tuple[Receipt, ...]
     sound: int
     unsound: int
 
@@ -107,7 +90,7 @@ def packet_view(mission_id: str, packet: EvidencePacket, entries: Sequence[Entry
     verdict = _verdict(entries, identity.packet_id)
     decision, decided, rule, href = _decision(mission_id, entries, identity.packet_id)
     references = tuple(
-        _reference(part, reference, check=check)
+        Reference(part=part, item=reference, broken=check(reference.blob))
         for part, group in (("before", packet.before), ("after", packet.after), ("estimates", packet.estimates))
         for reference in group
     )
@@ -134,7 +117,7 @@ def packet_view(mission_id: str, packet: EvidencePacket, entries: Sequence[Entry
         declared=tuple(Measure(*quantity(name, value)) for name, value in packet.declared.items()),
         references=references,
         pictures=tuple(_picture(one, check=check) for one in every if one.kind == "image"),
-        receipts=tuple(_receipt(receipt) for receipt in packet.receipts),
+        receipts=packet.receipts,
         sound=sum(not reference.broken for reference in references),
         unsound=sum(bool(reference.broken) for reference in references),
     )
@@ -165,19 +148,6 @@ def _held(facts: int) -> str:
     )
 
 
-def _reference(part: str, reference: EvidenceReference, *, check: Check) -> Reference:
-    return Reference(
-        part=part,
-        kind=reference.kind,
-        origin=reference.origin,
-        source=reference.source,
-        from_s=reference.from_s,
-        until_s=reference.until_s,
-        blob=reference.blob,
-        broken=check(reference.blob),
-    )
-
-
 def _picture(reference: EvidenceReference, *, check: Check) -> Picture:
     yaw = reference.values.get("yaw_rad")
     size = [reference.values.get(name) for name in ("width_px", "height_px")]
@@ -187,15 +157,4 @@ def _picture(reference: EvidenceReference, *, check: Check) -> Picture:
         blob=reference.blob,
         caption=" ".join(part for part in (turned, shown) if part) or reference.source,
         broken=check(reference.blob),
-    )
-
-
-def _receipt(receipt: Receipt) -> ReceiptRow:
-    return ReceiptRow(
-        kind=receipt.kind,
-        receipt_id=receipt.receipt_id,
-        source=receipt.source,
-        at_s=receipt.at_s,
-        text=receipt.text,
-        blob=receipt.blob or "",
     )

@@ -10,7 +10,6 @@ from math import dist
 
 from app.views.explored_floor import Floor, explored_floor
 from app.views.missions import Head, head
-from app.views.regions import Region
 from app.views.saying import said, word
 from app.views.shell import Shell
 from app.views.stages import Observed, Stage, stages
@@ -103,9 +102,15 @@ class ChoiceDetail:
 
 
 @dataclass(frozen=True)
-class ChoicesRegion(Region):
-    """Every choice so far, oldest first, and one of them in full: the one that is asked for, else the newest."""
+class ChoicesRegion:
+    """Every choice so far, oldest first, and one of them in full: the one that is asked for, else the newest.
 
+    It always follows the newest event: `at` is None. `query` keeps what is asked for.
+    """
+
+    mission_id: str
+    at: None
+    query: str
     choices: tuple[ChoiceRow, ...]
     shown: ChoiceDetail | None
 

@@ -1,7 +1,7 @@
 """Pure: numbers with units taken from their names, and measured values beside their bounds."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
@@ -116,3 +116,12 @@ def condition_row(result: ConditionResult) -> ConditionRow:
         required=result.required_independence,
         age_s=result.age_s,
     )
+
+
+def condition_rows(results: Iterable[ConditionResult]) -> tuple[ConditionRow, ...]:
+    return tuple(map(condition_row, results))
+
+
+def leading(measured: Mapping[str, float]) -> tuple[Measure, ...]:
+    """The first FEW measured quantities."""
+    return tuple(Measure(*quantity(name, value)) for name, value in list(measured.items())[:FEW])

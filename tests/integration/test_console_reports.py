@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import pytest
 from fastapi.testclient import TestClient
 
@@ -67,7 +68,9 @@ def test_a_picture_that_does_not_verify_is_not_printed(page: ReportPage, stand: 
 
 def test_signs_that_no_font_has_are_counted_and_european_and_chinese_ones_are_drawn(page: ReportPage) -> None:
     def lacking(goal: str) -> int:
-        told = replace(page, head=replace(page.head, goal=goal), pictures=())
+        told = replace(
+            page, head=replace(page.head, mission=msgspec.structs.replace(page.head.mission, goal=goal)), pictures=()
+        )
         return report_pdf(told, {}, fonts=FONTS, made_s=0.0).lacking
 
     assert lacking("Prüfe “Łódź”, Ωmega, Склад – 5 €") == 0

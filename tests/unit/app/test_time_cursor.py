@@ -61,7 +61,7 @@ def at(at_event: int | None = None, t: float | None = None, now_s: float = 0.0) 
 )
 def test_an_instant_named_by_an_event_is_that_events(event: int, position: int, place: int, elapsed_s: float) -> None:
     found = at(event)
-    assert (found.position, found.place, found.standing.elapsed_s) == (position, place, elapsed_s)
+    assert (found.position, found.place, found.elapsed_s) == (position, place, elapsed_s)
     assert found.param == f"at={event}"
 
 
@@ -73,14 +73,14 @@ def test_an_instant_named_by_a_second_stands_at_the_newest_event_before_it(
     second: float, position: int, place: int, elapsed_s: float
 ) -> None:
     found = at(t=second)
-    assert (found.position, found.place, found.standing.elapsed_s) == (position, place, elapsed_s)
+    assert (found.position, found.place, found.elapsed_s) == (position, place, elapsed_s)
     assert found.param == f"t={second:g}"
 
 
 def test_without_an_instant_the_page_follows_the_head_which_is_now_while_the_mission_runs() -> None:
     found = at(now_s=BEGIN_S + 40.0)
-    assert (found.position, found.param, found.total_s, found.standing.left) == (None, "", 40.0, 99.0)
-    assert at(20, now_s=BEGIN_S + 40.0).standing.left == 24.75
+    assert (found.position, found.param, found.total_s, found.left) == (None, "", 40.0, 99.0)
+    assert at(20, now_s=BEGIN_S + 40.0).left == 24.75
 
 
 def test_an_event_wins_over_a_second() -> None:
@@ -88,8 +88,8 @@ def test_an_event_wins_over_a_second() -> None:
 
 
 def test_the_axis_has_room_for_the_newest_event_and_a_mission_of_no_length() -> None:
-    assert at(t=5.0).standing.left == 49.5
-    assert cursor_of(HISTORY[:1], at=None, t=None, now_s=0.0).standing.left == 0.0
+    assert at(t=5.0).left == 49.5
+    assert cursor_of(HISTORY[:1], at=None, t=None, now_s=0.0).left == 0.0
 
 
 def test_ticks_that_would_cover_each_other_are_one_and_the_louder_one_stays() -> None:
