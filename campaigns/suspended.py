@@ -36,7 +36,7 @@ from harness.contracts.ids import (
 )
 from harness.contracts.protocol import TERMINAL, Identity, StartRequest
 from harness.contracts.values import Value
-from harness.gate.commit import Gate, Request
+from harness.gate.commit import CommandEnvelope, Gate
 
 BASE = ResourceId("vbot-1/mobile_base")
 HELD_S = 5.0
@@ -89,7 +89,7 @@ class _Gate:
         self._clock.wait_until(self.now_s + seconds)
 
     def ask(self, command: LeaseCommand) -> None:
-        decision: Accepted[Any] | Refused = self._gate.commit([Request(lease_stream(BASE), command)])
+        decision: Accepted[Any] | Refused = self._gate.commit([CommandEnvelope(lease_stream(BASE), command, None)])
         if isinstance(decision, Refused):
             raise RuntimeError(decision.message)
 

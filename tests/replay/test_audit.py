@@ -208,7 +208,7 @@ def test_persons_decisions_are_derived_again_with_their_handoff() -> None:
         handoff = stage.runtime.handoff(ran.mission.handoff_id)
         assert handoff.opened is not None
         look = LookAgain(handoff_id=handoff.handoff_id, actor=OPERATOR)
-        assert isinstance(stage.runtime.answer(look), Accepted)
+        assert isinstance(stage.supervisor.answer(look), Accepted)
         opened = stage.runtime.handoff(handoff.handoff_id).opened
         assert opened is not None
         approve = DecideHandoff(
@@ -221,7 +221,7 @@ def test_persons_decisions_are_derived_again_with_their_handoff() -> None:
             subject=opened.subject,
             evidence=opened.evidence,
         )
-        assert isinstance(stage.runtime.answer(approve), Accepted)
+        assert isinstance(stage.supervisor.answer(approve), Accepted)
         stage.run(ran.mission.mission_id)
         report = replay_mission(stage.runtime, ran.mission.mission_id)
         assert report.differences == ()
