@@ -13,6 +13,7 @@ from harness.contracts.decisions import Accepted, Authority, Refused, unquestion
 from harness.contracts.errors import ConcurrencyConflict
 from harness.contracts.ids import RobotId, StreamId
 from harness.contracts.ports import Batch, Clock, EventStore, Record, Snapshots
+from harness.contracts.stored_commands import command_record
 from harness.contracts.values import Moment
 from harness.gate.kept import KEPT_STREAMS, Folds, Kept
 
@@ -31,9 +32,10 @@ class CommandEnvelope:
 
 @dataclass(frozen=True)
 class _Decided:
-    """What the gate decided for one stream, the state and version it decided on, and the events that follow."""
+    """What the gate decided for one command, the state and version it decided on, and the events that follow."""
 
     stream: StreamId
+    command: Command
     state: Any
     version: int
     events: tuple[Any, ...]
@@ -104,7 +106,7 @@ class Gate:
                     decision = self._decider(request.stream).decide(state, request.command, now)
                     if isinstance(decision, Refused):
                         return decision
-                    decided.append(_Decided(request.stream, state, version, decision.events))
+                    decided.append(_Decided(request.stream, request.command, state, version, decision.events))
                 try:
                     self._append(decided, records, now)
                 except ConcurrencyConflict:
@@ -117,22 +119,23 @@ class Gate:
         return next((self._clocks[robot_id] for robot_id in named if robot_id in self._clocks), self._clock)
 
     def _append(self, decided: Sequence[_Decided], records: Sequence[Record], now: Moment) -> None:
-        batches = [
-            Batch(
-                stream=one.stream,
-                expected_version=one.version,
-                events=tuple(self._decider(one.stream).codec.encode(event) for event in one.events),
-            )
-            for one in decided
-            if one.events
-        ]
-        if not batches:
+        changes = [one for one in decided if one.events]
+        if not changes:
             return
-        self._store.append(batches, tuple(records), now)
+        commands = [command_record(one.command, one.events, records) for one in changes]
+        batches = [self._batch(*pair) for pair in zip(changes, commands, strict=True)]
+        self._store.append(batches, (*records, *commands), now)
         for one in decided:
             if one.events:
                 state = self._decider(one.stream).fold(one.state, one.events)
                 self._advance(one.stream, state, one.version + len(one.events))
+
+    def _batch(self, one: _Decided, command: Record) -> Batch:
+        """The events as they are stored: the first one names the record of the command that it begins to answer."""
+        codec = self._decider(one.stream).codec
+        first, *others = one.events
+        events = (codec.encode(first, command=command.digest), *(codec.encode(event) for event in others))
+        return Batch(stream=one.stream, expected_version=one.version, events=events)
 
     @contextmanager
     def _holding(self, streams: Iterable[StreamId]) -> Iterator[None]:
