@@ -14,6 +14,7 @@ from app.alerts import Alerts
 from app.doors import Doors
 from app.evaluated import Evaluated
 from app.fleet import Fleet, no_fleet
+from app.guard import GuardedRuntime
 from app.history import Histories
 from app.issuer_door import IssuerDoor
 from app.lists import Lists
@@ -40,7 +41,6 @@ from harness.contracts.protocol import DriveReport, PhysicalStart
 from harness.projections.control import Control
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
-from harness.runtime import Runtime
 
 Cards = Callable[[], Iterable[CapabilityCard]]
 Dossier = Callable[[MissionId, Path, str], object]
@@ -96,7 +96,7 @@ class OneUse:
 class Console:
     """One running console."""
 
-    runtime: Runtime
+    runtime: GuardedRuntime
     settings: ConsoleSettings
     broker: SignalBroker
     scenes: Scenes

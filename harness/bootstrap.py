@@ -43,6 +43,7 @@ from harness.assembly import (
 from harness.baseline.load import baseline
 from harness.baseline.load import site as shipped_site
 from harness.contracts.configuration import Configuration
+from harness.contracts.decisions import Authority, unquestioned
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import RobotId
 from harness.contracts.observations import Camera
@@ -95,6 +96,7 @@ def open_harness(
     signals: Signals | None = None,
     url: str = "",
     deciders: Deciders = MappingProxyType({}),
+    authority: Authority = unquestioned,
     select: Select = nothing_selected,
     trial: Trial = nothing_on_trial,
 ) -> Iterator[Harness]:
@@ -102,6 +104,7 @@ def open_harness(
 
     `deciders` are for further families of streams, `select` says which version new missions are pinned to, `trial`
     whether one is in canary, so that a person approves each motion.
+    `authority` is asked in every commit whether whoever gave a command still may.
     Raises StoreOwned if another supervisor owns the folder, StoreUnavailable or StoreNewer if it cannot be used.
     """
     with ExitStack() as stack:
@@ -124,6 +127,7 @@ def open_harness(
             index=stack.enter_context(closing(SqlMemoryIndex(f"sqlite:///{folder.root / 'memory.db'}"))),
             snapshots=snapshots,
             deciders=deciders,
+            authority=authority,
             select=select,
             trial=trial,
         )
@@ -185,6 +189,7 @@ def simulated(
     hidden: HiddenSite | None = None,
     wire: Callable[[Robot], Robot] = directly,
     deciders: Deciders = MappingProxyType({}),
+    authority: Authority = unquestioned,
     select: Select = nothing_selected,
     trial: Trial = nothing_on_trial,
 ) -> Iterator[Harness]:
@@ -192,7 +197,7 @@ def simulated(
 
     `configuration` is what missions are pinned to, H_0 without one; `site` the places they name, the shipped ones
     without one; `hidden` what the simulated site does to the robot again and again; `wire` stands between the
-    harness and the robot; `deciders`, `select` and `trial` as in `open_harness`.
+    harness and the robot; `deciders`, `authority`, `select` and `trial` as in `open_harness`.
     """
     with ExitStack() as stack:
         robots = [
@@ -210,6 +215,7 @@ def simulated(
             configuration=configuration or baseline(),
             site=site or shipped_site(),
             deciders=deciders,
+            authority=authority,
             select=select,
             trial=trial,
         )

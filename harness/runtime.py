@@ -15,7 +15,7 @@ from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import CreateMission, MissionCommand, PauseMission
 from harness.contracts.configuration import Configuration
 from harness.contracts.control import Autonomy
-from harness.contracts.decisions import Accepted, Authority, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.errors import ConfigurationMissing, UnknownName
 from harness.contracts.handoff_commands import PersonCommand
 from harness.contracts.ids import (
@@ -47,7 +47,7 @@ from harness.contracts.ports import (
 from harness.contracts.protocol import InvocationReport, RobotStatus
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.contracts.values import Value, encode
-from harness.gate.commit import Gate, Request
+from harness.gate.commit import CommandEnvelope, Gate
 from harness.gate.ended_missions import EndedMissions
 from harness.gate.open_missions import OpenMissions
 from harness.gate.places import DECIDER as PLACE
@@ -64,6 +64,15 @@ KEPT_CONTRACTS = 16
 KEPT_LIVE = 64
 """Of so many missions what was observed last is kept, and the places they were compiled with."""
 COMPILED = ("ContractCompiled", "ContractRecompiled")
+
+
+AnswerHandoff = Callable[[PersonCommand], Decision[AnyEvent]]
+"""Takes a person's answer at a handoff: whoever can observe the robot again before it counts."""
+
+
+def unsupervised(command: PersonCommand) -> Decision[AnyEvent]:
+    """The answer where no supervisor runs."""
+    return Refused("no_supervisor", "No supervisor runs on this data folder, so nothing can be observed.")
 
 
 class Live(Value):
@@ -129,7 +138,6 @@ class Runtime:
         self._contracts: LRUCache[bytes, TaskContract] = LRUCache(KEPT_CONTRACTS)
         self._live: LRUCache[MissionId, Live] = LRUCache(KEPT_LIVE)
         self._caching = Lock()
-        self._desk: Callable[[PersonCommand], Decision[AnyEvent]] | None = None
 
     @property
     def site(self) -> Site:
@@ -192,7 +200,7 @@ class Runtime:
             trial=self.on_trial(pinned),
         )
         version = self._configurations.record(pinned)
-        return self.commit([Request(mission_stream(mission_id), create)], records=(version,))
+        return self.commit([CommandEnvelope(mission_stream(mission_id), create, start.robot_id)], records=(version,))
 
     def draft(self, start: Start) -> TaskContract:
         """The contract that `start` would create now; nothing is written. Raises as `start` does."""
@@ -214,23 +222,12 @@ class Runtime:
         self, mission_id: MissionId, command: MissionCommand, *, records: Sequence[Record] = ()
     ) -> Accepted[AnyEvent] | Refused:
         """One command for one mission. Raises UnknownName for a mission that does not exist."""
-        self.mission(mission_id)
-        return self.commit([Request(mission_stream(mission_id), command)], records=records)
+        robot_id = self.mission(mission_id).robot_id
+        return self.commit([CommandEnvelope(mission_stream(mission_id), command, robot_id)], records=records)
 
-    def answer(self, command: PersonCommand) -> Decision[AnyEvent]:
-        """A person's word at a handoff, taken by the desk that can observe the robot again before it counts."""
-        if self._desk is None:
-            return Refused("no_supervisor", "No supervisor runs on this data folder, so nothing can be observed.")
-        return self._desk(command)
-
-    def open_desk(self, desk: Callable[[PersonCommand], Decision[AnyEvent]]) -> None:
-        self._desk = desk
-
-    def obey(self, authority: Authority) -> None:
-        """From now on the gate asks, in every round of every commit, whether whoever commands still may."""
-        self._gate.obey(authority)
-
-    def commit(self, requests: Sequence[Request], *, records: Sequence[Record] = ()) -> Accepted[AnyEvent] | Refused:
+    def commit(
+        self, requests: Sequence[CommandEnvelope], *, records: Sequence[Record] = ()
+    ) -> Accepted[AnyEvent] | Refused:
         """All requests or none, then wake whoever watches."""
         decision = self._gate.commit(requests, records=records)
         if isinstance(decision, Accepted) and decision.events:
@@ -241,8 +238,8 @@ class Runtime:
     def decide(
         self, requests: Sequence[tuple[StreamId, Any]], records: Sequence[Record] = ()
     ) -> Accepted[Any] | Refused:
-        """Commands for streams of any family that a decider was given for, through the one gate: all or none."""
-        return self.commit([Request(stream, command) for stream, command in requests], records=records)
+        """Commands about no robot, for streams of any family that a decider was given for: all or none."""
+        return self.commit([CommandEnvelope(stream, command, None) for stream, command in requests], records=records)
 
     # configurations -------------------------------------------------------------------------------------------------
 

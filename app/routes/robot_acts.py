@@ -10,7 +10,7 @@ from harness.contracts.commands import StopMission
 from harness.contracts.control import CONTROL, LEVELS, Autonomy, LimitAutonomy, Posture, SetAutonomy
 from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.errors import ContractInvalid, ProviderFailed
-from harness.contracts.ids import MissionId, RobotId, mission_stream
+from harness.contracts.ids import MissionId, RobotId
 
 
 def stopped_all(console: Console, visitor: Visitor, reason: str) -> tuple[tuple[MissionId, ...], tuple[str, ...]]:
@@ -70,7 +70,7 @@ def limited(console: Console, visitor: Visitor, level: Autonomy, reason: str) ->
     console.runtime.decide([(CONTROL, command)])
     for mission in console.open_missions():
         told = SetAutonomy(autonomy=level, actor=visitor.actor, reason=reason, scope="house")
-        console.runtime.decide([(mission_stream(mission.mission_id), told)])
+        console.runtime.submit(mission.mission_id, told)
 
 
 def level_of(text: str) -> Autonomy:

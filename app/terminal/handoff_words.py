@@ -65,7 +65,7 @@ def looked_at(data: Path) -> list[Handoff]:
         for handoff in harness.runtime.handoffs():
             if handoff.status == "open":
                 _observe(harness, _mission_of(handoff))
-                harness.runtime.answer(LookAgain(handoff_id=handoff.handoff_id, actor=me()))
+                harness.supervisor.answer(LookAgain(handoff_id=handoff.handoff_id, actor=me()))
         return harness.runtime.handoffs()
 
 
@@ -92,7 +92,7 @@ def _answered(harness: Harness, handoff_id: HandoffId, word: Word) -> Handoff:
     handoff = harness.runtime.handoff(handoff_id)
     if handoff.waits:
         _observe(harness, _mission_of(handoff))
-    decision = harness.runtime.answer(word.command(handoff))
+    decision = harness.supervisor.answer(word.command(handoff))
     if isinstance(decision, Refused):
         raise HarnessError(
             f"{decision.message} ({decision.rule})", do="look again with `regen handoff list`, then decide"

@@ -10,13 +10,14 @@ from typing import Annotated, Any
 import typer
 from pydantic import SecretStr
 
+from app.authority import authority
 from app.desk_watch import DeskWatch
 from app.evaluated import evaluator_folder
 from app.exposure import check_exposure
 from app.fleet import Fleet
 from app.issuer_setup import identity_provider
 from app.live import SignalBroker
-from app.main import bind, create_app, serve
+from app.main import bind, create_app, open_accounts, serve
 from app.scene import Scenes
 from app.settings import ConsoleSettings
 from app.starting import starting
@@ -66,6 +67,8 @@ def up(
         listener = stack.enter_context(bind(console.port, console.host))
         console = console.model_copy(update={"port": listener.getsockname()[1]})
         broker = SignalBroker()
+        accounts = open_accounts(console, chosen.data_folder)
+        stack.callback(accounts.store.close)
         sys.stderr.write(f"Opening {chosen.data_folder} and starting {', '.join(chosen.fleet)} ...\n")
         with starting(console, listener, chosen.fleet):
             harness = stack.enter_context(
@@ -74,6 +77,7 @@ def up(
                     signals=broker,
                     url=console.local_address,
                     deciders=DECIDERS,
+                    authority=authority(accounts),
                     select=selected,
                     trial=on_trial,
                 )
@@ -96,6 +100,8 @@ def up(
             console,
             broker,
             Scenes(harness.runtime),
+            accounts=accounts,
+            answer=harness.supervisor.answer,
             starts=harness.starts,
             cards=lambda: (one.card for robot in harness.robots.values() for one in robot.providers()),
             folder=chosen.data_folder,

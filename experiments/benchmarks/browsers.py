@@ -24,7 +24,7 @@ from playwright.sync_api import sync_playwright
 from pydantic import SecretStr
 
 from app.live import SignalBroker
-from app.main import bind, create_app
+from app.main import bind, create_app, open_accounts
 from app.scene import Scenes
 from app.settings import ConsoleSettings
 from experiments.benchmarks.ours import PACKAGES
@@ -248,7 +248,14 @@ def _console(way: Connection, events: int, per_s: float, entries: int) -> None:
             rate_per_s=1e6,
             rate_burst=1e6,
         )
-        app = create_app(harness.runtime, settings, broker, Scenes(harness.runtime))
+        app = create_app(
+            harness.runtime,
+            settings,
+            broker,
+            Scenes(harness.runtime),
+            accounts=open_accounts(settings),
+            answer=harness.supervisor.answer,
+        )
         server = uvicorn.Server(uvicorn.Config(app, log_level="error", timeout_graceful_shutdown=1))
         serving = Thread(target=server.run, kwargs={"sockets": [listener]})
         serving.start()

@@ -23,7 +23,7 @@ from msgspec.structs import replace
 from app.console import Console
 from app.lists import FOLD, Lists
 from app.live import SignalBroker
-from app.main import create_app
+from app.main import create_app, open_accounts
 from app.scene import Scenes
 from app.settings import ConsoleSettings
 from experiments.benchmarks.ours import PACKAGES
@@ -124,6 +124,8 @@ def _rows_found(missions: Sequence[int], *, rounds: int) -> list[dict[str, Any]]
             ConsoleSettings(port=8000, rate_per_s=1e6, rate_burst=1e6),
             SignalBroker(),
             Scenes(harness.runtime),
+            accounts=open_accounts(ConsoleSettings(port=8000, rate_per_s=1e6, rate_burst=1e6)),
+            answer=harness.supervisor.answer,
         )
         return [
             row

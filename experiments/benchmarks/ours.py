@@ -63,7 +63,7 @@ class Approvals:
         noop.providers[ONE].failing = False
         approval = _approval(noop, mission_id)
         self._looked_s = self._began_s = 0.0
-        decision = noop.runtime.answer(approval)
+        decision = noop.supervisor.answer(approval)
         wait_s = self._began_s - self._looked_s
         if isinstance(decision, Refused) or wait_s <= 0:
             raise RuntimeError(f"the approval started nothing: {decision}")

@@ -11,7 +11,7 @@ from harness.contracts.commands import AcquireLease, ChangeEpoch, ClearVeto, Mis
 from harness.contracts.decisions import Accepted
 from harness.contracts.handoff_commands import DecideHandoff
 from harness.contracts.ids import InvocationId, MissionId, ResourceId, lease_stream
-from harness.gate.commit import Request
+from harness.gate.commit import CommandEnvelope
 
 OPERATORS = (Actor(name="ada", role="operator"), Actor(name="ben", role="operator"))
 BASE = ResourceId("vbot-1/mobile_base")
@@ -90,7 +90,7 @@ def _do(harness: Harness, mission_id: MissionId, act: Act, struck: Counter[str])
             if act.begins
             else ReleaseLease(invocation_id=FOREIGN, reason="done")
         )
-        decision = runtime.commit([Request(lease_stream(BASE), request)])
+        decision = runtime.commit([CommandEnvelope(lease_stream(BASE), request, None)])
     else:
         command: MissionCommand = RaiseVeto(layer=LAYER, reason="somebody is in the way")
         if name == "epoch-change":
@@ -114,7 +114,7 @@ def answered(harness: Harness, mission_id: MissionId, plan: MissionPlan, course:
     course.answered += 1
     taken = 0
     for person in OPERATORS:
-        decision = harness.runtime.answer(
+        decision = harness.supervisor.answer(
             DecideHandoff(
                 handoff_id=mission.handoff_id,
                 decision="approve",

@@ -18,7 +18,7 @@ from harness.contracts.commands import AcquireLease, ApproveHandoff, ClearVeto, 
 from harness.contracts.ids import HandoffId, InvocationId, MissionId, ResourceId, handoff_stream, lease_stream
 from harness.contracts.ids import mission_stream as stream_of_mission
 from harness.contracts.values import Value, digest
-from harness.gate.commit import Request
+from harness.gate.commit import CommandEnvelope
 
 Kind = Literal["mission", "veto", "question", "answer", "rest", "lease"]
 Answer = Literal["", "done", "refused"]
@@ -116,20 +116,24 @@ def told(file: Path) -> Told:
     return Told(asks=tuple(dict.fromkeys(asks)), answers=answers, open=last, again=again)
 
 
-def requests_of(ask: Ask, *, number: int, creating: CreateMission) -> Sequence[Request]:
+def requests_of(ask: Ask, *, number: int, creating: CreateMission) -> Sequence[CommandEnvelope]:
     """The commands of an ask of caller `number`, the same whenever it is asked; `creating` is any new mission."""
     match ask.kind:
         case "mission":
             mission_id = MissionId(ask.key)
-            return [Request(stream_of_mission(mission_id), msgspec.structs.replace(creating, mission_id=mission_id))]
+            return [
+                CommandEnvelope(
+                    stream_of_mission(mission_id), msgspec.structs.replace(creating, mission_id=mission_id), None
+                )
+            ]
         case "veto":
             layer = f"caller-{number}"
             veto = ClearVeto(layer=layer, reason=ask.key) if ask.back else RaiseVeto(layer=layer, reason=ask.key)
-            return [Request(stream_of_mission(shared_mission(ask.slot)), veto)]
+            return [CommandEnvelope(stream_of_mission(shared_mission(ask.slot)), veto, None)]
         case "question":
             question = question_id(ask.slot)
             asked = msgspec.structs.replace(opening(question), reason=ask.key)
-            return [Request(handoff_stream(question), asked)]
+            return [CommandEnvelope(handoff_stream(question), asked, None)]
         case "answer":
             return [_approval(ask, number), _lease(ask, own_resource(number))]
         case "rest":
@@ -138,7 +142,7 @@ def requests_of(ask: Ask, *, number: int, creating: CreateMission) -> Sequence[R
             return [_lease(ask, shared_resource(ask.slot))]
 
 
-def _approval(ask: Ask, number: int) -> Request:
+def _approval(ask: Ask, number: int) -> CommandEnvelope:
     question = question_id(ask.slot)
     asked = opening(question)
     approve = ApproveHandoff(
@@ -151,12 +155,14 @@ def _approval(ask: Ask, number: int) -> Request:
         k=asked.k,
         fresh=asked.snapshot,
     )
-    return Request(handoff_stream(question), approve)
+    return CommandEnvelope(handoff_stream(question), approve, None)
 
 
-def _lease(ask: Ask, resource: ResourceId) -> Request:
+def _lease(ask: Ask, resource: ResourceId) -> CommandEnvelope:
     if ask.back:
-        return Request(lease_stream(resource), ReleaseLease(invocation_id=InvocationId(ask.holder), reason=ask.key))
+        return CommandEnvelope(
+            lease_stream(resource), ReleaseLease(invocation_id=InvocationId(ask.holder), reason=ask.key), None
+        )
     take = AcquireLease(
         resource=resource,
         mission_id=shared_mission(0),
@@ -164,7 +170,7 @@ def _lease(ask: Ask, resource: ResourceId) -> Request:
         token=ask.token,
         expires_s=FAR_S,
     )
-    return Request(lease_stream(resource), take)
+    return CommandEnvelope(lease_stream(resource), take, None)
 
 
 def shared_mission(slot: int) -> MissionId:

@@ -25,7 +25,7 @@ from harness.contracts.handoff_commands import DecideHandoff
 from harness.contracts.handoff_events import ProposedAction, Snapshot
 from harness.contracts.ids import Digest, HandoffId, MissionId, NodeId, ProviderId, RobotId, handoff_stream
 from harness.contracts.values import Value, digest
-from harness.gate.commit import Gate, Request
+from harness.gate.commit import CommandEnvelope, Gate
 from harness.runtime import Start
 from harness.settings import HarnessSettings
 from simulator.in_process import SIMULATOR
@@ -136,7 +136,7 @@ def _answered(harness: Harness, mission_id: MissionId) -> tuple[list[str], bool]
 
     def answer(number: int) -> Any:
         opened = handoff.opened
-        return harness.runtime.answer(
+        return harness.supervisor.answer(
             DecideHandoff(
                 handoff_id=handoff.handoff_id,
                 decision="approve",
@@ -172,15 +172,15 @@ def _recovery_starts(harness: Harness, mission_id: MissionId, before: int) -> in
 def _appended(gates: Sequence[Gate], number: int) -> tuple[list[str], bool]:
     handoff_id = HandoffId(f"hof_race_{number}")
     asked = opening(handoff_id)
-    gates[0].commit([Request(handoff_stream(handoff_id), asked)])
+    gates[0].commit([CommandEnvelope(handoff_stream(handoff_id), asked, None)])
     if number % 3 == 0:
         again = RefreshHandoff(k=asked.k, proposal=asked.proposal, snapshot=asked.snapshot, evidence=asked.evidence)
-        gates[1].commit([Request(handoff_stream(handoff_id), again)])
+        gates[1].commit([CommandEnvelope(handoff_stream(handoff_id), again, None)])
 
     def approve(responder: int) -> Any:
         old = number % 3 == 0 and responder % 2 == 0
         command = approval(asked, responder, cycle=1 if number % 3 or old else 2)
-        return gates[responder].commit([Request(handoff_stream(handoff_id), command)])
+        return gates[responder].commit([CommandEnvelope(handoff_stream(handoff_id), command, None)])
 
     decisions = together(approve)
     winners = [at for at, decision in enumerate(decisions) if isinstance(decision, Accepted) and decision.events]

@@ -21,7 +21,7 @@ from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted
 from harness.contracts.ids import Digest, RobotId
 from harness.contracts.values import digest
-from harness.gate.commit import Gate, Request
+from harness.gate.commit import CommandEnvelope, Gate
 from rsi_reviews.commands import (
     ApproveCandidate,
     AuthoriseRelease,
@@ -69,7 +69,7 @@ def release_races(rounds: int) -> RaceReport:
     with ExitStack() as stack:
         folder = Path(stack.enter_context(TemporaryDirectory(prefix="release-races-")))
         gates = [_gate(stack, folder) for _ in range(RESPONDERS)]
-        gates[0].commit([Request(POINTER, OpenPointer(configuration=H0.configuration_id, actor=DESK))])
+        gates[0].commit([CommandEnvelope(POINTER, OpenPointer(configuration=H0.configuration_id, actor=DESK), None)])
         kinds = (_authorise_or_reject, _release, _one_canary)
         for number in range(rounds):
             wrong, taken = kinds[number % len(kinds)](gates, number)
@@ -92,7 +92,7 @@ def _authorise_or_reject(gates: Sequence[Gate], number: int) -> tuple[list[str],
     def decide(responder: int) -> Any:
         said = {**_said(responder), "cycle": before.cycle, "subject": before.subject_digest}
         if responder % 2:
-            return gates[responder].commit([Request(candidate_stream(name), RejectCandidate(**said))])
+            return gates[responder].commit([CommandEnvelope(candidate_stream(name), RejectCandidate(**said), None)])
         return gates[responder].commit(_authorising(before, said))
 
     winners = _winners(together(decide))
@@ -130,7 +130,12 @@ def _moved_once(gate: Gate, before: int, winners: list[int]) -> list[str]:
         said: dict[str, Any] = {"actor": Actor(name="sam", role="releaser"), "reason": "next round", "key": "back"}
         review = _review(gate, pointer.trial)
         back = _move(review, "rolled_back", said)
-        decided = gate.commit([Request(candidate_stream(review.candidate), RollBack(**said)), Request(POINTER, back)])
+        decided = gate.commit(
+            [
+                CommandEnvelope(candidate_stream(review.candidate), RollBack(**said), None),
+                CommandEnvelope(POINTER, back, None),
+            ]
+        )
         wrong += [] if isinstance(decided, Accepted) else [f"it could not be rolled back: {decided.message}"]
     return wrong
 
@@ -143,16 +148,22 @@ def _authorised(gate: Gate, number: int) -> Digest:
     return name
 
 
-def _authorising(review: Review, said: dict[str, Any]) -> list[Request]:
+def _authorising(review: Review, said: dict[str, Any]) -> list[CommandEnvelope]:
     asked = AuthoriseRelease(policy=POLICY, rollback=review.baseline, proven=review.baseline, **said)
-    return [Request(candidate_stream(review.candidate), asked), Request(POINTER, Confirm(baseline=review.baseline))]
+    return [
+        CommandEnvelope(candidate_stream(review.candidate), asked, None),
+        CommandEnvelope(POINTER, Confirm(baseline=review.baseline), None),
+    ]
 
 
-def _releasing(gate: Gate, name: Digest, responder: int) -> list[Request]:
+def _releasing(gate: Gate, name: Digest, responder: int) -> list[CommandEnvelope]:
     review = _review(gate, name)
     said = _said(responder)
     asked = BeginCanary(robot_id=ROBOT, policy=POLICY, cycle=review.cycle, subject=review.subject_digest, **said)
-    return [Request(candidate_stream(name), asked), Request(POINTER, _move(review, "canary", said))]
+    return [
+        CommandEnvelope(candidate_stream(name), asked, None),
+        CommandEnvelope(POINTER, _move(review, "canary", said), None),
+    ]
 
 
 def _move(review: Review, cause: Any, said: dict[str, Any]) -> MovePointer:
@@ -189,7 +200,7 @@ def _reviewed(gate: Gate, number: int) -> Digest:
         RecordEvaluation(terms=terms, results=results, report=report, key="record", **said),
         OpenReview(key="open", **said),
     ):
-        _taken(gate.commit([Request(stream, command)]))
+        _taken(gate.commit([CommandEnvelope(stream, command, None)]))
     review = _review(gate, name)
     yes = ApproveCandidate(
         policy=POLICY,
@@ -199,7 +210,7 @@ def _reviewed(gate: Gate, number: int) -> Digest:
         reason="it holds",
         key="yes",
     )
-    _taken(gate.commit([Request(stream, yes)]))
+    _taken(gate.commit([CommandEnvelope(stream, yes, None)]))
     return name
 
 

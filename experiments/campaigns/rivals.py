@@ -32,7 +32,7 @@ from harness.contracts.handoff_events import (
 )
 from harness.contracts.ids import HandoffId, handoff_stream
 from harness.contracts.values import digest
-from harness.gate.commit import Gate, Request
+from harness.gate.commit import CommandEnvelope, Gate
 from harness.projections.handoffs import Handoff
 
 RIVALS = ("reject", "expire", "supersede", "claim", "refresh")
@@ -60,12 +60,12 @@ def _round(mine: Sequence[Gate], theirs: Sequence[Gate], *, kind: str, number: i
     """What went wrong, and whether anything ended the question. Responders of odd number approve."""
     handoff_id = HandoffId(f"hof_rival_{number}")
     stream, asked = handoff_stream(handoff_id), opening(handoff_id)
-    mine[0].commit([Request(stream, asked)])
+    mine[0].commit([CommandEnvelope(stream, asked, None)])
 
     def ask(responder: int) -> Any:
         if responder % 2:
-            return mine[responder].commit([Request(stream, approval(asked, responder, cycle=1))])
-        return theirs[responder].commit([Request(stream, _rival(kind, asked, responder))])
+            return mine[responder].commit([CommandEnvelope(stream, approval(asked, responder, cycle=1), None)])
+        return theirs[responder].commit([CommandEnvelope(stream, _rival(kind, asked, responder), None)])
 
     decisions = together(ask)
     told = [event for one in decisions if isinstance(one, Accepted) for event in one.events]

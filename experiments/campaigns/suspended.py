@@ -36,7 +36,7 @@ from harness.contracts.ids import (
 )
 from harness.contracts.protocol import TERMINAL, Identity, StartRequest
 from harness.contracts.values import Value
-from harness.gate.commit import Gate, Request
+from harness.gate.commit import CommandEnvelope, Gate
 from harness.settings import ROBOT_COMMAND
 
 BASE = ResourceId("vbot-1/mobile_base")
@@ -90,7 +90,7 @@ class _Gate:
         self._clock.wait_until(self.now_s + seconds)
 
     def ask(self, command: LeaseCommand) -> None:
-        decision: Accepted[Any] | Refused = self._gate.commit([Request(lease_stream(BASE), command)])
+        decision: Accepted[Any] | Refused = self._gate.commit([CommandEnvelope(lease_stream(BASE), command, None)])
         if isinstance(decision, Refused):
             raise RuntimeError(decision.message)
 

@@ -8,7 +8,7 @@ from experiments.campaigns.worker_robots import BASE, Shift
 from harness.contracts.commands import AcquireLease, LeaseCommand, ReleaseLease
 from harness.contracts.decisions import Accepted
 from harness.contracts.ids import InvocationId, ResourceId, RobotId, lease_stream, leased
-from harness.gate.commit import Request
+from harness.gate.commit import CommandEnvelope
 from harness.runtime import Runtime
 
 FAR_S = 4e9
@@ -64,4 +64,4 @@ class Neighbour:
         self.refused += not taken
 
     def _ask(self, resource: ResourceId, command: LeaseCommand) -> bool:
-        return isinstance(self._runtime().commit([Request(lease_stream(resource), command)]), Accepted)
+        return isinstance(self._runtime().commit([CommandEnvelope(lease_stream(resource), command, None)]), Accepted)

@@ -4,8 +4,8 @@ from harness.contracts.commands import EndInvocation, MarkDispatched, RecordEffe
 from harness.contracts.decisions import Refused
 from harness.contracts.events import DispatchIntended
 from harness.contracts.handoff_commands import VoidApproval
-from harness.contracts.ids import HandoffId, handoff_stream, mission_stream
-from harness.gate.commit import Request
+from harness.contracts.ids import HandoffId, RobotId, handoff_stream, mission_stream
+from harness.gate.commit import CommandEnvelope
 from harness.projections.mission import Invocation, Mission
 from harness.runtime import Runtime
 from harness.supervisor.crew import Crew
@@ -26,7 +26,7 @@ def clear_to_send(runtime: Runtime, mission: Mission, invocation: Invocation) ->
         return Refused("approval_void", why)
     answer = runtime.handoff(intent.handoff_id).answer
     marked = MarkDispatched(invocation_id=intent.invocation_id, actor=answer.actor if answer else None)
-    decision = runtime.commit([Request(handoff_stream(intent.handoff_id), marked)])
+    decision = runtime.commit([CommandEnvelope(handoff_stream(intent.handoff_id), marked, mission.robot_id)])
     return decision if isinstance(decision, Refused) else None
 
 
@@ -66,19 +66,19 @@ def withdraw(runtime: Runtime, crew: Crew, mission: Mission, *, intent: Dispatch
     )
     runtime.commit(
         [
-            *_void(intent.handoff_id, reason),
-            Request(mission_stream(mission.mission_id), ended),
+            *_void(crew.robot_id, intent.handoff_id, reason),
+            CommandEnvelope(mission_stream(mission.mission_id), ended, crew.robot_id),
             *give_back(runtime, Held(crew.robot_id, intent), at_rest=True, reason="it was never sent"),
         ]
     )
 
 
-def _void(handoff_id: HandoffId | None, reason: str) -> list[Request]:
+def _void(robot_id: RobotId, handoff_id: HandoffId | None, reason: str) -> list[CommandEnvelope]:
     if handoff_id is None:
         return []
     stream = handoff_stream(handoff_id)
     lost = "the harness stopped while it was being sent, and the robot knows no such request"
     return [
-        Request(stream, VoidApproval(reason=reason[:200])),
-        Request(stream, RecordEffect(outcome="unknown", reason=lost)),
+        CommandEnvelope(stream, VoidApproval(reason=reason[:200]), robot_id),
+        CommandEnvelope(stream, RecordEffect(outcome="unknown", reason=lost), robot_id),
     ]

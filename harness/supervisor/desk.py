@@ -40,7 +40,7 @@ from harness.contracts.ids import HandoffId, NodeId, handoff_stream, mission_str
 from harness.contracts.proposals import RecoveryProposal
 from harness.contracts.revision_commands import RecordAttestation
 from harness.contracts.values import encode
-from harness.gate.commit import Request
+from harness.gate.commit import CommandEnvelope
 from harness.gate.handoffs import decide
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import Failure, Mission, required_contract
@@ -97,7 +97,10 @@ class Desk:
             context=c4.digest,
         )
         self._runtime.commit(
-            [Request(mission_stream(mission.mission_id), asking), Request(handoff_stream(handoff_id), opening)],
+            [
+                CommandEnvelope(mission_stream(mission.mission_id), asking, mission.robot_id),
+                CommandEnvelope(handoff_stream(handoff_id), opening, mission.robot_id),
+            ],
             records=(context_record(c4),),
         )
 
@@ -276,9 +279,9 @@ class Desk:
         self, mission: Mission, handoff: Handoff, said: RejectHandoff | CloseQuestion, ended: AnswerMission
     ) -> Decision[AnyEvent]:
         """The word and the mission's end together; a question that is over only says so."""
-        requests = [Request(handoff_stream(handoff.handoff_id), said)]
+        requests = [CommandEnvelope(handoff_stream(handoff.handoff_id), said, mission.robot_id)]
         if handoff.waits and mission.handoff_id == handoff.handoff_id:
-            requests.append(Request(mission_stream(mission.mission_id), ended))
+            requests.append(CommandEnvelope(mission_stream(mission.mission_id), ended, mission.robot_id))
         return self._runtime.commit(requests)
 
     def _foreseen(
@@ -297,7 +300,7 @@ class Desk:
     def _said(
         self, handoff: Handoff, command: TakeClaim | DropClaim | ExtendDeadline | TakeControl | RefreshHandoff
     ) -> Decision[AnyEvent]:
-        return self._runtime.commit([Request(handoff_stream(handoff.handoff_id), command)])
+        return self._runtime.commit([CommandEnvelope(handoff_stream(handoff.handoff_id), command, self._crew.robot_id)])
 
 
 def _proposed(handoff: Handoff) -> RecoveryAction:

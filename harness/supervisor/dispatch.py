@@ -41,7 +41,7 @@ from harness.contracts.protocol import Parameters
 from harness.contracts.revision_commands import RecordAttestation
 from harness.contracts.tasks import Node
 from harness.contracts.values import digest
-from harness.gate.commit import Request
+from harness.gate.commit import CommandEnvelope
 from harness.gate.dispatch import spend
 from harness.planning.planner import Plan, planned
 from harness.planning.skill import LOOK_S, propose_skill
@@ -273,13 +273,18 @@ class Dispatcher:
     ) -> Accepted[AnyEvent] | Refused:
         """The intent, its leases and the approval that pays for it: all or none."""
         requests = [
-            Request(mission_stream(mission.mission_id), command),
+            CommandEnvelope(mission_stream(mission.mission_id), command, mission.robot_id),
             *acquire(mission, command.intent),
         ]
         if attempt.approval is not None:
-            requests.insert(0, Request(handoff_stream(attempt.approval.handoff_id), attempt.approval.command))
+            requests.insert(
+                0,
+                CommandEnvelope(
+                    handoff_stream(attempt.approval.handoff_id), attempt.approval.command, mission.robot_id
+                ),
+            )
         if command.handed_back:
-            requests.insert(0, Request(CONTROL, RequireFreeWheel(robot_id=mission.robot_id)))
+            requests.insert(0, CommandEnvelope(CONTROL, RequireFreeWheel(robot_id=mission.robot_id), mission.robot_id))
         return self._runtime.commit(requests, records=records)
 
     def _fail(self, mission: Mission, attempt: Attempt, failure: FailureClass, reason: str) -> Refused:

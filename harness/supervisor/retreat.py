@@ -14,7 +14,7 @@ from harness.contracts.observations import Pose
 from harness.contracts.protocol import ParameterValue
 from harness.contracts.retreat_events import RETREAT, RetreatIntended, SendRetreat
 from harness.contracts.values import Point
-from harness.gate.commit import Request
+from harness.gate.commit import CommandEnvelope
 from harness.projections.control import Control
 from harness.projections.mission import Mission
 from harness.supervisor.leases import GRACE_S, tokens
@@ -70,10 +70,10 @@ def planned_retreat(roles: Roles, order: Order) -> RetreatIntended | Refused:
     return _intent(roles, order, way=way, points=points, card=card)
 
 
-def sending(intent: RetreatIntended) -> list[Request]:
+def sending(intent: RetreatIntended) -> list[CommandEnvelope]:
     """The intent with its leases: all or none, before anything is sent."""
     leases = [
-        Request(
+        CommandEnvelope(
             lease_stream(leased(intent.robot_id, resource)),
             AcquireLease(
                 resource=leased(intent.robot_id, resource),
@@ -82,10 +82,11 @@ def sending(intent: RetreatIntended) -> list[Request]:
                 token=token,
                 expires_s=intent.deadline_s + GRACE_S,
             ),
+            intent.robot_id,
         )
         for resource, token in intent.resources.items()
     ]
-    return [Request(CONTROL, SendRetreat(intent=intent)), *leases]
+    return [CommandEnvelope(CONTROL, SendRetreat(intent=intent), intent.robot_id), *leases]
 
 
 def hindrance(roles: Roles, *, map_version: str) -> str:

@@ -18,7 +18,7 @@ from harness.contracts.retreat_events import (
     RetreatOutcome,
     StopRetreat,
 )
-from harness.gate.commit import Request
+from harness.gate.commit import CommandEnvelope
 from harness.projections.control import Control, Retreating
 from harness.runtime import Runtime
 from harness.supervisor.attend import ACKNOWLEDGE_S, POLL_S, REST_WITHIN_S, SETTLE_S, UNREACHABLE_S, own
@@ -127,7 +127,7 @@ class Returning:
             reason = lost or self._in_the_way(retreat)
             if reason:
                 asked = StopRetreat(robot_id=intent.robot_id, actor=SUPERVISOR, reason=reason)
-                self._runtime.commit([Request(CONTROL, asked)])
+                self._runtime.commit([CommandEnvelope(CONTROL, asked, self._crew.robot_id)])
                 return now_s
         else:
             self._stopping_since = now_s if self._stopping_since is None else self._stopping_since
@@ -227,7 +227,7 @@ class Returning:
             then_done=done is not None and done.done,
         )
         freed = give_back(self._runtime, Held(self._crew.robot_id, intent), at_rest=free, reason=f"retreat: {outcome}")
-        self._runtime.commit([Request(CONTROL, EndRetreat(ended=ended)), *freed])
+        self._runtime.commit([CommandEnvelope(CONTROL, EndRetreat(ended=ended), self._crew.robot_id), *freed])
         self._handle = self._found = None
         self._sent = False
         self._silent_since = self._stopping_since = self._ended_since = None

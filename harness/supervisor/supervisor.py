@@ -44,7 +44,6 @@ class Supervisor:
         self._returning = {robot_id: Returning(runtime=runtime, crew=crew) for robot_id, crew in crews.items()}
         self._halt = Event()
         self._threads: list[Thread] = []
-        runtime.open_desk(self.answer)
 
     def unfinished(self, robot_id: RobotId) -> list[Mission]:
         """Missions of this robot that are neither over nor waiting for a person, oldest first."""

@@ -10,7 +10,7 @@ from harness.contracts.ids import HandoffId, RobotId, handoff_stream, leased, mi
 from harness.contracts.places import Otherwise
 from harness.contracts.retreat_events import RetreatIntended
 from harness.gate.claims import due_levels, live_claim
-from harness.gate.commit import Request
+from harness.gate.commit import CommandEnvelope
 from harness.projections.control import Control, Retreating
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
@@ -46,10 +46,12 @@ class Vigil:
         now_s = self._crew.clock.now().wall_s
         if handoff.claim is not None and live_claim(handoff, now_s) is None:
             lapsed = DropClaim(actor=TIMEOUT, claim=handoff.claim.claim, reason="the claim was not renewed")
-            self._runtime.commit([Request(handoff_stream(handoff.handoff_id), lapsed)])
+            self._runtime.commit([CommandEnvelope(handoff_stream(handoff.handoff_id), lapsed, mission.robot_id)])
             handoff = self._runtime.handoff(mission.handoff_id)
         for level in due_levels(handoff, now_s):
-            self._runtime.commit([Request(handoff_stream(handoff.handoff_id), Escalate(level=level))])
+            self._runtime.commit(
+                [CommandEnvelope(handoff_stream(handoff.handoff_id), Escalate(level=level), mission.robot_id)]
+            )
         if handoff.answerable and handoff.opened is not None and now_s >= handoff.opened.deadline_at_s:
             self._expire(mission, handoff)
 
@@ -60,8 +62,8 @@ class Vigil:
         answered = AnswerMission(handoff_id=mission.handoff_id, decision="superseded", actor=TIMEOUT, reason=reason)
         self._runtime.commit(
             [
-                Request(handoff_stream(mission.handoff_id), SupersedeHandoff(reason=reason)),
-                Request(mission_stream(mission.mission_id), answered),
+                CommandEnvelope(handoff_stream(mission.handoff_id), SupersedeHandoff(reason=reason), mission.robot_id),
+                CommandEnvelope(mission_stream(mission.mission_id), answered, mission.robot_id),
             ]
         )
 
@@ -75,8 +77,8 @@ class Vigil:
             reason=f"nobody answered in time; the robot {MEANT[no_answer]}",
         )
         expiring = [
-            Request(handoff_stream(handoff.handoff_id), ExpireHandoff()),
-            Request(mission_stream(mission.mission_id), unanswered),
+            CommandEnvelope(handoff_stream(handoff.handoff_id), ExpireHandoff(), mission.robot_id),
+            CommandEnvelope(mission_stream(mission.mission_id), unanswered, mission.robot_id),
         ]
         retreat = self._retreat(mission, handoff) if no_answer == "retreat" else None
         if isinstance(retreat, RetreatIntended):
@@ -116,7 +118,7 @@ class Vigil:
             return
         self._roles.senses.collect(None)
         done = told(retreat) if retreat is not None else self._acted(handoff, instead)
-        self._runtime.commit([Request(handoff_stream(handoff.handoff_id), done)])
+        self._runtime.commit([CommandEnvelope(handoff_stream(handoff.handoff_id), done, self._crew.robot_id)])
 
     def _sent(self, handoff: Handoff) -> Retreating | None:
         control: Control = self._runtime.fold(CONTROL)

@@ -12,7 +12,6 @@ from harness.contracts.ids import (
     InvocationId,
     MissionId,
     RequestId,
-    ResourceId,
     RobotId,
     lease_stream,
     leased,
@@ -22,7 +21,7 @@ from harness.contracts.observations import AnySample
 from harness.contracts.ports import HandDriven
 from harness.contracts.protocol import DriveOrder, DriveReport, PostureOrder
 from harness.contracts.retreat_events import StopRetreat
-from harness.gate.commit import Request
+from harness.gate.commit import CommandEnvelope
 from harness.projections.control import Control, Wheel
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
@@ -88,8 +87,8 @@ class HandWheel:
             device=device,
             reason=reason,
         )
-        lease = self._acquired(base, session, token, until_s=now.mission_s + LONGEST_S)
-        return self._runtime.commit([Request(CONTROL, taken), lease])
+        lease = self._acquired(robot_id, session, token, until_s=now.mission_s + LONGEST_S)
+        return self._runtime.commit([CommandEnvelope(CONTROL, taken, robot_id), lease])
 
     def turn(self, robot_id: RobotId, session: RequestId, *, v_mps: float, w_radps: float) -> DriveReport:
         """One moment of driving. Raises ProviderFailed for a session that has not the wheel, or as the robot does."""
@@ -115,7 +114,7 @@ class HandWheel:
         returned = ReturnWheel(
             robot_id=robot_id, session=wheel.session, actor=actor, reason=reason, measured=rest.measured
         )
-        requests = [Request(CONTROL, returned)]
+        requests = [CommandEnvelope(CONTROL, returned, robot_id)]
         lease = self._runtime.lease(leased(robot_id, BASE))
         if lease.status == "held" and lease.invocation_id == InvocationId(wheel.session):
             holder = lease.invocation_id
@@ -125,7 +124,7 @@ class HandWheel:
                 if rest.static
                 else QuarantineLease(invocation_id=holder, reason=why)
             )
-            requests.append(Request(lease_stream(lease.resource), end))
+            requests.append(CommandEnvelope(lease_stream(lease.resource), end, robot_id))
         return self._runtime.commit(requests)
 
     def rest(self, robot_id: RobotId, *, posture: Posture, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
@@ -146,7 +145,7 @@ class HandWheel:
         ordered = OrderPosture(robot_id=robot_id, posture=posture, actor=actor, reason=reason)
         until_s = crew.clock.now().mission_s + SETTLE_WITHIN_S
         decision = self._runtime.commit(
-            [Request(CONTROL, ordered), self._acquired(base, holder, token, until_s=until_s)]
+            [CommandEnvelope(CONTROL, ordered, robot_id), self._acquired(robot_id, holder, token, until_s=until_s)]
         )
         if isinstance(decision, Refused):
             return decision
@@ -154,7 +153,7 @@ class HandWheel:
         try:
             crew.hand.rest(PostureOrder(posture=posture, token=token))
         finally:
-            self._runtime.commit([Request(lease_stream(base), released)])
+            self._runtime.commit([CommandEnvelope(lease_stream(base), released, robot_id)])
         return decision
 
     def to_safety(self, robot_id: RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
@@ -183,7 +182,9 @@ class HandWheel:
 
     def stop_retreat(self, robot_id: RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
         """Ask a robot on its way to a safe place to stand; the supervisor sees the stop through."""
-        return self._runtime.commit([Request(CONTROL, StopRetreat(robot_id=robot_id, actor=actor, reason=reason))])
+        return self._runtime.commit(
+            [CommandEnvelope(CONTROL, StopRetreat(robot_id=robot_id, actor=actor, reason=reason), robot_id)]
+        )
 
     def _look(self) -> None:
         control: Control = self._runtime.fold(CONTROL)
@@ -250,7 +251,8 @@ class HandWheel:
                 return rest
         return Rest(static=False, reason=rest.reason or "the robot did not end the session", measured=rest.measured)
 
-    def _acquired(self, base: ResourceId, session: RequestId, token: int, *, until_s: float) -> Request:
+    def _acquired(self, robot_id: RobotId, session: RequestId, token: int, *, until_s: float) -> CommandEnvelope:
+        base = leased(robot_id, BASE)
         command = AcquireLease(
             resource=base,
             mission_id=MissionId(""),
@@ -258,7 +260,7 @@ class HandWheel:
             token=token,
             expires_s=until_s,
         )
-        return Request(lease_stream(base), command)
+        return CommandEnvelope(lease_stream(base), command, robot_id)
 
     def _crew(self, robot_id: RobotId) -> Crew:
         try:

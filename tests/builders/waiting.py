@@ -16,7 +16,7 @@ from harness.adapters.stores.sql import SqlEventStore
 from harness.assembly import Harness, Member, Parts, Unheard, joined, local_providers
 from harness.baseline.load import site as shipped_site
 from harness.contracts.actors import Actor
-from harness.contracts.decisions import Accepted, Decision
+from harness.contracts.decisions import Accepted, Authority, Decision, unquestioned
 from harness.contracts.errors import ProviderUnreachable
 from harness.contracts.handoff_commands import (
     ChooseAction,
@@ -55,11 +55,15 @@ ASKS = "frozen-localiser:persistent"
 
 
 class Link:
-    """The way to the robot's providers. `down`: nobody answers; `losing`: a start never arrives. `sent` counts them."""
+    """The way to the robot's providers. `down`: nobody answers; `losing`: a start never arrives. `sent` counts them.
+
+    `authority` is what the gate asks of whoever commands.
+    """
 
     def __init__(self) -> None:
         self.down = self.losing = False
         self.sent = 0
+        self.authority: Authority = unquestioned
 
 
 class Linked(Wrapped):
@@ -109,6 +113,10 @@ class Waiting:
         """Another harness on the same log and robot, as after a crash of the first."""
         self.harness = self._opened()
         self.runtime, self.supervisor = self.harness.runtime, self.harness.supervisor
+
+    def obey(self, authority: Authority) -> None:
+        """From now on the gate is answered so, in every round of every commit."""
+        self.link.authority = authority
 
     @property
     def wall_s(self) -> float:
@@ -167,23 +175,23 @@ class Waiting:
             subject=opened.subject,
             evidence=opened.evidence,
         )
-        return self.runtime.answer(replace(command, **changes))
+        return self.supervisor.answer(replace(command, **changes))
 
     def look(self, actor: Actor = ADA) -> Decision[Any]:
-        return self.runtime.answer(LookAgain(handoff_id=self.handoff_id, actor=actor))
+        return self.supervisor.answer(LookAgain(handoff_id=self.handoff_id, actor=actor))
 
     def claim(self, actor: Actor = ADA, token: str = "t-ada") -> Decision[Any]:
-        return self.runtime.answer(ClaimHandoff(handoff_id=self.handoff_id, actor=actor, claim=token))
+        return self.supervisor.answer(ClaimHandoff(handoff_id=self.handoff_id, actor=actor, claim=token))
 
     def release(self, actor: Actor = ADA, token: str = "t-ada") -> Decision[Any]:
-        return self.runtime.answer(ReleaseHandoff(handoff_id=self.handoff_id, actor=actor, claim=token))
+        return self.supervisor.answer(ReleaseHandoff(handoff_id=self.handoff_id, actor=actor, claim=token))
 
     def on_my_way(self, actor: Actor = ADA) -> Decision[Any]:
-        return self.runtime.answer(OnMyWay(handoff_id=self.handoff_id, actor=actor, reason="two corridors away"))
+        return self.supervisor.answer(OnMyWay(handoff_id=self.handoff_id, actor=actor, reason="two corridors away"))
 
     def choose(self, action: Any, **changes: Any) -> Decision[Any]:
         command = ChooseAction(handoff_id=self.handoff_id, actor=ADA, action=action, cycle=self.handoff.cycle)
-        return self.runtime.answer(replace(command, **changes))
+        return self.supervisor.answer(replace(command, **changes))
 
     def take_over(self, actor: Actor = ADA, token: str = "t-ada") -> Decision[Any]:
         command = TakeOver(
@@ -194,15 +202,15 @@ class Waiting:
             key="key-2",
             reason="easier by hand",
         )
-        return self.runtime.answer(command)
+        return self.supervisor.answer(command)
 
     def hand_back(self, actor: Actor = ADA, token: str = "t-ada") -> Decision[Any]:
         command = HandBack(handoff_id=self.handoff_id, actor=actor, claim=token, key="key-3", reason="drove it round")
-        return self.runtime.answer(command)
+        return self.supervisor.answer(command)
 
     def close(self, actor: Actor = ADA, token: str = "t-ada") -> Decision[Any]:
         command = CloseHandoff(handoff_id=self.handoff_id, actor=actor, claim=token, key="key-4", reason="I keep it")
-        return self.runtime.answer(command)
+        return self.supervisor.answer(command)
 
 
 @contextmanager
@@ -221,6 +229,7 @@ def waiting(
     With `journals` the robot keeps its own in that folder; `failpoint` kills the process that runs into it.
     """
     wall = [time.time()]
+    link = Link()
     with ExitStack() as stack:
         robot = SimulatedRobot(WorldSettings(fidelity="kinematic", seed=seed), journals, robot_id=ROBOT)
         stack.callback(robot.world.truth.close)
@@ -236,9 +245,9 @@ def waiting(
             signals=signals or Unheard(),
             deciders=DECIDERS,
             select=selected,
+            authority=lambda command: link.authority(command),
             site=site or shipped_site(),
         )
-        link = Link()
         member = Member(
             robot_id=ROBOT,
             robot=CrewRobot(robot, lambda provider: Linked(provider, link)),

@@ -52,7 +52,7 @@ class Asked:
             "key": "key-1",
             "cycle": self.handoff.cycle,
         }
-        return self.stage.runtime.answer(AttestCondition(**(fields | changes)))
+        return self.stage.supervisor.answer(AttestCondition(**(fields | changes)))
 
     def on(self) -> Ran:
         return self.stage.run(self.mission_id)

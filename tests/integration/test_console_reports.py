@@ -9,7 +9,7 @@ import pytest
 from fastapi.testclient import TestClient
 
 from app.live import SignalBroker
-from app.main import create_app
+from app.main import create_app, open_accounts
 from app.report_pdf import PictureUnreadable, report_pdf
 from app.routes.report import page_of
 from app.scene import Scenes
@@ -101,6 +101,8 @@ def test_the_dossier_that_is_downloaded_verifies_offline(stand: Stand, ran: Miss
         ConsoleSettings(port=8000, password_memory_kib=19456),
         SignalBroker(),
         scenes,
+        accounts=open_accounts(ConsoleSettings(port=8000, password_memory_kib=19456)),
+        answer=stand.harness.supervisor.answer,
         folder=data,
     )
     client = TestClient(app, base_url=BASE, follow_redirects=False, headers=OWN)

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from app.cli import app as regen
 from app.live import SignalBroker
-from app.main import bind, create_app
+from app.main import bind, create_app, open_accounts
 from app.scene import Scenes
 from app.settings import ConsoleSettings
 from harness.adapters.stores.owner import OwnerLock
@@ -50,7 +50,15 @@ def terminal(tmp_path: Path) -> Iterator[Terminal]:
         listener = bind(0)
         port = listener.getsockname()[1]
         settings = ConsoleSettings(port=port, robots=("vbot-1",), owner_token=SecretStr(TOKEN))
-        app = create_app(made.runtime, settings, broker, Scenes(made.runtime), starts=made.harness.starts)
+        app = create_app(
+            made.runtime,
+            settings,
+            broker,
+            Scenes(made.runtime),
+            accounts=open_accounts(settings),
+            answer=made.supervisor.answer,
+            starts=made.harness.starts,
+        )
         server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1))
         thread = Thread(target=server.run, kwargs={"sockets": [listener]})
         thread.start()

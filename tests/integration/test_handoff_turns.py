@@ -19,7 +19,7 @@ from harness.contracts.handoff_events import (
     NoAnswerTaken,
 )
 from harness.contracts.ids import handoff_stream, mission_stream
-from harness.gate.commit import Request
+from harness.gate.commit import CommandEnvelope
 from harness.gate.decide import DECIDER as MISSION
 from harness.supervisor.vigil import TIMEOUT
 from tests.builders.missions_run import ROBOT
@@ -161,8 +161,8 @@ def test_a_no_answer_action_that_a_crash_cut_off_is_taken_at_the_next_start() ->
         asked.turn_to(at_s)
         asked.runtime.commit(
             [
-                Request(handoff_stream(asked.handoff_id), ExpireHandoff()),
-                Request(mission_stream(asked.mission_id), expired),
+                CommandEnvelope(handoff_stream(asked.handoff_id), ExpireHandoff(), None),
+                CommandEnvelope(mission_stream(asked.mission_id), expired, None),
             ]
         )
         assert asked.robot.status().posture == "standing"
@@ -296,7 +296,7 @@ def test_an_approval_is_void_once_what_it_was_bound_to_changes_and_nothing_is_se
     if change == "stop":
         asked.runtime.submit(asked.mission_id, StopMission(actor=BOB, reason="enough"))
     if change == "role":
-        asked.runtime.obey(
+        asked.obey(
             lambda command: Refused("role_revoked", "no longer") if type(command).__name__ == "MarkDispatched" else None
         )
     asked.link.down = False
@@ -307,7 +307,7 @@ def test_an_approval_is_void_once_what_it_was_bound_to_changes_and_nothing_is_se
     moved = [start for start in asked.starts[before:] if start.moves]
     assert moved == []
     if change in ("late", "role"):
-        asked.runtime.obey(lambda command: None)
+        asked.obey(lambda command: None)
         asked.run()
         assert asked.mission.status == "awaiting_human" and asked.mission.handoff_id != asked.handoff_id
 
@@ -327,7 +327,7 @@ def test_a_role_that_was_taken_back_is_noticed_inside_the_commit(asked: Waiting)
         mine = isinstance(actor, Actor) and actor.name == "ada"
         return Refused("role_revoked", "ada may no longer answer") if mine else None
 
-    asked.runtime.obey(gone)
+    asked.obey(gone)
     assert rule(asked.decide()) == "role_revoked"
     assert "HandoffApproved" not in asked.kinds
     assert isinstance(asked.decide(actor=BOB), Accepted)

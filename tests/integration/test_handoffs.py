@@ -41,7 +41,7 @@ def decide(waiting: Ran, decision: str = "approve", **changes: object) -> Decisi
         subject=asked.opened.subject,
         evidence=asked.opened.evidence,
     )
-    return waiting.harness.runtime.answer(replace(command, **changes))
+    return waiting.harness.supervisor.answer(replace(command, **changes))
 
 
 def mission_of(waiting: Ran) -> Mission:
@@ -96,7 +96,7 @@ def test_an_answer_to_another_question_is_refused(waiting: Ran, changes: dict[st
 
 def test_looking_again_is_a_new_cycle_and_voids_an_answer_to_the_old_one(waiting: Ran) -> None:
     old = handoff(waiting)
-    assert isinstance(waiting.harness.runtime.answer(LookAgain(handoff_id=old.handoff_id, actor=OPERATOR)), Accepted)
+    assert isinstance(waiting.harness.supervisor.answer(LookAgain(handoff_id=old.handoff_id, actor=OPERATOR)), Accepted)
     assert handoff(waiting).cycle == old.cycle + 1
     refused = decide(waiting, cycle=old.cycle)
     assert isinstance(refused, Refused) and refused.rule == "wrong_cycle"

@@ -33,7 +33,7 @@ from harness.contracts.observations import Pose
 from harness.contracts.place_events import RemovePlace, place_stream
 from harness.contracts.protocol import Observations
 from harness.contracts.retreat_events import RETREAT, SendRetreat, StopRetreat
-from harness.gate.commit import Gate, Request
+from harness.gate.commit import CommandEnvelope, Gate
 from harness.gate.control import DECIDER as HOUSE
 from harness.gate.decide import DECIDER as MISSION
 from simulator.faults import FaultPlan, parse_faults
@@ -138,7 +138,7 @@ def hinder(asked: Waiting, what: str) -> None:
             drives = TakeWheel(
                 robot_id=ROBOT, session=RequestId("pad"), token=9, actor=BOB, device="pad", reason="by hand"
             )
-            asked.runtime.commit([Request(CONTROL, drives)])
+            asked.runtime.commit([CommandEnvelope(CONTROL, drives, None)])
         case "lease":
             held = AcquireLease(
                 resource=BASE,
@@ -147,13 +147,13 @@ def hinder(asked: Waiting, what: str) -> None:
                 token=asked.runtime.lease(BASE).token + 1,
                 expires_s=asked.harness.clock.now().mission_s + 1e6,
             )
-            asked.runtime.commit([Request(lease_stream(BASE), held)])
+            asked.runtime.commit([CommandEnvelope(lease_stream(BASE), held, None)])
         case "off the way":
             asked.robot.world.body.state.x_m = 3.0
             asked.robot.world.body.state.y_m = 0.0
         case _:
             gone = RemovePlace(place_id=PlaceId("anchor_a"), basis=0, actor=BOB, reason="the dock was moved")
-            asked.runtime.commit([Request(place_stream(asked.runtime.site.name), gone)])
+            asked.runtime.commit([CommandEnvelope(place_stream(asked.runtime.site.name), gone, None)])
 
 
 def test_a_person_stops_a_retreat_and_its_stop_is_acknowledged() -> None:
@@ -162,7 +162,7 @@ def test_a_person_stops_a_retreat_and_its_stop_is_acknowledged() -> None:
         step(asked, 6)
         assert asked.robot.status().posture == "moving"
         stopped = StopRetreat(robot_id=ROBOT, actor=BOB, reason="somebody is in the way")
-        assert isinstance(asked.runtime.commit([Request(CONTROL, stopped)]), Accepted)
+        assert isinstance(asked.runtime.commit([CommandEnvelope(CONTROL, stopped, None)]), Accepted)
         asked.run()
         ended, told = newest(asked).ended, taken(asked)
         assert ended is not None and (ended.outcome, ended.declared) == ("short", "cancelled")
@@ -287,7 +287,7 @@ def test_an_answer_that_lands_inside_the_expirys_commit_wins_and_nothing_is_sent
                 answered.append(other.commit(rejection(asked)))
             return None
 
-        asked.runtime.obey(meanwhile)
+        asked.obey(meanwhile)
         asked.pass_s(LATE_S)
         asked.run()
         assert isinstance(answered[0], Accepted)
@@ -305,10 +305,10 @@ def test_more_time_that_is_given_inside_the_expirys_commit_keeps_the_question_an
         def meanwhile(command: object) -> Refused | None:
             if isinstance(command, SendRetreat) and not given:
                 extended = ExtendDeadline(actor=BOB, reason="two corridors away")
-                given.append(other.commit([Request(handoff_stream(asked.handoff_id), extended)]))
+                given.append(other.commit([CommandEnvelope(handoff_stream(asked.handoff_id), extended, None)]))
             return None
 
-        asked.runtime.obey(meanwhile)
+        asked.obey(meanwhile)
         asked.pass_s(LATE_S)
         assert isinstance(given[0], Accepted)
         assert (asked.handoff.status, asked.mission.status) == ("open", "awaiting_human")
@@ -335,13 +335,16 @@ def test_answers_against_the_expiry_that_starts_a_retreat_leave_exactly_one_winn
             assert len(sent(asked)) == (ends == ["HandoffExpired"])
 
 
-def rejection(asked: Waiting) -> list[Request]:
+def rejection(asked: Waiting) -> list[CommandEnvelope]:
     """A person's no, with the mission's end."""
     opened = asked.handoff.opened
     assert opened is not None
     refused = RejectHandoff(actor=BOB, reason="no", key="k", cycle=opened.cycle, subject=opened.subject)
     ended = AnswerMission(handoff_id=opened.handoff_id, decision="rejected", actor=BOB, reason="no")
-    return [Request(handoff_stream(opened.handoff_id), refused), Request(mission_stream(opened.mission_id), ended)]
+    return [
+        CommandEnvelope(handoff_stream(opened.handoff_id), refused, None),
+        CommandEnvelope(mission_stream(opened.mission_id), ended, None),
+    ]
 
 
 # on a person's word --------------------------------------------------------------------------------------------------

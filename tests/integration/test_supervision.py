@@ -181,7 +181,7 @@ def approved(stage: Stage, mission_id: MissionId) -> object:
         subject=handoff.opened.subject,
         evidence=handoff.opened.evidence,
     )
-    return stage.runtime.answer(answer)
+    return stage.supervisor.answer(answer)
 
 
 def test_a_report_from_the_future_does_not_keep_the_mission_waiting() -> None:

@@ -29,7 +29,7 @@ from harness.contracts.ids import InvocationId, MissionId, ResourceId, StreamId,
 from harness.contracts.ports import EventStore, Snapshots, State, StoredEvent
 from harness.contracts.values import encode
 from harness.gate.aggregate_cache import KEPT_MISSIONS, AggregateCache
-from harness.gate.commit import Gate, Request
+from harness.gate.commit import CommandEnvelope, Gate
 from harness.projections.mission import Mission
 from harness.settings import HarnessSettings
 from simulator.in_process import SIMULATOR
@@ -71,8 +71,8 @@ def lived(gate: Gate, order: Sequence[int]) -> None:
             continue
         stream = mission_stream(name)
         command = LIFE[at - 1](gate.state(stream)) if at else creation(name)
-        leases = [Request(BASE, one) for one in (lease_of(gate, name),) if at]
-        decision = gate.commit([Request(stream, command), *leases])
+        leases = [CommandEnvelope(BASE, one, None) for one in (lease_of(gate, name),) if at]
+        decision = gate.commit([CommandEnvelope(stream, command, None), *leases])
         assert isinstance(decision, Accepted), decision
         done[name] += 1
 
@@ -167,11 +167,13 @@ def test_threads_that_take_each_others_folds_away_lose_no_commit() -> None:
         together.wait()
         for number in range(50):
             veto = RaiseVeto(layer=f"{name}-{number}", reason="test")
-            assert isinstance(gate.commit([Request(mission_stream(one), veto) for one in NAMES[:2]]), Accepted)
+            assert isinstance(
+                gate.commit([CommandEnvelope(mission_stream(one), veto, None) for one in NAMES[:2]]), Accepted
+            )
             gate.state(mission_stream(NAMES[number % len(NAMES)]))
 
     for name in NAMES:
-        assert isinstance(gate.commit([Request(mission_stream(name), creation(name))]), Accepted)
+        assert isinstance(gate.commit([CommandEnvelope(mission_stream(name), creation(name), None)]), Accepted)
     with ThreadPoolExecutor(len(NAMES)) as threads:
         list(threads.map(vetoed, NAMES))
     for name in NAMES[:2]:
@@ -187,8 +189,10 @@ def test_a_house_that_ran_many_missions_keeps_a_bounded_number_of_folds() -> Non
     gate = gate_on(store, folds)
     for number in range(2 * KEPT_MISSIONS):
         stream = mission_stream(MissionId(f"msn_{number}"))
-        assert isinstance(gate.commit([Request(stream, creation(MissionId(f"msn_{number}")))]), Accepted)
-        assert isinstance(gate.commit([Request(stream, StopMission(actor=OPERATOR, reason="enough"))]), Accepted)
+        assert isinstance(gate.commit([CommandEnvelope(stream, creation(MissionId(f"msn_{number}")), None)]), Accepted)
+        assert isinstance(
+            gate.commit([CommandEnvelope(stream, StopMission(actor=OPERATOR, reason="enough"), None)]), Accepted
+        )
     assert len(folds) == KEPT_MISSIONS
 
 
