@@ -10,9 +10,8 @@ import msgspec
 from app.permissions import NotPermitted, Visitor, needed
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
-from harness.contracts.commands import CreateMission
+from harness.contracts.commands import CreateMission, PersonCommand
 from harness.contracts.decisions import Accepted, Decision, Refused
-from harness.contracts.handoff_commands import PersonCommand
 from harness.contracts.ids import HandoffId, MissionId
 from harness.contracts.ports import Record
 from harness.runtime import Runtime
@@ -44,13 +43,13 @@ class GuardedRuntime(Runtime):
             self._told(request.command, request.stream, decision)
         return decision
 
-    def answer(self, command: PersonCommand) -> Decision[AnyEvent]:
+    def answer(self, handoff_id: HandoffId, command: PersonCommand) -> Decision[AnyEvent]:
         """Raises NotPermitted before anything is observed or decided."""
         actor = _visitor().acting(needed(command))
-        self._same_robot(self._robot_of_handoff(command.handoff_id))
+        self._same_robot(self._robot_of_handoff(handoff_id))
         signed = msgspec.structs.replace(command, actor=actor)
-        decision = super().answer(signed)
-        self._told(signed, f"handoff/{command.handoff_id}", decision)
+        decision = super().answer(handoff_id, signed)
+        self._told(signed, f"handoff/{handoff_id}", decision)
         return decision
 
     def _signed(self, request: Any) -> Any:
@@ -60,6 +59,8 @@ class GuardedRuntime(Runtime):
             self._same_robot(command.robot_id)
             return replace(request, command=msgspec.structs.replace(command, requested_by=actor))
         kind, _, name = request.stream.partition("/")
+        if kind == "handoff":
+            raise NotPermitted("A handoff takes no command by itself", do="answer it: the robot is looked at first")
         if kind == "mission":
             self._same_robot(self.mission(MissionId(name)).robot_id)
         return replace(request, command=msgspec.structs.replace(command, **_signature(command, actor)))

@@ -225,6 +225,7 @@ def _doors(store: SqlAccounts, settings: ConsoleSettings) -> Doors:
         Accounts(store, clock=time.time, fresh=_fresh, hasher=PasswordHasher(memory_cost=settings.password_memory_kib)),
         owner_token=settings.owner_token.get_secret_value(),
         operator=settings.operator,
+        owner=settings.owner,
         limits=(settings.session_idle_s, settings.session_age_s),
         clock=time.time,
         fresh=_fresh,

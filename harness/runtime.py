@@ -9,12 +9,11 @@ from typing import Any
 
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
-from harness.contracts.commands import CreateMission, MissionCommand, PauseMission
+from harness.contracts.commands import CreateMission, MissionCommand, PauseMission, PersonCommand
 from harness.contracts.configuration import Configuration
 from harness.contracts.control import Autonomy
 from harness.contracts.decisions import Accepted, Authority, Decision, Refused
 from harness.contracts.errors import ConfigurationMissing, UnknownName
-from harness.contracts.handoff_commands import PersonCommand
 from harness.contracts.ids import (
     Digest,
     HandoffId,
@@ -126,7 +125,7 @@ class Runtime:
         self._ended_missions = EndedMissions(store, gate.state)
         self._contracts: Kept[bytes, TaskContract] = Kept(KEPT_CONTRACTS)
         self._live: Kept[MissionId, Live] = Kept(KEPT_LIVE)
-        self._desk: Callable[[PersonCommand], Decision[AnyEvent]] | None = None
+        self._desk: Callable[[HandoffId, PersonCommand], Decision[AnyEvent]] | None = None
 
     @property
     def site(self) -> Site:
@@ -210,13 +209,13 @@ class Runtime:
         self.mission(mission_id)
         return self.commit([Request(mission_stream(mission_id), command)], records=records)
 
-    def answer(self, command: PersonCommand) -> Decision[AnyEvent]:
+    def answer(self, handoff_id: HandoffId, command: PersonCommand) -> Decision[AnyEvent]:
         """A person's word at a handoff, taken by the desk that can observe the robot again before it counts."""
         if self._desk is None:
             return Refused("no_supervisor", "No supervisor runs on this data folder, so nothing can be observed.")
-        return self._desk(command)
+        return self._desk(handoff_id, command)
 
-    def open_desk(self, desk: Callable[[PersonCommand], Decision[AnyEvent]]) -> None:
+    def open_desk(self, desk: Callable[[HandoffId, PersonCommand], Decision[AnyEvent]]) -> None:
         self._desk = desk
 
     def obey(self, authority: Authority) -> None:
