@@ -11,11 +11,10 @@ from app.command_permissions import asked_permission
 from app.permissions import NotPermitted, Visitor
 from harness.contracts.actors import Actor, Command
 from harness.contracts.any_events import AnyEvent
-from harness.contracts.commands import CreateMission, MissionCommand
+from harness.contracts.commands import CreateMission, MissionCommand, PersonCommand
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.events import MissionCreated
-from harness.contracts.handoff_commands import PersonCommand
 from harness.contracts.ids import Digest, HandoffId, MissionId, PlaceId, RobotId, StreamId
 from harness.contracts.places import Place, Site
 from harness.contracts.ports import Head, Record, StoredEvent
@@ -74,13 +73,13 @@ class GuardedRuntime:
             self._told(actor, type(command), stream, decision)
         return decision
 
-    def answer(self, command: PersonCommand) -> Decision[AnyEvent]:
+    def answer(self, handoff_id: HandoffId, command: PersonCommand) -> Decision[AnyEvent]:
         """A person's answer at a handoff. Raises UnknownName for one that does not exist."""
         actor = _acting(type(command))
-        opened = self._runtime.handoff(command.handoff_id).opened
+        opened = self._runtime.handoff(handoff_id).opened
         _same_robot(opened.robot_id if opened else "")
-        decision = self._answer(msgspec.structs.replace(command, actor=actor))
-        self._told(actor, type(command), f"handoff/{command.handoff_id}", decision)
+        decision = self._answer(handoff_id, msgspec.structs.replace(command, actor=actor))
+        self._told(actor, type(command), f"handoff/{handoff_id}", decision)
         return decision
 
     def keep(self, body: bytes) -> Digest:

@@ -234,6 +234,7 @@ def _doors(accounts: Accounts, settings: ConsoleSettings) -> Doors:
         accounts,
         owner_token=settings.owner_token.get_secret_value(),
         operator=settings.operator,
+        owner=settings.owner,
         limits=(settings.session_idle_s, settings.session_age_s),
         clock=time.time,
         fresh=_fresh,

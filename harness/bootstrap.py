@@ -147,20 +147,29 @@ def read_harness(
 
 @contextmanager
 def edit_harness(
-    settings: HarnessSettings, *, deciders: Deciders = MappingProxyType({}), select: Select = nothing_selected
+    settings: HarnessSettings,
+    *,
+    deciders: Deciders = MappingProxyType({}),
+    authority: Authority = unquestioned,
+    select: Select = nothing_selected,
 ) -> Iterator[Runtime]:
     """Reading and deciding without a robot, as the folder's one owner. Raises StoreOwned if another process is it."""
     folder = prepare(settings.data_folder)
     with OwnerLock(folder.root) as lock:
         lock.take(token=SystemIds().token(), url="")
         owned_blobs(folder.blobs)
-        with _without_robots(settings, folder, deciders=deciders, select=select) as runtime:
+        with _without_robots(settings, folder, deciders=deciders, select=select, authority=authority) as runtime:
             yield runtime
 
 
 @contextmanager
 def _without_robots(
-    settings: HarnessSettings, folder: DataFolder, *, deciders: Deciders, select: Select
+    settings: HarnessSettings,
+    folder: DataFolder,
+    *,
+    deciders: Deciders,
+    select: Select,
+    authority: Authority = unquestioned,
 ) -> Iterator[Runtime]:
     with closing(open_log(settings.database or folder.log_url)) as log:
         parts = Parts(
@@ -172,6 +181,7 @@ def _without_robots(
             signals=Unheard(),
             snapshots=StoredSnapshots(log, keeping=False),
             deciders=deciders,
+            authority=authority,
             select=select,
         )
         yield runtime_on(parts)

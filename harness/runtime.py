@@ -12,12 +12,11 @@ from cachetools import LRUCache
 
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
-from harness.contracts.commands import CreateMission, MissionCommand, PauseMission
+from harness.contracts.commands import CreateMission, MissionCommand, PauseMission, PersonCommand
 from harness.contracts.configuration import Configuration
 from harness.contracts.control import Autonomy
 from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.errors import ConfigurationMissing, UnknownName
-from harness.contracts.handoff_commands import PersonCommand
 from harness.contracts.ids import (
     Digest,
     HandoffId,
@@ -66,11 +65,11 @@ KEPT_LIVE = 64
 COMPILED = ("ContractCompiled", "ContractRecompiled")
 
 
-AnswerHandoff = Callable[[PersonCommand], Decision[AnyEvent]]
+AnswerHandoff = Callable[[HandoffId, PersonCommand], Decision[AnyEvent]]
 """Takes a person's answer at a handoff: whoever can observe the robot again before it counts."""
 
 
-def unsupervised(command: PersonCommand) -> Decision[AnyEvent]:
+def unsupervised(handoff_id: HandoffId, command: PersonCommand) -> Decision[AnyEvent]:
     """The answer where no supervisor runs."""
     return Refused("no_supervisor", "No supervisor runs on this data folder, so nothing can be observed.")
 

@@ -1,6 +1,6 @@
 """What every part of the API shares: bodies it takes, how lists are paged, how failures and answers are described."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 from urllib.parse import urlencode
 
 import msgspec
@@ -64,18 +64,6 @@ class ReasonBody(Body):
     """Why; it stands in the log."""
 
     reason: Reason
-
-
-class DecisionBody(Body):
-    """An answer bound to what was seen: the digests come from the handoff as it was shown."""
-
-    decision: Literal["approve", "reject"]
-    reason: Reason
-    key: Slug
-    cycle: Annotated[int, Field(ge=0, le=2**53)]
-    subject: Sha256
-    evidence: Sha256
-    claim: Text = ""
 
 
 def known_parameters(request: Request) -> None:

@@ -58,7 +58,7 @@ def run(
             "seed": seed,
             "labels": {"faults": faults} if faults else {},
         }
-        outcome = api.follow(api.post("/missions", body)["mission_id"], lambda _: None)
+        outcome = api.follow(api.post("/missions", body)["mission_id"])
     else:
         chosen = settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity)
         with running(chosen) as harness:
@@ -105,7 +105,7 @@ def resume(
     """Go on with a mission that a crash or an exit left open."""
     api = owner_api(data)
     if api is not None:
-        outcome = api.follow(mission_id, lambda _: None)
+        outcome = api.follow(mission_id)
     else:
         with running(settings(data_folder=data, speed=speed, fidelity=fidelity)) as harness:
             mission = harness.supervisor.run(MissionId(mission_id), watch=Progress())
@@ -270,7 +270,7 @@ def stop(
     api = owner_api(data)
     if api is not None:
         api.post(f"/missions/{mission_id}/stop", {"reason": reason})
-        outcome = api.follow(mission_id, lambda _: None)
+        outcome = api.follow(mission_id)
     else:
         with running(settings(data_folder=data, speed=0.0)) as harness:
             mission = harness.runtime.mission(MissionId(mission_id))

@@ -2,15 +2,13 @@
 
 import json
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import Any
 
 from msgspec import to_builtins
 
 from app.views.budgets import Budget, budget
 from app.views.measures import ConditionRow, condition_row, quantity
 from app.views.saying import said, word
-from harness.contracts.configuration import RecoveryAction
-from harness.contracts.errors import ContractInvalid
 from harness.contracts.handoff_events import HandoffOpened, ProposedAction
 from harness.contracts.ids import sha256
 from harness.contracts.values import encode
@@ -125,15 +123,6 @@ def action_view(proposal: ProposedAction | None, *, subject: str) -> ActionView 
         body=body.decode(),
         sound=sha256(body) == subject,
     )
-
-
-def action_of(text: str) -> RecoveryAction:
-    """Raises ContractInvalid for a word that is no recovery action."""
-    for action in get_args(RecoveryAction):
-        if action == text:
-            known: RecoveryAction = action
-            return known
-    raise ContractInvalid(f"There is no action {text[:40]!r}", where="action", do="choose one that the page offers")
 
 
 def differences(was: HandoffOpened, now: HandoffOpened) -> tuple[Difference, ...]:

@@ -11,10 +11,10 @@ from typing import Any
 from experiments.benchmarks.noop import OPERATOR, NoopHarness, noop_harness, template
 from experiments.benchmarks.turns import Turn, mission_turns, serve
 from harness.adapters.stores.sql import SqlEventStore
+from harness.contracts.commands import ApproveHandoff
 from harness.contracts.decider import Decider
 from harness.contracts.decisions import Refused
-from harness.contracts.handoff_commands import DecideHandoff
-from harness.contracts.ids import MissionId, RobotId, StreamId, mission_stream
+from harness.contracts.ids import HandoffId, MissionId, RobotId, StreamId, mission_stream
 from harness.contracts.ports import Batch, NewEvent
 from harness.contracts.values import Moment
 from harness.gate.decide import DECIDER as MISSION
@@ -63,7 +63,7 @@ class Approvals:
         noop.providers[ONE].failing = False
         approval = _approval(noop, mission_id)
         self._looked_s = self._began_s = 0.0
-        decision = noop.supervisor.answer(approval)
+        decision = noop.supervisor.answer(*approval)
         wait_s = self._began_s - self._looked_s
         if isinstance(decision, Refused) or wait_s <= 0:
             raise RuntimeError(f"the approval started nothing: {decision}")
@@ -85,16 +85,14 @@ def _asked(noop: NoopHarness, mission_id: MissionId) -> MissionId:
     raise RuntimeError(f"the mission is {status} instead of asking")
 
 
-def _approval(noop: NoopHarness, mission_id: MissionId) -> DecideHandoff:
+def _approval(noop: NoopHarness, mission_id: MissionId) -> tuple[HandoffId, ApproveHandoff]:
     handoff_id = noop.runtime.mission(mission_id).handoff_id
     if handoff_id is None:
         raise RuntimeError("the mission waits without a handoff")
     asked = noop.runtime.handoff(handoff_id)
     if asked.opened is None:
         raise RuntimeError("the handoff was never opened")
-    return DecideHandoff(
-        handoff_id=handoff_id,
-        decision="approve",
+    return handoff_id, ApproveHandoff(
         actor=OPERATOR,
         reason="seen",
         key=f"key-{handoff_id}",

@@ -7,9 +7,16 @@ from experiments.campaigns.plan import Disturbance, MissionPlan
 from experiments.campaigns.wire import SteppedClock
 from harness.bootstrap import Harness
 from harness.contracts.actors import Actor
-from harness.contracts.commands import AcquireLease, ChangeEpoch, ClearVeto, MissionCommand, RaiseVeto, ReleaseLease
+from harness.contracts.commands import (
+    AcquireLease,
+    ApproveHandoff,
+    ChangeEpoch,
+    ClearVeto,
+    MissionCommand,
+    RaiseVeto,
+    ReleaseLease,
+)
 from harness.contracts.decisions import Accepted
-from harness.contracts.handoff_commands import DecideHandoff
 from harness.contracts.ids import InvocationId, MissionId, ResourceId, lease_stream
 from harness.gate.commit import CommandEnvelope
 
@@ -115,16 +122,15 @@ def answered(harness: Harness, mission_id: MissionId, plan: MissionPlan, course:
     taken = 0
     for person in OPERATORS:
         decision = harness.supervisor.answer(
-            DecideHandoff(
-                handoff_id=mission.handoff_id,
-                decision="approve",
+            mission.handoff_id,
+            ApproveHandoff(
                 actor=person,
                 reason="I looked, go on",
                 key=f"{person.name}-{mission.handoff_id}",
                 cycle=handoff.cycle,
                 subject=opened.subject,
                 evidence=opened.evidence,
-            )
+            ),
         )
         taken += isinstance(decision, Accepted) and bool(decision.events)
     course.accepted = max(course.accepted, taken)

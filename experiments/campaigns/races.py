@@ -21,7 +21,6 @@ from harness.bootstrap import DECIDERS, Harness, simulated
 from harness.contracts.actors import Actor
 from harness.contracts.commands import ApproveHandoff, HandoffCommand, OpenHandoff, RefreshHandoff
 from harness.contracts.decisions import Accepted, Refused
-from harness.contracts.handoff_commands import DecideHandoff
 from harness.contracts.handoff_events import ProposedAction, Snapshot
 from harness.contracts.ids import Digest, HandoffId, MissionId, NodeId, ProviderId, RobotId, handoff_stream
 from harness.contracts.values import Value, digest
@@ -137,16 +136,15 @@ def _answered(harness: Harness, mission_id: MissionId) -> tuple[list[str], bool]
     def answer(number: int) -> Any:
         opened = handoff.opened
         return harness.supervisor.answer(
-            DecideHandoff(
-                handoff_id=handoff.handoff_id,
-                decision="approve",
+            handoff.handoff_id,
+            ApproveHandoff(
                 actor=person(number),
                 reason="go on",
                 key=f"key-{number}",
                 cycle=handoff.cycle,
                 subject=opened.subject if opened else NOTHING,
                 evidence=opened.evidence if opened else NOTHING,
-            )
+            ),
         )
 
     winners = [decision for decision in together(answer) if isinstance(decision, Accepted) and decision.events]

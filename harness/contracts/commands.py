@@ -11,7 +11,17 @@ from harness.contracts.configuration import FailureClass, RecoveryAction, Recove
 from harness.contracts.control import Autonomy, ControlCommand, SetAutonomy
 from harness.contracts.events import DispatchIntended, NodePlanned
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
-from harness.contracts.handoff_commands import HandoffTurn
+from harness.contracts.handoff_commands import (
+    ChooseAction,
+    CloseQuestion,
+    DropClaim,
+    ExtendDeadline,
+    HandoffTurn,
+    LookAgain,
+    ReturnControl,
+    TakeClaim,
+    TakeControl,
+)
 from harness.contracts.handoff_events import NoAnswer, ProposedAction, Snapshot
 from harness.contracts.ids import (
     ConditionId,
@@ -315,7 +325,11 @@ class RefreshHandoff(Command, tag=True):
 
 
 class ApproveHandoff(Command, tag=True):
-    """`subject` and `evidence` are what the person saw; `k` and `fresh` are what holds now (D28)."""
+    """`subject` and `evidence` are what the person saw, `shown` the page that showed it.
+
+    The harness adds what holds now: the state version `k` and `fresh`, a look at the robot. Without them it is
+    refused (D28).
+    """
 
     actor: Actor
     reason: Name
@@ -323,8 +337,8 @@ class ApproveHandoff(Command, tag=True):
     cycle: Count
     subject: Digest
     evidence: Digest
-    k: Count
-    fresh: Snapshot
+    k: Count | None = None
+    fresh: Snapshot | None = None
     shown: Digest | None = None
     claim: str = ""
 
@@ -381,6 +395,21 @@ HandoffCommand = (
     | RecordEffect
     | HandoffTurn
 )
+
+PersonCommand = (
+    ApproveHandoff
+    | RejectHandoff
+    | AttestHandoff
+    | TakeClaim
+    | DropClaim
+    | ExtendDeadline
+    | TakeControl
+    | ReturnControl
+    | CloseQuestion
+    | LookAgain
+    | ChooseAction
+)
+"""What a person may say at a handoff. The desk adds what the harness knows before the gate decides it."""
 
 
 AnyCommand = MissionCommand | LeaseCommand | HandoffCommand | ControlCommand | AttachCloud | AlertCommand | PlaceCommand

@@ -206,7 +206,7 @@ def _return(handoff: Handoff, command: ReturnControl, now: Moment) -> Decision[H
         return over(handoff, now) or Refused("not_taken_over", "Nobody has taken the robot over.")
     if refused := not_yours(handoff, command.actor, command.claim, now):
         return refused
-    if not command.fresh.static:
+    if command.k is None or command.fresh is None or not command.fresh.static:
         return Refused("not_static", "The robot is not shown to stand still. Let it stand, then hand it back.")
     returned = HandoffHandedBack(
         actor=command.actor,

@@ -190,6 +190,8 @@ def _approve(handoff: Handoff, command: ApproveHandoff, now: Moment) -> Decision
     opened = handoff.opened
     if opened is None or opened.proposal is None:
         return Refused("nothing_to_approve", "This handoff proposes no action: reject it or take over.")
+    if command.k is None or command.fresh is None:
+        return Refused("not_observed", "Nobody looked at the robot since. Look again, then decide.")
     broken = (
         over(handoff, now)
         or not_yours(handoff, command.actor, command.claim, now)

@@ -141,6 +141,12 @@ class Dispatcher:
         prepared = self.prepare(mission, attempt)
         if isinstance(prepared, Refused):
             return self._fail(mission, attempt, "provider_unavailable", prepared.message)
+        return self.commit(mission, attempt, prepared, plan=plan)
+
+    def commit(
+        self, mission: Mission, attempt: Attempt, prepared: Prepared, *, plan: tuple[Plan, Context] | None = None
+    ) -> Accepted[AnyEvent] | Refused:
+        """Commit one invocation as it was prepared, with what authorises it."""
         command = self._command(attempt, prepared, plan)
         said = [record("plan", plan[0].proposal)] if plan and plan[0].proposal else []
         contexts = [context_record(one) for one in (plan[1] if plan else None, attempt.c4) if one is not None]

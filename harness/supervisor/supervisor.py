@@ -7,11 +7,10 @@ from threading import Event, RLock, Thread
 
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
-from harness.contracts.commands import EndMission, StopMission
+from harness.contracts.commands import EndMission, PersonCommand, StopMission
 from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.errors import HarnessError, StoreUnavailable, UnknownName
-from harness.contracts.handoff_commands import PersonCommand
-from harness.contracts.ids import MissionId, ResourceId, RobotId
+from harness.contracts.ids import HandoffId, MissionId, ResourceId, RobotId
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from harness.supervisor.agent_loop import AgentLoop
@@ -102,14 +101,14 @@ class Supervisor:
                 self.finish_unanswered(robot_id)
             return wake_s
 
-    def answer(self, command: PersonCommand) -> Decision[AnyEvent]:
+    def answer(self, handoff_id: HandoffId, command: PersonCommand) -> Decision[AnyEvent]:
         """A person's answer, between two steps of the robot's loop; what it lets happen begins at once."""
-        opened = self._runtime.handoff(command.handoff_id).opened
+        opened = self._runtime.handoff(handoff_id).opened
         if opened is None or opened.robot_id not in self._crews:
             return Refused("no_robot", "The robot of this handoff is not connected, so nothing can be observed.")
         with self._turn_of(opened.robot_id):
             loop = self._loop(self._runtime.mission(opened.mission_id))
-            decision = loop.desk.answer(command)
+            decision = loop.desk.answer(handoff_id, command)
             if isinstance(decision, Accepted):
                 self._begin(loop, opened.robot_id)
             return decision

@@ -6,7 +6,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
-from msgspec.structs import replace
+from msgspec.structs import asdict, replace
 
 from harness.adapters.clock import LockstepClock
 from harness.adapters.failpoints import parse, with_failpoint
@@ -16,18 +16,18 @@ from harness.adapters.stores.sql import SqlEventStore
 from harness.assembly import Harness, Member, Parts, Unheard, joined, local_providers
 from harness.baseline.load import site as shipped_site
 from harness.contracts.actors import Actor
+from harness.contracts.commands import ApproveHandoff, PersonCommand, RejectHandoff
 from harness.contracts.decisions import Accepted, Authority, Decision, unquestioned
 from harness.contracts.errors import ProviderUnreachable
 from harness.contracts.handoff_commands import (
     ChooseAction,
-    ClaimHandoff,
-    CloseHandoff,
-    DecideHandoff,
-    HandBack,
+    CloseQuestion,
+    DropClaim,
+    ExtendDeadline,
     LookAgain,
-    OnMyWay,
-    ReleaseHandoff,
-    TakeOver,
+    ReturnControl,
+    TakeClaim,
+    TakeControl,
 )
 from harness.contracts.handoff_events import HandoffEvent
 from harness.contracts.ids import HandoffId, MissionId, RequestId, handoff_stream
@@ -165,52 +165,48 @@ class Waiting:
     def decide(self, decision: str = "approve", **changes: Any) -> Decision[Any]:
         opened = self.handoff.opened
         assert opened is not None
-        command = DecideHandoff(
-            handoff_id=self.handoff_id,
-            decision="approve" if decision == "approve" else "reject",
-            actor=ADA,
-            reason="seen on camera",
-            key="key-1",
-            cycle=self.handoff.cycle,
-            subject=opened.subject,
-            evidence=opened.evidence,
+        reject = RejectHandoff(
+            actor=ADA, reason="seen on camera", key="key-1", cycle=self.handoff.cycle, subject=opened.subject
         )
-        return self.supervisor.answer(replace(command, **changes))
+        approve = ApproveHandoff(**asdict(reject), evidence=opened.evidence)
+        return self.say(replace(approve if decision == "approve" else reject, **changes))
+
+    def say(self, command: PersonCommand) -> Decision[Any]:
+        return self.supervisor.answer(self.handoff_id, command)
 
     def look(self, actor: Actor = ADA) -> Decision[Any]:
-        return self.supervisor.answer(LookAgain(handoff_id=self.handoff_id, actor=actor))
+        return self.say(LookAgain(actor=actor))
 
     def claim(self, actor: Actor = ADA, token: str = "t-ada") -> Decision[Any]:
-        return self.supervisor.answer(ClaimHandoff(handoff_id=self.handoff_id, actor=actor, claim=token))
+        return self.say(TakeClaim(actor=actor, claim=token))
 
     def release(self, actor: Actor = ADA, token: str = "t-ada") -> Decision[Any]:
-        return self.supervisor.answer(ReleaseHandoff(handoff_id=self.handoff_id, actor=actor, claim=token))
+        return self.say(DropClaim(actor=actor, claim=token, reason="released by its holder"))
 
     def on_my_way(self, actor: Actor = ADA) -> Decision[Any]:
-        return self.supervisor.answer(OnMyWay(handoff_id=self.handoff_id, actor=actor, reason="two corridors away"))
+        return self.say(ExtendDeadline(actor=actor, reason="two corridors away"))
 
     def choose(self, action: Any, **changes: Any) -> Decision[Any]:
-        command = ChooseAction(handoff_id=self.handoff_id, actor=ADA, action=action, cycle=self.handoff.cycle)
-        return self.supervisor.answer(replace(command, **changes))
+        command = ChooseAction(actor=ADA, action=action, cycle=self.handoff.cycle)
+        return self.say(replace(command, **changes))
 
     def take_over(self, actor: Actor = ADA, token: str = "t-ada") -> Decision[Any]:
-        command = TakeOver(
-            handoff_id=self.handoff_id,
+        command = TakeControl(
             actor=actor,
             claim=token,
             device="keyboard at desk 2",
             key="key-2",
             reason="easier by hand",
         )
-        return self.supervisor.answer(command)
+        return self.say(command)
 
     def hand_back(self, actor: Actor = ADA, token: str = "t-ada") -> Decision[Any]:
-        command = HandBack(handoff_id=self.handoff_id, actor=actor, claim=token, key="key-3", reason="drove it round")
-        return self.supervisor.answer(command)
+        command = ReturnControl(actor=actor, claim=token, key="key-3", reason="drove it round")
+        return self.say(command)
 
     def close(self, actor: Actor = ADA, token: str = "t-ada") -> Decision[Any]:
-        command = CloseHandoff(handoff_id=self.handoff_id, actor=actor, claim=token, key="key-4", reason="I keep it")
-        return self.supervisor.answer(command)
+        command = CloseQuestion(actor=actor, claim=token, key="key-4", reason="I keep it")
+        return self.say(command)
 
 
 @contextmanager

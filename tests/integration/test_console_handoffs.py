@@ -106,7 +106,7 @@ def test_another_answer_after_the_first_is_told_who_decided(stand: Stand, waitin
     assert "not safe" in late.text
 
 
-@pytest.mark.ledger("R174", symbol="harness.supervisor.desk:Desk._reject")
+@pytest.mark.ledger("R174", symbol="harness.supervisor.desk:Desk._ends")
 def test_a_rejection_ends_the_mission_safely(stand: Stand, waiting: tuple[Mission, HandoffId]) -> None:
     mission, handoff_id = waiting
     operator = stand.operator()

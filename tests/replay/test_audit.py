@@ -11,10 +11,10 @@ from msgspec.structs import replace
 
 from harness.auditing.replay import NONE_STORED, UNEQUAL, ReplayReport, replay_all, replay_mission
 from harness.bootstrap import read_harness
-from harness.contracts.commands import PauseMission, ResumeMission, StopMission
+from harness.contracts.commands import ApproveHandoff, PauseMission, ResumeMission, StopMission
 from harness.contracts.decisions import Accepted
 from harness.contracts.errors import LogDamaged
-from harness.contracts.handoff_commands import DecideHandoff, LookAgain
+from harness.contracts.handoff_commands import LookAgain
 from harness.contracts.ids import Digest, MissionId, StreamId, mission_stream
 from harness.contracts.ports import State, StoredEvent
 from harness.contracts.stored_commands import command_of
@@ -211,13 +211,11 @@ def test_persons_decisions_are_derived_again_with_their_handoff() -> None:
         assert ran.mission.handoff_id is not None
         handoff = stage.runtime.handoff(ran.mission.handoff_id)
         assert handoff.opened is not None
-        look = LookAgain(handoff_id=handoff.handoff_id, actor=OPERATOR)
-        assert isinstance(stage.supervisor.answer(look), Accepted)
+        look = LookAgain(actor=OPERATOR)
+        assert isinstance(stage.supervisor.answer(handoff.handoff_id, look), Accepted)
         opened = stage.runtime.handoff(handoff.handoff_id).opened
         assert opened is not None
-        approve = DecideHandoff(
-            handoff_id=handoff.handoff_id,
-            decision="approve",
+        approve = ApproveHandoff(
             actor=OPERATOR,
             reason="seen on camera",
             key="key-1",
@@ -225,7 +223,7 @@ def test_persons_decisions_are_derived_again_with_their_handoff() -> None:
             subject=opened.subject,
             evidence=opened.evidence,
         )
-        assert isinstance(stage.supervisor.answer(approve), Accepted)
+        assert isinstance(stage.supervisor.answer(handoff.handoff_id, approve), Accepted)
         stage.run(ran.mission.mission_id)
         report = replay_mission(stage.runtime, ran.mission.mission_id)
         assert report.differences == ()
