@@ -59,7 +59,7 @@ campaign: install-test ## every fault campaign: CAMPAIGN_MISSIONS=100000 CAMPAIG
 lock: ## resolve both locks anew: universal, with hashes, without any index address
 	@tools/lock.sh
 
-sbom: install ## the software bill of materials: build/regenharness.cdx.json (CycloneDX)
+sbom: install-test ## the software bill of materials: build/regenharness.cdx.json (CycloneDX)
 	@$(BIN)/python -m tools.sbom
 
 clean: ## forget the environment, caches and artefacts (./var stays)
