@@ -34,7 +34,7 @@ def row(arm: str, fault: str, mission: MissionName = "patrol", seed: int = 5) ->
 @pytest.mark.parametrize("mission", ["circuit", "patrol"])
 def test_without_faults_all_three_modes_walk_the_same_routes_and_succeed(mission: MissionName) -> None:
     stories = [
-        run(Case(arm=arm, condition=condition("nominal"), mission=mission, seed=5)).story
+        run(Case(arm=arm, condition=condition("nominal"), mission=mission, seed=5), SIMULATOR).story
         for arm in ("direct", "monitored", GATED)
     ]
     assert all(adjudicate(story)["success"] for story in stories)
@@ -57,7 +57,7 @@ def test_a_success_declared_too_soon_passes_all_but_those_who_look(mission: Miss
 @pytest.mark.ledger("R228", symbol="rsi_reviews.evaluation.missions:condition")
 @pytest.mark.parametrize("fault", [one.name for one in CONDITIONS if one.protocol])
 def test_under_each_of_the_five_faults_the_gate_declares_only_what_truly_happened(fault: str) -> None:
-    story = run(Case(arm=GATED, condition=condition(fault), mission="patrol", seed=6)).story
+    story = run(Case(arm=GATED, condition=condition(fault), mission="patrol", seed=6), SIMULATOR).story
     verdict = adjudicate(story)
     struck = [line["text"].partition("=")[0] for line in story["truth"] if line["kind"] == "struck"]
     assert struck == [name.partition(":")[0] for name in condition(fault).faults]
