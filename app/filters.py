@@ -12,6 +12,7 @@ from markupsafe import escape
 from app.views import (
     canary,
     candidates,
+    handoffs,
     measures,
     memory,
     missions,
@@ -155,6 +156,8 @@ ITEMS: dict[str, Callable[..., Any]] = {
     "memory_tone": lambda standing: memory.TONES.get(standing, "plain"),
     "mission_sentence": missions.sentence,
     "mission_tone": missions.tone,
+    "question": handoffs.question,
+    "waits": handoffs.waits,
     "place_meaning": places.MEANING.__getitem__,
     "place_tone": lambda verification: places.TONES.get(verification, "plain"),
     "safe_place": places.safe_place,

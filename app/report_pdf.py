@@ -203,7 +203,8 @@ def _goal(paper: _Paper, page: ReportPage) -> None:
     paper.paragraph(page.reason)
     for one in page.conditions:
         measured = ", ".join(f"{say(m.name)} {say(m.value or said('not measured'))}" for m in one.measures)
-        paper.paragraph(f"{say(word(one.verdict))}: {say(one.text)}{f' ({measured})' if measured else ''}")
+        found = f"{say(word(one.result.verdict))}: {say(one.result.text)}"
+        paper.paragraph(f"{found} ({measured})" if measured else found)
 
 
 def _stages(paper: _Paper, page: ReportPage) -> None:

@@ -109,8 +109,14 @@ def linked(response: Response, path: str, found: Slice[Any], **asked: str) -> No
 
 
 def plain(value: Any) -> Any:
-    """A contract's value as JSON."""
-    return msgspec.to_builtins(value)
+    """A contract's value or an answer as JSON; a sentence that could be told in another language is told in English."""
+    return msgspec.to_builtins(value, enc_hook=_text)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, str):
+        return str(value)
+    raise NotImplementedError(f"{type(value).__name__} is no part of an answer")
 
 
 def refusal(decision: Refused) -> Response:

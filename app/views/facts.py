@@ -59,7 +59,7 @@ def fact_page(
         mission_id=mission.mission_id,
         fact=fact,
         disputed=fact in mission.disputed,
-        condition=next((one for one in packet.conditions if one.condition_id == condition_id), None),
+        condition=next((one for one in packet.conditions if one.result.condition_id == condition_id), None),
         packet=packet,
         packet_event=kept.position,
         gate_event=gate.position,

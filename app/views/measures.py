@@ -28,18 +28,11 @@ class Measure:
 
 @dataclass(frozen=True)
 class ConditionRow:
-    """One condition's result, with everything a person needs to believe it or not."""
+    """One condition's result, the quantities that are shown at once, and the others."""
 
-    condition_id: str
-    text: str
-    verdict: str
-    reason: str
+    result: ConditionResult
     measures: tuple[Measure, ...]
     others: tuple[Measure, ...]
-    sources: str
-    independence: int
-    required: int
-    age_s: float | None
 
 
 def number(value: float) -> str:
@@ -104,18 +97,7 @@ def measures(measured: Mapping[str, float], bounds: Mapping[str, float]) -> tupl
 def condition_row(result: ConditionResult) -> ConditionRow:
     every = measures(result.measured, result.bounds)
     first = [one for one in every if one.bound][:MANY] or list(every[:FEW])
-    return ConditionRow(
-        condition_id=result.condition_id,
-        text=result.text,
-        verdict=result.verdict,
-        reason=result.reason,
-        measures=tuple(first),
-        others=tuple(one for one in every if one not in first),
-        sources=listed(map(word, result.sources)),
-        independence=result.independence,
-        required=result.required_independence,
-        age_s=result.age_s,
-    )
+    return ConditionRow(result=result, measures=tuple(first), others=tuple(one for one in every if one not in first))
 
 
 def condition_rows(results: Iterable[ConditionResult]) -> tuple[ConditionRow, ...]:

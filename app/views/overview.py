@@ -3,10 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.views.handoffs import HandoffRow
 from app.views.missions import RobotStrip
 from app.views.shell import Shell
-from harness.contracts.read_models import MissionItem
+from harness.contracts.read_models import HandoffItem, MissionItem
 from harness.projections.mission import TERMINAL_MISSION
 
 RECENT = 8
@@ -16,7 +15,7 @@ RECENT = 8
 class OverviewRegions:
     """What changes by itself on the first page."""
 
-    waiting: tuple[HandoffRow, ...]
+    waiting: tuple[HandoffItem, ...]
     running: tuple[MissionItem, ...]
     ended: tuple[MissionItem, ...]
     robots: tuple[RobotStrip, ...]
@@ -33,7 +32,7 @@ class OverviewPage(OverviewRegions):
 
 def overview(
     rows: Sequence[MissionItem],
-    waiting: Sequence[HandoffRow],
+    waiting: Sequence[HandoffItem],
     strips: Sequence[RobotStrip],
     *,
     robots: Sequence[str],
