@@ -6,7 +6,7 @@ from app.accounts import Accounts
 from app.permissions import Permission, permissions_of
 from app.reviewing import WORDS as AT_THE_DESK
 from harness.contracts.actors import Actor
-from harness.contracts.decisions import Authority, Refused
+from harness.contracts.decisions import Authority, Refused, refused
 
 WORDS: dict[str, Permission] = {
     "ApproveHandoff": "decide",
@@ -34,6 +34,6 @@ def authority(accounts: Accounts) -> Authority:
         account = accounts.store.account(actor.name)
         if account is None or (not account.disabled and needed in permissions_of(account.roles)):
             return None
-        return Refused("role_revoked", f"{actor.name} may no longer decide this: their role was taken back.")
+        return refused("role_revoked", actor=actor.name)
 
     return still

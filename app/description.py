@@ -18,7 +18,7 @@ from harness.contracts.read_models import EvidenceItem
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.projections.exploration import ExplorationDecision
 from harness.projections.handoffs import Handoff
-from rsi_reviews.contracts import HeldOutAnswer, Refusal, ReleasePolicy
+from rsi_reviews.contracts import HeldOutAnswer, ReleasePolicy
 from rsi_reviews.growth import CaseAdded
 
 PATH = "/api/v1/openapi.json"
@@ -38,7 +38,7 @@ CONTRACTS = (
     DriveReport,
     RobotStatus,
 )
-REVIEWED = (HeldOutAnswer, Refusal, ReleasePolicy)
+REVIEWED = (HeldOutAnswer, ReleasePolicy)
 TEXT: dict[str, Any] = {"type": "string"}
 NUMBER: dict[str, Any] = {"type": "number"}
 COUNT: dict[str, Any] = {"type": "integer", "minimum": 0}
@@ -255,6 +255,15 @@ SHAPES: dict[str, dict[str, Any]] = {
         canary=_many(OBJECT),
         canary_outcome=TEXT,
         reason=TEXT,
+    ),
+    "Refusal": _record(
+        "One thing a candidate may not do: the rule, where it stands, what it was and would become, and why not.",
+        rule=TEXT,
+        path=TEXT,
+        message=TEXT,
+        reason=_record("Code and facts of the message.", code=TEXT, facts=OBJECT),
+        old=TEXT,
+        new=TEXT,
     ),
     "CandidateCheck": _record(
         "What the static check says of a candidate that was not stored. `holds`: it breaks no rule.",

@@ -20,6 +20,7 @@ from harness.baseline.load import baseline
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted
 from harness.contracts.ids import Digest, RobotId
+from harness.contracts.reasons import plain
 from harness.contracts.values import digest
 from harness.gate.commit import Gate, Request
 from rsi_reviews.commands import (
@@ -131,7 +132,7 @@ def _moved_once(gate: Gate, before: int, winners: list[int]) -> list[str]:
         review = _review(gate, pointer.trial)
         back = _move(review, "rolled_back", said)
         decided = gate.commit([Request(candidate_stream(review.candidate), RollBack(**said)), Request(POINTER, back)])
-        wrong += [] if isinstance(decided, Accepted) else [f"it could not be rolled back: {decided.message}"]
+        wrong += [] if isinstance(decided, Accepted) else [f"it could not be rolled back: {plain(decided.reason)}"]
     return wrong
 
 
@@ -261,4 +262,4 @@ def _pointer(gate: Gate) -> Pointer:
 
 def _taken(decision: Any) -> None:
     if not isinstance(decision, Accepted):
-        raise RuntimeError(f"{decision.rule}: {decision.message}")
+        raise RuntimeError(f"{decision.rule}: {plain(decision.reason)}")

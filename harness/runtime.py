@@ -12,7 +12,7 @@ from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import CreateMission, MissionCommand, PauseMission
 from harness.contracts.configuration import Configuration
 from harness.contracts.control import Autonomy
-from harness.contracts.decisions import Accepted, Authority, Decision, Refused
+from harness.contracts.decisions import Accepted, Authority, Decision, Refused, refused
 from harness.contracts.errors import ConfigurationMissing, UnknownName
 from harness.contracts.handoff_commands import PersonCommand
 from harness.contracts.ids import (
@@ -42,6 +42,7 @@ from harness.contracts.ports import (
     StoredEvent,
 )
 from harness.contracts.protocol import InvocationReport, RobotStatus
+from harness.contracts.reasons import because
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.contracts.values import Value, encode
 from harness.gate.commit import Gate, Request
@@ -213,7 +214,7 @@ class Runtime:
     def answer(self, command: PersonCommand) -> Decision[AnyEvent]:
         """A person's word at a handoff, taken by the desk that can observe the robot again before it counts."""
         if self._desk is None:
-            return Refused("no_supervisor", "No supervisor runs on this data folder, so nothing can be observed.")
+            return refused("no_supervisor", because("no_supervisor_observes"))
         return self._desk(command)
 
     def open_desk(self, desk: Callable[[PersonCommand], Decision[AnyEvent]]) -> None:

@@ -10,12 +10,18 @@ from string import Formatter
 from typing import Any
 
 from app.catalogues import ENGLISH, translated
-from app.reasons import verification
+from app.reasons import console, gate, planning, restrictions, reviews, supervision, verification
 from harness.contracts.reasons import RECORDED, Reason
 
 SENTENCES: Mapping[str, str] = {
     RECORDED: "{text}",
     **verification.SENTENCES,
+    **gate.SENTENCES,
+    **planning.SENTENCES,
+    **supervision.SENTENCES,
+    **reviews.SENTENCES,
+    **restrictions.SENTENCES,
+    **console.SENTENCES,
 }
 """Every code of the project and its message."""
 BETWEEN: Mapping[str, tuple[str, str, str]] = {"en": (", ", "; ", " or "), "zh-Hans": ("、", "；", "或")}

@@ -7,7 +7,7 @@ from pydantic import Field, StringConstraints
 from starlette.responses import JSONResponse, Response
 
 from app.console import ActorDep, ConsoleDep
-from app.errors import problem
+from app.reasons.rendering import sentence
 from app.routes.api_words import (
     CHECKED,
     PROBLEMS,
@@ -19,6 +19,7 @@ from app.routes.api_words import (
     Text,
     Words,
     answers,
+    in_words,
     plain,
     refusal,
 )
@@ -102,7 +103,9 @@ def propose(console: ConsoleDep, actor: ActorDep, body: CandidateBody) -> Any:
     say = Say(actor, candidate.manifest.reason, f"propose:{candidate.candidate_id}")
     decision = desk.propose(candidate, say, supersedes=supersedes)
     if isinstance(decision, Refused):
-        return _refused(decision, [f"{one.rule}: {one.path}: {one.message}" for one in desk.refusals(candidate)])
+        return _refused(
+            decision, [f"{one.rule}: {one.path}: {sentence(one.reason)}" for one in desk.refusals(candidate)]
+        )
     return sheet(desk, candidate.candidate_id)
 
 
@@ -115,7 +118,7 @@ def check(console: ConsoleDep, visitor: VisitorDep, body: CheckBody) -> Any:
     return {
         "candidate": candidate.candidate_id,
         "holds": not found.refusals,
-        "refusals": plain(found.refusals),
+        "refusals": [plain(one) | {"message": in_words(one.reason)} for one in found.refusals],
         "difference": plain(found.difference),
     }
 
@@ -234,9 +237,7 @@ def _named(candidate: str) -> str:
 
 
 def _refused(decision: Refused, found: list[str]) -> Response:
-    return problem(
-        409, code=decision.rule, title="Refused", detail=decision.message, do="; ".join(found[:20]) or "see the message"
-    )
+    return refusal(decision, do="; ".join(found[:20]) or "see the message")
 
 
 def _case(case: CaseRow) -> dict[str, Any]:

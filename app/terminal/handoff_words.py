@@ -8,6 +8,7 @@ from typing import Any
 import msgspec
 
 from app.history import Histories
+from app.reasons.rendering import sentence
 from app.terminal.answers import Progress, exit_code, settings
 from app.terminal.missions import me
 from app.terminal.owner import OwnerApi, owner_api
@@ -95,7 +96,7 @@ def _answered(harness: Harness, handoff_id: HandoffId, word: Word) -> Handoff:
     decision = harness.runtime.answer(word.command(handoff))
     if isinstance(decision, Refused):
         raise HarnessError(
-            f"{decision.message} ({decision.rule})", do="look again with `regen handoff list`, then decide"
+            f"{sentence(decision.reason)} ({decision.rule})", do="look again with `regen handoff list`, then decide"
         )
     return harness.runtime.handoff(handoff_id)
 

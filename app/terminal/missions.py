@@ -8,6 +8,7 @@ import msgspec
 import typer
 
 from app.history import Histories
+from app.reasons.rendering import sentence
 from app.terminal.answers import DEFAULT_DATA, Data, Json, Progress, exit_code, settings, show, table
 from app.terminal.opening import running
 from app.terminal.owner import owner_api
@@ -87,7 +88,7 @@ def _run(
     )
     decision = begin(harness.runtime, start)
     if isinstance(decision, Refused):
-        raise ContractInvalid(decision.message)
+        raise ContractInvalid(sentence(decision.reason))
     mission_id: MissionId = decision.events[0].mission_id  # type: ignore[union-attr]
     mission = harness.supervisor.run(mission_id, watch=Progress())
     return _outcome(harness, mission)
@@ -275,7 +276,7 @@ def stop(
             mission = harness.runtime.mission(MissionId(mission_id))
             decision = harness.runtime.submit(mission.mission_id, StopMission(actor=me(), reason=reason))
             if isinstance(decision, Refused):
-                raise ContractInvalid(decision.message)
+                raise ContractInvalid(sentence(decision.reason))
             mission = harness.supervisor.run(mission.mission_id, watch=Progress())
             outcome = mission_outcome(
                 mission, Histories(harness.runtime).of(mission.mission_id), harness.starts(mission.mission_id)
@@ -298,7 +299,7 @@ def withdraw(
         with running(settings(data_folder=data, speed=0.0)) as harness:
             decision = harness.runtime.submit(MissionId(mission_id), WithdrawMission(actor=me(), reason=reason))
             if isinstance(decision, Refused):
-                raise ContractInvalid(decision.message)
+                raise ContractInvalid(sentence(decision.reason))
             outcome = _outcome(harness, harness.runtime.mission(MissionId(mission_id)))
     show(outcome, as_json=as_json, lines=_summary(outcome))
 
@@ -320,7 +321,7 @@ def dispute(
             asked = DisputeCompletion(condition_id=ConditionId(condition), actor=me(), reason=reason)
             decision = harness.runtime.submit(MissionId(mission_id), asked)
             if isinstance(decision, Refused):
-                raise UnknownName(decision.message, do="see `regen mission events` for what was accepted")
+                raise UnknownName(sentence(decision.reason), do="see `regen mission events` for what was accepted")
             outcome = _outcome(harness, harness.runtime.mission(MissionId(mission_id)))
     line = f"{condition} of {mission_id} is disputed: {reason}"
     show(outcome, as_json=as_json, lines=[line])

@@ -8,7 +8,7 @@ import msgspec
 
 from app.views.forms import Choice
 from app.views.review_rows import Component, component_rows
-from app.views.saying import said, word
+from app.views.saying import reasoned, said, word
 from app.views.shell import Shell
 from harness.contracts.configuration import Configuration, RecoveryAction
 from harness.contracts.fields import Field, fields
@@ -90,7 +90,7 @@ def editor_page(
     shell: Shell, current: Configuration, typed: Mapping[str, str], *, by_text: bool, found: Found
 ) -> EditorPage:
     chosen = typed.get("metric", "recovery_cost")
-    wrong = {_field_path(one.path): one.message for one in found.refusals}
+    wrong = {_field_path(one.path): reasoned(one.reason) for one in found.refusals}
     return EditorPage(
         shell=shell,
         baseline=current.configuration_id,
@@ -106,7 +106,7 @@ def editor_page(
         intended=typed.get("intended_effect", ""),
         supersedes=typed.get("supersedes", ""),
         errors=tuple(found.errors),
-        broken=tuple(Broken(one.rule, one.path, one.message, one.old, one.new) for one in found.refusals),
+        broken=tuple(Broken(one.rule, one.path, reasoned(one.reason), one.old, one.new) for one in found.refusals),
         changes=component_rows(found.difference) if found.difference and not found.refusals else (),
     )
 

@@ -15,7 +15,7 @@ from harness.contracts.commands import (
 )
 from harness.contracts.configuration import RecoveryAction
 from harness.contracts.contexts import Context
-from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.handoff_commands import (
     AttestCondition,
     ChooseAction,
@@ -38,6 +38,7 @@ from harness.contracts.handoff_commands import (
 from harness.contracts.handoff_events import HandoffOpened
 from harness.contracts.ids import HandoffId, NodeId, handoff_stream, mission_stream, sha256
 from harness.contracts.proposals import RecoveryProposal
+from harness.contracts.reasons import because
 from harness.contracts.revision_commands import RecordAttestation
 from harness.contracts.values import encode
 from harness.gate.commit import Request
@@ -105,7 +106,7 @@ class Desk:
         """A person's word. What they saw must still hold after a fresh look (409 otherwise)."""
         handoff = self._runtime.handoff(command.handoff_id)
         if handoff.opened is None:
-            return Refused("not_open", "This handoff was never opened.")
+            return refused("not_open", because("handoff_never_opened"))
         mission = self._runtime.mission(handoff.opened.mission_id)
         match command:
             case DecideHandoff(decision="reject"):
@@ -141,7 +142,7 @@ class Desk:
                 return self._said(handoff, ExtendDeadline(actor=command.actor, reason=command.reason))
             case TakeOver():
                 if mission.status != "awaiting_human" or mission.handoff_id != handoff.handoff_id:
-                    return Refused("not_waiting", f"The mission is {mission.status}; it does not wait for this answer.")
+                    return refused("not_waiting", because("not_waiting_for_answer", status=mission.status))
                 taken = TakeControl(
                     actor=command.actor,
                     claim=command.claim,
@@ -157,11 +158,11 @@ class Desk:
         """The question is recalled and asked anew with another action: approved, if at all, on its own digest."""
         opened = handoff.opened
         if opened is None or command.cycle != handoff.cycle:
-            return Refused("wrong_cycle", f"The question changed: it is in cycle {handoff.cycle}, not {command.cycle}.")
+            return refused("wrong_cycle", cycle=handoff.cycle, shown_cycle=command.cycle)
         if command.action not in self._questions.choices(mission, opened.node_id):
-            return Refused("no_choice", f"{command.action} is no rung that this stage's ladder and budget still offer.")
+            return refused("no_choice", because("action_not_offered", action=command.action))
         if self._questions.proposal(mission, opened.node_id, command.action) is None:
-            return Refused("not_possible", f"Nobody can do {command.action} now.")
+            return refused("not_possible", because("action_not_possible", action=command.action))
         return self._asked_anew(mission, handoff, command, action=command.action)
 
     def _asked_anew(
@@ -169,7 +170,7 @@ class Desk:
     ) -> Decision[AnyEvent]:
         """Observe without motion and show the question as it stands now: a new cycle."""
         if handoff.opened is None:
-            return Refused("not_open", "This handoff was never opened.")
+            return refused("not_open", because("handoff_never_opened"))
         node_id = handoff.opened.node_id
         snapshot = self._questions.snapshot(mission, node_id)
         refreshed = RefreshHandoff(
@@ -201,7 +202,7 @@ class Desk:
             return settled
         action = _proposed(handoff)
         if self._questions.proposal(mission, opened.node_id, action) != opened.proposal:
-            return Refused("wrong_digest", "What would run now is not what you saw. Look again, then decide.")
+            return refused("wrong_digest", because("action_changed_now"))
         approval = Approval(handoff_id=handoff.handoff_id, command=approve)
         wish = self._questions.wish(mission, opened.node_id, action)
         return self._dispatcher.dispatch(mission, replace(wish, approval=approval))
@@ -291,7 +292,7 @@ class Desk:
         if not decision.events:
             return Accepted(())
         if mission.handoff_id != handoff.handoff_id:
-            return Refused("not_waiting", f"The mission is {mission.status}; it does not wait for this answer.")
+            return refused("not_waiting", because("not_waiting_for_answer", status=mission.status))
         return None
 
     def _said(
