@@ -23,6 +23,7 @@ from harness.contracts.handoff_events import HandoffEvent
 from harness.contracts.ids import Digest, HandoffId, MissionId, RobotId
 from harness.contracts.ports import StoredEvent
 from harness.contracts.protocol import PhysicalStart
+from harness.contracts.upcasting import name_of
 from harness.projections import alert_causes as causes
 from harness.projections.alerts import Alert
 from harness.runtime import Runtime
@@ -107,7 +108,7 @@ class AlertWatch:
         while fresh := self.runtime.log(self._position, BATCH):
             oldest_s = self.watched.clock() - OLD_S
             for stored in fresh:
-                if stored.recorded_s >= oldest_s and stored.kind in TELLING:
+                if stored.recorded_s >= oldest_s and name_of(stored.kind) in TELLING:
                     self._take(stored)
             self._position = fresh[-1].position
         for mission_id, about in tuple(self._unread.items()):

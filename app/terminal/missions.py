@@ -20,6 +20,7 @@ from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import ConditionId, MissionId, RobotId
 from harness.contracts.revision_commands import DisputeCompletion, WithdrawMission
+from harness.contracts.upcasting import name_of
 from harness.further import begin, offered
 from harness.projections.exploration import ExplorationDecision, decisions
 from harness.projections.mission import Mission
@@ -247,7 +248,7 @@ def events(mission_id: str, data: Data = DEFAULT_DATA, as_json: Json = False) ->
         {
             "position": event.position,
             "version": event.version,
-            "kind": event.kind,
+            "kind": name_of(event.kind),
             "mission_s": event.mission_s,
             "recorded_s": event.recorded_s,
             "body": msgspec.json.decode(event.body),
@@ -255,7 +256,7 @@ def events(mission_id: str, data: Data = DEFAULT_DATA, as_json: Json = False) ->
         for event in stored
     ]
     first_s = stored[0].mission_s
-    lines = [f"{e.position:>6}  {e.mission_s - first_s:>8.2f} s  {e.kind}" for e in stored]
+    lines = [f"{e.position:>6}  {e.mission_s - first_s:>8.2f} s  {name_of(e.kind)}" for e in stored]
     show({"mission_id": mission_id, "events": rows}, as_json=as_json, lines=lines)
 
 
