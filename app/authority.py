@@ -4,7 +4,7 @@ from app.accounts import Accounts
 from app.command_permissions import HARNESS_COMMANDS, PERMISSIONS, giver
 from app.permissions import permissions_of
 from harness.contracts.actors import Command
-from harness.contracts.decisions import Authority, Refused
+from harness.contracts.decisions import Authority, Refused, refused
 
 
 def authority(accounts: Accounts) -> Authority:
@@ -18,13 +18,13 @@ def authority(accounts: Accounts) -> Authority:
             return None
         needed = PERMISSIONS.get(type(command))
         if needed is None:
-            return Refused("no_permission_declared", f"Nobody has declared who may give {type(command).__name__}.")
+            return refused("no_permission_declared", command=type(command).__name__)
         actor = giver(command)
         if actor is None or actor.channel != "human":
             return None
         account = accounts.store.account(actor.name)
         if account is None or (not account.disabled and needed in permissions_of(account.roles)):
             return None
-        return Refused("role_revoked", f"{actor.name} may no longer decide this: their role was taken back.")
+        return refused("role_revoked", actor=actor.name)
 
     return still

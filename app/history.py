@@ -10,6 +10,7 @@ from harness.contracts.errors import UnknownName
 from harness.contracts.events import MissionEvent
 from harness.contracts.ids import MissionId
 from harness.contracts.ports import StoredEvent
+from harness.contracts.upcasting import name_of
 from harness.runtime import Runtime
 
 KEPT = 64
@@ -39,7 +40,7 @@ class Histories:
         return Entry(
             position=stored.position,
             version=stored.version,
-            kind=stored.kind,
+            kind=name_of(stored.kind),
             mission_s=stored.mission_s,
             recorded_s=stored.recorded_s,
             previous=stored.previous,

@@ -15,7 +15,7 @@ from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import CreateMission, MissionCommand, PauseMission, PersonCommand
 from harness.contracts.configuration import Configuration
 from harness.contracts.control import Autonomy
-from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.errors import ConfigurationMissing, UnknownName
 from harness.contracts.ids import (
     Digest,
@@ -44,6 +44,7 @@ from harness.contracts.ports import (
     StoredEvent,
 )
 from harness.contracts.protocol import InvocationReport, RobotStatus
+from harness.contracts.reasons import because
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.contracts.values import Value, encode
 from harness.gate.commit import CommandEnvelope, Gate
@@ -71,7 +72,7 @@ AnswerHandoff = Callable[[HandoffId, PersonCommand], Decision[AnyEvent]]
 
 def unsupervised(handoff_id: HandoffId, command: PersonCommand) -> Decision[AnyEvent]:
     """The answer where no supervisor runs."""
-    return Refused("no_supervisor", "No supervisor runs on this data folder, so nothing can be observed.")
+    return refused("no_supervisor", because("no_supervisor_observes"))
 
 
 class Live(Value):

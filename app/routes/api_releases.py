@@ -7,7 +7,7 @@ from pydantic import Field, StringConstraints
 from starlette.responses import JSONResponse, Response
 
 from app.console import ActorDep, ConsoleDep
-from app.errors import problem
+from app.reasons.rendering import sentence
 from app.routes import api_schemas as schemas
 from app.routes.api_words import (
     CHECKED,
@@ -106,7 +106,9 @@ def propose(console: ConsoleDep, actor: ActorDep, body: CandidateBody) -> Any:
     say = Say(actor, candidate.manifest.reason, f"propose:{candidate.candidate_id}")
     decision = desk.propose(candidate, say, supersedes=supersedes)
     if isinstance(decision, Refused):
-        return _refused(decision, [f"{one.rule}: {one.path}: {one.message}" for one in desk.refusals(candidate)])
+        return _refused(
+            decision, [f"{one.rule}: {one.path}: {sentence(one.reason)}" for one in desk.refusals(candidate)]
+        )
     return sheet(desk, candidate.candidate_id)
 
 
@@ -239,9 +241,7 @@ def _named(candidate: str) -> str:
 
 
 def _refused(decision: Refused, found: list[str]) -> Response:
-    return problem(
-        409, code=decision.rule, title="Refused", detail=decision.message, do="; ".join(found[:20]) or "see the message"
-    )
+    return refusal(decision, do="; ".join(found[:20]) or "see the message")
 
 
 def _difference(found: Difference) -> schemas.ConfigurationDifference:

@@ -8,9 +8,12 @@ from fastapi import Depends, Query, Request, Response
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 from app.errors import problem
+from app.languages import CHOICE
 from app.lists import Slice
+from app.reasons.rendering import sentence
 from app.routes.api_schemas import Problem
 from app.routes.listing import bookmark
+from harness.contracts import reasons
 from harness.contracts.control import Autonomy
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid
@@ -119,7 +122,13 @@ def _text(value: Any) -> str:
     raise NotImplementedError(f"{type(value).__name__} is no part of an answer")
 
 
-def refusal(decision: Refused) -> Response:
-    return problem(
-        409, code=decision.rule, title="Refused", detail=decision.message, do="look at it again, then decide"
-    )
+def in_words(reason: reasons.Reason) -> str:
+    """A reason as a sentence in the language of the caller."""
+    return sentence(reason, CHOICE.get().language)
+
+
+def refusal(decision: Refused, *, do: str = "look at it again, then decide") -> Response:
+    """A problem whose `code` and `rule` are the gate's rule; `reason` is code and facts, `detail` says it in words."""
+    detail = in_words(decision.reason)
+    more = {"rule": decision.rule, "reason": plain(decision.reason)}
+    return problem(409, code=decision.rule, title="Refused", detail=detail, do=do, more=more)

@@ -16,7 +16,7 @@ from app.views.robots import CameraView, RobotWord
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.decider import Codec
-from harness.contracts.decisions import Decision, Refused
+from harness.contracts.decisions import Decision, Refused, refused
 from harness.contracts.errors import UnknownName
 from harness.contracts.handoff_events import HandoffEvent, HandoffOpened
 from harness.contracts.ids import HandoffId, MissionId, RobotId, handoff_stream, sha256
@@ -93,7 +93,7 @@ def _unlike(console: Console, handoff_id: HandoffId, said: ApproveHandoffAct) ->
         return None
     body = _question(opened, mission)
     if sha256(body) != said.shown:
-        return Refused("unseen", "What stood on your screen is not what stands here now. Read it again, then decide.")
+        return refused("unseen")
     console.runtime.keep(body)
     return None
 

@@ -16,6 +16,7 @@ from app.views import handoff_list
 from app.views.handoff_list import HandoffsPage
 from app.views.listing import Sought
 from app.views.missions import Counted
+from app.views.saying import reasoned
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import UnknownName
@@ -76,7 +77,7 @@ def _route(word: str) -> Callable[..., Response]:
             return _again(console, actor, handoff_id, typed, refused=" ".join(one.text for one in said), status=422)
         decision = answered(console, actor, handoff_id, said)
         if isinstance(decision, Refused):
-            return _again(console, actor, handoff_id, typed, refused=decision.message, status=409)
+            return _again(console, actor, handoff_id, typed, refused=reasoned(decision.reason), status=409)
         return RedirectResponse(f"/handoffs/{handoff_id}", status_code=303)
 
     return act

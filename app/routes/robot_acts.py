@@ -4,13 +4,15 @@ from collections.abc import Callable
 
 from app.console import Console, Wheel
 from app.permissions import NotPermitted, Permission, Visitor
+from app.views.saying import reasoned, said
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import StopMission
 from harness.contracts.control import CONTROL, LEVELS, Autonomy, LimitAutonomy, Posture, SetAutonomy
-from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.errors import ContractInvalid, ProviderFailed
 from harness.contracts.ids import MissionId, RobotId
+from harness.contracts.reasons import because, recorded
 
 
 def stopped_all(console: Console, visitor: Visitor, reason: str) -> tuple[tuple[MissionId, ...], tuple[str, ...]]:
@@ -19,10 +21,10 @@ def stopped_all(console: Console, visitor: Visitor, reason: str) -> tuple[tuple[
     Robots outside every mission are stopped first: wheels are returned, and those on their way to a safe place stand.
     """
     asked, left = [], []
-    left += [f"{name}: {said}" for name, said in wheels_returned(console, visitor, reason)]
+    left += [said("{who}: {reason}", who=name, reason=why) for name, why in wheels_returned(console, visitor, reason)]
     for robot_id in on_their_way(console):
         stopped = retreat_stopped(console, visitor, robot_id, reason)
-        left += [f"{robot_id}: {stopped.message}"] if isinstance(stopped, Refused) else []
+        left += [said("{who}: {reason}", who=robot_id, reason=stopped.reason)] if isinstance(stopped, Refused) else []
     for mission in console.open_missions():
         if mission.replay or mission.status == "stopping":
             continue
@@ -30,7 +32,8 @@ def stopped_all(console: Console, visitor: Visitor, reason: str) -> tuple[tuple[
         if isinstance(decision, Accepted):
             asked.append(mission.mission_id)
         elif not console.runtime.mission(mission.mission_id).ended:
-            left.append(f"{mission.robot_id}, {mission.mission_id}: {decision.message}")
+            who = f"{mission.robot_id}, {mission.mission_id}"
+            left.append(said("{who}: {reason}", who=who, reason=decision.reason))
     return tuple(asked), tuple(left)
 
 
@@ -46,7 +49,7 @@ def wheels_returned(console: Console, visitor: Visitor, reason: str) -> list[tup
     for robot_id in console.control().wheels:
         decision = wheel_returned(console, visitor, robot_id, reason)
         if isinstance(decision, Refused):
-            left.append((robot_id, decision.message))
+            left.append((robot_id, reasoned(decision.reason)))
     return left
 
 
@@ -108,7 +111,11 @@ def all_made_safe(console: Console, visitor: Visitor, reason: str) -> tuple[str,
     """Send every connected robot to safety, each for itself; why it could not be done for some of them."""
     busy = on_their_way(console)
     made = [(name, made_safe(console, visitor, name, reason)) for name in console.fleet.names if name not in busy]
-    return tuple(f"{name}: {decision.message}" for name, decision in made if isinstance(decision, Refused))
+    return tuple(
+        said("{who}: {reason}", who=name, reason=decision.reason)
+        for name, decision in made
+        if isinstance(decision, Refused)
+    )
 
 
 def retreat_stopped(console: Console, visitor: Visitor, robot_id: RobotId, reason: str) -> Decision[AnyEvent]:
@@ -144,11 +151,11 @@ def signed(
     if visitor.robot_id not in ("", robot_id):
         raise NotPermitted(f"This token is for {visitor.robot_id}", where=f"token {visitor.name}", do="use another one")
     if wheel is None:
-        return Refused("no_supervisor", "No supervisor runs here, so no robot can be reached.")
+        return refused("no_supervisor", because("no_supervisor_here"))
     try:
         decision = act(wheel, actor)
     except ProviderFailed as error:
-        decision = Refused(error.code, error.what)
+        decision = refused(error.code, recorded(error.what))
     outcome = f"refused: {decision.rule}" if isinstance(decision, Refused) else "accepted"
     if robot_id in console.fleet.names:
         console.fleet.hear(robot_id)

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from app.alerts import Alerts
+from app.reasons.rendering import sentence
 from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show, table
 from app.terminal.missions import me
 from app.terminal.owner import owner_api
@@ -133,6 +134,6 @@ def _say(
             Alerts(runtime).one(alert_id)
             decision = runtime.decide([(alert_stream(alert_id), command)])
             if isinstance(decision, Refused):
-                raise HarnessError(decision.message, where=alert_id, do="see `regen alert list --all`")
+                raise HarnessError(sentence(decision.reason), where=alert_id, do="see `regen alert list --all`")
             found = vars(_row(runtime, alert_id))
     show(found, as_json=as_json, lines=[f"{alert_id} is {found['state']}: {found['title']}"])

@@ -8,6 +8,7 @@ import msgspec
 import typer
 
 from app.history import Histories
+from app.reasons.rendering import sentence
 from app.terminal.answers import DEFAULT_DATA, Data, Json, Progress, exit_code, settings, show, table
 from app.terminal.opening import running
 from app.terminal.owner import owner_api
@@ -19,6 +20,7 @@ from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import ConditionId, MissionId, RobotId
 from harness.contracts.revision_commands import DisputeCompletion, WithdrawMission
+from harness.contracts.upcasting import name_of
 from harness.further import begin, offered
 from harness.projections.exploration import ExplorationDecision, decisions
 from harness.projections.mission import Mission
@@ -88,7 +90,7 @@ def _run(
     )
     decision = begin(harness.runtime, start)
     if isinstance(decision, Refused):
-        raise ContractInvalid(decision.message)
+        raise ContractInvalid(sentence(decision.reason))
     mission_id: MissionId = decision.events[0].mission_id  # type: ignore[union-attr]
     mission = harness.supervisor.run(mission_id, watch=Progress())
     return _outcome(harness, mission)
@@ -247,7 +249,7 @@ def events(mission_id: str, data: Data = DEFAULT_DATA, as_json: Json = False) ->
         {
             "position": event.position,
             "version": event.version,
-            "kind": event.kind,
+            "kind": name_of(event.kind),
             "mission_s": event.mission_s,
             "recorded_s": event.recorded_s,
             "body": msgspec.json.decode(event.body),
@@ -255,7 +257,7 @@ def events(mission_id: str, data: Data = DEFAULT_DATA, as_json: Json = False) ->
         for event in stored
     ]
     first_s = stored[0].mission_s
-    lines = [f"{e.position:>6}  {e.mission_s - first_s:>8.2f} s  {e.kind}" for e in stored]
+    lines = [f"{e.position:>6}  {e.mission_s - first_s:>8.2f} s  {name_of(e.kind)}" for e in stored]
     show({"mission_id": mission_id, "events": rows}, as_json=as_json, lines=lines)
 
 
@@ -276,7 +278,7 @@ def stop(
             mission = harness.runtime.mission(MissionId(mission_id))
             decision = harness.runtime.submit(mission.mission_id, StopMission(actor=me(), reason=reason))
             if isinstance(decision, Refused):
-                raise ContractInvalid(decision.message)
+                raise ContractInvalid(sentence(decision.reason))
             mission = harness.supervisor.run(mission.mission_id, watch=Progress())
             outcome = mission_outcome(
                 mission, Histories(harness.runtime).of(mission.mission_id), harness.starts(mission.mission_id)
@@ -299,7 +301,7 @@ def withdraw(
         with running(settings(data_folder=data, speed=0.0)) as harness:
             decision = harness.runtime.submit(MissionId(mission_id), WithdrawMission(actor=me(), reason=reason))
             if isinstance(decision, Refused):
-                raise ContractInvalid(decision.message)
+                raise ContractInvalid(sentence(decision.reason))
             outcome = _outcome(harness, harness.runtime.mission(MissionId(mission_id)))
     show(outcome, as_json=as_json, lines=_summary(outcome))
 
@@ -321,7 +323,7 @@ def dispute(
             asked = DisputeCompletion(condition_id=ConditionId(condition), actor=me(), reason=reason)
             decision = harness.runtime.submit(MissionId(mission_id), asked)
             if isinstance(decision, Refused):
-                raise UnknownName(decision.message, do="see `regen mission events` for what was accepted")
+                raise UnknownName(sentence(decision.reason), do="see `regen mission events` for what was accepted")
             outcome = _outcome(harness, harness.runtime.mission(MissionId(mission_id)))
     line = f"{condition} of {mission_id} is disputed: {reason}"
     show(outcome, as_json=as_json, lines=[line])

@@ -19,6 +19,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from app.reasons.rendering import sentence
 from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show
 from app.terminal.missions import me
 from app.terminal.opening import deciding
@@ -159,7 +160,7 @@ def _recorded(how: How, word: Callable[[Desk], Accepted[Any] | Refused]) -> None
     with deciding(settings(data_folder=how.data)) as desk:
         decision = word(desk)
     if isinstance(decision, Refused):
-        raise ContractInvalid(f"{decision.message} ({decision.rule})", do="see `regen rsi show`")
+        raise ContractInvalid(f"{sentence(decision.reason)} ({decision.rule})", do="see `regen rsi show`")
 
 
 def _say(trial: Trial, word: str) -> Say:

@@ -18,6 +18,7 @@ from app.fleet import Fleet
 from app.issuer_setup import identity_provider
 from app.live import SignalBroker
 from app.main import bind, create_app, open_accounts, serve
+from app.reasons.rendering import sentence
 from app.scene import Scenes
 from app.settings import ConsoleSettings
 from app.starting import starting
@@ -147,7 +148,7 @@ def _begin(harness: Harness, template: str | None, *, seed: int, faults: Mapping
         )
         begun = begin(harness.runtime, start)
         if isinstance(begun, Refused):
-            raise ContractInvalid(begun.message)
+            raise ContractInvalid(sentence(begun.reason))
 
 
 def _faults(given: Sequence[str], fleet: Sequence[str]) -> dict[str, str]:

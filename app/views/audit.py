@@ -8,6 +8,7 @@ import msgspec
 from app.views.saying import listed
 from app.views.shell import Shell
 from harness.contracts.ports import Head, StoredEvent
+from harness.contracts.upcasting import name_of
 from harness.contracts.values import Count, Value
 
 
@@ -62,7 +63,7 @@ def deed(stored: StoredEvent) -> Deed:
     return Deed(
         position=stored.position,
         at_s=stored.recorded_s,
-        kind=stored.kind,
+        kind=name_of(stored.kind),
         stream=stored.stream,
         mission_id=name if family == "mission" else str(body.get("mission_id", "")),
         robot_id=str(body.get("robot_id", "")),

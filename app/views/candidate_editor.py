@@ -7,7 +7,7 @@ from typing import Any, get_args
 import msgspec
 
 from app.views.forms import Choice
-from app.views.saying import said, word
+from app.views.saying import reasoned, said, word
 from app.views.shell import Shell
 from harness.contracts.configuration import Configuration, RecoveryAction
 from harness.contracts.fields import Field, fields
@@ -78,7 +78,7 @@ def editor_page(
     shell: Shell, current: Configuration, typed: Mapping[str, str], *, by_text: bool, found: Found
 ) -> EditorPage:
     chosen = typed.get("metric", "recovery_cost")
-    wrong = {_field_path(one.path): one.message for one in found.refusals}
+    wrong = {_field_path(one.path): reasoned(one.reason) for one in found.refusals}
     return EditorPage(
         shell=shell,
         baseline=current.configuration_id,

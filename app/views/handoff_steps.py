@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.views.saying import said, word
+from app.views.saying import reasoned, said, word
 from harness.contracts.handoff_events import HandoffEvent
 from harness.contracts.read_models import HandoffItem
 from harness.projections.handoffs import Answer, Handoff
@@ -85,7 +85,7 @@ def _ended(handoff: Handoff, mission: Mission, taken: int | None) -> tuple[Step,
     who = _taken_up(answer, taken) if answer else handoff.outcome
     found = [Step(name=handoff.status, state="done", text=who or "nobody answered in time")]
     if acted is not None:
-        found.append(Step(name=word(acted.action), state="done" if acted.done else "bad", text=acted.reason))
+        found.append(Step(name=word(acted.action), state="done" if acted.done else "bad", text=reasoned(acted.reason)))
     found.append(
         Step(
             name="mission",

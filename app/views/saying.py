@@ -4,11 +4,14 @@ from collections.abc import Iterable
 from datetime import datetime
 from typing import Any, Self
 
+from app.reasons import rendering as reasons
+from harness.contracts.reasons import Reason
+
 
 class Said(str):
     """English text, made of a `message` with named holes and the `fields` that fill them; a str to everybody else.
 
-    A field may be Said itself, or an aware UTC datetime, which every language writes in its own way.
+    A field may be Said itself, a Reason, or an aware UTC datetime, which every language writes in its own way.
     """
 
     __slots__ = ("fields", "message")
@@ -26,6 +29,11 @@ def said(message: str, /, **fields: Any) -> str:
     return Said(message, fields)
 
 
+def reasoned(reason: Reason | str) -> str:
+    """A reason as text that a template can say in another language; what a person wrote stays as it is."""
+    return reason if isinstance(reason, str) else Said("{reason}", {"reason": reason})
+
+
 def listed(items: Iterable[Any]) -> str:
     """One after the other, as each language separates them; empty for nothing."""
     first, *rest = [*items] or [""]
@@ -33,7 +41,9 @@ def listed(items: Iterable[Any]) -> str:
 
 
 def english(value: Any) -> Any:
-    """A field as English text: instants to the second, everything else as it is."""
+    """A field as English text: instants to the second, reasons as sentences, everything else as it is."""
+    if isinstance(value, Reason):
+        return reasons.sentence(value)
     return value.strftime("%Y-%m-%d %H:%M:%S") if isinstance(value, datetime) else value
 
 

@@ -13,6 +13,7 @@ from harness.contracts.contexts import ContextRecord
 from harness.contracts.errors import HarnessError
 from harness.contracts.events import NodeCommitted
 from harness.contracts.evidence import EvidencePacket
+from harness.contracts.reasons import plain
 
 ACTING = {"navigate": "robot", "capture_panorama": "robot", "deliver_message": "outbox"}
 
@@ -82,7 +83,7 @@ def _false_rejections(mission: Played, books: Books) -> Iterator[str]:
             continue
         first_s = _first_s(books, event.node_id)
         if not truly_reached(effect, mission.truth, from_s=first_s, at_s=packet.collected_s):
-            yield f"{event.node_id}: {event.message}"
+            yield f"{event.node_id}: {plain(event.reason)}"
 
 
 def _duplicates(mission: Played) -> Iterator[str]:

@@ -31,6 +31,7 @@ from harness.contracts.errors import ProviderUnreachable
 from harness.contracts.ids import Digest, MissionId, RobotId
 from harness.contracts.ports import Batch, Head, Provider, Record, StoredEvent
 from harness.contracts.protocol import PhysicalStart
+from harness.contracts.reasons import plain
 from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import Moment
 from harness.planning.templates import by_name
@@ -146,7 +147,7 @@ def _begun(harness: Harness, plan: MissionPlan) -> MissionId:
     start = Start(actor=ASKING, robot_id=ROBOT, template=plan.template, seed=plan.seed % 2**31)
     decision = harness.runtime.start(start, template=template_of(harness, plan))
     if not isinstance(decision, Accepted):
-        raise RuntimeError(f"mission {plan.seed} was not created: {decision.message}")
+        raise RuntimeError(f"mission {plan.seed} was not created: {plain(decision.reason)}")
     return harness.runtime.missions()[0].mission_id
 
 

@@ -23,6 +23,7 @@ from harness.contracts.commands import ApproveHandoff, HandoffCommand, OpenHando
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.handoff_events import ProposedAction, Snapshot
 from harness.contracts.ids import Digest, HandoffId, MissionId, NodeId, ProviderId, RobotId, handoff_stream
+from harness.contracts.reasons import plain
 from harness.contracts.values import Value, digest
 from harness.gate.commit import CommandEnvelope, Gate
 from harness.runtime import Start
@@ -121,7 +122,7 @@ def _begun(harness: Harness, seed: int) -> MissionId:
     )
     decision = harness.runtime.start(start)
     if isinstance(decision, Refused):
-        raise RuntimeError(decision.message)
+        raise RuntimeError(plain(decision.reason))
     return harness.runtime.missions()[0].mission_id
 
 

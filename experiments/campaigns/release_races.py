@@ -20,6 +20,7 @@ from harness.baseline.load import baseline
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted
 from harness.contracts.ids import Digest, RobotId
+from harness.contracts.reasons import plain
 from harness.contracts.values import digest
 from harness.gate.commit import CommandEnvelope, Gate
 from rsi_reviews.commands import (
@@ -136,7 +137,7 @@ def _moved_once(gate: Gate, before: int, winners: list[int]) -> list[str]:
                 CommandEnvelope(POINTER, back, None),
             ]
         )
-        wrong += [] if isinstance(decided, Accepted) else [f"it could not be rolled back: {decided.message}"]
+        wrong += [] if isinstance(decided, Accepted) else [f"it could not be rolled back: {plain(decided.reason)}"]
     return wrong
 
 
@@ -272,4 +273,4 @@ def _pointer(gate: Gate) -> Pointer:
 
 def _taken(decision: Any) -> None:
     if not isinstance(decision, Accepted):
-        raise RuntimeError(f"{decision.rule}: {decision.message}")
+        raise RuntimeError(f"{decision.rule}: {plain(decision.reason)}")

@@ -35,6 +35,7 @@ from harness.contracts.ids import (
     request_id,
 )
 from harness.contracts.protocol import TERMINAL, Identity, StartRequest
+from harness.contracts.reasons import plain
 from harness.contracts.values import Value
 from harness.gate.commit import CommandEnvelope, Gate
 from harness.settings import ROBOT_COMMAND
@@ -92,7 +93,7 @@ class _Gate:
     def ask(self, command: LeaseCommand) -> None:
         decision: Accepted[Any] | Refused = self._gate.commit([CommandEnvelope(lease_stream(BASE), command, None)])
         if isinstance(decision, Refused):
-            raise RuntimeError(decision.message)
+            raise RuntimeError(plain(decision.reason))
 
     def take(self, owner: InvocationId, mission_id: MissionId) -> int:
         token: int = self._gate.state(lease_stream(BASE)).token + 1

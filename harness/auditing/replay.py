@@ -22,6 +22,7 @@ from harness.contracts.errors import ContractInvalid, LogDamaged
 from harness.contracts.events import ContractCompiled, MissionEvent
 from harness.contracts.ids import Digest, HandoffId, MissionId, ResourceId, StreamId, mission_stream, sha256
 from harness.contracts.ports import StoredEvent
+from harness.contracts.reasons import plain
 from harness.contracts.stored_commands import command_of
 from harness.contracts.values import Count, Moment, Value, digest, encode
 from harness.gate.decide import DECIDER
@@ -190,7 +191,7 @@ def _accepted(replay: _Replay, decision: Decision[Any], stored: StoredEvent) -> 
     match decision:
         case Refused():
             replay.differ(
-                stored, f"the gate accepted it; derived again it refuses: {decision.rule}, {decision.message}"
+                stored, f"the gate accepted it; derived again it refuses: {decision.rule}, {plain(decision.reason)}"
             )
             return []
         case Accepted():

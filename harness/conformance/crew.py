@@ -21,6 +21,7 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import MissionId, ProviderId, RobotId
 from harness.contracts.observations import Camera
 from harness.contracts.ports import Provider
+from harness.contracts.reasons import plain
 from harness.contracts.simulation import InProcessRobot, Simulator
 from harness.provider_protocol.operations import openapi, provider_operations
 from harness.recordings import write_recording
@@ -161,7 +162,7 @@ def _walked(path: Path, settings: HarnessSettings, simulator: Simulator) -> Path
     with simulated(settings, simulator=simulator, seed=settings.seed) as harness:
         started = harness.runtime.start(Start(actor=KIT, robot_id=RobotId(settings.robot_id), template="circuit"))
         if isinstance(started, Refused):
-            raise ContractInvalid(started.message)
+            raise ContractInvalid(plain(started.reason))
         mission = harness.supervisor.run(harness.runtime.missions()[0].mission_id)
         write_recording(harness.runtime, mission.mission_id, path)
     return path

@@ -3,6 +3,7 @@
 from harness.contracts.actors import Actor, Command
 from harness.contracts.configuration import RecoveryAction
 from harness.contracts.handoff_events import EscalationLevel, NoAnswer, Snapshot
+from harness.contracts.reasons import Reason
 from harness.contracts.values import Count, Name
 
 # asked of the gate, by the desk ---------------------------------------------------------------------------------------
@@ -78,7 +79,7 @@ class RecordNoAnswer(Command, tag=True):
     action: NoAnswer
     done: bool
     measured: dict[str, float]
-    reason: Name
+    reason: Reason
 
 
 HandoffTurn = (

@@ -16,6 +16,7 @@ from harness.contracts.errors import ContextOverflow, ProviderFailed, ProviderUn
 from harness.contracts.events import DispatchIntended, NodeCommitted
 from harness.contracts.ids import InvocationId, handoff_stream, mission_stream
 from harness.contracts.protocol import KEEPALIVE_LOST, TERMINAL, Identity, InvocationReport, StartRequest
+from harness.contracts.reasons import plain
 from harness.gate.commit import CommandEnvelope
 from harness.projections.mission import Invocation, Mission
 from harness.runtime import Live
@@ -68,7 +69,7 @@ class Attendant:
             report = self._report(mission, invocation)
             self._silent_since = None
             if isinstance(report, Refused):
-                withdraw(self._runtime, self._crew, mission, intent=invocation.intent, reason=report.message)
+                withdraw(self._runtime, self._crew, mission, intent=invocation.intent, reason=plain(report.reason))
                 return now_s
             self._publish(mission, report)
             if report.status in TERMINAL:

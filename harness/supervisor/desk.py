@@ -19,7 +19,7 @@ from harness.contracts.commands import (
 )
 from harness.contracts.configuration import RecoveryAction
 from harness.contracts.contexts import Context
-from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.handoff_commands import (
     ChooseAction,
     CloseQuestion,
@@ -33,6 +33,7 @@ from harness.contracts.handoff_commands import (
 from harness.contracts.handoff_events import HandoffOpened
 from harness.contracts.ids import HandoffId, handoff_stream, mission_stream, sha256
 from harness.contracts.proposals import RecoveryProposal
+from harness.contracts.reasons import because
 from harness.contracts.revision_commands import RecordAttestation
 from harness.contracts.values import encode
 from harness.gate.commit import CommandEnvelope
@@ -104,7 +105,7 @@ class Desk:
         handoff = self._runtime.handoff(handoff_id)
         opened = handoff.opened
         if opened is None:
-            return Refused("not_open", "This handoff was never opened.")
+            return refused("not_open", because("handoff_never_opened"))
         mission = self._runtime.mission(opened.mission_id)
         match command:
             case ApproveHandoff():
@@ -131,11 +132,11 @@ class Desk:
     ) -> Decision[AnyEvent]:
         """The question is recalled and asked anew with another action: approved, if at all, on its own digest."""
         if command.cycle != handoff.cycle:
-            return Refused("wrong_cycle", f"The question changed: it is in cycle {handoff.cycle}, not {command.cycle}.")
+            return refused("wrong_cycle", cycle=handoff.cycle, shown_cycle=command.cycle)
         if command.action not in self._questions.choices(mission, opened.node_id):
-            return Refused("no_choice", f"{command.action} is no rung that this stage's ladder and budget still offer.")
+            return refused("no_choice", because("action_not_offered", action=command.action))
         if self._questions.proposal(mission, opened.node_id, command.action) is None:
-            return Refused("not_possible", f"Nobody can do {command.action} now.")
+            return refused("not_possible", because("action_not_possible", action=command.action))
         return self._asked_anew(mission, handoff, opened, actor=command.actor, action=command.action)
 
     def _asked_anew(
@@ -167,7 +168,7 @@ class Desk:
         prepared = self._dispatcher.prepare(mission, attempt)
         same = self._questions.proposed(mission, attempt, prepared) == opened.proposal
         if isinstance(prepared, Refused) or not same:
-            changed = Refused("wrong_digest", "What would run now is not what you saw. Look again, then decide.")
+            changed = refused("wrong_digest", because("action_changed_now"))
             return self._refused(handoff, approve) or changed
         return self._dispatcher.commit(mission, attempt, prepared)
 
@@ -251,4 +252,4 @@ def _proposed(handoff: Handoff) -> RecoveryAction:
 
 
 def _not_waiting(mission: Mission) -> Refused:
-    return Refused("not_waiting", f"The mission is {mission.status}; it does not wait for this answer.")
+    return refused("not_waiting", because("not_waiting_for_answer", status=mission.status))

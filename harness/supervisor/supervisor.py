@@ -8,9 +8,10 @@ from threading import Event, RLock, Thread
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import EndMission, PersonCommand, StopMission
-from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.errors import HarnessError, StoreUnavailable, UnknownName
 from harness.contracts.ids import HandoffId, MissionId, ResourceId, RobotId
+from harness.contracts.reasons import because
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from harness.supervisor.agent_loop import AgentLoop
@@ -105,7 +106,7 @@ class Supervisor:
         """A person's answer, between two steps of the robot's loop; what it lets happen begins at once."""
         opened = self._runtime.handoff(handoff_id).opened
         if opened is None or opened.robot_id not in self._crews:
-            return Refused("no_robot", "The robot of this handoff is not connected, so nothing can be observed.")
+            return refused("no_robot", because("handoff_robot_away"))
         with self._turn_of(opened.robot_id):
             loop = self._loop(self._runtime.mission(opened.mission_id))
             decision = loop.desk.answer(handoff_id, command)
@@ -131,7 +132,7 @@ class Supervisor:
             raise UnknownName(f"{resource} was never leased", do="list the leases with `regen lease list`")
         robot_id = RobotId(resource.partition("/")[0])
         if robot_id not in self._crews:
-            return Refused("no_robot", "The robot of this lease is not connected, so nothing shows it at rest.")
+            return refused("no_robot", because("lease_robot_away"))
         with self._locks[robot_id]:
             return freed(self._runtime, self._crews[robot_id], FreeOrder(resource, actor, reason))
 

@@ -6,7 +6,7 @@ from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import AcquireLease, LeaseCommand, QuarantineLease, ReleaseLease
 from harness.contracts.control import CONTROL, OrderPosture, Posture, ReturnWheel, TakeWheel
-from harness.contracts.decisions import Accepted, Refused
+from harness.contracts.decisions import Accepted, Refused, refused
 from harness.contracts.errors import ProviderFailed, UnknownName
 from harness.contracts.ids import (
     InvocationId,
@@ -20,6 +20,7 @@ from harness.contracts.ids import (
 from harness.contracts.observations import AnySample
 from harness.contracts.ports import HandDriven
 from harness.contracts.protocol import DriveOrder, DriveReport, PostureOrder
+from harness.contracts.reasons import Reason, because
 from harness.contracts.retreat_events import StopRetreat
 from harness.gate.commit import CommandEnvelope
 from harness.projections.control import Control, Wheel
@@ -71,10 +72,10 @@ class HandWheel:
         """
         crew = self._crew(robot_id)
         if crew.hand is None:
-            return Refused("no_hand", f"{robot_id} cannot be driven by hand.")
+            return refused("no_hand", because("not_drivable", robot_id=robot_id))
         in_the_way = self._in_control(robot_id, actor)
         if in_the_way:
-            return Refused("mission_in_control", in_the_way)
+            return refused("mission_in_control", in_the_way)
         base = leased(robot_id, BASE)
         now = crew.clock.now()
         token = self._runtime.lease(base).token + 1
@@ -109,7 +110,7 @@ class HandWheel:
         """Brake, wait for the body to stand, then free the base; quarantined if nothing shows it at rest."""
         crew, wheel = self._crew(robot_id), self.holder(robot_id)
         if wheel is None:
-            return Refused("not_at_the_wheel", f"Nobody drives {robot_id} by hand.")
+            return refused("not_at_the_wheel", because("nobody_drives", robot_id=robot_id))
         rest = self._settled(crew, wheel) if crew.hand is not None else Rest(static=False, reason="", measured={})
         returned = ReturnWheel(
             robot_id=robot_id, session=wheel.session, actor=actor, reason=reason, measured=rest.measured
@@ -127,18 +128,20 @@ class HandWheel:
             requests.append(CommandEnvelope(lease_stream(lease.resource), end, robot_id))
         return self._runtime.commit(requests)
 
-    def rest(self, robot_id: RobotId, *, posture: Posture, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
+    def rest(
+        self, robot_id: RobotId, *, posture: Posture, actor: Actor, reason: Reason | str
+    ) -> Accepted[AnyEvent] | Refused:
         """Have a robot lie down or stand up, once no mission acts on it; one that is being stopped is waited for.
 
         Raises ProviderFailed as the robot does.
         """
         crew = self._crew(robot_id)
         if crew.hand is None:
-            return Refused("no_hand", f"{robot_id} cannot change its posture.")
+            return refused("no_hand", because("posture_fixed", robot_id=robot_id))
         acting = self._acting(crew)
         if acting is not None:
-            why = f"{acting.mission_id} is {acting.status.replace('_', ' ')}: stop or pause it first."
-            return Refused("mission_in_control", why)
+            acts = because("mission_acts", mission_id=acting.mission_id, status=acting.status)
+            return refused("mission_in_control", acts)
         base = leased(robot_id, BASE)
         token = self._runtime.lease(base).token + 1
         holder = RequestId(sha256(f"{robot_id}\n{posture}\n{token}".encode()))
@@ -165,8 +168,8 @@ class HandWheel:
         crew = self._crew(robot_id)
         acting = self._acting(crew)
         if acting is not None:
-            why = f"{acting.mission_id} is {acting.status.replace('_', ' ')}: stop or pause it first."
-            return Refused("mission_in_control", why)
+            acts = because("mission_acts", mission_id=acting.mission_id, status=acting.status)
+            return refused("mission_in_control", acts)
         base = self._runtime.lease(leased(robot_id, BASE))
         order = Order(task_id=MissionId(robot_id), attempt=base.token + 1, actor=actor, reason=reason)
         roles = Roles(runtime=self._runtime, crew=crew, senses=Senses(runtime=self._runtime, crew=crew))
@@ -175,9 +178,14 @@ class HandWheel:
             return self._runtime.commit(sending(planned))
         under_way = self._runtime.fold(CONTROL).retreating(robot_id)
         if under_way is not None:
-            return Refused("retreat_under_way", f"{robot_id} is on the way to {under_way.intent.place}.")
+            return refused(
+                "retreat_under_way", because("retreat_begun", robot_id=robot_id, place=under_way.intent.place)
+            )
         return self.rest(
-            robot_id, posture="lying", actor=actor, reason=f"{reason}. No retreat: {planned.message}"[:200]
+            robot_id,
+            posture="lying",
+            actor=actor,
+            reason=because("no_retreat_lies_down", reason=reason, why=planned.reason),
         )
 
     def stop_retreat(self, robot_id: RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
@@ -207,7 +215,7 @@ class HandWheel:
             if robot_id in self._crews:
                 self.give_back(robot_id, actor=SUPERVISOR, reason="the harness was started again")
 
-    def _in_control(self, robot_id: RobotId, actor: Actor) -> str:
+    def _in_control(self, robot_id: RobotId, actor: Actor) -> Reason | None:
         """What keeps people from driving: a mission that acts. One that this very person took over does not."""
         for mission in self._runtime.open_missions(robot_id):
             if mission.replay:
@@ -216,8 +224,8 @@ class HandWheel:
                 continue
             if mission.status == "paused" and mission.invocation is None:
                 continue
-            return f"{mission.mission_id} is {mission.status.replace('_', ' ')}: pause or stop it first."
-        return ""
+            return because("mission_in_control", mission_id=mission.mission_id, status=mission.status)
+        return None
 
     def _acting(self, crew: Crew) -> Mission | None:
         """The mission that may move this robot; one that is being stopped gets STOPPED_WITHIN_S to come to rest."""

@@ -17,6 +17,7 @@ from harness.contracts.configuration import Configuration, FailureClass, Recover
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import RobotId
+from harness.contracts.reasons import plain
 from harness.contracts.simulation import Simulator
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Name, Value
@@ -180,7 +181,7 @@ def _world(case: Case, configured: Configuration, simulator: Simulator) -> Itera
 def _started(harness: Harness, start: Start) -> Mission:
     decision = harness.runtime.start(start)
     if isinstance(decision, Refused):
-        raise ContractInvalid(f"The mission was refused: {decision.message}", where=start.template)
+        raise ContractInvalid(f"The mission was refused: {plain(decision.reason)}", where=start.template)
     return harness.runtime.missions()[0]
 
 

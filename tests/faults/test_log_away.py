@@ -158,7 +158,7 @@ def unanswered(store: AwayStore) -> Iterator[Waiting]:
         yield made.asked()
 
 
-@pytest.mark.parametrize("kind", ["HandoffExpired", "NoAnswerTaken"])
+@pytest.mark.parametrize("kind", ["HandoffExpired", "NoAnswerTaken@2"])
 @pytest.mark.parametrize("after", [False, True], ids=["not stored", "stored"])
 def test_what_is_done_without_an_answer_is_done_and_told_once_though_the_log_was_away(kind: str, after: bool) -> None:
     store = AwayStore()

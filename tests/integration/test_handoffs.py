@@ -71,7 +71,7 @@ def test_the_same_answer_again_is_the_same_receipt_and_another_names_who_decided
     assert isinstance(again, Accepted) and again.events == ()
     other = decide(waiting, "reject", key="key-2")
     assert isinstance(other, Refused) and other.rule == "decided"
-    assert OPERATOR.name in other.message
+    assert other.reason.facts["actor"] == OPERATOR.name
 
 
 @pytest.mark.parametrize(

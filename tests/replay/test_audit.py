@@ -18,6 +18,7 @@ from harness.contracts.handoff_commands import LookAgain
 from harness.contracts.ids import Digest, MissionId, StreamId, mission_stream
 from harness.contracts.ports import State, StoredEvent
 from harness.contracts.stored_commands import command_of
+from harness.contracts.upcasting import name_of
 from harness.projections.mission import Mission, all_required_committed
 from harness.settings import HarnessSettings
 from tests.builders.crews import Failing, Stage, only, staged, template
@@ -35,7 +36,7 @@ class Told:
         self.stage, self.mission_id = stage, mission_id
 
     def stored(self, kind: str, place: int = 0) -> StoredEvent:
-        return [event for event in self.stage.parts.store.read(0, 10_000) if event.kind == kind][place]
+        return [event for event in self.stage.parts.store.read(0, 10_000) if name_of(event.kind) == kind][place]
 
     def body(self, kind: str, place: int = 0) -> Body:
         found: Body = msgspec.json.decode(self.stored(kind, place).body)
