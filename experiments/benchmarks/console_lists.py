@@ -140,7 +140,7 @@ def _run(harness: Harness) -> Mission:
         Start(actor=Actor(name="bench", role="operator"), robot_id=RobotId("vbot-1"), template="warehouse-inspection")
     )
     if not isinstance(begun, Accepted):
-        raise SystemExit(f"the mission was refused: {begun.message}")
+        raise SystemExit(f"the mission was refused: {begun.rule}")
     created = next(event for event in begun.events if isinstance(event, MissionCreated))
     return harness.supervisor.run(created.mission_id)
 

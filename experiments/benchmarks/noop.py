@@ -250,7 +250,7 @@ class NoopHarness:
         start = Start(actor=OPERATOR, robot_id=robot_id, template="no-op")
         decision = self.runtime.start(start, template=shape or self._templates[robot_id])
         if isinstance(decision, Refused):
-            raise RuntimeError(f"the no-op mission was refused: {decision.message}")
+            raise RuntimeError(f"the no-op mission was refused: {decision.rule}")
         return next(event.mission_id for event in decision.events if isinstance(event, MissionCreated))
 
     def run(self, robot_id: RobotId) -> Mission:

@@ -80,7 +80,7 @@ def _lengthen(noop: NoopHarness, mission_id: MissionId) -> None:
         command = RaiseVeto(layer=LAYER, reason=f"number {mission.version}")
     decision = noop.runtime.submit(mission_id, command)
     if isinstance(decision, Refused):
-        raise RuntimeError(f"the mission could not be lengthened: {decision.message}")
+        raise RuntimeError(f"the mission could not be lengthened: {decision.rule}")
 
 
 def _reference(number: int) -> EvidenceReference:
