@@ -1,28 +1,33 @@
-"""MCAP files as a tape: every record is read once, with its checksums, before anything counts as recorded."""
+"""MCAP files, whole or cut, by the stream reader of mcap: all is read once, with its checksums, before it counts."""
 
-import struct
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from io import BytesIO
 from pathlib import Path
 from zlib import crc32
 
 from mcap import records
-from mcap.data_stream import ReadDataStream
-from mcap.opcode import Opcode
+from mcap.records import McapRecord
+from mcap.stream_reader import StreamReader
 
 from harness.adapters.providers.recording.packing import unpack, unpack_message
-from harness.adapters.providers.recording.tape import Block, Channel, Cursor, Raw, Short, in_time_order, reading
+from harness.adapters.providers.recording.raw_messages import (
+    RECORD_LIMIT,
+    Block,
+    Channel,
+    Cursor,
+    Raw,
+    Short,
+    in_time_order,
+    reading,
+)
 from harness.adapters.providers.recording.type_names import ros2_name
 from harness.contracts.errors import RecordingInvalid
 
 MAGIC = b"\x89MCAP0\r\n"
 RUN_BYTES = 1024 * 1024
-_HEAD = struct.Struct("<BQ")
-_MESSAGE = struct.Struct("<HIQQ")
-_LOOSE = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)
 
 
-class McapTape:
+class McapReader:
     """One MCAP file, or the splits of one recording in order. With `recover`, a cut file gives its whole part.
 
     `names` are the files to speak of where `paths` are unpacked copies.
@@ -61,7 +66,8 @@ class McapTape:
         with reading(self._names[block.file]), self._paths[block.file].open("rb") as file:
             file.seek(block.offset)
             body = unpack(file.read(block.length), packing=block.packing, size=block.unpacked)
-            return [raw for raw in _messages(body, table) if raw.channel.topic in topics]
+            found = (_raw(record, table) for record in _inside(body) if isinstance(record, records.Message))
+            return [raw for raw in found if raw.channel.topic in topics]
 
     def _refuse_or_note(self, scan: "_Scan", path: Path) -> None:
         readable = f"{scan.count} messages before that are whole"
@@ -82,6 +88,7 @@ class _Scan:
         self._number, self._table, self._blocks = number, table, blocks
         self._schemas: dict[int, records.Schema] = {}
         self._declared: int | None = None
+        self._summary_from = 0
         self._run: list[Raw] = []
         self._run_from = self._run_until = 0
         self._unguarded = 0
@@ -89,18 +96,14 @@ class _Scan:
 
     def read(self, cursor: Cursor) -> Iterator[Raw]:
         """All messages in file order; sets `cut` when the file ends early."""
+        stream = StreamReader(cursor, emit_chunks=True, validate_crcs=True, record_size_limit=RECORD_LIMIT)  # type: ignore[arg-type]
+        end = len(MAGIC)
         try:
-            crc = crc32(_opening(cursor))
-            opcode = 0
-            while opcode != Opcode.FOOTER:
-                start, head = cursor.at, cursor.take(_HEAD.size)
-                opcode, length = _HEAD.unpack(head)
-                body = cursor.take(length)
-                self._verify(opcode, head, body, crc)
-                crc = 0 if opcode == Opcode.DATA_END else crc32(body, crc32(head, crc))
-                yield from self._record(opcode, body, start)
-            if cursor.take(len(MAGIC)) != MAGIC:
-                raise ValueError("the closing mark of an MCAP file is wrong")
+            for record in stream.records:
+                start, end = end, cursor.at
+                if isinstance(record, records.Footer):
+                    self._check_summary(record, cursor.again(self._summary_from, end - 4))
+                yield from self._record(record, start, end)
             if self._declared is not None and self._declared != self.count:
                 raise ValueError(f"the file declares {self._declared} messages and holds {self.count}")
         except Short:
@@ -109,26 +112,16 @@ class _Scan:
         self._close_run()
         self.unchecked = self.unchecked or self._unguarded > 0
 
-    def _verify(self, opcode: int, head: bytes, body: bytes, crc: int) -> None:
-        """Section checksums: `crc` runs over the section before this record. 0 means that there is none."""
-        if opcode == Opcode.DATA_END:
-            (declared,) = struct.unpack_from("<I", body)
-            self._unguarded = 0 if declared else self._unguarded
-            section = "data"
-        elif opcode == Opcode.FOOTER:
-            (declared,) = struct.unpack_from("<I", body, 16)
-            crc, section = crc32(body[:16], crc32(head, crc)), "summary"
-        else:
-            return
-        if declared and declared != crc:
-            raise ValueError(f"the checksum of the {section} section is wrong")
+    def _check_summary(self, footer: records.Footer, body: bytes) -> None:
+        """The library checks the data section, not this one. A checksum of 0 means that there is none."""
+        if footer.summary_crc and footer.summary_crc != crc32(body):
+            raise ValueError("the checksum of the summary section is wrong")
 
-    def _record(self, opcode: int, body: bytes, start: int) -> Iterator[Raw]:
-        """One top-level record that begins at byte `start`."""
-        if opcode in _LOOSE:
-            self._run_from = self._run_from or start
-            self._run_until = start + _HEAD.size + len(body)
-            for raw in self._known(_one(opcode, body, self._table, self._learn)):
+    def _record(self, record: McapRecord, start: int, end: int) -> Iterator[Raw]:
+        """One top-level record between two bytes of the file. What the summary repeats is known already."""
+        if isinstance(record, records.Schema | records.Channel | records.Message) and not self._summary_from:
+            self._run_from, self._run_until = self._run_from or start, end
+            for raw in self._known(record):
                 self._unguarded += 1
                 self._run.append(raw._replace(body=b""))
                 yield raw
@@ -136,19 +129,24 @@ class _Scan:
                 self._close_run()
             return
         self._close_run()
-        if opcode == Opcode.CHUNK:
-            yield from self._chunk(records.Chunk.read(_stream(body)), start + _HEAD.size + len(body))
-        elif opcode == Opcode.METADATA:
-            record = records.Metadata.read(_stream(body))
-            self.metadata[record.name] = record.metadata
-        elif opcode == Opcode.STATISTICS:
-            self._declared = records.Statistics.read(_stream(body)).message_count
+        match record:
+            case records.Chunk():
+                yield from self._chunk(record, end)
+            case records.Metadata():
+                self.metadata[record.name] = record.metadata
+            case records.Statistics():
+                self._declared = record.message_count
+            case records.DataEnd():
+                self._unguarded = 0 if record.data_section_crc else self._unguarded
+                self._summary_from = end
+            case _:
+                pass
 
     def _chunk(self, chunk: records.Chunk, end: int) -> Iterator[Raw]:
         body = unpack(chunk.data, packing=chunk.compression, size=chunk.uncompressed_size)
         if chunk.uncompressed_crc and crc32(body) != chunk.uncompressed_crc:
             raise ValueError("the checksum of a block is wrong")
-        messages = list(self._known(_messages(body, self._table, self._learn)))
+        messages = [raw for record in _inside(body) for raw in self._known(record)]
         if not chunk.uncompressed_crc:
             self._unguarded += len(messages)
         if messages:
@@ -179,61 +177,43 @@ class _Scan:
         found = frozenset(channels)
         return self._sets.setdefault(found, found)
 
-    def _known(self, messages: Iterator[Raw]) -> Iterator[Raw]:
-        for raw in messages:
-            self.count += 1
-            yield raw
+    def _known(self, record: McapRecord) -> Iterator[Raw]:
+        """The message that a record is, if it is one; schemas and channels are learnt."""
+        match record:
+            case records.Message():
+                self.count += 1
+                yield _raw(record, self._table)
+            case records.Schema():
+                self._schemas[record.id] = record
+            case records.Channel():
+                self._table[record.id] = self._channel(record)
+            case _:
+                pass
 
-    def _learn(self, opcode: int, body: bytes) -> None:
-        if opcode == Opcode.SCHEMA:
-            schema = records.Schema.read(_stream(body))
-            self._schemas[schema.id] = schema
-        elif opcode == Opcode.CHANNEL:
-            channel = records.Channel.read(_stream(body))
-            schema = self._schemas.get(channel.schema_id)
-            if schema is None and channel.schema_id != 0:
-                raise ValueError(f"topic {channel.topic} has schema {channel.schema_id}, which is not defined")
-            self._table[channel.id] = Channel(
-                topic=channel.topic,
-                type=ros2_name(schema.name) if schema else "",
-                encoding=channel.message_encoding,
-                schema_encoding=schema.encoding if schema else "",
-                definition=schema.data.decode() if schema else "",
-            )
-
-
-def _opening(cursor: Cursor) -> bytes:
-    magic = cursor.take(len(MAGIC))
-    if magic != MAGIC:
-        raise ValueError("it does not begin like an MCAP file")
-    return magic
+    def _channel(self, channel: records.Channel) -> Channel:
+        schema = self._schemas.get(channel.schema_id)
+        if schema is None and channel.schema_id != 0:
+            raise ValueError(f"topic {channel.topic} has schema {channel.schema_id}, which is not defined")
+        return Channel(
+            topic=channel.topic,
+            type=ros2_name(schema.name) if schema else "",
+            encoding=channel.message_encoding,
+            schema_encoding=schema.encoding if schema else "",
+            definition=schema.data.decode() if schema else "",
+        )
 
 
-def _ignore(opcode: int, body: bytes) -> None:
-    """Schemas and channels are known from the scan."""
+def _inside(body: bytes) -> Iterator[McapRecord]:
+    """The records of an unpacked block, or of a run of records outside blocks."""
+    cursor = Cursor(BytesIO(body))
+    try:
+        yield from StreamReader(cursor, skip_magic=True, record_size_limit=RECORD_LIMIT).records  # type: ignore[arg-type]
+    except Short:
+        if cursor.left:
+            raise ValueError("a record reaches beyond its block") from None
 
 
-def _messages(body: bytes, table: dict[int, Channel], learn: Callable[[int, bytes], None] = _ignore) -> Iterator[Raw]:
-    """The messages of an unpacked block."""
-    at = 0
-    while at < len(body):
-        opcode, length = _HEAD.unpack_from(body, at)
-        at += _HEAD.size
-        if at + length > len(body):
-            raise ValueError("a record reaches beyond its block")
-        yield from _one(opcode, body[at : at + length], table, learn)
-        at += length
-
-
-def _one(opcode: int, body: bytes, table: dict[int, Channel], learn: Callable[[int, bytes], None]) -> Iterator[Raw]:
-    if opcode == Opcode.MESSAGE:
-        number, _, log_ns, _ = _MESSAGE.unpack_from(body)
-        if number not in table:
-            raise ValueError(f"a message belongs to channel {number}, which the file does not declare")
-        yield Raw(log_ns, table[number], unpack_message(body[_MESSAGE.size :]))
-    else:
-        learn(opcode, body)
-
-
-def _stream(body: bytes) -> ReadDataStream:
-    return ReadDataStream(BytesIO(body))
+def _raw(message: records.Message, table: dict[int, Channel]) -> Raw:
+    if message.channel_id not in table:
+        raise ValueError(f"a message belongs to channel {message.channel_id}, which the file does not declare")
+    return Raw(message.log_time, table[message.channel_id], unpack_message(message.data))

@@ -1,22 +1,22 @@
-"""ROS 1 bags (format 2.0) as a tape. The format has no checksums of its own: structure and index are compared."""
+"""ROS 1 bags (format 2.0), whole or cut, by rosbags' records. Without checksums: structure and index are compared."""
 
 import struct
 from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
+from typing import Any
+
+from rosbags.rosbag1.reader import Header, RecordType, read_bytes, read_uint32
 
 from harness.adapters.providers.recording.packing import unpack
-from harness.adapters.providers.recording.tape import Block, Channel, Cursor, Raw, Short, in_time_order, reading
+from harness.adapters.providers.recording.raw_messages import Block, Channel, Cursor, Raw, Short, in_time_order, reading
 from harness.adapters.providers.recording.type_names import ros2_name
 from harness.contracts.errors import RecordingInvalid
 
 MAGIC = b"#ROSBAG V2.0\n"
-_MESSAGE, _BAG_HEADER, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 5, 6, 7
-_LENGTH = struct.Struct("<I")
-_TIME = struct.Struct("<II")
-_Fields = dict[bytes, bytes]
 
 
-class BagTape:
+class BagReader:
     """One .bag file. With `recover`, a cut or unindexed bag gives its whole part."""
 
     def __init__(self, path: Path, *, recover: bool = False) -> None:
@@ -36,8 +36,8 @@ class BagTape:
                 try:
                     self._opening(cursor)
                     while cursor.left:
-                        fields, body = _record(cursor)
-                        yield from self._read(fields, body, cursor.at)
+                        header, body = _record(cursor)
+                        yield from self._read(header, body, cursor.at)
                 except Short:
                     self.cut = f"The bag is truncated: it ends at byte {cursor.at + cursor.left} inside a record"
                 self._close()
@@ -54,11 +54,11 @@ class BagTape:
             return [raw for raw in self._messages(body) if raw.channel.topic in topics]
 
     def _opening(self, cursor: Cursor) -> None:
-        if cursor.take(len(MAGIC)) != MAGIC:
+        if cursor.read(len(MAGIC)) != MAGIC:
             raise ValueError("it is no bag of format 2.0")
-        fields, _ = _record(cursor)
-        self._declared_chunks = _uint(fields, b"chunk_count")
-        if struct.unpack("<Q", _field(fields, b"index_pos"))[0] == 0:
+        header, _ = _record(cursor)
+        self._declared_chunks = header.get_uint32("chunk_count")
+        if header.get_uint64("index_pos") == 0:
             self.cut = "The bag has no index: its recorder was cut off"
 
     def _close(self) -> None:
@@ -76,10 +76,10 @@ class BagTape:
             )
         self.cut = self.cut and f"{self.cut}; {self._count} messages before that are whole"
 
-    def _read(self, fields: _Fields, body: bytes, end: int) -> Iterator[Raw]:
-        match _field(fields, b"op")[0]:
-            case op if op == _CHUNK:
-                packing, size = _field(fields, b"compression").decode(), _uint(fields, b"size")
+    def _read(self, header: Header, body: bytes, end: int) -> Iterator[Raw]:
+        match header.get_uint8("op"):
+            case RecordType.CHUNK:
+                packing, size = header.get_string("compression"), header.get_uint32("size")
                 unpacked = unpack(body, packing=packing, size=size)
                 messages = list(self._messages(unpacked))
                 self._chunks += 1
@@ -98,68 +98,43 @@ class BagTape:
                         )
                     )
                 yield from messages
-            case op if op == _CONNECTION:
-                self._learn(fields, body)
-            case op if op == _CHUNK_INFO:
+            case RecordType.CONNECTION:
+                self._learn(header, body)
+            case RecordType.CHUNK_INFO:
                 self._indexed += sum(count for _, count in struct.iter_unpack("<II", body))
             case _:
                 pass
 
     def _messages(self, body: bytes) -> Iterator[Raw]:
-        at = 0
-        while at < len(body):
-            head, at = _slice(body, at)
-            content, at = _slice(body, at)
-            fields = _fields(head)
-            op = _field(fields, b"op")[0]
-            if op == _CONNECTION:
-                self._learn(fields, content)
-            elif op == _MESSAGE:
-                number = _uint(fields, b"conn")
-                if number not in self._table:
-                    raise ValueError(f"a message belongs to connection {number}, which the bag does not declare")
-                seconds, nanoseconds = _TIME.unpack(_field(fields, b"time"))
-                yield Raw(seconds * 10**9 + nanoseconds, self._table[number], content)
+        cursor = Cursor(BytesIO(body))
+        while cursor.left:
+            try:
+                header, content = _record(cursor)
+            except Short:
+                raise ValueError("a record reaches beyond its block") from None
+            match header.get_uint8("op"):
+                case RecordType.CONNECTION:
+                    self._learn(header, content)
+                case RecordType.MSGDATA:
+                    number = header.get_uint32("conn")
+                    if number not in self._table:
+                        raise ValueError(f"a message belongs to connection {number}, which the bag does not declare")
+                    yield Raw(header.get_time("time"), self._table[number], content)
+                case _:
+                    pass
 
-    def _learn(self, fields: _Fields, body: bytes) -> None:
-        described = _fields(body)
-        self._table[_uint(fields, b"conn")] = Channel(
-            topic=_field(fields, b"topic").decode(),
-            type=ros2_name(_field(described, b"type").decode()),
+    def _learn(self, header: Header, body: bytes) -> None:
+        described = Header.read(BytesIO(struct.pack("<I", len(body)) + body))
+        self._table[header.get_uint32("conn")] = Channel(
+            topic=header.get_string("topic"),
+            type=ros2_name(described.get_string("type")),
             encoding="ros1",
             schema_encoding="ros1msg",
-            definition=described.get(b"message_definition", b"").decode(),
+            definition=described.get_string("message_definition") if "message_definition" in described else "",
         )
 
 
-def _record(cursor: Cursor) -> tuple[_Fields, bytes]:
-    head = cursor.take(_LENGTH.unpack(cursor.take(_LENGTH.size))[0])
-    return _fields(head), cursor.take(_LENGTH.unpack(cursor.take(_LENGTH.size))[0])
-
-
-def _slice(body: bytes, at: int) -> tuple[bytes, int]:
-    (length,) = _LENGTH.unpack_from(body, at)
-    end = at + _LENGTH.size + length
-    if end > len(body):
-        raise ValueError("a record reaches beyond its block")
-    return body[at + _LENGTH.size : end], end
-
-
-def _fields(head: bytes) -> _Fields:
-    fields: _Fields = {}
-    at = 0
-    while at < len(head):
-        field, at = _slice(head, at)
-        name, _, value = field.partition(b"=")
-        fields[name] = value
-    return fields
-
-
-def _field(fields: _Fields, name: bytes) -> bytes:
-    if name not in fields:
-        raise ValueError(f"a record lacks its field {name.decode()}")
-    return fields[name]
-
-
-def _uint(fields: _Fields, name: bytes) -> int:
-    return int(_LENGTH.unpack(_field(fields, name))[0])
+def _record(cursor: Cursor) -> tuple[Header, bytes]:
+    """The next record's header and body. Raises Short where the file or the block ends inside it."""
+    file: Any = cursor
+    return Header.read(file), read_bytes(file, read_uint32(file))

@@ -45,8 +45,8 @@ class Block(NamedTuple):
     channels: frozenset[Channel]
 
 
-class Tape(Protocol):
-    """A container of recorded messages. `scan` must be read to its end before anything else is asked.
+class MessageReader(Protocol):
+    """Reads a container of recorded messages. `scan` must be read to its end before anything else is asked.
 
     `channels` lists every declared stream; `checks` says what guards the bytes; `cut` says what a recovered file
     lacks, "" for a whole one; `metadata` holds the container's own named records.
@@ -69,7 +69,7 @@ class Short(Exception):
 
 
 class Cursor:
-    """Reads a file forward, never past its end, never more than the limit at once."""
+    """Reads a file forward for a format library, never past its end, never more than the limit at once."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
@@ -80,7 +80,7 @@ class Cursor:
     def left(self) -> int:
         return self._size - self.at
 
-    def take(self, length: int) -> bytes:
+    def read(self, length: int) -> bytes:
         """Exactly `length` bytes; raises Short at the end of the file and ValueError beyond the limit."""
         if length > self.left:
             raise Short
@@ -90,10 +90,12 @@ class Cursor:
         self.at += length
         return body
 
-    def skip(self, length: int) -> None:
-        if length > self.left:
-            raise Short
-        self.at = self._file.seek(self.at + length)
+    def again(self, start: int, end: int) -> bytes:
+        """What stands between two places that were read already."""
+        self._file.seek(start)
+        body = self._file.read(end - start)
+        self._file.seek(self.at)
+        return body
 
 
 @contextmanager

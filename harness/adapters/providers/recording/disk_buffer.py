@@ -8,8 +8,8 @@ from harness.contracts.errors import BlobDamaged
 from harness.contracts.ids import Digest, sha256
 
 
-class Spill:
-    """A blob store that lives as long as this object. Implements the BlobStore port."""
+class DiskBuffer:
+    """A blob store on disk that lives as long as this object. Implements the BlobStore port."""
 
     def __init__(self) -> None:
         self._file = tempfile.TemporaryFile(prefix="regen-replay-")  # noqa: SIM115 - closed by the finaliser
