@@ -119,7 +119,7 @@ def plain(value: Any) -> Any:
 def _text(value: Any) -> str:
     if isinstance(value, str):
         return str(value)
-    raise NotImplementedError(f"{type(value).__name__} is no part of an answer")
+    raise TypeError(f"{type(value).__name__} is no part of an answer")
 
 
 def in_words(reason: reasons.Reason) -> str:

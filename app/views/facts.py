@@ -4,13 +4,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from app.views.evidence import PacketView, packet_view
-from app.views.measures import ConditionRow
 from app.views.shell import Shell
 from app.views.timeline import Entry
 from harness.contracts.errors import UnknownName
 from harness.contracts.events import NodeCommitted, PacketRetained
 from harness.contracts.evidence import CommittedFact
 from harness.contracts.ids import Digest
+from harness.contracts.verdicts import ConditionResult
 from harness.projections.mission import Mission
 
 
@@ -22,7 +22,7 @@ class FactPage:
     mission_id: str
     fact: CommittedFact
     disputed: bool
-    condition: ConditionRow | None
+    condition: ConditionResult | None
     packet: PacketView
     packet_event: int
     gate_event: int
@@ -54,12 +54,13 @@ def fact_page(
             f"Packet {packet_id} led to no accepted fact {condition_id}", do="choose one from the mission's facts"
         )
     packet = packet_view(mission.mission_id, kept.event.packet, entries, check=check)
+    results = packet.verdict.results if packet.verdict else ()
     return FactPage(
         shell=shell,
         mission_id=mission.mission_id,
         fact=fact,
         disputed=fact in mission.disputed,
-        condition=next((one for one in packet.conditions if one.result.condition_id == condition_id), None),
+        condition=next((one for one in results if one.condition_id == condition_id), None),
         packet=packet,
         packet_event=kept.position,
         gate_event=gate.position,

@@ -123,7 +123,7 @@ def circuit() -> TaskContract:
 def plot(contract: TaskContract, readings: Readings, name: str, t: float) -> tuple[str, int]:
     """(value at the cursor, number of lines) of one plot."""
     cursor = cursor_of(HISTORY, at=None, t=t, now_s=0.0)
-    found = next(one for one in plots(contract, HISTORY, readings, cursor) if one.name == name)
+    found = next(one for one in plots(contract, HISTORY, readings, cursor) if one.quantity.name == name)
     return found.value, len(found.lines)
 
 
@@ -155,9 +155,11 @@ def test_a_line_breaks_where_nothing_was_measured(circuit: TaskContract) -> None
 def test_a_plot_without_readings_says_so_and_keeps_its_place(circuit: TaskContract) -> None:
     cursor = cursor_of(HISTORY, at=None, t=None, now_s=0.0)
     drawn = plots(circuit, HISTORY, Readings(), cursor)
-    assert [one.name for one in drawn] == ["speed", "distance", "progress", "charge", "spent"]
+    assert [one.quantity.name for one in drawn] == ["speed", "distance", "progress", "charge", "spent"]
     assert drawn[0].blank == "no odometry reading yet"
-    assert [one.name for one in plots(None, HISTORY, Readings(), cursor)] == [one.name for one in drawn]
+    assert [one.quantity.name for one in plots(None, HISTORY, Readings(), cursor)] == [
+        one.quantity.name for one in drawn
+    ]
 
 
 def test_a_series_has_no_value_before_its_first_reading() -> None:
