@@ -33,7 +33,9 @@ class Deed:
 
 @dataclass(frozen=True)
 class AuditPage:
-    """Newest first, below `before`. `verified` is empty unless it was asked for; `damage` says what does not verify."""
+    """Newest first, below `before`. `verified` is empty unless it was asked for; `damage` says what does not verify,
+    `note` what else an auditor must know.
+    """
 
     shell: Shell
     position: int
@@ -46,6 +48,7 @@ class AuditPage:
     older: int
     verified: str
     damage: str
+    note: str
     keeps_trail: bool
 
 
@@ -94,10 +97,11 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Sum:
-    """What a recomputed chain said: one of the two is empty."""
+    """What a recomputed chain said: one of the two is empty. `note`: what an auditor must know beside it."""
 
     verified: str = ""
     damage: str = ""
+    note: str = ""
 
 
 def deed(stored: StoredEvent) -> Deed:
@@ -136,5 +140,6 @@ def audit_page(
         older=scanned_from if scanned_from > 1 else 0,
         verified=found.verified,
         damage=found.damage,
+        note=found.note,
         keeps_trail=keeps_trail,
     )
