@@ -17,6 +17,7 @@ from harness.contracts.decisions import Refused
 from harness.contracts.errors import HarnessError
 from harness.contracts.ids import Digest, InvocationId, MissionId, ResourceId, RobotId, StreamId, lease_stream, leased
 from harness.contracts.protocol import PhysicalStart
+from harness.contracts.stored_commands import without_command
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Value
 from harness.projections.mission import Mission
@@ -157,7 +158,7 @@ def account_of(
     runtime = harness.runtime
     mission, wanted = runtime.mission(mission_id), yardstick(case.situation)
     log = tuple(
-        Happened(stream=one.stream, kind=one.kind, mission_s=one.mission_s, body=one.body)
+        Happened(stream=one.stream, kind=one.kind, mission_s=one.mission_s, body=without_command(one.body))
         for one in runtime.log(after, limit=EVERYTHING)
     )
     return Account(
