@@ -11,6 +11,7 @@ from app.security import VisitorDep
 from app.views.audit import AccessPage, AuditPage, Deed, Sum, TrailRow, Wanted, deed
 from app.views.saying import said
 from harness.contracts.errors import LogDamaged
+from harness.contracts.stored_commands import command_of
 
 router = APIRouter(prefix="/audit")
 SHOWN, WINDOW, SCANNED = 50, 500, 5000
@@ -100,7 +101,25 @@ def _log_sum(console: Console) -> Sum:
     return Sum(
         verified=said(
             "Every hash of the log and of its records was computed again: {count} events, intact.", count=head.position
-        )
+        ),
+        note=_before_commands(console),
+    )
+
+
+def _before_commands(console: Console) -> str:
+    """What an auditor must know of a log that began before commands were stored; empty for any other."""
+    upto = 0
+    while events := console.runtime.log(upto, WINDOW):
+        first = next((one.position for one in events if command_of(one) is not None), None)
+        upto = events[-1].position if first is None else first - 1
+        if first is not None:
+            break
+    if not upto:
+        return ""
+    return said(
+        "The first {count} events are a log from before commands were stored: replay uses commands reconstructed "
+        "from events there.",
+        count=upto,
     )
 
 

@@ -49,10 +49,11 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Sum:
-    """What a recomputed chain said: one of the two is empty."""
+    """What a recomputed chain said: one of the two is empty. `note`: what an auditor must know beside it."""
 
     verified: str = ""
     damage: str = ""
+    note: str = ""
 
 
 def deed(stored: StoredEvent) -> Deed:

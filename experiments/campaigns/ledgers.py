@@ -41,6 +41,7 @@ from harness.contracts.revision_events import (
     ConstraintsTightened,
     GraphRevised,
 )
+from harness.contracts.stored_commands import without_command
 from harness.contracts.tasks import Node, TaskContract
 
 LEASES = "lease/"
@@ -81,7 +82,7 @@ def read_books(log: Sequence[StoredEvent], commits: Sequence[tuple[int, int]]) -
         together = []
         for stored in log[low:high]:
             try:
-                together.append((stored.stream, _DECODER.decode(stored.body)))
+                together.append((stored.stream, _DECODER.decode(without_command(stored.body))))
             except msgspec.MsgspecError as error:
                 books.breaches.append(f"{stored.kind} in the log cannot be read: {error}")
         for stream, event in together:
@@ -265,7 +266,7 @@ def exclusive_leases(log: Sequence[StoredEvent]) -> Iterator[str]:
     leases = _Leases()
     for stored in log:
         if stored.stream.startswith(LEASES):
-            event = _DECODER.decode(stored.body)
+            event = _DECODER.decode(without_command(stored.body))
             if isinstance(event, LeaseAcquired | LeaseReleased | LeaseQuarantined | LeaseFreed):
                 yield from leases.fold(stored.stream, event)
 

@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
-from harness.auditing import legacy
+from harness.auditing import legacy, legacy_neighbours
 from harness.auditing.commands import CommandUnreadable, command_at, tokens_in
 from harness.auditing.roles import Roles
 from harness.contracts.commands import HandoffCommand, LeaseCommand, MissionCommand
@@ -206,7 +206,7 @@ def _leases(replay: _Replay, stream: StreamId, mission_id: MissionId) -> int:
         after, one = LEASE.apply(lease, event), stored[index]
         if after.mission_id == mission_id:
             said, command = replay.command(stored[index:], LeaseCommand)
-            command = command if said else legacy.asked_of_lease(event)
+            command = command if said else legacy_neighbours.asked_of_lease(event)
             decisions += 1
             now = Moment(mission_s=one.mission_s, wall_s=one.recorded_s)
             if command is not None:
@@ -230,7 +230,7 @@ def _handoff(replay: _Replay, stream: StreamId, mission_id: MissionId) -> int:
         said, command = replay.command(stored[index:], HandoffCommand, tokens)
         wall_s: float | None = one.recorded_s
         if not said:
-            command, wall_s = legacy.asked_of_handoff(handoff, event) or (None, None)
+            command, wall_s = legacy_neighbours.asked_of_handoff(handoff, event) or (None, None)
         decisions += 1
         now = Moment(mission_s=one.mission_s, wall_s=one.recorded_s if wall_s is None else wall_s)
         if command is not None:

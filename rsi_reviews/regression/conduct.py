@@ -19,6 +19,7 @@ from harness.contracts.ids import Digest, InvocationId, MissionId, ResourceId, R
 from harness.contracts.protocol import PhysicalStart
 from harness.contracts.reasons import plain
 from harness.contracts.simulation import Simulator
+from harness.contracts.stored_commands import without_command
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Value
 from harness.projections.mission import Mission
@@ -170,7 +171,7 @@ def account_of(
     runtime = harness.runtime
     mission = runtime.mission(mission_id)
     log = tuple(
-        Happened(stream=one.stream, kind=one.kind, mission_s=one.mission_s, body=one.body)
+        Happened(stream=one.stream, kind=one.kind, mission_s=one.mission_s, body=without_command(one.body))
         for one in runtime.log(after, limit=EVERYTHING)
     )
     return Account(

@@ -205,7 +205,7 @@ def test_a_reopened_goal_is_derived_again() -> None:
 
 
 @pytest.mark.ledger("R146", symbol="harness.auditing.replay:_handoff")
-@pytest.mark.ledger("R146", symbol="harness.auditing.legacy:asked_of_handoff")
+@pytest.mark.ledger("R146", symbol="harness.auditing.legacy_neighbours:asked_of_handoff")
 def test_persons_decisions_are_derived_again_with_their_handoff() -> None:
     with staged() as stage:
         ran = stage.run(stage.begin("circuit", "frozen-localiser:persistent"))
