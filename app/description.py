@@ -134,6 +134,8 @@ SHAPES: dict[str, dict[str, Any]] = {
             do=TEXT,
         ),
         changes=_many(_record("What is not as it was shown.", name=TEXT, was=TEXT, now=TEXT)),
+        rule=TEXT,
+        reason=_record("Of a refusal: code and facts of what `detail` says.", code=TEXT, facts=OBJECT),
     ),
     "MissionSummary": _record(
         "One mission in a list. Times are wall seconds since the Unix epoch.",
