@@ -8,6 +8,7 @@ from harness.contracts.control import Autonomy
 from harness.contracts.exploration import TargetAnswer, TargetQuestion
 from harness.contracts.ids import Digest, HandoffId, MissionId, RobotId
 from harness.contracts.protocol import RobotStatus
+from harness.contracts.reasons import Reason
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Count, Value
 from harness.projections.exploration import ExplorationDecision
@@ -27,7 +28,10 @@ class ChangedSince(Value):
 
 
 class Problem(Value):
-    """RFC 9457. `code` is the slug for machines, `do` what can be done now; `changes` since what was answered."""
+    """RFC 9457. `code` is the slug for machines, `do` what can be done now; `changes` since what was answered.
+
+    A refusal also has its `rule`, and `reason`: code and facts of what `detail` says.
+    """
 
     type: str
     title: str
@@ -36,6 +40,8 @@ class Problem(Value):
     code: str
     do: str
     changes: tuple[ChangedSince, ...] = ()
+    rule: str = ""
+    reason: Reason | None = None
 
 
 class Recovery(Value):

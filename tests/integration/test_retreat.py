@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
+from app.reasons.rendering import sentence
 from experiments.campaigns.races import opened_gates, together
 from harness.auditing.replay import replay_mission
 from harness.contracts.commands import AcquireLease, AnswerMission, PauseMission, RaiseVeto, RejectHandoff, StopMission
@@ -32,6 +33,7 @@ from harness.contracts.ids import (
 from harness.contracts.observations import Pose
 from harness.contracts.place_events import RemovePlace, place_stream
 from harness.contracts.protocol import Observations
+from harness.contracts.reasons import Reason, because, plain
 from harness.contracts.retreat_events import RETREAT, SendRetreat, StopRetreat
 from harness.gate.commit import CommandEnvelope, Gate
 from harness.gate.control import DECIDER as HOUSE
@@ -99,7 +101,7 @@ def test_a_way_that_is_blocked_ends_short_and_the_robot_lies_down_there_instead(
         asked.run()
         told, ended = taken(asked), newest(asked).ended
         assert ended is not None and ended.outcome == "short" and ended.measured["distance_m"] > 0.4
-        assert (told.action, told.done) == ("lie_down", True) and "short" in told.reason
+        assert (told.action, told.done) == ("lie_down", True) and told.reason.facts["outcome"] == "short"
         assert asked.robot.status().posture == "lying"
         assert len(sent(asked)) == 1 and asked.runtime.lease(BASE).status == "free"
 
@@ -118,7 +120,7 @@ def test_where_it_must_not_move_nothing_is_sent_and_the_robot_does_otherwise(wha
         assert sent(asked) == []
         told = taken(asked)
         assert (told.action, told.done) == ("lie_down", True)
-        assert told.reason.startswith("No retreat: ") and "lying" in told.reason
+        assert told.reason.code == "no_retreat_instead" and "lying" in str(told.reason.facts["instead"])
 
 
 def hinder(asked: Waiting, what: str) -> None:
@@ -166,7 +168,7 @@ def test_a_person_stops_a_retreat_and_its_stop_is_acknowledged() -> None:
         asked.run()
         ended, told = newest(asked).ended, taken(asked)
         assert ended is not None and (ended.outcome, ended.declared) == ("short", "cancelled")
-        assert "bob stopped it: somebody is in the way" in told.reason and told.action == "lie_down"
+        assert "bob stopped it: somebody is in the way" in sentence(told.reason) and told.action == "lie_down"
         assert asked.runtime.lease(BASE).status == "free"
 
 
@@ -220,7 +222,7 @@ def test_poses_at_the_place_that_odometry_belies_show_no_arrival() -> None:
         asked.run()
         ended = newest(asked).ended
         assert ended is not None and ended.measured["distance_m"] == 0.0
-        assert ended.outcome == "short" and "do not tell the same" in ended.reason
+        assert ended.outcome == "short" and "localiser_and_odometry_differ" in plain(ended.reason)
 
 
 def test_a_robot_that_stands_at_its_safe_place_already_is_not_sent_anywhere() -> None:
@@ -229,7 +231,7 @@ def test_a_robot_that_stands_at_its_safe_place_already_is_not_sent_anywhere() ->
         asked.harness.clock.wait_until(asked.harness.clock.now().mission_s + 4.0)
         asked.pass_s(LATE_S)
         told = taken(asked)
-        assert (told.action, told.done) == ("retreat", True) and "already stands" in told.reason
+        assert (told.action, told.done) == ("retreat", True) and told.reason.code == "already_there"
         assert sent(asked) == []
 
 
@@ -375,7 +377,8 @@ def test_where_the_zone_has_no_safe_place_it_lies_down_and_the_log_says_why() ->
         assert isinstance(asked.harness.wheel.to_safety(ROBOT, actor=BOB, reason="enough"), Accepted)
         assert sent(asked) == [] and asked.robot.status().posture == "lying"
         told = [HOUSE.codec.decode(one) for one in asked.runtime.stream(CONTROL)]
-        assert isinstance(told[-1], PostureOrdered) and "declares no safe place" in told[-1].reason
+        assert isinstance(told[-1], PostureOrdered) and isinstance(told[-1].reason, Reason)
+        assert told[-1].reason.facts["why"] == because("zone_without_safe_place", zone="office")
 
 
 def stopped(asked: Waiting) -> None:
