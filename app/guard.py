@@ -10,9 +10,10 @@ import msgspec
 from app.permissions import NotPermitted, Visitor, needed
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
-from harness.contracts.commands import CreateMission, PersonCommand
+from harness.contracts.commands import CreateMission
 from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.ids import HandoffId, MissionId
+from harness.contracts.person_commands import PersonCommand
 from harness.contracts.ports import Record
 from harness.runtime import Runtime
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
-from harness.contracts.commands import CreateMission, MissionCommand, PauseMission, PersonCommand
+from harness.contracts.commands import CreateMission, MissionCommand, PauseMission
 from harness.contracts.configuration import Configuration
 from harness.contracts.control import Autonomy
 from harness.contracts.decisions import Accepted, Authority, Decision, Refused
@@ -27,6 +27,7 @@ from harness.contracts.ids import (
     mission_stream,
 )
 from harness.contracts.observations import AnySample
+from harness.contracts.person_commands import PersonCommand
 from harness.contracts.place_events import place_stream
 from harness.contracts.places import Place, Site
 from harness.contracts.ports import (

@@ -16,7 +16,7 @@ from app.limits import Buckets
 from app.permissions import COMMANDS, GRANTS, ROLES, SCOPES, NotPermitted, Visitor, needed
 from app.settings import ConsoleSettings
 from harness.adapters.stores.accounts import SqlAccounts
-from harness.contracts import commands
+from harness.contracts import commands, person_commands
 from harness.contracts.errors import ConcurrencyConflict, ContractInvalid, LogDamaged, StoreNewer
 
 CHEAP = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
@@ -189,9 +189,9 @@ def test_a_person_acts_in_the_one_role_that_allows_it() -> None:
 def test_commands_of_the_supervisor_are_no_persons() -> None:
     with pytest.raises(NotPermitted):
         needed(commands.ActivateMission())
-    persons = {kind.__name__ for kind in get_args(commands.PersonCommand)}
+    persons = {kind.__name__ for kind in get_args(person_commands.PersonCommand)}
     assert persons <= set(COMMANDS), "every command that a person gives at a handoff needs a permission"
-    known = {kind.__name__ for kind in (*get_args(commands.AnyCommand), *get_args(commands.PersonCommand))}
+    known = {kind.__name__ for kind in (*get_args(commands.AnyCommand), *get_args(person_commands.PersonCommand))}
     assert set(COMMANDS) <= known
 
 
