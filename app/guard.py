@@ -11,11 +11,12 @@ from app.command_permissions import asked_permission
 from app.permissions import NotPermitted, Visitor
 from harness.contracts.actors import Actor, Command
 from harness.contracts.any_events import AnyEvent
-from harness.contracts.commands import CreateMission, MissionCommand, PersonCommand
+from harness.contracts.commands import CreateMission, MissionCommand
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.events import MissionCreated
 from harness.contracts.ids import Digest, HandoffId, MissionId, PlaceId, RobotId, StreamId
+from harness.contracts.person_commands import PersonCommand
 from harness.contracts.places import Place, Site
 from harness.contracts.ports import Head, Record, StoredEvent
 from harness.contracts.tasks import TaskContract, TaskTemplate

@@ -12,7 +12,7 @@ from cachetools import LRUCache
 
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
-from harness.contracts.commands import CreateMission, MissionCommand, PauseMission, PersonCommand
+from harness.contracts.commands import CreateMission, MissionCommand, PauseMission
 from harness.contracts.configuration import Configuration
 from harness.contracts.control import Autonomy
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
@@ -30,6 +30,7 @@ from harness.contracts.ids import (
     mission_stream,
 )
 from harness.contracts.observations import AnySample
+from harness.contracts.person_commands import PersonCommand
 from harness.contracts.place_events import place_stream
 from harness.contracts.places import Place, Site
 from harness.contracts.ports import (

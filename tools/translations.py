@@ -46,7 +46,7 @@ from rsi_reviews.evaluation.missions import CONDITIONS
 from tools import machine_words
 
 VIEWS = (
-    "app/views", "app/routes", "app/errors.py", "app/permissions.py", "app/filters.py", "app/evaluated.py",
+    "app/views", "app/acts", "app/routes", "app/errors.py", "app/permissions.py", "app/filters.py", "app/evaluated.py",
     "app/scene_feed.py", "app/scene.py", "app/report_pdf.py",
 )  # fmt: skip
 """Where constants that persons read are kept, beside the templates."""

@@ -29,6 +29,8 @@ class Act(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     becomes: ClassVar[type[Command]]
+    sentences: ClassVar[Mapping[str, str]] = {}
+    """What a person is told about a field of a form that they chose wrongly."""
 
     def to_command(self, actor: Actor) -> Any:
         """The gate command, in the name of this person."""
@@ -50,7 +52,7 @@ class Act(BaseModel):
         except ValidationError as error:
             first = error.errors()[0]
             where = ".".join(str(part) for part in first["loc"])
-            raise ContractInvalid(f"{where}: {first['msg']}", where=where, do="see --help") from error
+            raise ContractInvalid(f"{where}: {first['msg']}", where=where, do="run it with --help") from error
 
     @classmethod
     def from_form(cls, typed: Mapping[str, str]) -> Self | tuple[Wrong, ...]:
@@ -64,11 +66,15 @@ class Act(BaseModel):
             return cls.model_validate({name: value for name, value in known.items() if value})
         except ValidationError as error:
             fields = [str(one["loc"][0]) for one in error.errors() if one["loc"]]
-        strange = next((name for name in fields if name not in WHY), None)
+        strange = next((name for name in fields if name not in (*WHY, *cls.sentences)), None)
         if strange is not None:
             raise ContractInvalid(
                 "The answer is not bound to what was shown",
                 where=f"form field {strange}",
                 do="open the page again and decide there",
             )
-        return tuple(Wrong(name, text) for name in fields for text in forms.wrong_reason(typed.get(name, "")))
+        return tuple(Wrong(name, text) for name in fields for text in cls._told(name, typed.get(name, "")))
+
+    @classmethod
+    def _told(cls, name: str, text: str) -> list[str]:
+        return [cls.sentences[name]] if name in cls.sentences else forms.wrong_reason(text)

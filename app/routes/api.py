@@ -5,6 +5,15 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Response
 from starlette.responses import JSONResponse
 
+from app.acts.base import Act
+from app.acts.missions import (
+    DisputeCompletionAct,
+    PauseMissionAct,
+    ResumeMissionAct,
+    StartMissionAct,
+    StopMissionAct,
+    WithdrawMissionAct,
+)
 from app.console import ActorDep, Console, ConsoleDep
 from app.routes import api_schemas as schemas
 from app.routes.api_words import (
@@ -15,7 +24,6 @@ from app.routes.api_words import (
     Limit,
     Order,
     ReasonBody,
-    StartBody,
     Words,
     answers,
     linked,
@@ -28,12 +36,10 @@ from app.security import VisitorDep
 from app.views.outcome import mission_outcome
 from app.views.preview import preview as previewed
 from harness.contracts.actors import Actor
-from harness.contracts.commands import PauseMission, ResumeMission, StopMission
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import UnknownName
-from harness.contracts.ids import ConditionId, MissionId, RobotId
+from harness.contracts.ids import MissionId
 from harness.contracts.read_models import ListQuery, MissionItem
-from harness.contracts.revision_commands import DisputeCompletion, WithdrawMission
 from harness.further import draft
 from harness.runtime import Start
 
@@ -76,13 +82,13 @@ def mission(console: ConsoleDep, mission_id: MissionId) -> Any:
 
 
 @router.post("/missions", status_code=201, responses=answers(schemas.MissionOutcome, status=201))
-def start(console: ConsoleDep, actor: ActorDep, body: StartBody) -> Any:
+def start(console: ConsoleDep, actor: ActorDep, body: StartMissionAct) -> Any:
     """Compile the goal to a contract and start it; nothing is written if that fails."""
     return outcome(console, started(console, ordered(console, actor, body)))
 
 
 @router.post("/missions/preview", responses=answers(schemas.MissionPreview))
-def preview(console: ConsoleDep, visitor: VisitorDep, body: StartBody) -> Any:
+def preview(console: ConsoleDep, visitor: VisitorDep, body: StartMissionAct) -> Any:
     """The contract that the same request would start, with its configuration, highest risk and longest time.
 
     Nothing is written; what could not be started fails as starting it would.
@@ -102,34 +108,33 @@ def preview(console: ConsoleDep, visitor: VisitorDep, body: StartBody) -> Any:
 
 
 @router.post("/missions/{mission_id}/stop", responses=answers(schemas.MissionOutcome))
-def stop(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: ReasonBody) -> Any:
+def stop(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: StopMissionAct) -> Any:
     """Ask for standstill: the status is `stopping` until it is acknowledged and the body is static."""
-    return _told(console, mission_id, StopMission(actor=actor, reason=body.reason))
+    return _told(console, actor, mission_id, body)
 
 
 @router.post("/missions/{mission_id}/withdraw", responses=answers(schemas.MissionOutcome))
-def withdraw(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: ReasonBody) -> Any:
+def withdraw(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: WithdrawMissionAct) -> Any:
     """Take back a mission that waits for its robot: it ends cancelled at once. Refused once it has begun."""
-    return _told(console, mission_id, WithdrawMission(actor=actor, reason=body.reason))
+    return _told(console, actor, mission_id, body)
 
 
 @router.post("/missions/{mission_id}/pause", responses=answers(schemas.MissionOutcome))
-def pause(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: ReasonBody) -> Any:
+def pause(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: PauseMissionAct) -> Any:
     """Dispatch nothing more until it is resumed."""
-    return _told(console, mission_id, PauseMission(actor=actor, reason=body.reason))
+    return _told(console, actor, mission_id, body)
 
 
 @router.post("/missions/{mission_id}/resume", responses=answers(schemas.MissionOutcome))
-def resume(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: ReasonBody) -> Any:
+def resume(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: ResumeMissionAct) -> Any:
     """Go on after a pause."""
-    return _told(console, mission_id, ResumeMission(actor=actor, reason=body.reason))
+    return _told(console, actor, mission_id, body)
 
 
 @router.post("/missions/{mission_id}/facts/{condition_id}/dispute", responses=answers(schemas.MissionOutcome))
 def dispute(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, condition_id: str, body: ReasonBody) -> Any:
     """Say that an accepted completion is wrong: it counts as false, and nothing is deleted."""
-    asked = DisputeCompletion(condition_id=ConditionId(condition_id), actor=actor, reason=body.reason)
-    return _told(console, mission_id, asked)
+    return _told(console, actor, mission_id, DisputeCompletionAct.of(condition_id=condition_id, reason=body.reason))
 
 
 @router.get("/missions/{mission_id}/events", responses=answers(schemas.LogEvent, many=True))
@@ -144,21 +149,12 @@ def events(
     return plain(later[:limit])
 
 
-def ordered(console: Console, actor: Actor, body: StartBody) -> Start:
+def ordered(console: Console, actor: Actor, body: StartMissionAct) -> Start:
     """What is asked for; raises UnknownName for a robot that this console does not have."""
     robot_id = body.robot_id or console.settings.robots[0]
     if robot_id not in console.settings.robots:
         raise UnknownName(f"There is no robot {robot_id[:40]}", do=f"choose from {', '.join(console.settings.robots)}")
-    return Start(
-        actor=actor,
-        robot_id=RobotId(robot_id),
-        template=body.template,
-        goal=body.goal,
-        arguments=dict(body.arguments),
-        seed=body.seed,
-        autonomy=body.autonomy,
-        labels=dict(body.labels),
-    )
+    return body.model_copy(update={"robot_id": robot_id}).to_command(actor)
 
 
 def summary(one: MissionItem) -> schemas.MissionSummary:
@@ -185,10 +181,6 @@ def outcome(console: Console, mission_id: MissionId) -> dict[str, Any]:
     )
 
 
-def _told(
-    console: Console,
-    mission_id: MissionId,
-    command: StopMission | PauseMission | ResumeMission | WithdrawMission | DisputeCompletion,
-) -> Any:
-    decision = console.runtime.submit(mission_id, command)
+def _told(console: Console, actor: Actor, mission_id: MissionId, said: Act) -> Any:
+    decision = console.runtime.submit(mission_id, said.to_command(actor))
     return refusal(decision) if isinstance(decision, Refused) else outcome(console, mission_id)

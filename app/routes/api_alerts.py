@@ -3,62 +3,22 @@
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
-from pydantic import Field, StringConstraints
 from starlette.responses import JSONResponse
 
+from app.acts import alerts as acts
 from app.console import ActorDep, Console, ConsoleDep
 from app.routes import api_schemas as schemas
 from app.routes.alerts import history_of, told
-from app.routes.api_words import CHECKED, PROBLEMS, Body, Facet, Reason, Words, answers, plain, refusal
+from app.routes.api_words import CHECKED, PROBLEMS, Facet, Words, answers, plain, refusal
 from app.views import alerts
 from app.views.alerts import AlertRow, Asked
-from harness.contracts.alert_commands import (
-    AcknowledgeAlert,
-    AlertPersonCommand,
-    AssignAlert,
-    RestoreAlert,
-    ShelveAlert,
-    SuppressAlert,
-)
-from harness.contracts.alert_events import LONGEST_SHELF_S
+from harness.contracts.alert_commands import AlertPersonCommand
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import UnknownName
 
 router = APIRouter(
     prefix="/api/v1", default_response_class=JSONResponse, responses=PROBLEMS, dependencies=CHECKED, tags=["alerts"]
 )
-
-
-class AcknowledgeBody(Body):
-    """`seen` is the `total` that was shown: what happened since is not acknowledged with it."""
-
-    seen: Annotated[int, Field(ge=0, le=2**53)]
-    note: Annotated[str, StringConstraints(max_length=200)] = ""
-
-
-class ShelveBody(Body):
-    """For how long, and why."""
-
-    reason: Reason
-    for_s: Annotated[float, Field(gt=0, le=LONGEST_SHELF_S)]
-
-
-class SuppressBody(Body):
-    """Why."""
-
-    reason: Reason
-
-
-class RestoreBody(Body):
-    """Why, if there is something to say."""
-
-    reason: Annotated[str, StringConstraints(max_length=200)] = ""
-
-
-class AssignBody(Body):
-    """Who looks after it; empty: nobody."""
-
-    assignee: Annotated[str, StringConstraints(max_length=200)]
 
 
 @router.get("/alerts", responses=answers(schemas.AlertSummary, many=True))
@@ -87,33 +47,33 @@ def show(console: ConsoleDep, alert_id: str) -> Any:
 
 
 @router.post("/alerts/{alert_id}/acknowledge", responses=answers(schemas.Alert))
-def acknowledge(console: ConsoleDep, actor: ActorDep, alert_id: str, body: AcknowledgeBody) -> Any:
+def acknowledge(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.AcknowledgeAlertAct) -> Any:
     """A person has seen it."""
-    return _said(console, alert_id, AcknowledgeAlert(actor=actor, seen=body.seen, note=body.note))
+    return _said(console, alert_id, body.to_command(actor))
 
 
 @router.post("/alerts/{alert_id}/shelve", responses=answers(schemas.Alert))
-def shelve(console: ConsoleDep, actor: ActorDep, alert_id: str, body: ShelveBody) -> Any:
+def shelve(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.ShelveAlertAct) -> Any:
     """Out of the way for a while; it comes back by itself."""
-    return _said(console, alert_id, ShelveAlert(actor=actor, reason=body.reason, for_s=body.for_s))
+    return _said(console, alert_id, body.to_command(actor))
 
 
 @router.post("/alerts/{alert_id}/suppress", responses=answers(schemas.Alert))
-def suppress(console: ConsoleDep, actor: ActorDep, alert_id: str, body: SuppressBody) -> Any:
+def suppress(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.SuppressAlertAct) -> Any:
     """Out of the way until somebody restores it."""
-    return _said(console, alert_id, SuppressAlert(actor=actor, reason=body.reason))
+    return _said(console, alert_id, body.to_command(actor))
 
 
 @router.post("/alerts/{alert_id}/restore", responses=answers(schemas.Alert))
-def restore(console: ConsoleDep, actor: ActorDep, alert_id: str, body: RestoreBody) -> Any:
+def restore(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.RestoreAlertAct) -> Any:
     """Back from the shelf or from suppression."""
-    return _said(console, alert_id, RestoreAlert(actor=actor, reason=body.reason))
+    return _said(console, alert_id, body.to_command(actor))
 
 
 @router.post("/alerts/{alert_id}/assign", responses=answers(schemas.Alert))
-def assign(console: ConsoleDep, actor: ActorDep, alert_id: str, body: AssignBody) -> Any:
+def assign(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.AssignAlertAct) -> Any:
     """Somebody is to look after it."""
-    return _said(console, alert_id, AssignAlert(actor=actor, assignee=body.assignee))
+    return _said(console, alert_id, body.to_command(actor))
 
 
 def _said(console: Console, alert_id: str, command: AlertPersonCommand) -> Any:

@@ -5,6 +5,7 @@ from typing import Any, Literal
 from fastapi import APIRouter, Response
 from starlette.responses import JSONResponse
 
+from app.acts.missions import LimitAutonomyAct, SetAutonomyAct
 from app.console import ActorDep, Console, ConsoleDep
 from app.routes import api_schemas as schemas
 from app.routes.api_words import CHECKED, PROBLEMS, Body, Reason, ReasonBody, Text, answers, plain, refusal
@@ -13,7 +14,6 @@ from app.routes.robot_acts import all_made_safe, limited, made_safe, posed, sign
 from app.routes.robots import RobotPath, card, newest_picture
 from app.security import VisitorDep
 from harness.contracts.any_events import AnyEvent
-from harness.contracts.control import Autonomy, SetAutonomy
 from harness.contracts.decisions import Decision, Refused
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import MissionId, RobotId
@@ -22,13 +22,6 @@ from harness.contracts.protocol import DriveReport
 router = APIRouter(
     prefix="/api/v1", default_response_class=JSONResponse, responses=PROBLEMS, dependencies=CHECKED, tags=["robots"]
 )
-
-
-class AutonomyBody(Body):
-    """A level, and why; the reason stands in the log."""
-
-    autonomy: Autonomy
-    reason: Reason
 
 
 class WheelBody(Body):
@@ -65,9 +58,9 @@ def control(console: ConsoleDep) -> Any:
 
 
 @router.post("/control/autonomy", responses=answers(schemas.HouseControl))
-def limit(console: ConsoleDep, visitor: VisitorDep, body: AutonomyBody) -> Any:
+def limit(console: ConsoleDep, visitor: VisitorDep, body: LimitAutonomyAct) -> Any:
     """Set the limit: it binds every mission from its next dispatch on."""
-    limited(console, visitor, body.autonomy, body.reason)
+    limited(console, visitor, body)
     return _control(console)
 
 
@@ -93,10 +86,10 @@ def camera(console: ConsoleDep, robot_id: RobotPath) -> Response:
 
 
 @router.post("/missions/{mission_id}/autonomy", responses=answers(schemas.Robot))
-def autonomy(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: AutonomyBody) -> Any:
+def autonomy(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: SetAutonomyAct) -> Any:
     """Set the level of one mission, from its next dispatch on."""
-    asked = SetAutonomy(autonomy=body.autonomy, actor=actor, reason=body.reason)
-    return _answered(console, console.runtime.mission(mission_id).robot_id, console.runtime.submit(mission_id, asked))
+    robot_id = console.runtime.mission(mission_id).robot_id
+    return _answered(console, robot_id, console.runtime.submit(mission_id, body.to_command(actor)))
 
 
 @router.post("/robots/{robot_id}/safe", responses=answers(schemas.Robot))

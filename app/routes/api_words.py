@@ -5,7 +5,7 @@ from urllib.parse import urlencode
 
 import msgspec
 from fastapi import Depends, Query, Request, Response
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+from pydantic import BaseModel, ConfigDict, StringConstraints
 
 from app.errors import problem
 from app.languages import CHOICE
@@ -14,7 +14,6 @@ from app.reasons.rendering import sentence
 from app.routes.api_schemas import Problem
 from app.routes.listing import bookmark
 from harness.contracts import reasons
-from harness.contracts.control import Autonomy
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.read_models import Bookmark, ListOrder
@@ -49,18 +48,6 @@ class Body(BaseModel):
     """Base of what is sent: no field that is not known."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class StartBody(Body):
-    """A mission to start: a template by name, or a goal that one matches. No robot named: the console's first."""
-
-    robot_id: Text = ""
-    template: Text = ""
-    goal: Annotated[str, Field(max_length=2000)] = ""
-    arguments: dict[Slug, Annotated[str, Field(max_length=2000)] | float] = {}
-    seed: Annotated[int, Field(ge=0, le=2**53)] = 0
-    autonomy: Autonomy = "autonomous"
-    labels: dict[Slug, Text] = {}
 
 
 class ReasonBody(Body):

@@ -7,6 +7,7 @@ from fastapi import APIRouter, Depends, Request
 from msgspec.structs import replace
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from app.acts.missions import StopMissionAct
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.rendering import render
 from app.routes.handoff_page import word_of
@@ -20,7 +21,6 @@ from app.views.missions import Counted, MissionsPage
 from app.views.preview import Preview
 from app.views.saying import reasoned, said
 from harness.contracts.actors import Actor
-from harness.contracts.commands import StopMission
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.events import MissionCreated
@@ -114,11 +114,11 @@ def stopping(console: ConsoleDep, actor: ActorDep, mission_id: MissionId) -> HTM
 
 @router.post("/{mission_id}/stop")
 def stop(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, typed: FormDep) -> Response:
-    reason = (typed.get("quick") or typed.get("reason", "")).strip()
-    wrong = forms.wrong_reason(reason)
-    if wrong:
-        return render("missions/stop.html", _stop_page(console, actor, mission_id, errors=tuple(wrong)), status=422)
-    decision = console.runtime.submit(mission_id, StopMission(actor=actor, reason=reason))
+    said = StopMissionAct.from_form(typed | {"reason": typed.get("quick") or typed.get("reason", "")})
+    if isinstance(said, tuple):
+        errors = tuple(one.text for one in said)
+        return render("missions/stop.html", _stop_page(console, actor, mission_id, errors=errors), status=422)
+    decision = console.runtime.submit(mission_id, said.to_command(actor))
     if isinstance(decision, Refused):
         page = _stop_page(console, actor, mission_id, errors=(reasoned(decision.reason),))
         return render("missions/stop.html", page, status=409)

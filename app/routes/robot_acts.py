@@ -2,16 +2,17 @@
 
 from collections.abc import Callable
 
+from app.acts.missions import LimitAutonomyAct
 from app.console import Console, Wheel
 from app.permissions import NotPermitted, Permission, Visitor
 from app.views.saying import reasoned, said
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import StopMission
-from harness.contracts.control import CONTROL, LEVELS, Autonomy, LimitAutonomy, Posture, SetAutonomy
+from harness.contracts.control import CONTROL, Posture, SetAutonomy
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
-from harness.contracts.errors import ContractInvalid, ProviderFailed
-from harness.contracts.ids import MissionId, RobotId
+from harness.contracts.errors import ProviderFailed
+from harness.contracts.ids import MissionId, RobotId, mission_stream
 from harness.contracts.reasons import because, recorded
 
 
@@ -63,25 +64,16 @@ def wheel_returned(console: Console, visitor: Visitor, robot_id: RobotId, reason
     )
 
 
-def limited(console: Console, visitor: Visitor, level: Autonomy, reason: str) -> None:
+def limited(console: Console, visitor: Visitor, said: LimitAutonomyAct) -> None:
     """Set the limit of the whole house. Raises NotPermitted for a token that is bound to one robot."""
     if visitor.robot_id:
         raise NotPermitted(
             f"This token is for {visitor.robot_id} alone", where=f"token {visitor.name}", do="sign in to set the limit"
         )
-    command = LimitAutonomy(autonomy=level, actor=visitor.actor, reason=reason)
-    console.runtime.decide([(CONTROL, command)])
+    console.runtime.decide([(CONTROL, said.to_command(visitor.actor))])
     for mission in console.open_missions():
-        told = SetAutonomy(autonomy=level, actor=visitor.actor, reason=reason, scope="house")
-        console.runtime.submit(mission.mission_id, told)
-
-
-def level_of(text: str) -> Autonomy:
-    """Raises ContractInvalid for a level that does not exist."""
-    found = next((one for one in LEVELS if one == text), None)
-    if found is None:
-        raise ContractInvalid(f"There is no autonomy level {text[:40]!r}", do=f"choose from {', '.join(LEVELS)}")
-    return found
+        told = SetAutonomy(autonomy=said.autonomy, actor=visitor.actor, reason=said.reason, scope="house")
+        console.runtime.decide([(mission_stream(mission.mission_id), told)])
 
 
 def made_safe(console: Console, visitor: Visitor, robot_id: RobotId, reason: str) -> Decision[AnyEvent]:

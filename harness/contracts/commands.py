@@ -11,17 +11,7 @@ from harness.contracts.configuration import FailureClass, RecoveryAction, Recove
 from harness.contracts.control import Autonomy, ControlCommand, SetAutonomy
 from harness.contracts.events import DispatchIntended, NodePlanned
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
-from harness.contracts.handoff_commands import (
-    ChooseAction,
-    CloseQuestion,
-    DropClaim,
-    ExtendDeadline,
-    HandoffTurn,
-    LookAgain,
-    ReturnControl,
-    TakeClaim,
-    TakeControl,
-)
+from harness.contracts.handoff_commands import HandoffTurn
 from harness.contracts.handoff_events import NoAnswer, ProposedAction, Snapshot
 from harness.contracts.ids import (
     ConditionId,
@@ -395,21 +385,6 @@ HandoffCommand = (
     | RecordEffect
     | HandoffTurn
 )
-
-PersonCommand = (
-    ApproveHandoff
-    | RejectHandoff
-    | AttestHandoff
-    | TakeClaim
-    | DropClaim
-    | ExtendDeadline
-    | TakeControl
-    | ReturnControl
-    | CloseQuestion
-    | LookAgain
-    | ChooseAction
-)
-"""What a person may say at a handoff. The desk adds what the harness knows before the gate decides it."""
 
 
 AnyCommand = MissionCommand | LeaseCommand | HandoffCommand | ControlCommand | AttachCloud | AlertCommand | PlaceCommand

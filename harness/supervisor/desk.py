@@ -13,7 +13,6 @@ from harness.contracts.commands import (
     AskPerson,
     AttestHandoff,
     OpenHandoff,
-    PersonCommand,
     RefreshHandoff,
     RejectHandoff,
 )
@@ -32,6 +31,7 @@ from harness.contracts.handoff_commands import (
 )
 from harness.contracts.handoff_events import HandoffOpened
 from harness.contracts.ids import HandoffId, handoff_stream, mission_stream, sha256
+from harness.contracts.person_commands import PersonCommand
 from harness.contracts.proposals import RecoveryProposal
 from harness.contracts.reasons import because
 from harness.contracts.revision_commands import RecordAttestation

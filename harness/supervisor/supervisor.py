@@ -7,10 +7,11 @@ from threading import Event, RLock, Thread
 
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
-from harness.contracts.commands import EndMission, PersonCommand, StopMission
+from harness.contracts.commands import EndMission, StopMission
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.errors import HarnessError, StoreUnavailable, UnknownName
 from harness.contracts.ids import HandoffId, MissionId, ResourceId, RobotId
+from harness.contracts.person_commands import PersonCommand
 from harness.contracts.reasons import because
 from harness.projections.mission import Mission
 from harness.runtime import Runtime

@@ -16,7 +16,7 @@ from harness.adapters.stores.sql import SqlEventStore
 from harness.assembly import Harness, Member, Parts, Unheard, joined, local_providers
 from harness.baseline.load import site as shipped_site
 from harness.contracts.actors import Actor
-from harness.contracts.commands import ApproveHandoff, PersonCommand, RejectHandoff
+from harness.contracts.commands import ApproveHandoff, RejectHandoff
 from harness.contracts.decisions import Accepted, Authority, Decision, unquestioned
 from harness.contracts.errors import ProviderUnreachable
 from harness.contracts.handoff_commands import (
@@ -31,6 +31,7 @@ from harness.contracts.handoff_commands import (
 )
 from harness.contracts.handoff_events import HandoffEvent
 from harness.contracts.ids import HandoffId, MissionId, RequestId, handoff_stream
+from harness.contracts.person_commands import PersonCommand
 from harness.contracts.places import Site
 from harness.contracts.ports import EventStore, Provider, Signals
 from harness.contracts.protocol import InvocationReport, PhysicalStart, StartRequest

@@ -6,10 +6,10 @@ from typing import Any, get_args
 import pytest
 from pydantic import TypeAdapter
 
-from app.acts import handoffs
+from app.acts import alerts, handoffs, missions
 from app.acts.base import Act
 from app.permissions import COMMANDS
-from harness.contracts import commands
+from harness.contracts import commands, person_commands
 from harness.contracts.actors import Actor
 from harness.contracts.errors import ContractInvalid
 
@@ -26,10 +26,31 @@ BODIES: dict[str, dict[str, Any]] = {
     "take-over": HELD | {"device": "desk 2"},
     "hand-back": HELD,
     "close": HELD,
+    "mission stop": {"reason": "person in the way"},
+    "mission pause": {"reason": "look first"},
+    "mission resume": {"reason": "clear"},
+    "mission withdraw": {"reason": "no longer needed"},
+    "mission autonomy": {"autonomy": "approve_risky", "reason": "new floor"},
+    "autonomy limit": {"autonomy": "approve_risky", "reason": "new floor"},
+    "acknowledge": {"seen": 3, "note": "a cable"},
+    "shelve": {"reason": "known", "for_s": 900},
+    "suppress": {"reason": "known"},
+    "restore": {"reason": ""},
+    "assign": {"assignee": "bob"},
     "approve": HELD | SEEN | {"decision": "approve"},
     "reject": HELD | SEEN | {"decision": "reject"},
 }
-KINDS: dict[str, type[Act]] = {**handoffs.ACTS, **handoffs.DECISIONS}
+KINDS: dict[str, type[Act]] = {
+    **handoffs.ACTS,
+    **handoffs.DECISIONS,
+    **alerts.ACTS,
+    "mission stop": missions.StopMissionAct,
+    "mission pause": missions.PauseMissionAct,
+    "mission resume": missions.ResumeMissionAct,
+    "mission withdraw": missions.WithdrawMissionAct,
+    "mission autonomy": missions.SetAutonomyAct,
+    "autonomy limit": missions.LimitAutonomyAct,
+}
 
 
 def every_act(kind: type[Act] = Act) -> Iterator[type[Act]]:
@@ -83,9 +104,20 @@ def test_a_reason_that_is_missing_or_too_long_is_told_beside_the_form(reason: st
 
 def test_every_act_is_exactly_one_gate_command() -> None:
     acts = list(every_act())
-    known = {*get_args(commands.AnyCommand), *get_args(commands.PersonCommand)}
+    known = {*get_args(commands.AnyCommand), *get_args(person_commands.PersonCommand)}
     assert len(acts) >= len(KINDS)
     assert all(one.becomes in known for one in acts), "an act becomes a command that the gate decides"
     assert len({one.becomes for one in acts}) == len(acts), "no two acts are the same command"
     assert {one.becomes.__name__ for one in acts} <= set(COMMANDS), "and each needs a permission"
-    assert set(get_args(commands.PersonCommand)) <= {one.becomes for one in acts}
+    assert set(get_args(person_commands.PersonCommand)) <= {one.becomes for one in acts}
+
+
+def test_a_dispute_names_its_condition_and_posts_its_reason_alone() -> None:
+    said = missions.DisputeCompletionAct.of(condition_id="arrived", reason="it is next door")
+    assert said.body() == {"reason": "it is next door"}
+    assert said.to_command(ADA).condition_id == "arrived"
+
+
+def test_a_mission_to_start_is_what_the_runtime_compiles() -> None:
+    order = missions.StartMissionAct.of(template="circuit", seed=3).to_command(ADA)
+    assert (order.actor, order.template, order.seed, order.autonomy) == (ADA, "circuit", 3, "autonomous")

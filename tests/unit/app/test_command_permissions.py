@@ -20,7 +20,7 @@ from app.command_permissions import (
 from app.main import open_accounts
 from app.permissions import NotPermitted, Visitor
 from app.settings import ConsoleSettings
-from harness.contracts import commands
+from harness.contracts import commands, person_commands
 from harness.contracts.actors import Actor, Command
 from harness.contracts.decisions import Refused
 from rsi_reviews import commands as review_commands
@@ -43,7 +43,7 @@ def classes(*unions: Any) -> set[type[Command]]:
 
 EVERY = classes(
     commands.AnyCommand,
-    commands.PersonCommand,
+    person_commands.PersonCommand,
     review_commands.CandidateCommand,
     review_commands.PointerCommand,
     growth.AddCase,
