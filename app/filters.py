@@ -7,8 +7,8 @@ from typing import Any
 
 from markupsafe import escape
 
+from app.messages import lazy_gettext, word
 from app.views.measures import number
-from app.views.saying import said, word
 
 
 def clock(at_s: float) -> str:
@@ -18,7 +18,7 @@ def clock(at_s: float) -> str:
 
 def instant(at_s: float) -> str:
     """Date and time in UTC, as a person reads it."""
-    return said("{instant} UTC", instant=datetime.fromtimestamp(at_s, UTC))
+    return lazy_gettext("{instant} UTC", instant=datetime.fromtimestamp(at_s, UTC))
 
 
 def iso(at_s: float) -> str:
@@ -29,15 +29,15 @@ def iso(at_s: float) -> str:
 def duration(seconds: float) -> str:
     """2 min 41 s; below ten seconds with one decimal."""
     if seconds < 10:
-        return said("{seconds} s", seconds=f"{max(seconds, 0.0):.1f}")
+        return lazy_gettext("{seconds} s", seconds=f"{max(seconds, 0.0):.1f}")
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     if hours:
-        return said("{hours} h {minutes} min", hours=hours, minutes=minutes)
+        return lazy_gettext("{hours} h {minutes} min", hours=hours, minutes=minutes)
     return (
-        said("{minutes} min {seconds} s", minutes=minutes, seconds=rest)
+        lazy_gettext("{minutes} min {seconds} s", minutes=minutes, seconds=rest)
         if minutes
-        else said("{seconds} s", seconds=rest)
+        else lazy_gettext("{seconds} s", seconds=rest)
     )
 
 

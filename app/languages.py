@@ -9,19 +9,25 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cache
+from gettext import NullTranslations
 from http.cookies import CookieError, SimpleCookie
+from io import BytesIO
 from typing import Any
 from urllib.parse import parse_qsl, urlencode
 
 from babel.core import negotiate_locale
 from babel.dates import format_datetime
+from babel.messages.catalog import Catalog
+from babel.messages.mofile import write_mo
 from babel.messages.pofile import read_po
+from babel.support import Translations
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import Message as ASGIMessage
 
+from app.messages import Message
 from app.retelling import Retelling
 from app.settings import ROOT
-from app.views.saying import Said
 
 ENGLISH = "en"
 LANGUAGES: Mapping[str, str] = {"en": "English", "zh-Hans": "简体中文"}
@@ -33,6 +39,7 @@ COOKIE, PARAMETER, YEAR_S = "regen_language", "lang", 365 * 86400
 FOLDER = ROOT / "locale"
 CONSOLE, MACHINE = "messages", "machine"
 """What the console itself says, and what the machinery behind it said: one catalogue each."""
+SCRIPTS = "static/js/"
 
 
 @dataclass(frozen=True)
@@ -82,7 +89,7 @@ class Languages:
             f"{COOKIE}={chosen}; Path=/; Max-Age={YEAR_S}; SameSite=Lax; HttpOnly{'; Secure' if self._secure else ''}"
         )
 
-        async def keeping(message: Message) -> None:
+        async def keeping(message: ASGIMessage) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
                 if headers.get("content-type", "").startswith("text/html"):
@@ -128,18 +135,37 @@ def ways() -> tuple[Way, ...]:
 
 
 @cache
-def catalogue(language: str, domain: str = CONSOLE) -> Mapping[str, str]:
-    """Message -> translation; empty for English."""
+def book(language: str, domain: str = CONSOLE) -> Catalog:
+    """A catalogue as it stands in its file; empty for English."""
     if language == ENGLISH:
-        return {}
+        return Catalog()
     with (FOLDER / LOCALES[language] / "LC_MESSAGES" / f"{domain}.po").open("rb") as file:
-        read = read_po(file, locale=LOCALES[language])
-    return {str(one.id): str(one.string) for one in read if one.id and one.string and not one.fuzzy}
+        return read_po(file, locale=LOCALES[language])
 
 
-def translated(message: str, language: str) -> str:
-    """A message in a language, or as it is."""
-    return catalogue(language).get(message, message)
+@cache
+def catalogue(language: str, domain: str = CONSOLE) -> Mapping[str, str]:
+    """Message -> translation, of every message without a plural."""
+    return {str(one.id): str(one.string) for one in book(language, domain) if one.id and one.string and not one.fuzzy}
+
+
+@cache
+def translations(language: str) -> NullTranslations:
+    """gettext and ngettext of one language, with its own rule of plurals."""
+    if language == ENGLISH:
+        return NullTranslations()
+    compiled = BytesIO()
+    write_mo(compiled, book(language))
+    compiled.seek(0)
+    return Translations(compiled)
+
+
+@cache
+def script_messages(language: str) -> Mapping[str, str]:
+    """Message -> translation, of every message that a script of the console shows."""
+    texts = catalogue(language)
+    used = (str(one.id) for one in book(language) if any(path.startswith(SCRIPTS) for path, _ in one.locations))
+    return {message: texts[message] for message in used if message in texts}
 
 
 @cache
@@ -148,19 +174,19 @@ def retelling(language: str) -> Retelling:
     return Retelling(catalogue(language), catalogue(language, MACHINE))
 
 
-def told(value: Any, language: str) -> Any:
-    """A value as its reader should see it: what was Said, and what the catalogues know; anything else untouched."""
+def localise(value: Any, language: str) -> Any:
+    """A value as its reader should see it: a Message, and what the catalogues know; anything else untouched."""
     if language == ENGLISH or not isinstance(value, str) or hasattr(value, "__html__"):
         return value
-    if isinstance(value, Said):
+    if isinstance(value, Message):
         if not value.fields:
             return retelling(language).told(str(value))
         fields = {name: _field(one, language) for name, one in value.fields.items()}
-        return translated(value.message, language).format(**fields).strip()
+        return translations(language).gettext(value.message).format(**fields).strip()
     return retelling(language).told(value)
 
 
 def _field(value: Any, language: str) -> Any:
     if isinstance(value, datetime):
         return format_datetime(value, "medium", locale=LOCALES[language])
-    return told(value, language)
+    return localise(value, language)

@@ -7,6 +7,7 @@ from fastapi import APIRouter, Depends, Query
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.console import ActorDep, Console, ConsoleDep, FormDep
+from app.messages import N_
 from app.rendering import render
 from app.views import alerts, forms
 from app.views.alerts import AlertPage, AlertsPage, Asked, Deed
@@ -36,7 +37,9 @@ def asked(
 ) -> Asked:
     """What the address asks for. Raises UnknownName for a tab that the inbox does not have."""
     if status not in {value for value, _, _ in alerts.GROUPS}:
-        raise UnknownName(f"There is no group of alerts called {status[:40]}", do="choose one of the tabs of the list")
+        raise UnknownName(
+            f"There is no group of alerts called {status[:40]}", do=N_("choose one of the tabs of the list")
+        )
     place = before if before is not None and isfinite(before) else None
     return Asked(group=status, words=q.strip(), priority=priority, robot=robot, before_s=place)
 
@@ -82,7 +85,7 @@ def shelve(console: ConsoleDep, actor: ActorDep, alert_id: str, typed: FormDep) 
     given = typed.get("for_s", "")
     wrong = forms.wrong_reason(typed.get("reason", ""))
     if given not in {str(seconds) for seconds, _ in alerts.SHELF}:
-        wrong.append("Choose how long it is shelved for.")
+        wrong.append(N_("Choose how long it is shelved for."))
     if wrong:
         return _again(console, actor, alert_id, tuple(wrong), status=422)
     command = ShelveAlert(actor=actor, reason=typed["reason"].strip(), for_s=float(given))

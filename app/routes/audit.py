@@ -6,10 +6,10 @@ from fastapi import APIRouter, Query
 from starlette.responses import HTMLResponse, PlainTextResponse
 
 from app.console import Console, ConsoleDep
+from app.messages import lazy_gettext, listed
 from app.rendering import render
 from app.security import VisitorDep
 from app.views.audit import AccessPage, Deed, Sum, TrailRow, Wanted, audit_page, deed
-from app.views.saying import listed, said
 from harness.contracts.errors import LogDamaged
 
 router = APIRouter(prefix="/audit")
@@ -104,7 +104,7 @@ def _log_sum(console: Console) -> Sum:
     except LogDamaged as error:
         return Sum(damage=str(error))
     return Sum(
-        verified=said(
+        verified=lazy_gettext(
             "Every hash of the log and of its records was computed again: {count} events, intact.", count=head.position
         )
     )
@@ -115,4 +115,6 @@ def _trail_sum(console: Console) -> Sum:
         entries = console.doors.accounts.store.verify_trail()
     except LogDamaged as error:
         return Sum(damage=str(error))
-    return Sum(verified=said("Every hash of the trail was computed again: {count} entries, intact.", count=entries))
+    return Sum(
+        verified=lazy_gettext("Every hash of the trail was computed again: {count} entries, intact.", count=entries)
+    )

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from app.console import Console
+from app.messages import N_
 from app.rendering import render
 from app.routes.robots import camera_of
 from app.views import handoffs, robots
@@ -82,7 +83,7 @@ def unlike(console: Console, command: DecideHandoff) -> str:
         return ""
     body = _question(opened, mission)
     if sha256(body) != command.shown:
-        return "What stood on your screen is not what stands here now. Read it again, then decide."
+        return N_("What stood on your screen is not what stands here now. Read it again, then decide.")
     console.runtime.keep(body)
     return ""
 

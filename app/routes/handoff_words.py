@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from app.messages import N_
 from app.views.handoff_shown import action_of
 from harness.contracts.actors import Actor
 from harness.contracts.errors import ContractInvalid
@@ -51,7 +52,9 @@ def release_of(handoff_id: HandoffId, actor: Actor, typed: Typed) -> ReleaseHand
 
 def on_my_way_of(handoff_id: HandoffId, actor: Actor, typed: Typed) -> OnMyWay:
     """A reason is welcome, not needed."""
-    return OnMyWay(handoff_id=handoff_id, actor=actor, reason=typed.get("reason", "").strip()[:LONGEST] or "on my way")
+    return OnMyWay(
+        handoff_id=handoff_id, actor=actor, reason=typed.get("reason", "").strip()[:LONGEST] or N_("on my way")
+    )
 
 
 def choice_of(handoff_id: HandoffId, actor: Actor, typed: Typed) -> ChooseAction:
@@ -124,7 +127,7 @@ def _cycle(typed: Typed) -> int:
 
 def _not_ours(name: str) -> ContractInvalid:
     return ContractInvalid(
-        "The answer is not bound to what was shown",
+        N_("The answer is not bound to what was shown"),
         where=f"form field {name}",
-        do="open the handoff again and decide on its page",
+        do=N_("open the handoff again and decide on its page"),
     )

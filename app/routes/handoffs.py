@@ -7,6 +7,7 @@ from msgspec.structs import replace
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.console import ActorDep, Console, ConsoleDep, FormDep
+from app.messages import N_
 from app.rendering import render
 from app.routes import handoff_words as words
 from app.routes.handoff_page import Left, kept_question, page_of, unlike
@@ -41,7 +42,7 @@ def listed(console: Console, actor: Actor, sought: Sought) -> HandoffsPage:
     facets = {name: value for name, value in sought.query.facets.items() if name != "status"}
     queries = {value: replace(sought.query, facets=facets | stands_for) for value, _, stands_for in handoff_list.GROUPS}
     if group not in queries:
-        raise UnknownName(f"There is no group of handoffs called {group}", do="choose one of the tabs of the list")
+        raise UnknownName(f"There is no group of handoffs called {group}", do=N_("choose one of the tabs of the list"))
     found = console.lists.handoffs(queries[group])
     counted = Counted(
         groups={value: console.lists.count(one) for value, one in queries.items()},

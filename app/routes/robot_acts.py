@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from app.console import Console, Wheel
+from app.messages import N_
 from app.permissions import NotPermitted, Permission, Visitor
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
@@ -64,7 +65,9 @@ def limited(console: Console, visitor: Visitor, level: Autonomy, reason: str) ->
     """Set the limit of the whole house. Raises NotPermitted for a token that is bound to one robot."""
     if visitor.robot_id:
         raise NotPermitted(
-            f"This token is for {visitor.robot_id} alone", where=f"token {visitor.name}", do="sign in to set the limit"
+            f"This token is for {visitor.robot_id} alone",
+            where=f"token {visitor.name}",
+            do=N_("sign in to set the limit"),
         )
     command = LimitAutonomy(autonomy=level, actor=visitor.actor, reason=reason)
     console.runtime.decide([(CONTROL, command)])
@@ -142,9 +145,11 @@ def signed(
     permission, command, robot_id = asked
     actor, wheel = visitor.acting(permission), console.wheel
     if visitor.robot_id not in ("", robot_id):
-        raise NotPermitted(f"This token is for {visitor.robot_id}", where=f"token {visitor.name}", do="use another one")
+        raise NotPermitted(
+            f"This token is for {visitor.robot_id}", where=f"token {visitor.name}", do=N_("use another one")
+        )
     if wheel is None:
-        return Refused("no_supervisor", "No supervisor runs here, so no robot can be reached.")
+        return Refused("no_supervisor", N_("No supervisor runs here, so no robot can be reached."))
     try:
         decision = act(wheel, actor)
     except ProviderFailed as error:

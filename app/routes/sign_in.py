@@ -10,6 +10,7 @@ from app.accounts import Throttled
 from app.console import Console, ConsoleDep, FormDep
 from app.doors import Origin
 from app.issuer_door import IssuerDoor
+from app.messages import N_
 from app.rendering import render
 from app.security import VisitorDep, cookie_line, passing_cookie, same_origin, source_of
 from app.views.sign_in import (
@@ -117,7 +118,7 @@ def sign_out_everywhere(console: ConsoleDep, visitor: VisitorDep) -> Response:
 
 def _door(console: Console) -> IssuerDoor:
     if console.issuer is None:
-        raise UnknownName("No identity provider is set up here.", do="Sign in with your password.")
+        raise UnknownName(N_("No identity provider is set up here."), do=N_("Sign in with your password."))
     return console.issuer
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import msgspec
 
-from app.views.saying import listed
+from app.messages import listed
 from app.views.shell import Shell
 from harness.contracts.ports import Head, StoredEvent
 

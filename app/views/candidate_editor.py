@@ -6,9 +6,9 @@ from typing import Any, get_args
 
 import msgspec
 
+from app.messages import lazy_gettext, word
 from app.views.forms import Choice
 from app.views.review_rows import Component, component_rows
-from app.views.saying import said, word
 from app.views.shell import Shell
 from harness.contracts.configuration import Configuration, RecoveryAction
 from harness.contracts.fields import Field, fields
@@ -18,7 +18,7 @@ from rsi_reviews.difference import NAMES, Difference
 
 LADDERS = "recovery.ladders"
 SECTIONS = ("context_rules", "routing", "recovery")
-LADDER_NOTE = said(
+LADDER_NOTE = lazy_gettext(
     "A ladder is what is tried after a failure of its class, in order. Rungs: {rungs}.",
     rungs=" | ".join(get_args(RecoveryAction)),
 )
@@ -98,7 +98,11 @@ def editor_page(
         sections=() if by_text else _sections(current, typed, wrong),
         text=typed.get("configuration", msgspec.json.format(encode(current), indent=2).decode()) if by_text else "",
         metrics=tuple(
-            Choice(one, said("{metric}, {direction} is better", metric=word(one), direction=BETTER[one]), one == chosen)
+            Choice(
+                one,
+                lazy_gettext("{metric}, {direction} is better", metric=word(one), direction=BETTER[one]),
+                one == chosen,
+            )
             for one in get_args(Metric)
         ),
         smallest_effect=typed.get("smallest_effect", "0.1"),

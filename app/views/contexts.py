@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from app.views.saying import said, word
+from app.messages import N_, lazy_gettext, word
 from app.views.timeline import Entry
 from harness.contracts.contexts import Context, ContextRecord, Role
 from harness.contracts.events import DispatchIntended, GoalVerified, NodePlanned, RecoveryAuthorised, VerdictRecorded
@@ -13,7 +13,12 @@ from harness.contracts.proposals import CandidateSet
 
 ReadContext = Callable[[Digest], Context | None]
 ReadCandidates = Callable[[Digest], CandidateSet | None]
-ROLES = {"planner": "C1 planner", "skill": "C2 skill", "verifier": "C3 verifier", "recovery": "C4 recovery"}
+ROLES = {
+    "planner": N_("C1 planner"),
+    "skill": N_("C2 skill"),
+    "verifier": N_("C3 verifier"),
+    "recovery": N_("C4 recovery"),
+}
 
 
 @dataclass(frozen=True)
@@ -112,7 +117,7 @@ def goal_context(entries: Sequence[Entry], *, read: ReadContext) -> ContextView 
     """What the goal verifier was shown, if it has answered."""
     for entry in reversed(entries):
         if isinstance(entry.event, GoalVerified):
-            cited = _Cited("", "verifier", "verified the goal", entry.event.verdict.context)
+            cited = _Cited("", "verifier", N_("verified the goal"), entry.event.verdict.context)
             return _context(entry.position, cited, read=read)
     return None
 
@@ -130,12 +135,12 @@ class _Cited:
 def _cited(entry: Entry, owner: dict[str, str]) -> _Cited | None:
     match entry.event:
         case NodePlanned() as event:
-            return _Cited(event.node_id, "planner", "chose the stage and its provider", event.context)
+            return _Cited(event.node_id, "planner", N_("chose the stage and its provider"), event.context)
         case DispatchIntended() as event:
             return _Cited(
                 event.node_id,
                 "skill",
-                said("set the parameters of attempt {count}", count=event.attempt),
+                lazy_gettext("set the parameters of attempt {count}", count=event.attempt),
                 event.context,
             )
         case VerdictRecorded() as event:
@@ -143,12 +148,12 @@ def _cited(entry: Entry, owner: dict[str, str]) -> _Cited | None:
             return _Cited(
                 node,
                 "verifier",
-                said("judged the packet {verdict}", verdict=event.verdict.verdict),
+                lazy_gettext("judged the packet {verdict}", verdict=event.verdict.verdict),
                 event.verdict.context,
             )
         case RecoveryAuthorised() as event:
             return _Cited(
-                event.node_id, "recovery", said("proposed {action}", action=word(event.action)), event.context
+                event.node_id, "recovery", lazy_gettext("proposed {action}", action=word(event.action)), event.context
             )
         case _:
             return None

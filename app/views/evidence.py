@@ -3,8 +3,8 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from app.messages import N_, lazy_gettext
 from app.views.measures import ConditionRow, Measure, condition_row, quantity
-from app.views.saying import said
 from app.views.timeline import Entry
 from harness.contracts.events import CommitRejected, NodeCommitted, PacketRetained, VerdictRecorded
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
@@ -124,7 +124,7 @@ def packet_view(mission_id: str, packet: EvidencePacket, entries: Sequence[Entry
         dispatched_s=packet.dispatched_s,
         terminal_s=packet.terminal_s,
         verdict=verdict.verdict if verdict else "",
-        verdict_reason=verdict.reason if verdict else "The verifier has not answered yet.",
+        verdict_reason=verdict.reason if verdict else N_("The verifier has not answered yet."),
         verifier=verdict.verifier if verdict else "",
         conditions=tuple(condition_row(result) for result in verdict.results) if verdict else (),
         decision=decision,
@@ -155,11 +155,11 @@ def _decision(mission_id: str, entries: Sequence[Entry], packet_id: PacketId) ->
                 return "refused", no.message, no.rule, href
             case _:
                 continue
-    return "", "The gate has not decided yet.", "", ""
+    return "", N_("The gate has not decided yet."), "", ""
 
 
 def _held(facts: int) -> str:
-    return said(
+    return lazy_gettext(
         "{facts} facts accepted by the configured checks: every rule of the gate held. That is not proof of the truth.",
         facts=facts,
     )

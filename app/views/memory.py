@@ -5,16 +5,16 @@ from dataclasses import dataclass
 
 import msgspec
 
+from app.messages import N_, lazy_gettext, listed, word
 from app.views.measures import Measure, fields
-from app.views.saying import listed, said, word
 from app.views.shell import Shell
 from harness.contracts.memory import Remembered
 
 ROLES: tuple[tuple[str, str, tuple[str, ...]], ...] = (
-    ("spatial", "where things are", ("map", "place", "region", "relation", "pose", "sighting", "dispute")),
-    ("episodic", "what was tried", ("episode",)),
-    ("operational", "how providers did", ("outcome",)),
-    ("semantic", "contracts and rules", ("card", "rules")),
+    ("spatial", N_("where things are"), ("map", "place", "region", "relation", "pose", "sighting", "dispute")),
+    ("episodic", N_("what was tried"), ("episode",)),
+    ("operational", N_("how providers did"), ("outcome",)),
+    ("semantic", N_("contracts and rules"), ("card", "rules")),
 )
 AT_ONCE = 8
 """How many fields of a record are shown before a person asks for the others."""
@@ -75,7 +75,7 @@ def memory_page(
     return MemoryPage(
         shell=shell,
         tabs=tuple(
-            RoleTab(value=name, title=said("{role}: {title}", role=name, title=title), chosen=name == role)
+            RoleTab(value=name, title=lazy_gettext("{role}: {title}", role=name, title=title), chosen=name == role)
             for name, title, _ in ROLES
         ),
         rows=tuple(_row(one) for one in found),

@@ -5,17 +5,17 @@ from dataclasses import dataclass
 from itertools import pairwise
 from math import hypot
 
+from app.messages import N_, lazy_gettext, word
 from app.views.drawn import polyline, view_box
-from app.views.saying import said, word
 from app.views.shell import Shell
 from harness.contracts.places import Place, Retreat, Route, Site, Zone
 from harness.contracts.values import Point
 
 MARGIN_M = 1.0
 MEANING = {
-    "configured": "written down by people, not seen by a robot",
-    "verified": "confirmed on site",
-    "disputed": "contradicted: do not rely on it",
+    "configured": N_("written down by people, not seen by a robot"),
+    "verified": N_("confirmed on site"),
+    "disputed": N_("contradicted: do not rely on it"),
 }
 
 
@@ -110,7 +110,7 @@ def places_page(shell: Shell, site: Site) -> PlacesPage:
 def site_map(site: Site) -> SiteMap:
     """Zones, passages, regions, routes and places, in this order, so that the small stands on the large."""
     outlines = [
-        *((said("zone {name}", name=one.name), "zone", one.region_m) for one in site.zones),
+        *((lazy_gettext("zone {name}", name=one.name), "zone", one.region_m) for one in site.zones),
         *((one.name, "region", one.region_m) for one in site.places if one.region_m),
         *((word(one.passage_id), "passage", one.floor_m) for one in site.passages),
     ]
@@ -165,7 +165,7 @@ def _zone(zone: Zone) -> ZoneRow:
 
 
 def _safe_place(retreat: Retreat) -> str:
-    return said(
+    return lazy_gettext(
         "safe place {place} by {route}, at most {speed} m/s, authorised by {authority} on {day}",
         place=word(retreat.place_id),
         route=retreat.route,

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from app.messages import N_, lazy_gettext, listed, word
 from app.views.places import SiteMap, site_map
-from app.views.saying import listed, said, word
 from app.views.stages import Acceptance, Graph, Stage, graph
 from harness.contracts.effects import Metric
 from harness.contracts.places import Site
@@ -78,20 +78,24 @@ def preview(contract: TaskContract, site: Site) -> Preview:
 def _plan(node: Node) -> StagePlan:
     limits = node.recovery
     spends = {
-        "look again": limits.re_perceive,
-        "adjust the view": limits.adjust_view,
+        N_("look again"): limits.re_perceive,
+        N_("adjust the view"): limits.adjust_view,
         "retry": limits.retry,
-        "plan again": limits.local_replan,
-        "switch the skill": limits.switch_skill,
+        N_("plan again"): limits.local_replan,
+        N_("switch the skill"): limits.switch_skill,
     }
-    allowed = listed(said("{action} {count}", action=name, count=count) for name, count in spends.items() if count)
+    allowed = listed(
+        lazy_gettext("{action} {count}", action=name, count=count) for name, count in spends.items() if count
+    )
     return StagePlan(
         node_id=node.node_id,
         subgoal=node.subgoal,
         capabilities=listed(map(word, node.capabilities)),
         risk=node.risk,
         timeout_s=node.timeout_s,
-        recovery=said("{total} in all: {allowed}", total=limits.total, allowed=allowed) if limits.total else "none",
+        recovery=lazy_gettext("{total} in all: {allowed}", total=limits.total, allowed=allowed)
+        if limits.total
+        else "none",
         conditions=tuple(condition.text for condition in node.success_conditions),
         required=node.required,
     )
@@ -114,7 +118,7 @@ def _pending(node: Node) -> Stage:
         node_id=node.node_id,
         title=word(node.node_id),
         state="pending",
-        status=said("risk {risk}", risk=node.risk),
+        status=lazy_gettext("risk {risk}", risk=node.risk),
         verdict="",
         progress=None,
         declared=(),

@@ -3,10 +3,10 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from app.messages import N_, lazy_gettext
 from app.views.canary import CanaryPanel, canary_panel
 from app.views.candidates import title_of
 from app.views.review_rows import UptakeRow, policy_sentence, uptake_rows
-from app.views.saying import said
 from app.views.shell import Shell
 from harness.contracts.actors import Actor
 from harness.contracts.ids import Digest, RobotId
@@ -15,8 +15,8 @@ from rsi_reviews.pointers import Pointer, current_at
 from rsi_reviews.projections import Review
 
 CAUSES = {
-    "shipped": "shipped with the program", "canary": "canary began", "released": "released to every robot",
-    "rolled_back": "rolled back", "withdrawn": "canary withdrawn",
+    "shipped": N_("shipped with the program"), "canary": N_("canary began"), "released": N_("released to every robot"),
+    "rolled_back": N_("rolled back"), "withdrawn": N_("canary withdrawn"),
 }  # fmt: skip
 TONES = {"rolled_back": "bad", "canary": "warn", "released": "good"}
 WIDTH, HEIGHT = 920.0, 64.0
@@ -142,7 +142,7 @@ def releases_page(
         shell=shell,
         revision=pointer.revision,
         current=pointer.configuration,
-        title=title_of(current) if current and pointer.released else "what the program ships",
+        title=title_of(current) if current and pointer.released else N_("what the program ships"),
         released=pointer.released or "",
         rollback=pointer.rollback,
         canary=canary_panel(trial, pointer, actor) if trial else None,
@@ -181,7 +181,7 @@ def policy_form(
 def at_instant(pointer: Pointer, asked: str, instant_s: float | None, robots: Sequence[str]) -> At:
     """What a mission begun then was pinned to, on every robot. Without an instant it says how to write one."""
     if instant_s is None:
-        wrong = "Write an instant as 2026-11-20T09:30:00Z."
+        wrong = N_("Write an instant as 2026-11-20T09:30:00Z.")
         return At(asked=asked, instant_s=0.0, found="", robots=(), wrong=wrong)
     by_robot = [(robot, current_at(pointer, instant_s, robot_id=RobotId(robot)) or "") for robot in robots]
     found = current_at(pointer, instant_s) or ""
@@ -216,7 +216,7 @@ def _spans(pointer: Pointer, *, now_s: float) -> tuple[Span, ...]:
     spans, x = [], 0.0
     for move, seconds in zip(moves, lasted, strict=True):
         width = least + free * seconds / total
-        title = said(
+        title = lazy_gettext(
             "revision {revision}, {cause}: {configuration}",
             revision=move.revision,
             cause=CAUSES[move.cause],
@@ -231,7 +231,7 @@ def _version(name: Digest, state: str, review: Review | None, pointer: Pointer, 
     bad = pointer.quarantined.get(name)
     return VersionRow(
         configuration=name,
-        title=title_of(review) if review else "what the program ships",
+        title=title_of(review) if review else N_("what the program ships"),
         candidate=review.candidate if review else "",
         state=state,
         quarantined=bad.reason if bad else "",

@@ -1,0 +1,51 @@
+"""Pure: texts that are translated when they are shown: lazily translated messages, and marks for the extraction."""
+
+from collections.abc import Iterable
+from datetime import datetime
+from typing import Any, Self, TypeVar
+
+Text = TypeVar("Text", bound=str)
+
+
+class Message(str):
+    """English text, made of a `message` with named holes and the `fields` that fill them; a str to everybody else.
+
+    A field may be a Message itself, or an aware UTC datetime, which every language writes in its own way.
+    """
+
+    __slots__ = ("fields", "message")
+    message: str
+    fields: dict[str, Any]
+
+    def __new__(cls, message: str, fields: dict[str, Any]) -> Self:
+        made = super().__new__(cls, message.format(**{name: english(value) for name, value in fields.items()}).strip())
+        made.message, made.fields = message, fields
+        return made
+
+
+def lazy_gettext(message: str, /, **fields: Any) -> str:
+    """`lazy_gettext("{who} asked", who="ada")`: translated when it is shown. The message is a literal, for Babel."""
+    return Message(message, fields)
+
+
+def N_(message: Text) -> Text:  # noqa: N802 - the name that gettext gives this mark
+    """The text as it is, marked for the extraction: whoever shows it translates it."""
+    return message
+
+
+def listed(items: Iterable[Any]) -> str:
+    """One after the other, as each language separates them; empty for nothing."""
+    first, *rest = [*items] or [""]
+    return lazy_gettext("{first}, {rest}", first=first, rest=listed(rest)) if rest else first
+
+
+def english(value: Any) -> Any:
+    """A field as English text: instants to the second, everything else as it is."""
+    return value.strftime("%Y-%m-%d %H:%M:%S") if isinstance(value, datetime) else value
+
+
+def word(slug: str) -> str:
+    """One word of the vocabulary, as contracts spell it: awaiting_human is shown as awaiting human."""
+    return (
+        slug if isinstance(slug, Message) else Message(slug.replace("_", " ").replace("{", "{{").replace("}", "}}"), {})
+    )
