@@ -1,4 +1,4 @@
-"""Languages: which one a reader gets, the catalogues, and what every message and instant is in it.
+"""Languages: which one a reader gets, and what every message and instant is in it.
 
 A catalogue is a gettext file under locale/, read once when its language is first asked for. What it lacks is shown in
 English. The choice: ?lang= of the address, which also sets the cookie; else the cookie; else what the browser prefers.
@@ -9,37 +9,27 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cache
-from gettext import NullTranslations
 from http.cookies import CookieError, SimpleCookie
-from io import BytesIO
 from typing import Any
 from urllib.parse import parse_qsl, urlencode
 
 from babel.core import negotiate_locale
 from babel.dates import format_datetime
-from babel.messages.catalog import Catalog
-from babel.messages.mofile import write_mo
-from babel.messages.pofile import read_po
-from babel.support import Translations
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.types import Message as ASGIMessage
 
+from app.catalogues import ENGLISH, LOCALES, MACHINE, catalogue, translated
 from app.messages import Message
+from app.reasons import rendering as reasons
 from app.retelling import Retelling
-from app.settings import ROOT
+from harness.contracts.reasons import Reason
 
-ENGLISH = "en"
 LANGUAGES: Mapping[str, str] = {"en": "English", "zh-Hans": "简体中文"}
 """By the tag that pages carry; each named in itself."""
-LOCALES: Mapping[str, str] = {"en": "en", "zh-Hans": "zh_Hans_CN"}
 ASKED_AS: Mapping[str, str] = {"zh": "zh-Hans", "zh-cn": "zh-Hans", "zh-sg": "zh-Hans", "zh-hans-cn": "zh-Hans"}
 """Other tags that mean one of ours."""
 COOKIE, PARAMETER, YEAR_S = "regen_language", "lang", 365 * 86400
-FOLDER = ROOT / "locale"
-CONSOLE, MACHINE = "messages", "machine"
-"""What the console itself says, and what the machinery behind it said: one catalogue each."""
-SCRIPTS = "static/js/"
 
 
 @dataclass(frozen=True)
@@ -135,39 +125,6 @@ def ways() -> tuple[Way, ...]:
 
 
 @cache
-def book(language: str, domain: str = CONSOLE) -> Catalog:
-    """A catalogue as it stands in its file; empty for English."""
-    if language == ENGLISH:
-        return Catalog()
-    with (FOLDER / LOCALES[language] / "LC_MESSAGES" / f"{domain}.po").open("rb") as file:
-        return read_po(file, locale=LOCALES[language])
-
-
-@cache
-def catalogue(language: str, domain: str = CONSOLE) -> Mapping[str, str]:
-    """Message -> translation, of every message without a plural."""
-    return {str(one.id): str(one.string) for one in book(language, domain) if one.id and one.string and not one.fuzzy}
-
-
-@cache
-def translations(language: str) -> NullTranslations:
-    """gettext and ngettext of one language, with its own rule of plurals."""
-    if language == ENGLISH:
-        return NullTranslations()
-    compiled = BytesIO()
-    write_mo(compiled, book(language))
-    compiled.seek(0)
-    return Translations(compiled)
-
-
-@cache
-def script_messages(language: str) -> Mapping[str, str]:
-    """Message -> translation, of every message that a script of the console shows."""
-    texts = catalogue(language)
-    used = (str(one.id) for one in book(language) if any(path.startswith(SCRIPTS) for path, _ in one.locations))
-    return {message: texts[message] for message in used if message in texts}
-
-
 @cache
 def retelling(language: str) -> Retelling:
     """What the machinery said, in a language."""
@@ -175,14 +132,16 @@ def retelling(language: str) -> Retelling:
 
 
 def localise(value: Any, language: str) -> Any:
-    """A value as its reader should see it: a Message, and what the catalogues know; anything else untouched."""
+    """A value as its reader should see it: reasons, a Message, what the catalogues know; anything else untouched."""
+    if isinstance(value, Reason):
+        return reasons.sentence(value, language)
     if language == ENGLISH or not isinstance(value, str) or hasattr(value, "__html__"):
         return value
     if isinstance(value, Message):
         if not value.fields:
             return retelling(language).told(str(value))
         fields = {name: _field(one, language) for name, one in value.fields.items()}
-        return translations(language).gettext(value.message).format(**fields).strip()
+        return translated(value.message, language).format(**fields).strip()
     return retelling(language).told(value)
 
 

@@ -1,16 +1,17 @@
-"""Pure: texts that are translated when they are shown: lazily translated messages, and marks for the extraction."""
+"""Pure: texts that are translated when they are shown."""
 
 from collections.abc import Iterable
 from datetime import datetime
-from typing import Any, Self, TypeVar
+from typing import Any, Self
 
-Text = TypeVar("Text", bound=str)
+from app.reasons import rendering as reasons
+from harness.contracts.reasons import Reason
 
 
 class Message(str):
     """English text, made of a `message` with named holes and the `fields` that fill them; a str to everybody else.
 
-    A field may be a Message itself, or an aware UTC datetime, which every language writes in its own way.
+    A field may be a Message itself, a Reason, or an aware UTC datetime, which every language writes in its own way.
     """
 
     __slots__ = ("fields", "message")
@@ -28,9 +29,9 @@ def lazy_gettext(message: str, /, **fields: Any) -> str:
     return Message(message, fields)
 
 
-def N_(message: Text) -> Text:  # noqa: N802 - the name that gettext gives this mark
-    """The text as it is, marked for the extraction: whoever shows it translates it."""
-    return message
+def reasoned(reason: Reason | str) -> str:
+    """A reason as text that is translated when it is shown; what a person wrote stays as it is."""
+    return reason if isinstance(reason, str) else Message("{reason}", {"reason": reason})
 
 
 def listed(items: Iterable[Any]) -> str:
@@ -40,7 +41,9 @@ def listed(items: Iterable[Any]) -> str:
 
 
 def english(value: Any) -> Any:
-    """A field as English text: instants to the second, everything else as it is."""
+    """A field as English text: instants to the second, reasons as sentences, everything else as it is."""
+    if isinstance(value, Reason):
+        return reasons.sentence(value)
     return value.strftime("%Y-%m-%d %H:%M:%S") if isinstance(value, datetime) else value
 
 

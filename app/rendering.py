@@ -10,10 +10,14 @@ from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
 from app import filters
-from app.languages import CHOICE, ENGLISH, localise, script_messages, translations, ways
+from app.catalogues import ENGLISH, script_messages, translations
+from app.languages import CHOICE, localise, ways
 from app.messages import Message
+from app.regions import REGIONS
 from app.settings import ROOT
 from app.static_files import STAMP, stamp
+from app.views.canary import FINDINGS
+from rsi_reviews.difference import NAMES
 
 
 class TranslatedEnvironment(Environment):
@@ -39,6 +43,9 @@ def environment(folder: Path, language: str = ENGLISH) -> Environment:
     jinja.globals.update(gettext_functions(language))
     jinja.globals["asset"] = asset
     jinja.globals["language"] = language
+    jinja.globals["regions"] = REGIONS
+    jinja.globals["findings"] = FINDINGS
+    jinja.globals["components"] = NAMES
     jinja.globals["languages"] = ways
     jinja.globals["script_messages"] = script_messages(language)
     return jinja

@@ -15,9 +15,11 @@ from fpdf.enums import XPos, YPos
 from fpdf.fonts import FontFace, TTFFont
 from fpdf.image_parsing import preload_image
 
+from app.catalogues import ENGLISH, N_
 from app.filters import clock, duration, instant, words
-from app.languages import ENGLISH, localise
-from app.messages import N_, lazy_gettext, word
+from app.languages import localise
+from app.messages import lazy_gettext, word
+from app.views.missions import sentence
 from app.views.report import ReportPage, Shown, Word
 from harness.contracts.errors import HarnessError
 
@@ -171,8 +173,8 @@ def _drawn(paper: _Paper, page: ReportPage, pictures: Mapping[str, bytes], *, ma
 
 def _summary(paper: _Paper, page: ReportPage) -> None:
     say = paper.spoken
-    paper.title_line(lazy_gettext("Report: {goal}", goal=page.head.goal), size=15)
-    paper.paragraph(f"{say(words(page.head.status)).capitalize()}. {say(page.head.sentence)}")
+    paper.title_line(lazy_gettext("Report: {goal}", goal=page.head.mission.goal), size=15)
+    paper.paragraph(f"{say(words(page.head.mission.status)).capitalize()}. {say(sentence(page.head.mission))}")
     starts = (
         lazy_gettext("the robot's journal cannot be read from here")
         if page.starts is None
@@ -182,11 +184,11 @@ def _summary(paper: _Paper, page: ReportPage) -> None:
     )
     took = duration(page.head.elapsed_s)
     began = lazy_gettext("{instant}, {time} of mission time", instant=instant(page.head.began_s), time=took)
-    kind = lazy_gettext("{template} on {robot}", template=page.head.template, robot=page.head.robot_id)
+    kind = lazy_gettext("{template} on {robot}", template=page.head.mission.template, robot=page.head.mission.robot_id)
     disputed = "\n".join(f"{one.who}: {say(one.text)}" for one in page.disputes)
     facts = (
         (lazy_gettext("mission"), f"{page.mission_id}, {say(kind)}"),
-        (lazy_gettext("configuration"), page.head.configuration),
+        (lazy_gettext("configuration"), page.head.mission.configuration),
         (lazy_gettext("began"), began),
         (lazy_gettext("physical starts"), starts),
         (lazy_gettext("disputed acceptances"), disputed or lazy_gettext("none")),
@@ -206,7 +208,8 @@ def _goal(paper: _Paper, page: ReportPage) -> None:
     paper.paragraph(page.reason)
     for one in page.conditions:
         measured = ", ".join(f"{say(m.name)} {say(m.value or lazy_gettext('not measured'))}" for m in one.measures)
-        paper.paragraph(f"{say(word(one.verdict))}: {say(one.text)}{f' ({measured})' if measured else ''}")
+        found = f"{say(word(one.result.verdict))}: {say(one.result.text)}"
+        paper.paragraph(f"{found} ({measured})" if measured else found)
 
 
 def _stages(paper: _Paper, page: ReportPage) -> None:

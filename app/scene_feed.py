@@ -13,10 +13,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from app.catalogues import N_
 from app.cloud import Cloud, Floats, Stand, Track, placed, sweep
 from app.history import Histories
 from app.map_view import MapView
-from app.messages import N_, lazy_gettext, listed
+from app.messages import lazy_gettext, listed
 from app.views.timeline import Entry
 from harness.contracts.effects import Metric
 from harness.contracts.errors import BlobDamaged

@@ -21,8 +21,8 @@ from babel.messages.frontend import CommandLineInterface
 from babel.messages.pofile import read_po, write_po
 
 from app import permissions
-from app.languages import CONSOLE, ENGLISH, FOLDER, LOCALES
-from app.languages import MACHINE as MACHINERY
+from app.catalogues import CONSOLE, ENGLISH, FOLDER, LOCALES
+from app.catalogues import MACHINE as MACHINERY
 from app.settings import ROOT
 from harness.contracts import (
     alert_events,
@@ -59,9 +59,9 @@ VOCABULARY = (
 )  # fmt: skip
 PUBLISHED = (*NAMES.values(), *(one.text for one in ARMS), *(one.text for one in CONDITIONS))
 """What tables and published documents say in words of their own."""
-MACHINE = ("harness", "rsi_reviews")
+MACHINE = ("harness", "simulator", "rsi_reviews")
 """Whose identifiers may be shown as words: names of quantities, of fields, of kinds."""
-HOLE = re.compile(r"%\(\w+\)s|\{\w*\}")
+HOLE = re.compile(r"%\(\w+\)s|\{[\w:.+,%-]*\}")
 
 
 @cache

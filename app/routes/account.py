@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from fastapi import APIRouter, Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from app.catalogues import N_
 from app.console import Console, ConsoleDep, FormDep
-from app.messages import N_
 from app.permissions import Visitor
 from app.rendering import render
 from app.security import VisitorDep

@@ -6,9 +6,10 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from app.catalogues import N_
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.evaluated import situations
-from app.messages import N_
+from app.messages import reasoned
 from app.rendering import render
 from app.routes.candidate_words import WORDS, say_of, seen_of, subject_in
 from app.views import candidates, forms
@@ -95,7 +96,7 @@ def say(console: ConsoleDep, actor: ActorDep, candidate: str, word: str, typed: 
         return _again(console, actor, name, word, typed, refused=" ".join(wrong), status=422)
     decision = WORDS[word](console.desk, name, say_of(actor, typed, word), seen_of(typed), typed)
     if isinstance(decision, Refused):
-        return _again(console, actor, name, word, typed, refused=decision.message, status=409)
+        return _again(console, actor, name, word, typed, refused=reasoned(decision.reason), status=409)
     return RedirectResponse(f"/candidates/{name}", status_code=303)
 
 

@@ -3,8 +3,8 @@
 from fastapi import APIRouter
 from starlette.responses import HTMLResponse
 
+from app.catalogues import N_
 from app.console import ActorDep, ConsoleDep
-from app.messages import N_
 from app.published import published
 from app.rendering import render
 from app.views.evaluation import MEASURES, EvaluationPage, evaluation_view, recursion_view

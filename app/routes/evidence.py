@@ -5,8 +5,9 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Path
 from starlette.responses import HTMLResponse, Response
 
+from app.catalogues import N_
 from app.console import ActorDep, ConsoleDep
-from app.messages import N_, lazy_gettext
+from app.messages import lazy_gettext
 from app.rendering import render
 from app.routes.listing import searching
 from app.views import evidence_list
@@ -35,7 +36,7 @@ def index(console: ConsoleDep, actor: ActorDep, sought: SoughtDep) -> HTMLRespon
     page = evidence_list.evidence_page(
         console.shell("Evidence", "evidence", actor),
         sought,
-        [evidence_list.row(one) for one in found.items],
+        found.items,
         found.following,
         found=console.lists.found(sought.query, found),
         tallies=console.lists.tallies("evidence"),
@@ -47,7 +48,7 @@ def index(console: ConsoleDep, actor: ActorDep, sought: SoughtDep) -> HTMLRespon
 def about(console: ConsoleDep, actor: ActorDep, digest: DigestPath) -> HTMLResponse:
     """The blob read and hashed now, and every packet that refers to it. 404 for one that nothing refers to."""
     uses = ListQuery(listing="evidence", words=(digest[:BLOB_SIGNS],), limit=USES)
-    rows = [evidence_list.row(one) for one in console.lists.evidence(uses).items if one.blob == digest]
+    rows = [one for one in console.lists.evidence(uses).items if one.blob == digest]
     if not rows:
         raise UnknownName(f"No evidence refers to blob {digest[:16]}…", do=N_("choose one from the list of evidence"))
     try:

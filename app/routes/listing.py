@@ -5,7 +5,7 @@ from typing import get_args
 
 from fastapi import Request
 
-from app.messages import N_
+from app.catalogues import N_
 from app.views.listing import Sought
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.read_models import Bookmark, Listing, ListOrder, ListQuery

@@ -5,8 +5,8 @@ from typing import Annotated, get_args
 from fastapi import APIRouter, Query
 from starlette.responses import HTMLResponse
 
+from app.catalogues import N_
 from app.console import ActorDep, ConsoleDep
-from app.messages import N_
 from app.rendering import render
 from app.views.memory import kinds_of, memory_page
 from harness.contracts.errors import UnknownName

@@ -5,13 +5,14 @@ from collections.abc import Sequence
 from fastapi import APIRouter
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from app.catalogues import N_
 from app.console import ActorDep, Console, ConsoleDep, FormDep
-from app.messages import N_, lazy_gettext
+from app.messages import lazy_gettext, reasoned
 from app.rendering import render
 from app.views import place_editor
 from app.views.forms import Wrong, wrong_reason
 from app.views.place_editor import PlaceForm, Version
-from app.views.places import places_page
+from app.views.places import PlacesPage, site_map
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.decider import Codec
@@ -35,7 +36,14 @@ EVENTS: Codec[PlaceEvent] = Codec(PlaceEvent)
 
 @router.get("")
 def index(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
-    return render("places/index.html", places_page(console.shell("Places", "places", actor), console.runtime.site))
+    return render(
+        "places/index.html",
+        PlacesPage(
+            shell=console.shell("Places", "places", actor),
+            site=console.runtime.site,
+            map=site_map(console.runtime.site),
+        ),
+    )
 
 
 @router.get("/new")
@@ -73,7 +81,8 @@ def remove(console: ConsoleDep, actor: ActorDep, place_id: PlaceId, typed: FormD
     command = RemovePlace(place_id=place_id, basis=_basis(typed), actor=actor, reason=typed["reason"].strip())
     decision = told(console, command)
     if isinstance(decision, Refused):
-        return render("places/edit.html", _form(console, actor, shown, [Wrong("", decision.message)]), status=409)
+        page = _form(console, actor, shown, [Wrong("", reasoned(decision.reason))])
+        return render("places/edit.html", page, status=409)
     return RedirectResponse("/places", status_code=303)
 
 
@@ -91,7 +100,7 @@ def _save(console: Console, actor: Actor, typed: dict[str, str], wrong: list[Wro
     basis = console.runtime.places().revision(place.place_id) if new else _basis(typed)
     decision = told(console, SavePlace(place=place, basis=basis, actor=actor, reason=typed["reason"].strip()))
     if isinstance(decision, Refused):
-        page = _form(console, actor, typed, [Wrong("", decision.message)], new=new)
+        page = _form(console, actor, typed, [Wrong("", reasoned(decision.reason))], new=new)
         return render("places/edit.html", page, status=409)
     return RedirectResponse(f"/places#{place.place_id}", status_code=303)
 

@@ -6,8 +6,9 @@ from datetime import UTC, datetime
 from fastapi import APIRouter
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from app.catalogues import N_
 from app.console import ActorDep, Console, ConsoleDep, FormDep
-from app.messages import N_
+from app.messages import reasoned
 from app.permissions import permissions_of
 from app.rendering import render
 from app.routes.candidate_words import say_of
@@ -45,7 +46,7 @@ def save_policy(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Respons
         return _again(console, actor, typed, refused=f"{error.what}; {error.do}.", status=422)
     decision = saved(console, policy, say_of(actor, typed, "policy"))
     if isinstance(decision, Refused):
-        return _again(console, actor, typed, refused=decision.message, status=409)
+        return _again(console, actor, typed, refused=reasoned(decision.reason), status=409)
     return RedirectResponse("/releases#policy", status_code=303)
 
 

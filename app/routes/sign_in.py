@@ -7,10 +7,10 @@ from fastapi import APIRouter, Request
 from starlette.responses import RedirectResponse, Response
 
 from app.accounts import Throttled
+from app.catalogues import N_
 from app.console import Console, ConsoleDep, FormDep
 from app.doors import Origin
 from app.issuer_door import IssuerDoor
-from app.messages import N_
 from app.rendering import render
 from app.security import VisitorDep, cookie_line, passing_cookie, same_origin, source_of
 from app.views.sign_in import (

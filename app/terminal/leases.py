@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
+from app.reasons.rendering import sentence
 from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show, table
 from harness.bootstrap import open_harness, owner_of, read_harness
 from harness.contracts.actors import Actor
@@ -67,6 +68,8 @@ def free(
     with open_harness(settings(data_folder=data, speed=0.0)) as harness:
         decision = harness.supervisor.free(ResourceId(resource), actor=actor, reason=reason)
         if isinstance(decision, Refused):
-            raise HarnessError(f"{decision.message} ({decision.rule})", where=resource, do="see `regen lease list`")
+            raise HarnessError(
+                f"{sentence(decision.reason)} ({decision.rule})", where=resource, do="see `regen lease list`"
+            )
         lease = _row(harness.runtime.lease(ResourceId(resource)))
     show(lease, as_json=as_json, lines=[f"{resource} is free, by {actor.name}: {reason}"])

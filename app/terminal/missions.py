@@ -7,23 +7,26 @@ from typing import Annotated, Any
 import msgspec
 import typer
 
+from app.acts.missions import DisputeCompletionAct, StartMissionAct, StopMissionAct, WithdrawMissionAct
 from app.history import Histories
+from app.reasons.rendering import sentence
 from app.terminal.answers import DEFAULT_DATA, Data, Json, Progress, exit_code, settings, show, table
+from app.terminal.local import api_with_robots
 from app.terminal.opening import running
 from app.terminal.owner import owner_api
 from app.views.outcome import mission_outcome
-from harness.bootstrap import Harness, check_faults, read_harness
+from harness.bootstrap import Harness, read_harness
 from harness.contracts.actors import Actor
-from harness.contracts.commands import StopMission
 from harness.contracts.decisions import Refused
-from harness.contracts.errors import ContractInvalid, UnknownName
-from harness.contracts.ids import ConditionId, MissionId, RobotId
-from harness.contracts.revision_commands import DisputeCompletion, WithdrawMission
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.ids import MissionId, RobotId
+from harness.contracts.upcasting import name_of
 from harness.further import begin, offered
 from harness.projections.exploration import ExplorationDecision, decisions
 from harness.projections.mission import Mission
 from harness.recordings import replayed, write_recording
 from harness.runtime import Start
+from simulator.in_process import SIMULATOR
 
 app = typer.Typer(no_args_is_help=True, help="Run and read missions.")
 
@@ -47,17 +50,17 @@ def run(
 ) -> None:
     """Run one mission and wait for its end. At speed 0 nothing waits for people: exit 3 at once."""
     faults = ",".join(fault or [])
-    check_faults(fault or [])
+    SIMULATOR.check_faults(fault or [])
     api = owner_api(data)
     if api is not None:
-        body = {
-            "template": "" if " " in template else template,
-            "goal": template if " " in template else "",
-            "arguments": _arguments(argument),
-            "seed": seed,
-            "labels": {"faults": faults} if faults else {},
-        }
-        outcome = api.follow(api.post("/missions", body)["mission_id"], lambda _: None)
+        said = StartMissionAct.of(
+            template="" if " " in template else template,
+            goal=template if " " in template else "",
+            arguments=_arguments(argument),
+            seed=seed,
+            labels={"faults": faults} if faults else {},
+        )
+        outcome = api.follow(api.post("/missions", said.body())["mission_id"])
     else:
         chosen = settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity)
         with running(chosen) as harness:
@@ -87,7 +90,7 @@ def _run(
     )
     decision = begin(harness.runtime, start)
     if isinstance(decision, Refused):
-        raise ContractInvalid(decision.message)
+        raise ContractInvalid(sentence(decision.reason))
     mission_id: MissionId = decision.events[0].mission_id  # type: ignore[union-attr]
     mission = harness.supervisor.run(mission_id, watch=Progress())
     return _outcome(harness, mission)
@@ -104,7 +107,7 @@ def resume(
     """Go on with a mission that a crash or an exit left open."""
     api = owner_api(data)
     if api is not None:
-        outcome = api.follow(mission_id, lambda _: None)
+        outcome = api.follow(mission_id)
     else:
         with running(settings(data_folder=data, speed=speed, fidelity=fidelity)) as harness:
             mission = harness.supervisor.run(MissionId(mission_id), watch=Progress())
@@ -246,7 +249,7 @@ def events(mission_id: str, data: Data = DEFAULT_DATA, as_json: Json = False) ->
         {
             "position": event.position,
             "version": event.version,
-            "kind": event.kind,
+            "kind": name_of(event.kind),
             "mission_s": event.mission_s,
             "recorded_s": event.recorded_s,
             "body": msgspec.json.decode(event.body),
@@ -254,7 +257,7 @@ def events(mission_id: str, data: Data = DEFAULT_DATA, as_json: Json = False) ->
         for event in stored
     ]
     first_s = stored[0].mission_s
-    lines = [f"{e.position:>6}  {e.mission_s - first_s:>8.2f} s  {e.kind}" for e in stored]
+    lines = [f"{e.position:>6}  {e.mission_s - first_s:>8.2f} s  {name_of(e.kind)}" for e in stored]
     show({"mission_id": mission_id, "events": rows}, as_json=as_json, lines=lines)
 
 
@@ -266,20 +269,9 @@ def stop(
     as_json: Json = False,
 ) -> None:
     """Stop a mission: stopping until acknowledged, then static."""
-    api = owner_api(data)
-    if api is not None:
-        api.post(f"/missions/{mission_id}/stop", {"reason": reason})
-        outcome = api.follow(mission_id, lambda _: None)
-    else:
-        with running(settings(data_folder=data, speed=0.0)) as harness:
-            mission = harness.runtime.mission(MissionId(mission_id))
-            decision = harness.runtime.submit(mission.mission_id, StopMission(actor=me(), reason=reason))
-            if isinstance(decision, Refused):
-                raise ContractInvalid(decision.message)
-            mission = harness.supervisor.run(mission.mission_id, watch=Progress())
-            outcome = mission_outcome(
-                mission, Histories(harness.runtime).of(mission.mission_id), harness.starts(mission.mission_id)
-            )
+    with api_with_robots(data) as api:
+        api.post(f"/missions/{mission_id}/stop", StopMissionAct.of(reason=reason).body())
+        outcome = api.follow(mission_id)
     show(outcome, as_json=as_json, lines=_summary(outcome))
 
 
@@ -291,15 +283,8 @@ def withdraw(
     as_json: Json = False,
 ) -> None:
     """Take back a mission that waits for its robot and has not begun."""
-    api = owner_api(data)
-    if api is not None:
-        outcome = api.post(f"/missions/{mission_id}/withdraw", {"reason": reason})
-    else:
-        with running(settings(data_folder=data, speed=0.0)) as harness:
-            decision = harness.runtime.submit(MissionId(mission_id), WithdrawMission(actor=me(), reason=reason))
-            if isinstance(decision, Refused):
-                raise ContractInvalid(decision.message)
-            outcome = _outcome(harness, harness.runtime.mission(MissionId(mission_id)))
+    with api_with_robots(data) as api:
+        outcome = api.post(f"/missions/{mission_id}/withdraw", WithdrawMissionAct.of(reason=reason).body())
     show(outcome, as_json=as_json, lines=_summary(outcome))
 
 
@@ -312,15 +297,8 @@ def dispute(
     as_json: Json = False,
 ) -> None:
     """Say that an accepted completion is wrong. It counts as false; nothing is deleted."""
-    api = owner_api(data)
-    if api is not None:
-        outcome = api.post(f"/missions/{mission_id}/facts/{condition}/dispute", {"reason": reason})
-    else:
-        with running(settings(data_folder=data, speed=0.0)) as harness:
-            asked = DisputeCompletion(condition_id=ConditionId(condition), actor=me(), reason=reason)
-            decision = harness.runtime.submit(MissionId(mission_id), asked)
-            if isinstance(decision, Refused):
-                raise UnknownName(decision.message, do="see `regen mission events` for what was accepted")
-            outcome = _outcome(harness, harness.runtime.mission(MissionId(mission_id)))
+    said = DisputeCompletionAct.of(condition_id=condition, reason=reason)
+    with api_with_robots(data) as api:
+        outcome = api.post(f"/missions/{mission_id}/facts/{condition}/dispute", said.body())
     line = f"{condition} of {mission_id} is disputed: {reason}"
     show(outcome, as_json=as_json, lines=[line])

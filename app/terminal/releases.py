@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 from msgspec.structs import replace
 
+from app.reasons.rendering import sentence
 from app.sheets import sheet
 from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show
 from app.terminal.missions import me
@@ -172,7 +173,7 @@ def _word(what: str, candidate: str, word: Word, said: dict[str, str], *, data: 
 
 def _taken(decision: Accepted[Any] | Refused) -> None:
     if isinstance(decision, Refused):
-        raise HarnessError(f"{decision.message} ({decision.rule})", do="see `regen rsi show`")
+        raise HarnessError(f"{sentence(decision.reason)} ({decision.rule})", do="see `regen rsi show`")
 
 
 def _finding(text: str) -> Finding:

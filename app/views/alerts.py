@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import assert_never
 
-from app.messages import N_, lazy_gettext, word
+from app.catalogues import N_
+from app.messages import lazy_gettext, word
 from app.views.listing import Filter, Option, address
 from app.views.missions import Group
 from app.views.shell import Shell

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import msgspec
 
-from app.messages import N_
+from app.catalogues import N_
 from app.views.listing import address
 from app.views.sentences import FAMILY, sentence
 from app.views.shell import Shell

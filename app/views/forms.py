@@ -3,7 +3,8 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from app.messages import N_, lazy_gettext
+from app.catalogues import N_
+from app.messages import lazy_gettext
 from app.views.preview import Preview
 from app.views.robots import RobotWord
 from app.views.shell import Shell

@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.messages import N_, lazy_gettext, word
+from app.catalogues import N_
+from app.messages import lazy_gettext, reasoned, word
 from harness.contracts.handoff_events import HandoffEvent
 from harness.contracts.read_models import HandoffItem
 from harness.projections.handoffs import Answer, Handoff
@@ -32,16 +33,6 @@ class Line:
     position: int
     at_s: float
     text: str
-
-
-@dataclass(frozen=True)
-class Similar:
-    """An earlier question of this kind at this stage, and how it ended."""
-
-    handoff_id: str
-    status: str
-    answered: str
-    opened_at_s: float
 
 
 def steps(handoff: Handoff, mission: Mission, told: Told) -> tuple[Step, ...]:
@@ -95,7 +86,7 @@ def _ended(handoff: Handoff, mission: Mission, taken: int | None) -> tuple[Step,
     who = _taken_up(answer, taken) if answer else handoff.outcome
     found = [Step(name=handoff.status, state="done", text=who or N_("nobody answered in time"))]
     if acted is not None:
-        found.append(Step(name=word(acted.action), state="done" if acted.done else "bad", text=acted.reason))
+        found.append(Step(name=word(acted.action), state="done" if acted.done else "bad", text=reasoned(acted.reason)))
     found.append(
         Step(
             name="mission",
@@ -116,11 +107,11 @@ def _taken_up(answer: Answer, taken: int | None) -> str:
     )
 
 
-def similar(items: Sequence[HandoffItem], handoff: Handoff) -> tuple[Similar, ...]:
+def similar(items: Sequence[HandoffItem], handoff: Handoff) -> tuple[HandoffItem, ...]:
     """Ended questions about the same stage for the same reason, newest first; this one not counted."""
     opened = handoff.opened
     return tuple(
-        Similar(handoff_id=one.handoff_id, status=one.status, answered=one.answered, opened_at_s=one.opened_at_s)
+        one
         for one in items
         if opened is not None and one.handoff_id != handoff.handoff_id and one.node_id == opened.node_id
     )

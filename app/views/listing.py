@@ -3,7 +3,8 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from app.messages import N_, lazy_gettext, word
+from app.catalogues import N_
+from app.messages import lazy_gettext, word
 from harness.contracts.read_models import MANY, ListQuery, Tally
 
 ORDERS: tuple[tuple[str, str], ...] = (("newest", N_("newest first")), ("oldest", N_("oldest first")))

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.messages import N_, lazy_gettext, word
-from app.views.facts import FactRow, facts
+from app.catalogues import N_
+from app.messages import lazy_gettext, word
 from app.views.measures import ConditionRow, condition_row
 from app.views.missions import Head, head
 from app.views.shell import Shell
@@ -85,7 +85,6 @@ class ReportPage:
     pictures: tuple[Shown, ...]
     deeds: tuple[Deed, ...]
     disputes: tuple[Deed, ...]
-    facts: tuple[FactRow, ...]
     unaccepted: tuple[str, ...]
     errors: tuple[str, ...]
     starts: int | None
@@ -142,7 +141,6 @@ def report_page(
             for entry in entries
             if isinstance(entry.event, CompletionDisputed)
         ),
-        facts=facts(mission, entries),
         unaccepted=tuple(
             name for name, node in mission.nodes.items() if node.status not in ("committed", "superseded")
         ),

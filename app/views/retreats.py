@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from app.messages import lazy_gettext
+from app.messages import lazy_gettext, reasoned
 from harness.contracts.retreat_events import RetreatEnded, RetreatIntended
 from harness.projections.control import Retreating
 
@@ -46,7 +46,7 @@ def _under_way(intent: RetreatIntended) -> str:
 
 
 def _over(intent: RetreatIntended, ended: RetreatEnded) -> str:
-    reason = ended.reason.rstrip(".")
+    reason = reasoned(ended.reason).rstrip(".")
     match ended.outcome:
         case "reached":
             return lazy_gettext(

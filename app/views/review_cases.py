@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from app.messages import N_, word
+from app.catalogues import N_
+from app.messages import word
 from app.views.listing import address
 from app.views.review_results import CaseRow, case_row, pairs_of
 from app.views.shell import Shell

@@ -3,7 +3,8 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
-from app.messages import N_, word
+from app.catalogues import N_
+from app.messages import word
 from rsi_reviews.bounds import paired
 from rsi_reviews.contracts import BETTER, FAMILIES, CaseResult, Manifest, Metric, ResultSet
 

@@ -2,7 +2,8 @@
 
 from typing import Literal, assert_never
 
-from app.messages import N_, lazy_gettext, listed, word
+from app.catalogues import N_
+from app.messages import lazy_gettext, listed, word
 from harness.contracts.control import AutonomySet
 from harness.contracts.events import (
     CommitRejected,
@@ -143,7 +144,7 @@ def sentence(event: MissionEvent) -> str:
                 "Refused: {node_id} by rule {rule}. {message}",
                 node_id=event.node_id,
                 rule=event.rule,
-                message=event.message,
+                message=event.reason,
             )
         case ObservationRecorded():
             against = (

@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from app.messages import N_, lazy_gettext
+from app.catalogues import N_
+from app.messages import lazy_gettext
 
 TRY_AGAIN = N_("Begin again from this page, in this browser, and within ten minutes.")
 ASK_AN_ADMIN = N_("Ask an admin of this console to look at how it is set up for the identity provider.")

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot
 
-from app.messages import N_, lazy_gettext, listed, word
+from app.catalogues import N_
+from app.messages import lazy_gettext, listed, word
 from app.views.measures import Measure, quantity
 from app.views.timeline import Entry
 from harness.contracts.effects import Metric

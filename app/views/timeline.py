@@ -3,7 +3,8 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from app.messages import N_, lazy_gettext
+from app.catalogues import N_
+from app.messages import lazy_gettext
 from app.views.sentences import FAMILY, Family, Tone, sentence, tone
 from harness.contracts.events import MissionEvent
 

@@ -24,6 +24,7 @@ from harness.contracts.events import (
 )
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.proposals import CandidateSet, PlanProposal
+from harness.contracts.reasons import plain
 from harness.contracts.revision_events import GraphRevised
 from harness.contracts.values import decode, digest, encode
 from harness.contracts.verdicts import NodeVerdict
@@ -97,7 +98,7 @@ class Roles:
         else:
             said = self._stored(event.proposal, PlanProposal) if event.proposal else own
             if refused := plan_refusal(said, mission=mission):
-                raise Differs(f"the plan was taken up; derived again it is refused: {refused.message}")
+                raise Differs(f"the plan was taken up; derived again it is refused: {plain(refused.reason)}")
             expected = (said.node_id, said.reason)
         self.derived["plans"] += 1
         if expected != (event.node_id, event.reason):

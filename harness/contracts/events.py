@@ -25,6 +25,7 @@ from harness.contracts.ids import (
 )
 from harness.contracts.proposals import Signature
 from harness.contracts.protocol import InvocationStatus, Parameters
+from harness.contracts.reasons import Reason
 from harness.contracts.revision_events import (
     AttestationRecorded,
     CompletionDisputed,
@@ -197,7 +198,7 @@ class CommitRejected(Event, tag=True):
     invocation_id: InvocationId
     packet_id: PacketId
     rule: Name
-    message: str
+    reason: Reason
 
 
 class ObservationRecorded(Event, tag=True):

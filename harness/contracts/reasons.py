@@ -26,6 +26,24 @@ def because(code: str, /, **facts: Fact) -> Reason:
     return Reason(code=code, facts=facts)
 
 
+def plain(reason: Reason) -> str:
+    """`code (name value, name value)`: a reason where nobody's language is known, in logs and in exceptions."""
+    if reason.code == RECORDED:
+        return str(reason.facts["text"])
+    facts = ", ".join(f"{name} {_plain(value)}" for name, value in reason.facts.items())
+    return f"{reason.code} ({facts})" if facts else reason.code
+
+
+def _plain(value: Fact) -> str:
+    match value:
+        case Reason():
+            return plain(value)
+        case tuple():
+            return ", ".join(_plain(one) for one in value)
+        case _:
+            return str(value)
+
+
 def recorded(text: str) -> Reason:
     """A sentence as an older release stored it; it stays as it was said."""
     return because(RECORDED, text=text)

@@ -13,6 +13,7 @@ from harness.contracts.events import (
 )
 from harness.contracts.evidence import EvidencePacket
 from harness.contracts.ids import ConditionId
+from harness.contracts.reasons import plain
 from harness.contracts.tasks import Node
 from harness.contracts.verdicts import NodeVerdict
 from harness.gate.rules import GATE_RULES, first_broken
@@ -42,13 +43,13 @@ def complete(mission: Mission, command: CompleteNode) -> Decision[MissionEvent]:
             aborting=mission.invocation is not None and mission.invocation.intent.aborting,
         )
         return Accepted((*trace, committed))
-    rule, message = broken
+    rule, why = broken
     rejected = CommitRejected(
         node_id=identity.node_id,
         invocation_id=identity.invocation_id,
         packet_id=identity.packet_id,
         rule=rule,
-        message=message,
+        reason=why,
     )
     if mission.invocation is None or mission.invocation.intent.invocation_id != identity.invocation_id:
         return Accepted((*trace, rejected))
@@ -63,7 +64,7 @@ def complete(mission: Mission, command: CompleteNode) -> Decision[MissionEvent]:
         node_id=mission.invocation.intent.node_id,
         invocation_id=identity.invocation_id,
         failure=failure or "commit_rejected",
-        reason=_why(packet, verdict) or message,
+        reason=_why(packet, verdict) or plain(why),
         at_s=packet.collected_s,
     )
     return Accepted((*trace, rejected, classified))

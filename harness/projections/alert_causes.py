@@ -18,6 +18,7 @@ from harness.contracts.events import (
 )
 from harness.contracts.handoff_events import HandoffEscalated, HandoffEvent, NoAnswerTaken
 from harness.contracts.protocol import PhysicalStart, RobotStatus
+from harness.contracts.reasons import plain
 from harness.contracts.revision_events import CompletionDisputed
 from harness.projections.starts import repeated_starts
 
@@ -114,7 +115,7 @@ def of_handoff(event: HandoffEvent, about: About, handoff_id: str) -> tuple[Told
     """
     if isinstance(event, NoAnswerTaken) and not event.done:
         title = f"nobody answered, and “{_words(event.action)}” is not shown to be done"
-        return (_raise(about, "body_not_static", "critical", title, event.reason),)
+        return (_raise(about, "body_not_static", "critical", title, plain(event.reason)),)
     if not isinstance(event, HandoffEscalated) or event.level not in UNCLAIMED:
         return ()
     title = f"a question waits unclaimed at {_words(about.node)}"

@@ -29,6 +29,7 @@ from harness.contracts.handoff_events import (
     Snapshot,
 )
 from harness.contracts.ids import Digest, HandoffId, InvocationId
+from harness.contracts.reasons import Reason
 from harness.contracts.values import Count, Value
 
 HandoffStatus = Literal[
@@ -92,7 +93,7 @@ class Unanswered(Value):
 
     action: str
     done: bool
-    reason: str
+    reason: Reason
     at_s: float
 
 

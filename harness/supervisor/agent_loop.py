@@ -10,6 +10,7 @@ from harness.contracts.contexts import Context
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContextOverflow, ContractInvalid
 from harness.contracts.ids import MissionId, NodeId
+from harness.contracts.reasons import plain
 from harness.planning.planner import Plan
 from harness.projections.mission import Mission, NodeState, all_required_committed, eligible, failed
 from harness.runtime import Live, Runtime
@@ -142,7 +143,7 @@ class AgentLoop:
         if isinstance(decision, Refused) and mission.of(node_id).failure is None:
             current = self._runtime.mission(self.mission_id)
             if current.of(node_id).failure is None:
-                self._report(current, node_id, decision.message, now_s)
+                self._report(current, node_id, plain(decision.reason), now_s)
         return now_s
 
     def _report(self, mission: Mission, node_id: NodeId, reason: str, now_s: float) -> None:

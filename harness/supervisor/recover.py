@@ -6,6 +6,7 @@ from harness.contracts.contexts import Context
 from harness.contracts.decisions import Refused
 from harness.contracts.ids import NodeId
 from harness.contracts.proposals import RecoveryProposal
+from harness.contracts.reasons import plain
 from harness.projections.mission import Failure, Mission, required_contract, required_policy
 from harness.recovery.ladder import exhausted, recover
 from harness.supervisor.attend import POLL_S
@@ -54,8 +55,8 @@ class Recovery:
                 return now_s
             self.free(mission)
             if decision.rule in IMPOSSIBLE:
-                return self._ask(mission, failure, f"{proposal.action}: {decision.message}", c4)
-            why = decision.message
+                return self._ask(mission, failure, f"{proposal.action}: {plain(decision.reason)}", c4)
+            why = plain(decision.reason)
         else:
             why = blocked.reason
         if now_s > failure.at_s + required_policy(mission).wait_s:

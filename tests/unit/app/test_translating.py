@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 from starlette.datastructures import Headers
 
+from app.catalogues import catalogue
 from app.filters import duration, instant, named, words
-from app.languages import catalogue, localise, preferred
+from app.languages import localise, preferred
 from app.messages import Message, lazy_gettext, listed
 from app.rendering import environment
 from tests.builders.consoles import console_stand

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from app.reasons.rendering import sentence
 from harness.contexts.recovery import recovery_context
 from harness.contracts.configuration import SPENDING, FailureClass, RecoveryAction
 from harness.contracts.control import Autonomy
@@ -50,7 +51,7 @@ def broken(state: NodeState, proposal: RecoveryProposal, signed: Signature | Non
     refused = first_broken_recovery(
         whole, node_id=GO, proposal=proposal, signature=signed, policy=CONFIGURATION.recovery
     )
-    assert refused is None or refused.message.endswith(".")
+    assert refused is None or sentence(refused.reason).endswith(".")
     return refused.rule if refused else ""
 
 
