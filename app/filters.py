@@ -25,7 +25,7 @@ from app.views import (
     review_rows,
     robots,
 )  # fmt: skip
-from app.views.saying import listed, said, word
+from app.views.saying import listed, reasoned, said, word
 from harness.contracts.values import encode
 from rsi_reviews.difference import NAMES
 
@@ -127,6 +127,7 @@ ITEMS: dict[str, Callable[..., Any]] = {
     "autonomy": robots.AUTONOMY.__getitem__,
     "begun": queue.begun,
     "begun_s": lambda review: review_rows.said_at(review, "evaluation_begun"),
+    "evaluated_s": lambda review: review_rows.said_at(review, "evaluated"),
     "builtins": msgspec.to_builtins,
     "canonical": lambda value: encode(value).decode(),
     "card_fields": providers.card_fields,
@@ -158,9 +159,9 @@ ITEMS: dict[str, Callable[..., Any]] = {
     "policy_sentence": review_rows.policy_sentence,
     "provider": evidence.provider,
     "question": handoffs.question,
+    "reasoned": reasoned,
     "review_tone": candidates.tone,
     "safe_place": places.safe_place,
-    "said_at": review_rows.said_at,
     "stated": memory.stated,
     "stop_steps": robots.stop_steps,
     "supervision": providers.supervision,
