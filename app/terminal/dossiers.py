@@ -7,7 +7,7 @@ import msgspec
 import typer
 
 from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show
-from app.terminal.missions import me
+from app.terminal.person import me
 from harness.auditing.dossier import DossierVerdict
 from harness.auditing.places import PlaceChange
 from harness.auditing.replay import RECONSTRUCTED

@@ -8,8 +8,8 @@ import typer
 
 from app.reasons.rendering import sentence
 from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show, table
-from app.terminal.missions import me
 from app.terminal.owner import owner_api
+from app.terminal.person import me
 from harness.bootstrap import edit_harness, read_harness
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import CloudInvalid

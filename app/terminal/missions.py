@@ -1,6 +1,5 @@
 """regen mission: run, replay, list, show, events, stop."""
 
-import getpass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,9 +13,9 @@ from app.terminal.answers import DEFAULT_DATA, Data, Json, Progress, exit_code, 
 from app.terminal.local import api_with_robots
 from app.terminal.opening import running
 from app.terminal.owner import owner_api
+from app.terminal.person import me
 from app.views.outcome import mission_outcome
 from harness.bootstrap import Harness, read_harness
-from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import MissionId, RobotId
@@ -29,11 +28,6 @@ from harness.runtime import Start
 from simulator.in_process import SIMULATOR
 
 app = typer.Typer(no_args_is_help=True, help="Run and read missions.")
-
-
-def me() -> Actor:
-    """The person at this terminal."""
-    return Actor(name=getpass.getuser(), role="operator")
 
 
 @app.command()

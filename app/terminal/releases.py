@@ -11,9 +11,9 @@ from msgspec.structs import replace
 from app.reasons.rendering import sentence
 from app.sheets import sheet
 from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show
-from app.terminal.missions import me
 from app.terminal.opening import deciding
 from app.terminal.owner import owner_api
+from app.terminal.person import me
 from app.terminal.rsi import CandidateName, reading, sheet_lines
 from app.terminal.rsi import app as app
 from harness.contracts.decisions import Accepted, Refused

@@ -7,9 +7,9 @@ import typer
 
 from app.reasons.rendering import sentence
 from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show
-from app.terminal.missions import me
 from app.terminal.opening import deciding
 from app.terminal.owner import owner_api
+from app.terminal.person import me
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import MissionId

@@ -21,9 +21,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from app.reasons.rendering import sentence
 from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show
-from app.terminal.missions import me
 from app.terminal.opening import deciding
 from app.terminal.owner import owner_api
+from app.terminal.person import me
 from app.terminal.rsi import CandidateName
 from harness.bootstrap import read_harness
 from harness.contracts.decisions import Accepted, Refused

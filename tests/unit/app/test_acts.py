@@ -8,7 +8,7 @@ from pydantic import TypeAdapter
 
 from app.acts import alerts, handoffs, missions
 from app.acts.base import Act
-from app.permissions import COMMANDS
+from app.command_permissions import PERMISSIONS
 from harness.contracts import commands, person_commands
 from harness.contracts.actors import Actor
 from harness.contracts.errors import ContractInvalid
@@ -108,7 +108,7 @@ def test_every_act_is_exactly_one_gate_command() -> None:
     assert len(acts) >= len(KINDS)
     assert all(one.becomes in known for one in acts), "an act becomes a command that the gate decides"
     assert len({one.becomes for one in acts}) == len(acts), "no two acts are the same command"
-    assert {one.becomes.__name__ for one in acts} <= set(COMMANDS), "and each needs a permission"
+    assert {one.becomes for one in acts} <= set(PERMISSIONS), "and each needs a permission"
     assert set(get_args(person_commands.PersonCommand)) <= {one.becomes for one in acts}
 
 
