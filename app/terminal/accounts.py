@@ -1,5 +1,6 @@
 """regen account and regen token: who may use the console, from the machine that it runs on."""
 
+import getpass
 import secrets
 import sys
 import time
@@ -13,7 +14,6 @@ import typer
 from app.accounts import Accounts
 from app.permissions import ROLES, SCOPES, Visitor
 from app.terminal.answers import DEFAULT_DATA, Data, Json, show, table
-from app.terminal.missions import me
 from app.terminal.owner import owner_api
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.adapters.stores.accounts_rows import Account, Token
@@ -27,7 +27,7 @@ FromStdin = Annotated[bool, typer.Option("--password-stdin", help="Read the pass
 
 def here() -> Visitor:
     """Whoever may read and write the data folder is its admin."""
-    return Visitor(name=me().name, roles=("admin",), source="terminal")
+    return Visitor(name=getpass.getuser(), roles=("admin",), source="terminal")
 
 
 @contextmanager
