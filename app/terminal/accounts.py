@@ -1,5 +1,6 @@
 """regen account and regen token: who may use the console, from the machine that it runs on."""
 
+import getpass
 import secrets
 import sys
 import time
@@ -27,7 +28,7 @@ FromStdin = Annotated[bool, typer.Option("--password-stdin", help="Read the pass
 
 def here() -> Visitor:
     """Whoever may read and write the data folder is its admin."""
-    return Visitor(name=me().name, roles=("admin",), source="terminal")
+    return Visitor(name=getpass.getuser(), roles=("admin",), source="terminal")
 
 
 @contextmanager
