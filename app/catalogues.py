@@ -2,10 +2,18 @@
 
 from collections.abc import Mapping
 from functools import cache
+from gettext import NullTranslations
+from io import BytesIO
+from typing import TypeVar
 
+from babel.messages.catalog import Catalog
+from babel.messages.mofile import write_mo
 from babel.messages.pofile import read_po
+from babel.support import Translations
 
 from app.settings import ROOT
+
+Text = TypeVar("Text", bound=str)
 
 ENGLISH = "en"
 LOCALES: Mapping[str, str] = {"en": "en", "zh-Hans": "zh_Hans_CN"}
@@ -13,23 +21,48 @@ LOCALES: Mapping[str, str] = {"en": "en", "zh-Hans": "zh_Hans_CN"}
 FOLDER = ROOT / "locale"
 CONSOLE, MACHINE = "messages", "machine"
 """What the console itself says, and what the machinery behind it said: one catalogue each."""
+SCRIPTS = "static/js/"
 
 
-def N_(message: str) -> str:  # noqa: N802  (the marker that Babel and gettext look for)
-    """Marks a text for Babel's extraction where it stands; the text itself is returned as it is."""
+def N_(message: Text) -> Text:  # noqa: N802 - the name that gettext gives this mark
+    """The text as it is, marked for the extraction: whoever shows it translates it."""
     return message
 
 
 @cache
-def catalogue(language: str, domain: str = CONSOLE) -> Mapping[str, str]:
-    """Message -> translation; empty for English."""
+def book(language: str, domain: str = CONSOLE) -> Catalog:
+    """A catalogue as it stands in its file; empty for English."""
     if language == ENGLISH:
-        return {}
+        return Catalog()
     with (FOLDER / LOCALES[language] / "LC_MESSAGES" / f"{domain}.po").open("rb") as file:
-        read = read_po(file, locale=LOCALES[language])
-    return {str(one.id): str(one.string) for one in read if one.id and one.string and not one.fuzzy}
+        return read_po(file, locale=LOCALES[language])
+
+
+@cache
+def catalogue(language: str, domain: str = CONSOLE) -> Mapping[str, str]:
+    """Message -> translation, of every message without a plural."""
+    return {str(one.id): str(one.string) for one in book(language, domain) if one.id and one.string and not one.fuzzy}
+
+
+@cache
+def translations(language: str) -> NullTranslations:
+    """gettext and ngettext of one language, with its own rule of plurals."""
+    if language == ENGLISH:
+        return NullTranslations()
+    compiled = BytesIO()
+    write_mo(compiled, book(language))
+    compiled.seek(0)
+    return Translations(compiled)
 
 
 def translated(message: str, language: str) -> str:
     """A message in a language, or as it is."""
-    return catalogue(language).get(message, message)
+    return translations(language).gettext(message) if message else ""
+
+
+@cache
+def script_messages(language: str) -> Mapping[str, str]:
+    """Message -> translation, of every message that a script of the console shows."""
+    texts = catalogue(language)
+    used = (str(one.id) for one in book(language) if any(path.startswith(SCRIPTS) for path, _ in one.locations))
+    return {message: texts[message] for message in used if message in texts}

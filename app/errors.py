@@ -13,6 +13,7 @@ from starlette.exceptions import HTTPException
 from starlette.responses import HTMLResponse, Response
 from starlette.types import Scope
 
+from app.catalogues import N_
 from app.permissions import NotPermitted
 from app.rendering import render
 from app.wanted import OVERVIEW, wanted
@@ -59,42 +60,50 @@ class ErrorPage:
 
 REFUSALS = {
     "signed_out": (
-        "You are not signed in",
-        "This console answers only to people who were let in.",
-        "Sign in with your account. Before there are accounts: open the one-time link that `regen up` printed.",
+        N_("You are not signed in"),
+        N_("This console answers only to people who were let in."),
+        N_("Sign in with your account. Before there are accounts: open the one-time link that `regen up` printed."),
     ),
     "cross_site": (
-        "This request came from another page",
-        "A command counts only if it comes from the console's own pages.",
-        "Open the console itself and try again there.",
+        N_("This request came from another page"),
+        N_("A command counts only if it comes from the console's own pages."),
+        N_("Open the console itself and try again there."),
     ),
     "unknown_host": (
-        "This console does not answer to that name",
-        "It answers only to the names it was started with.",
-        "Open it by the address that `regen up` printed.",
+        N_("This console does not answer to that name"),
+        N_("It answers only to the names it was started with."),
+        N_("Open it by the address that `regen up` printed."),
     ),
     "not_permitted": (
-        "Your role does not allow that",
-        "You may look at everything here, and change nothing.",
-        "Ask an admin of this console for the role you need.",
+        N_("Your role does not allow that"),
+        N_("You may look at everything here, and change nothing."),
+        N_("Ask an admin of this console for the role you need."),
     ),
     "unreadable": (
-        "This token does not open that",
-        "It was made without the scope read.",
-        "Use a token that has it.",
+        N_("This token does not open that"),
+        N_("It was made without the scope read."),
+        N_("Use a token that has it."),
     ),
     "too_large": (
-        "That is too much at once",
-        "A request to this console has at most one mebibyte.",
-        "Send less, or refer to evidence by its digest.",
+        N_("That is too much at once"),
+        N_("A request to this console has at most one mebibyte."),
+        N_("Send less, or refer to evidence by its digest."),
     ),
-    "too_many": ("Too many requests", "This caller asks faster than anybody is served here.", "Wait, then go on."),
+    "too_many": (
+        N_("Too many requests"),
+        N_("This caller asks faster than anybody is served here."),
+        N_("Wait, then go on."),
+    ),
     "unexpected": (
-        "The console failed to answer",
-        "Nothing that was recorded is lost, and missions go on without this page.",
-        "Try again. If it stays, whoever runs this console finds the cause in its log.",
+        N_("The console failed to answer"),
+        N_("Nothing that was recorded is lost, and missions go on without this page."),
+        N_("Try again. If it stays, whoever runs this console finds the cause in its log."),
     ),
-    "not_allowed": ("This address takes no commands", "Only reading is possible here.", "Go back to the overview."),
+    "not_allowed": (
+        N_("This address takes no commands"),
+        N_("Only reading is possible here."),
+        N_("Go back to the overview."),
+    ),
 }
 
 
@@ -141,11 +150,11 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(RequestValidationError)
     def invalid(request: Request, error: RequestValidationError) -> Response:
         wrong = "; ".join(f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors())
-        return told(request, status=422, code="invalid", what="The request is not well formed", where=wrong, do="")
+        return told(request, status=422, code="invalid", what=N_("The request is not well formed"), where=wrong, do="")
 
     @app.exception_handler(HTTPException)
     def http(request: Request, error: HTTPException) -> Response:
-        what = "There is no such page" if error.status_code == 404 else str(error.detail)
+        what = N_("There is no such page") if error.status_code == 404 else str(error.detail)
         return told(request, status=error.status_code, code="http", what=what, where=request.url.path, do="")
 
 

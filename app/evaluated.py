@@ -7,8 +7,8 @@ from threading import Lock
 
 from cachetools import LRUCache
 
+from app.messages import lazy_gettext, listed, word
 from app.views.review_results import Measured, measured
-from app.views.saying import listed, said, word
 from harness.contracts.ids import Digest
 from rsi_reviews.contracts import ResultSet
 from rsi_reviews.projections import Review
@@ -50,10 +50,12 @@ class Evaluated:
         needed = _grouped(2 * terms.cases)
         path = self._folder / f"results-{terms.evaluator.rpartition('+')[2]}.jsonl" if self._folder else None
         if path is None or not path.is_file():
-            return said("{count} missions to run", count=needed)
+            return lazy_gettext("{count} missions to run", count=needed)
         body = path.read_bytes()
         kept = sum(body.count(f'"configuration":"{one}"'.encode()) for one in (terms.baseline, terms.configuration))
-        return said("{done} of {count} missions to run", done=_grouped(min(kept, 2 * terms.cases)), count=needed)
+        return lazy_gettext(
+            "{done} of {count} missions to run", done=_grouped(min(kept, 2 * terms.cases)), count=needed
+        )
 
 
 def evaluator_folder(data: Path) -> Path:
@@ -76,7 +78,9 @@ def situations() -> Mapping[str, str]:
 def _words(case: Case) -> str:
     situation = case.situation
     outside = [
-        said("{resource} held by somebody else for {seconds} s", resource=word(one.kind), seconds=f"{one.for_s:g}")
+        lazy_gettext(
+            "{resource} held by somebody else for {seconds} s", resource=word(one.kind), seconds=f"{one.for_s:g}"
+        )
         for one in situation.outside
     ]
     return listed((situation.template, *situation.faults, *outside))

@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 from markupsafe import escape
 
+from app.messages import lazy_gettext, listed, word
 from app.views import (
     canary,
     candidates,
@@ -25,7 +26,6 @@ from app.views import (
     review_rows,
     robots,
 )  # fmt: skip
-from app.views.saying import listed, said, word
 from harness.contracts.values import encode
 from rsi_reviews.difference import NAMES
 
@@ -37,7 +37,7 @@ def clock(at_s: float) -> str:
 
 def instant(at_s: float) -> str:
     """Date and time in UTC, as a person reads it."""
-    return said("{instant} UTC", instant=datetime.fromtimestamp(at_s, UTC))
+    return lazy_gettext("{instant} UTC", instant=datetime.fromtimestamp(at_s, UTC))
 
 
 def iso(at_s: float) -> str:
@@ -48,15 +48,15 @@ def iso(at_s: float) -> str:
 def duration(seconds: float) -> str:
     """2 min 41 s; below ten seconds with one decimal."""
     if seconds < 10:
-        return said("{seconds} s", seconds=f"{max(seconds, 0.0):.1f}")
+        return lazy_gettext("{seconds} s", seconds=f"{max(seconds, 0.0):.1f}")
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     if hours:
-        return said("{hours} h {minutes} min", hours=hours, minutes=minutes)
+        return lazy_gettext("{hours} h {minutes} min", hours=hours, minutes=minutes)
     return (
-        said("{minutes} min {seconds} s", minutes=minutes, seconds=rest)
+        lazy_gettext("{minutes} min {seconds} s", minutes=minutes, seconds=rest)
         if minutes
-        else said("{seconds} s", seconds=rest)
+        else lazy_gettext("{seconds} s", seconds=rest)
     )
 
 

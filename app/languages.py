@@ -16,12 +16,13 @@ from urllib.parse import parse_qsl, urlencode
 from babel.core import negotiate_locale
 from babel.dates import format_datetime
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import Message as ASGIMessage
 
 from app.catalogues import ENGLISH, LOCALES, MACHINE, catalogue, translated
+from app.messages import Message
 from app.reasons import rendering as reasons
 from app.retelling import Retelling
-from app.views.saying import Said
 from harness.contracts.reasons import Reason
 
 LANGUAGES: Mapping[str, str] = {"en": "English", "zh-Hans": "简体中文"}
@@ -78,7 +79,7 @@ class Languages:
             f"{COOKIE}={chosen}; Path=/; Max-Age={YEAR_S}; SameSite=Lax; HttpOnly{'; Secure' if self._secure else ''}"
         )
 
-        async def keeping(message: Message) -> None:
+        async def keeping(message: ASGIMessage) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
                 if headers.get("content-type", "").startswith("text/html"):
@@ -124,18 +125,19 @@ def ways() -> tuple[Way, ...]:
 
 
 @cache
+@cache
 def retelling(language: str) -> Retelling:
     """What the machinery said, in a language."""
     return Retelling(catalogue(language), catalogue(language, MACHINE))
 
 
-def told(value: Any, language: str) -> Any:
-    """A value as its reader should see it: reasons, Said, what the catalogues know; anything else untouched."""
+def localise(value: Any, language: str) -> Any:
+    """A value as its reader should see it: reasons, a Message, what the catalogues know; anything else untouched."""
     if isinstance(value, Reason):
         return reasons.sentence(value, language)
     if language == ENGLISH or not isinstance(value, str) or hasattr(value, "__html__"):
         return value
-    if isinstance(value, Said):
+    if isinstance(value, Message):
         if not value.fields:
             return retelling(language).told(str(value))
         fields = {name: _field(one, language) for name, one in value.fields.items()}
@@ -146,4 +148,4 @@ def told(value: Any, language: str) -> Any:
 def _field(value: Any, language: str) -> Any:
     if isinstance(value, datetime):
         return format_datetime(value, "medium", locale=LOCALES[language])
-    return told(value, language)
+    return localise(value, language)

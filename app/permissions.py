@@ -4,6 +4,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+from app.catalogues import N_
 from harness.contracts.actors import Actor
 from harness.contracts.errors import HarnessError
 
@@ -33,20 +34,20 @@ SCOPES: frozenset[Permission] = frozenset({"read", "drive", "stop", "observe"})
 """What a token may be given: answers at a gate, releases and people's accounts are for people."""
 
 MEANING: Mapping[Permission, str] = {
-    "read": "see missions, evidence and the log",
-    "export": "export a mission's 3D view",
-    "drive": "start and resume missions",
-    "stop": "stop and pause missions",
-    "observe": "look again at a handoff, without motion",
-    "decide": "answer a handoff",
-    "dispute": "dispute an accepted completion",
-    "attest": "attest to what was seen",
-    "alerts": "acknowledge, shelve, suppress and assign alerts",
-    "propose": "propose changes to the harness and speak about them",
-    "review": "review candidates",
-    "release": "release and roll back configurations",
-    "trail": "read who signed in and who commanded what",
-    "people": "change accounts, roles and tokens",
+    "read": N_("see missions, evidence and the log"),
+    "export": N_("export a mission's 3D view"),
+    "drive": N_("start and resume missions"),
+    "stop": N_("stop and pause missions"),
+    "observe": N_("look again at a handoff, without motion"),
+    "decide": N_("answer a handoff"),
+    "dispute": N_("dispute an accepted completion"),
+    "attest": N_("attest to what was seen"),
+    "alerts": N_("acknowledge, shelve, suppress and assign alerts"),
+    "propose": N_("propose changes to the harness and speak about them"),
+    "review": N_("review candidates"),
+    "release": N_("release and roll back configurations"),
+    "trail": N_("read who signed in and who commanded what"),
+    "people": N_("change accounts, roles and tokens"),
 }
 
 

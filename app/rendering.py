@@ -1,16 +1,18 @@
 """Templates: strict, escaped, in the reader's language, and given exactly one page. The only place that knows Jinja."""
 
+from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
 from app import filters
-from app.catalogues import ENGLISH, catalogue, translated
-from app.languages import CHOICE, told, ways
-from app.phrases import script_messages, spoken
+from app.catalogues import ENGLISH, script_messages, translations
+from app.languages import CHOICE, localise, ways
+from app.messages import Message
 from app.regions import REGIONS
 from app.settings import ROOT
 from app.static_files import STAMP, stamp
@@ -18,53 +20,66 @@ from app.views.canary import FINDINGS
 from rsi_reviews.difference import NAMES
 
 
-class SpokenLoader(FileSystemLoader):
-    """Templates with their words in one language, translated once, when they are loaded."""
+class TranslatedEnvironment(Environment):
+    """What fills the holes of a message is given to gettext by name."""
 
-    def __init__(self, folder: Path, language: str) -> None:
-        super().__init__(folder)
-        self._language = language
-
-    def get_source(self, environment: Environment, template: str) -> tuple[str, str, Any]:
-        """The source that Jinja compiles; raises jinja2.TemplateNotFound."""
-        source, filename, fresh = super().get_source(environment, template)
-        if self._language == ENGLISH:
-            return source, filename, fresh
-        return spoken(source, partial(translated, language=self._language)), filename, fresh
+    newstyle_gettext = True
 
 
 def environment(folder: Path, language: str = ENGLISH) -> Environment:
     """Undefined names are errors, everything is escaped, whitespace around blocks is dropped."""
-    jinja = Environment(
-        loader=SpokenLoader(folder, language),
+    jinja = TranslatedEnvironment(
+        loader=FileSystemLoader(folder),
+        extensions=["jinja2.ext.i18n"],
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        finalize=None if language == ENGLISH else partial(_localised, language=language),
     )
+    jinja.policies["ext.i18n.trimmed"] = True
     jinja.filters.update(filters.FILTERS)
-    jinja.filters["told"] = partial(told, language=language)
+    jinja.filters["localise"] = partial(localise, language=language)
+    jinja.globals.update(gettext_functions(language))
     jinja.globals["asset"] = asset
     jinja.globals["language"] = language
     jinja.globals["regions"] = REGIONS
     jinja.globals["findings"] = FINDINGS
     jinja.globals["components"] = NAMES
     jinja.globals["languages"] = ways
-    jinja.globals["phrases"] = {one: catalogue(language)[one] for one in script_phrases() if one in catalogue(language)}
+    jinja.globals["script_messages"] = script_messages(language)
     return jinja
+
+
+def gettext_functions(language: str) -> dict[str, Callable[..., Markup]]:
+    """What `{% trans %}` and `_()` call. Translations are markup; what fills their holes is localised and escaped."""
+    texts = translations(language)
+
+    @cache
+    def whole(message: str) -> Markup:
+        return Markup(texts.gettext(message)) % {}
+
+    def filled(text: str, holes: dict[str, Any]) -> Markup:
+        return Markup(text) % {name: localise(value, language) for name, value in holes.items()}
+
+    def gettext(message: str, /, **holes: Any) -> Markup:
+        return filled(texts.gettext(message), holes) if holes else whole(message)
+
+    def ngettext(singular: str, plural: str, num: int, /, **holes: Any) -> Markup:
+        return filled(texts.ngettext(singular, plural, num), {"num": num, **holes})
+
+    return {"_": gettext, "gettext": gettext, "ngettext": ngettext}
+
+
+def _localised(value: Any, language: str) -> Any:
+    """What an expression shows: a Message in the reader's language, everything else as it is."""
+    return localise(value, language) if isinstance(value, Message) else value
 
 
 @cache
 def asset(path: str) -> str:
     """Address of a static file with a stamp of its content, so that a new release is seen at once."""
     return f"/static/{path}?{STAMP}={stamp(ROOT / 'static' / path)}"
-
-
-@cache
-def script_phrases() -> tuple[str, ...]:
-    """Every message that a script of the console says, once."""
-    sources = sorted((ROOT / "static" / "js").glob("*.js"))
-    return tuple(dict.fromkeys(one for path in sources for one in script_messages(path.read_text(encoding="utf-8"))))
 
 
 TEMPLATES = environment(ROOT / "templates")

@@ -15,12 +15,12 @@ from fpdf.enums import XPos, YPos
 from fpdf.fonts import FontFace, TTFFont
 from fpdf.image_parsing import preload_image
 
-from app.catalogues import ENGLISH
+from app.catalogues import ENGLISH, N_
 from app.filters import clock, duration, instant, words
-from app.languages import told
+from app.languages import localise
+from app.messages import lazy_gettext, word
 from app.views.missions import sentence
 from app.views.report import ReportPage, Shown, Word
-from app.views.saying import said, word
 from harness.contracts.errors import HarnessError
 
 FONT, CHINESE = "DejaVu", "Droid"
@@ -29,7 +29,7 @@ MISSING = "\u25a1"
 PICTURE_MM = 88.0
 MARGIN_MM = 14.0
 CAPTION_MM = 6.0
-LABELS = said(
+LABELS = lazy_gettext(
     "Declared: the word of a provider or a service. Measured: what the harness measured itself. Accepted: what passed "
     "the gate's configured checks; that is not proof of the truth."
 )
@@ -74,14 +74,14 @@ class _Paper(FPDF):
         """The mission, where its log stood, and the page."""
         self.set_y(-MARGIN_MM)
         self.set_font(FONT, size=7)
-        page, place = self._page, said("page {number} of {count}", number=self.page_no(), count="{nb}")
-        foot = said("event {position}", position=page.position)
+        page, place = self._page, lazy_gettext("page {number} of {count}", number=self.page_no(), count="{nb}")
+        foot = lazy_gettext("event {position}", position=page.position)
         stands = f"{page.mission_id}, {self.spoken(foot)}, sha256 {page.digest[:16]}"
         self.cell(0, 4, f"{stands}    {self.spoken(place)}")
 
     def spoken(self, text: str) -> str:
         """The text in the reader's language, as these fonts can draw it."""
-        text = str(told(text, self.language))
+        text = str(localise(text, self.language))
         if CHINESE.lower() not in self.fonts and any(ord(sign) not in self._known for sign in text if sign != "\n"):
             self.add_font(CHINESE, "", self._fonts / HANZI)
             self.set_fallback_fonts([CHINESE], exact_match=False)
@@ -154,14 +154,14 @@ def _drawn(paper: _Paper, page: ReportPage, pictures: Mapping[str, bytes], *, ma
     _summary(paper, page)
     _goal(paper, page)
     _stages(paper, page)
-    _words(paper, said("Findings: the analysis's word (declared)"), page.findings)
+    _words(paper, lazy_gettext("Findings: the analysis's word (declared)"), page.findings)
     _pictures(paper, page, pictures)
-    _words(paper, said("Receipts: a service's word, not a measurement (declared)"), page.receipts)
+    _words(paper, lazy_gettext("Receipts: a service's word, not a measurement (declared)"), page.receipts)
     _deeds(paper, page)
     if paper.lacking:
-        paper.title_line(said("What could not be printed"), size=10)
+        paper.title_line(lazy_gettext("What could not be printed"), size=10)
         paper.paragraph(
-            said(
+            lazy_gettext(
                 "{count} signs are drawn as {box}: the fonts of this document lack them. The report in the console and "
                 "its JSON hold them all.",
                 count=paper.lacking,
@@ -173,44 +173,48 @@ def _drawn(paper: _Paper, page: ReportPage, pictures: Mapping[str, bytes], *, ma
 
 def _summary(paper: _Paper, page: ReportPage) -> None:
     say = paper.spoken
-    paper.title_line(said("Report: {goal}", goal=page.head.mission.goal), size=15)
+    paper.title_line(lazy_gettext("Report: {goal}", goal=page.head.mission.goal), size=15)
     paper.paragraph(f"{say(words(page.head.mission.status)).capitalize()}. {say(sentence(page.head.mission))}")
     starts = (
-        said("the robot's journal cannot be read from here")
+        lazy_gettext("the robot's journal cannot be read from here")
         if page.starts is None
-        else said("{starts} by the robot's own journal, {again} repeated", starts=page.starts, again=page.duplicates)
+        else lazy_gettext(
+            "{starts} by the robot's own journal, {again} repeated", starts=page.starts, again=page.duplicates
+        )
     )
     took = duration(page.head.elapsed_s)
-    began = said("{instant}, {time} of mission time", instant=instant(page.head.began_s), time=took)
-    kind = said("{template} on {robot}", template=page.head.mission.template, robot=page.head.mission.robot_id)
+    began = lazy_gettext("{instant}, {time} of mission time", instant=instant(page.head.began_s), time=took)
+    kind = lazy_gettext("{template} on {robot}", template=page.head.mission.template, robot=page.head.mission.robot_id)
     disputed = "\n".join(f"{one.who}: {say(one.text)}" for one in page.disputes)
     facts = (
-        (said("mission"), f"{page.mission_id}, {say(kind)}"),
-        (said("configuration"), page.head.mission.configuration),
-        (said("began"), began),
-        (said("physical starts"), starts),
-        (said("disputed acceptances"), disputed or said("none")),
-        (said("stands at"), f"{say(said('event {position}', position=page.position))}, {page.digest}"),
+        (lazy_gettext("mission"), f"{page.mission_id}, {say(kind)}"),
+        (lazy_gettext("configuration"), page.head.mission.configuration),
+        (lazy_gettext("began"), began),
+        (lazy_gettext("physical starts"), starts),
+        (lazy_gettext("disputed acceptances"), disputed or lazy_gettext("none")),
+        (lazy_gettext("stands at"), f"{say(lazy_gettext('event {position}', position=page.position))}, {page.digest}"),
     )
     paper.ln(2)
-    paper.rows((said("fact"), said("value")), facts, (22, 78))
+    paper.rows((lazy_gettext("fact"), lazy_gettext("value")), facts, (22, 78))
     paper.ln(1)
     paper.paragraph(LABELS)
 
 
 def _goal(paper: _Paper, page: ReportPage) -> None:
     say = paper.spoken
-    paper.title_line(said("Goal: {verdict}", verdict=word(page.verdict) if page.verdict else said("not tested")))
+    paper.title_line(
+        lazy_gettext("Goal: {verdict}", verdict=word(page.verdict) if page.verdict else lazy_gettext("not tested"))
+    )
     paper.paragraph(page.reason)
     for one in page.conditions:
-        measured = ", ".join(f"{say(m.name)} {say(m.value or said('not measured'))}" for m in one.measures)
+        measured = ", ".join(f"{say(m.name)} {say(m.value or lazy_gettext('not measured'))}" for m in one.measures)
         found = f"{say(word(one.result.verdict))}: {say(one.result.text)}"
         paper.paragraph(f"{found} ({measured})" if measured else found)
 
 
 def _stages(paper: _Paper, page: ReportPage) -> None:
-    say, nothing = paper.spoken, said("nothing")
-    paper.title_line(said("Stages"))
+    say, nothing = paper.spoken, lazy_gettext("nothing")
+    paper.title_line(lazy_gettext("Stages"))
     body = [
         (
             f"{say(stage.title)}\n{say(stage.status)}",
@@ -220,19 +224,29 @@ def _stages(paper: _Paper, page: ReportPage) -> None:
         )
         for stage in page.stages
     ]
-    paper.rows((said("stage"), said("declared"), said("measured"), said("accepted")), body, (24, 25, 28, 23))
-    paper.title_line(said("Timings, mission time (measured)"))
+    paper.rows(
+        (lazy_gettext("stage"), lazy_gettext("declared"), lazy_gettext("measured"), lazy_gettext("accepted")),
+        body,
+        (24, 25, 28, 23),
+    )
+    paper.title_line(lazy_gettext("Timings, mission time (measured)"))
     took = [
         (
             words(one.node_id),
             clock(one.dispatched_s) if one.dispatched_s is not None else "",
-            clock(one.accepted_s) if one.accepted_s is not None else said("never"),
+            clock(one.accepted_s) if one.accepted_s is not None else lazy_gettext("never"),
             duration(one.took_s) if one.took_s is not None else "",
             str(one.attempts),
         )
         for one in page.timings
     ]
-    head = (said("stage"), said("dispatched"), said("accepted"), said("took"), said("attempts"))
+    head = (
+        lazy_gettext("stage"),
+        lazy_gettext("dispatched"),
+        lazy_gettext("accepted"),
+        lazy_gettext("took"),
+        lazy_gettext("attempts"),
+    )
     paper.rows(head, took, (32, 18, 18, 18, 14))
 
 
@@ -240,25 +254,27 @@ def _words(paper: _Paper, title: str, told_so: Sequence[Word]) -> None:
     say = paper.spoken
     paper.title_line(title)
     if not told_so:
-        paper.paragraph(said("None."))
+        paper.paragraph(lazy_gettext("None."))
         return
     body = [
         (
             f"{say(one.kind)}\n{say(words(one.node_id))}",
-            one.text or said("no text"),
+            one.text or lazy_gettext("no text"),
             f"{one.source}\n{one.receipt_id}",
             clock(one.at_s),
         )
         for one in told_so
     ]
-    paper.rows((said("what"), said("says"), said("by"), said("at")), body, (16, 40, 33, 11))
+    paper.rows(
+        (lazy_gettext("what"), lazy_gettext("says"), lazy_gettext("by"), lazy_gettext("at")), body, (16, 40, 33, 11)
+    )
 
 
 def _pictures(paper: _Paper, page: ReportPage, pictures: Mapping[str, bytes]) -> None:
     """Those that verify, two beside each other; then the ones that do not, by name."""
-    paper.title_line(said("Pictures"), before_mm=78.0 if pictures else 22.0)
+    paper.title_line(lazy_gettext("Pictures"), before_mm=78.0 if pictures else 22.0)
     if not page.pictures:
-        paper.paragraph(said("No camera frame belongs to this mission's evidence."))
+        paper.paragraph(lazy_gettext("No camera frame belongs to this mission's evidence."))
     top = paper.get_y()
     for index, one in enumerate(one for one in page.pictures if one.blob in pictures):
         left = index % 2 == 0
@@ -270,13 +286,13 @@ def _pictures(paper: _Paper, page: ReportPage, pictures: Mapping[str, bytes]) ->
         paper.image(BytesIO(pictures[one.blob]), x=side, y=top, w=PICTURE_MM)
         paper.set_font(FONT, size=7)
         paper.set_xy(side, top + height + 0.5)
-        paper.cell(PICTURE_MM, 3.5, f"{_caption(paper, one)}, {paper.spoken(said('verified'))}")
+        paper.cell(PICTURE_MM, 3.5, f"{_caption(paper, one)}, {paper.spoken(lazy_gettext('verified'))}")
         paper.set_font(FONT, size=9)
         paper.set_xy(MARGIN_MM, top + height + CAPTION_MM)
     for one in page.pictures:
         if one.blob not in pictures:
-            why = paper.spoken(one.broken or said("its bytes are not here"))
-            paper.paragraph(f"{_caption(paper, one)}: {paper.spoken(said('not shown'))}, {why}")
+            why = paper.spoken(one.broken or lazy_gettext("its bytes are not here"))
+            paper.paragraph(f"{_caption(paper, one)}: {paper.spoken(lazy_gettext('not shown'))}, {why}")
 
 
 def _height(paper: _Paper, body: bytes, blob: str, mission_id: str) -> float:
@@ -285,7 +301,7 @@ def _height(paper: _Paper, body: bytes, blob: str, mission_id: str) -> float:
         _, _, info = preload_image(paper.image_cache, BytesIO(body))
     except (OSError, ValueError) as error:
         raise PictureUnreadable(
-            f"Picture {blob[:12]} cannot be drawn: {error}", where=mission_id, do="see the printable report"
+            f"Picture {blob[:12]} cannot be drawn: {error}", where=mission_id, do=N_("see the printable report")
         ) from error
     return PICTURE_MM * info.height / info.width
 
@@ -295,9 +311,9 @@ def _caption(paper: _Paper, one: Shown) -> str:
 
 
 def _deeds(paper: _Paper, page: ReportPage) -> None:
-    paper.title_line(said("What people decided and recovery spent"))
+    paper.title_line(lazy_gettext("What people decided and recovery spent"))
     if page.deeds:
         rows = [(clock(one.at_s), one.who, one.text) for one in page.deeds]
-        paper.rows((said("at"), said("who"), said("what")), rows, (14, 26, 60))
+        paper.rows((lazy_gettext("at"), lazy_gettext("who"), lazy_gettext("what")), rows, (14, 26, 60))
     else:
-        paper.paragraph(said("Nobody had to decide anything and recovery spent nothing."))
+        paper.paragraph(lazy_gettext("Nobody had to decide anything and recovery spent nothing."))

@@ -10,6 +10,7 @@ import rich
 import viser
 from cachetools import LRUCache
 
+from app.catalogues import N_
 from app.scene_feed import Feed
 from app.scene_view import SceneView
 from harness.contracts.errors import HarnessError
@@ -78,7 +79,7 @@ class Scenes:
         """What the views of a mission show and what they lack; a blank one says why."""
         with self._lock:
             feed = self._feeds.get(mission_id)
-        return feed.note() if feed else "The 3D view opens when somebody looks at it."
+        return feed.note() if feed else N_("The 3D view opens when somebody looks at it.")
 
     def export(self, mission_id: MissionId, form: Form, *, begin_s: float, end_s: float) -> bytes:
         """The whole mission as a recording that plays in EXPORT_S: a .viser file, or a page that needs nothing else."""

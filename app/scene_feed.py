@@ -13,10 +13,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from app.catalogues import N_
 from app.cloud import Cloud, Floats, Stand, Track, placed, sweep
 from app.history import Histories
 from app.map_view import MapView
-from app.views.saying import listed, said
+from app.messages import lazy_gettext, listed
 from app.views.timeline import Entry
 from harness.contracts.effects import Metric
 from harness.contracts.errors import BlobDamaged
@@ -83,22 +84,24 @@ class Feed:
     def note(self) -> str:
         """One sentence for people who cannot see the picture, or see a blank one."""
         if self.plan is None:
-            return "The 3D view is being prepared."
+            return N_("The 3D view is being prepared.")
         if not self.track.stands:
-            return "Nothing to draw yet: no pose has been measured in this mission."
+            return N_("Nothing to draw yet: no pose has been measured in this mission.")
         waiting, missing = len(self._waiting), self._missing
         drawn = _grouped(self.cloud.count)
-        parts = [said("{points} points from {sweeps} lidar sweeps", points=drawn, sweeps=len(self._drawn))]
-        parts += [said("{count} sweeps wait for a pose", count=waiting)] if waiting else []
-        parts += [said("{count} sweeps could not be read", count=missing)] if missing else []
+        parts = [lazy_gettext("{points} points from {sweeps} lidar sweeps", points=drawn, sweeps=len(self._drawn))]
+        parts += [lazy_gettext("{count} sweeps wait for a pose", count=waiting)] if waiting else []
+        parts += [lazy_gettext("{count} sweeps could not be read", count=missing)] if missing else []
         if self.map:
             parts += [
-                said("map cloud {source}: {points} points", source=self.map.source, points=_grouped(self.map.points))
+                lazy_gettext(
+                    "map cloud {source}: {points} points", source=self.map.source, points=_grouped(self.map.points)
+                )
             ]
-        thinned = said(
+        thinned = lazy_gettext(
             "thinned to {cm} cm, at most {points} points", cm=f"{VOXEL_M * 100:.0f}", points=_grouped(POINTS)
         )
-        return said("{parts}.", parts=listed((*parts, thinned)))
+        return lazy_gettext("{parts}.", parts=listed((*parts, thinned)))
 
     def step(self) -> None:
         """Take what is new. Raises HarnessError if the log cannot be read."""

@@ -55,10 +55,10 @@ def sentences() -> dict[str, str]:
     return PIECED | {message: where for message, where in found.items() if _is_sentence(message)}
 
 
-def heard() -> dict[str, str]:
-    """Those that must be told in every language: not what is raised, and not what lists slugs."""
+def heard() -> dict[str, tuple[str, ...]]:
+    """Those that must be told in every language, and where: not what is raised, and not what lists slugs."""
     every = sentences().items()
-    return {one: where for one, where in every if where.startswith(HEARD) and not _SLUGS.search(one)}
+    return {one: (where,) for one, where in every if where.startswith(HEARD) and not _SLUGS.search(one)}
 
 
 def _is_sentence(message: str) -> bool:

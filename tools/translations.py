@@ -1,11 +1,11 @@
-"""What the console says and how it is said in other languages: `python -m tools.translations` mends the catalogues.
+"""What the console says and how it is said in other languages: `python -m tools.translations` updates the catalogues.
 
-Messages are read from the sources: texts of templates, what scripts hand to `tr`, what views hand to `said`, sentences
-that views keep as constants, the words of the contracts; and, in a catalogue apart, what the machinery says. Mending
-adds what is missing, empty, and drops what nobody says any more; exit 1 while something is missing, stale or broken.
+`pybabel extract` reads the messages from the sources as pyproject.toml maps them: templates, scripts, and what Python
+hands to `lazy_gettext` and `N_`. The words of the contracts are added here; what the machinery says stands in a
+catalogue apart. Updating adds what is missing, empty, and drops what nobody says any more; exit 1 while something is
+missing, stale or broken.
 """
 
-import ast
 import re
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -13,15 +13,16 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import product
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import get_args
 
 from babel.messages.catalog import Catalog
+from babel.messages.frontend import CommandLineInterface
 from babel.messages.pofile import read_po, write_po
 
 from app import permissions
 from app.catalogues import CONSOLE, ENGLISH, FOLDER, LOCALES
 from app.catalogues import MACHINE as MACHINERY
-from app.phrases import messages, quoted, script_messages
 from app.settings import ROOT
 from harness.contracts import (
     alert_events,
@@ -45,15 +46,9 @@ from rsi_reviews.evaluation.arms import ARMS
 from rsi_reviews.evaluation.missions import CONDITIONS
 from tools import machine_words
 
-VIEWS = (
-    "app/views", "app/acts", "app/routes", "app/errors.py", "app/permissions.py", "app/filters.py", "app/evaluated.py",
-    "app/scene_feed.py", "app/scene.py", "app/report_pdf.py",
-)  # fmt: skip
-"""Where constants that persons read are kept, beside the templates."""
-REASONS = "app/reasons"
-"""Where the sentences of reasons are kept, each marked with `N_`."""
-PROGRAMS = re.compile(r"(api\w*|metrics|live|scene)\.py")
-"""Routes that answer programs alone."""
+SOURCES = ("app", "static/js", "templates")
+KEYWORDS = ("lazy_gettext", "tr")
+"""Whose first argument is a message, beside gettext, ngettext, _ and N_, which Babel knows."""
 VOCABULARY = (
     alert_events.AlertKind, alert_events.Priority, capabilities.Capability, configuration.FailureClass,
     configuration.RecoveryAction, control.Autonomy, control.Posture, effects.FactKind, handoff_events.NoAnswer,
@@ -66,30 +61,37 @@ PUBLISHED = (*NAMES.values(), *(one.text for one in ARMS), *(one.text for one in
 """What tables and published documents say in words of their own."""
 MACHINE = ("harness", "simulator", "rsi_reviews")
 """Whose identifiers may be shown as words: names of quantities, of fields, of kinds."""
-HOLE = re.compile(r"\{([\w:.+,%-]*)\}")
-_SENTENCE = re.compile(r"[A-Za-z“](?:[^{}<>/_\\=$:\n]|:(?=\s|\Z))*")
-_SOURCE = re.compile(r"-src\b|^live:")
+HOLE = re.compile(r"%\(\w+\)s|\{[\w:.+,%-]*\}")
 
 
 @cache
-def said() -> dict[str, str]:
-    """Every message that must be translated -> where it is said first."""
-    found: dict[str, str] = {}
-    for message, where in _everything():
-        found.setdefault(message, where)
+def extracted() -> Catalog:
+    """Everything that is marked in the sources, as Babel extracts it."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "messages.pot"
+        marks = [f"--keyword={one}" for one in KEYWORDS]
+        sources = [str(ROOT / one) for one in SOURCES]
+        mapping = str(ROOT / "pyproject.toml")
+        run: Callable[[list[str]], None] = CommandLineInterface().run
+        run(["pybabel", "-q", "extract", "-F", mapping, *marks, "-o", str(path), *sources])
+        with path.open("rb") as file:
+            return read_po(file)
+
+
+@cache
+def said() -> dict[str, tuple[str, ...]]:
+    """Every message that must be translated -> the files that say it."""
+    found: dict[str, tuple[str, ...]] = {}
+    for message, where in (*_marked(), *_vocabulary()):
+        if where not in found.setdefault(message, ()):
+            found[message] += (where,)
     return found
 
 
 @cache
 def known() -> set[str]:
-    """Every text that may stand in a catalogue: what must, and every other constant that a view can show."""
-    templates = [path.read_text(encoding="utf-8") for path in (ROOT / "templates").rglob("*.html")]
-    return (
-        set(said())
-        | {one for path in _views() for one in _constants(path)}
-        | {one for text in templates for one in quoted(text)}
-        | _identifiers()
-    )
+    """Every text that may stand in a catalogue: what must, and every identifier that may be shown as a word."""
+    return set(said()) | _identifiers()
 
 
 @dataclass(frozen=True)
@@ -97,17 +99,17 @@ class Domain:
     """One catalogue of every language. `must`: message -> where it is said; `may`: what else may stand in it."""
 
     name: str
-    must: Callable[[], Mapping[str, str]]
+    must: Callable[[], Mapping[str, tuple[str, ...]]]
     may: Callable[[], Collection[str]]
 
 
 def wrong(catalogue: Mapping[str, str], domain: str = CONSOLE) -> list[str]:
     """What is missing, stale or broken in a catalogue, a line each."""
     must, may = DOMAINS[domain].must(), DOMAINS[domain].may()
-    found = [f"missing: {one!r} ({where})" for one, where in must.items() if not catalogue.get(one)]
+    found = [f"missing: {one!r} ({', '.join(where)})" for one, where in must.items() if not catalogue.get(one)]
     found += [f"stale: {one!r}" for one in catalogue if one not in may]
     for message, text in catalogue.items():
-        if text and sorted(set(HOLE.findall(message))) != sorted(set(HOLE.findall(text))):
+        if text and set(HOLE.findall(message)) != set(HOLE.findall(text)):
             found.append(f"holes differ: {message!r} -> {text!r}")
         if re.search(r"[<>]|\{\{|\{%", text):
             found.append(f"markup: {text!r}")
@@ -140,16 +142,15 @@ def write(locale: str, catalogue: Mapping[str, str], domain: str = CONSOLE) -> N
     where = DOMAINS[domain].must()
     book = Catalog(locale=locale, project="RegenHarness", fuzzy=False)
     for message in sorted(catalogue):
-        spot = where.get(message, "")
-        book.add(message, catalogue[message], auto_comments=[spot] if spot else [])
+        book.add(message, catalogue[message], locations=[(path, 0) for path in where.get(message, ())])
     path = catalogue_path(locale, domain)
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("wb") as file:
-        write_po(file, book, width=120, omit_header=True)
+        write_po(file, book, width=120, omit_header=True, include_lineno=False)
 
 
 def main() -> None:
-    """Mend every catalogue and say what is left to do."""
+    """Update every catalogue and say what is left to do."""
     left = []
     for locale, name in product((one for tag, one in LOCALES.items() if tag != ENGLISH), DOMAINS):
         write(locale, mended(read(locale, name), name), name)
@@ -159,17 +160,14 @@ def main() -> None:
     print("Every message is said in every language.")
 
 
-def _everything() -> Iterator[tuple[str, str]]:
-    for path in sorted((ROOT / "templates").rglob("*.html")):
-        source = path.read_text(encoding="utf-8")
-        yield from ((one, _name(path)) for one in (*messages(source), *filter(_sentence, quoted(source))))
-    for path in sorted((ROOT / "static" / "js").glob("*.js")):
-        yield from ((one, _name(path)) for one in script_messages(path.read_text(encoding="utf-8")))
-    for path in _views():
-        yield from ((one, _name(path)) for one in _handed(path))
-        yield from ((one, _name(path)) for one in _constants(path) if _sentence(one))
-    for path in sorted((ROOT / REASONS).glob("*.py")):
-        yield from ((one, _name(path)) for one in _handed(path, "N_"))
+def _marked() -> Iterator[tuple[str, str]]:
+    for one in extracted():
+        if one.id:
+            yield from ((str(one.id), _name(Path(path))) for path, _ in one.locations)
+
+
+def _vocabulary() -> Iterator[tuple[str, str]]:
+    """The words of the contracts that pages show."""
     for kind in VOCABULARY:
         yield from ((str(one).replace("_", " "), "harness/contracts") for one in get_args(kind) if one)
     yield from ((one, "rsi_reviews") for one in PUBLISHED)
@@ -183,38 +181,8 @@ def _identifiers() -> set[str]:
     return words | {one.rpartition(" ")[0] for one in words}
 
 
-def _views() -> Iterator[Path]:
-    for part in VIEWS:
-        path = ROOT / part
-        found = sorted(path.glob("*.py")) if path.is_dir() else [path]
-        yield from (one for one in found if path.is_file() or not PROGRAMS.fullmatch(one.name))
-
-
-def _sentence(text: str) -> bool:
-    """Whether a constant is something to read: words with a space between them, and no code."""
-    inside = " " in text and text == text.strip()
-    return inside and bool(_SENTENCE.fullmatch(text)) and not _SOURCE.search(text)
-
-
-def _handed(path: Path, marker: str = "said") -> Iterator[str]:
-    """The literals that are handed to a function of that name."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == marker:
-            yield from (str(one.value) for one in node.args[:1] if isinstance(one, ast.Constant))
-
-
-def _constants(path: Path) -> Iterator[str]:
-    """Texts in the code: no documentation, no parts of other texts."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    skipped = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in ast.walk(node)}
-    skipped |= {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in skipped and node.value:
-            yield node.value
-
-
 def _name(path: Path) -> str:
-    return path.relative_to(ROOT).as_posix()
+    return path.relative_to(ROOT).as_posix() if path.is_absolute() else path.as_posix()
 
 
 DOMAINS: Mapping[str, Domain] = {

@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar, Self
 from pydantic import Field
 
 from app.acts.base import Act, Count, Reason, Text
+from app.catalogues import N_
 from app.views.alerts import SHELF
 from app.views.forms import Wrong
 from harness.contracts import alert_commands
@@ -24,7 +25,7 @@ class ShelveAlertAct(Act):
     """Put it out of the way for a while; it comes back by itself."""
 
     becomes = alert_commands.ShelveAlert
-    sentences: ClassVar[Mapping[str, str]] = {"for_s": "Choose how long it is shelved for."}
+    sentences: ClassVar[Mapping[str, str]] = {"for_s": N_("Choose how long it is shelved for.")}
     reason: Reason
     for_s: Annotated[float, Field(gt=0, le=LONGEST_SHELF_S)]
 

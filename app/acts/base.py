@@ -5,6 +5,7 @@ from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
+from app.catalogues import N_
 from app.views import forms
 from app.views.forms import Wrong
 from harness.contracts.actors import Actor, Command
@@ -52,7 +53,7 @@ class Act(BaseModel):
         except ValidationError as error:
             first = error.errors()[0]
             where = ".".join(str(part) for part in first["loc"])
-            raise ContractInvalid(f"{where}: {first['msg']}", where=where, do="run it with --help") from error
+            raise ContractInvalid(f"{where}: {first['msg']}", where=where, do=N_("run it with --help")) from error
 
     @classmethod
     def from_form(cls, typed: Mapping[str, str]) -> Self | tuple[Wrong, ...]:
@@ -69,9 +70,9 @@ class Act(BaseModel):
         strange = next((name for name in fields if name not in (*WHY, *cls.sentences)), None)
         if strange is not None:
             raise ContractInvalid(
-                "The answer is not bound to what was shown",
+                N_("The answer is not bound to what was shown"),
                 where=f"form field {strange}",
-                do="open the page again and decide there",
+                do=N_("open the page again and decide there"),
             )
         return tuple(Wrong(name, text) for name in fields for text in cls._told(name, typed.get(name, "")))
 

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field
 
 from app.acts.base import Act, Count, Key, Reason, Sha256, Slug, Text
+from app.catalogues import N_
 from app.views.forms import Wrong
 from harness.contracts import commands, handoff_commands
 from harness.contracts.configuration import RecoveryAction
@@ -32,14 +33,14 @@ class ReleaseHandoffAct(Act):
 
     def fields(self) -> dict[str, Any]:
         """The reason is the act itself."""
-        return {"claim": self.claim, "reason": "released by its holder"}
+        return {"claim": self.claim, "reason": N_("released by its holder")}
 
 
 class ExtendDeadlineAct(Act):
     """Let it wait longer because you are on your way: once, as long as the zone allows."""
 
     becomes = handoff_commands.ExtendDeadline
-    reason: Reason = "on my way"
+    reason: Reason = N_("on my way")
 
 
 class ChooseActionAct(Act):

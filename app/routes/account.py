@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from fastapi import APIRouter, Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from app.catalogues import N_
 from app.console import Console, ConsoleDep, FormDep
 from app.permissions import Visitor
 from app.rendering import render
@@ -31,14 +32,14 @@ def own(console: ConsoleDep, visitor: VisitorDep) -> HTMLResponse:
 def password(console: ConsoleDep, visitor: VisitorDep, typed: FormDep) -> HTMLResponse:
     """Ends every other session of this person."""
     if typed.get("new", "") != typed.get("again", ""):
-        return _own(console, visitor, errors=("The new password and its repetition differ.",))
+        return _own(console, visitor, errors=(N_("The new password and its repetition differ."),))
     try:
         console.doors.accounts.set_password(
             visitor.name, old=typed.get("old", ""), new=typed.get("new", ""), by=visitor, but=visitor.session
         )
     except ContractInvalid as error:
         return _own(console, visitor, errors=(str(error),))
-    return _own(console, visitor, done="Your password is changed. Your other browsers are signed out.")
+    return _own(console, visitor, done=N_("Your password is changed. Your other browsers are signed out."))
 
 
 @router.get("/people")
@@ -98,7 +99,7 @@ def revoke(console: ConsoleDep, visitor: VisitorDep, token_id: str) -> Response:
 
 
 def _own(console: Console, visitor: Visitor, *, errors: Sequence[str] = (), done: str = "") -> HTMLResponse:
-    shell = console.shell("Your account", "account", visitor.actor)
+    shell = console.shell(N_("Your account"), "account", visitor.actor)
     sessions = console.doors.accounts.sessions_of(visitor)
     elsewhere = any(one.by_groups for one in console.doors.accounts.store.identities(visitor.name))
     page = account_page(shell, visitor, sessions, by_password=not elsewhere, errors=errors, done=done)
@@ -127,7 +128,7 @@ def _people(
             if one.revoked_at_s
             else "expired"
             if now_s >= (one.expires_at_s or now_s + 1)
-            else "in use",
+            else N_("in use"),
         )
         for one in store.tokens()
     ]
@@ -144,7 +145,7 @@ def _people(
         for one in accounts
     ]
     return PeoplePage(
-        shell=console.shell("People and tokens", "account", visitor.actor),
+        shell=console.shell(N_("People and tokens"), "account", visitor.actor),
         first=not accounts,
         people=tuple(people),
         roles=role_choices(("admin", "operator") if not accounts else ("viewer",)),

@@ -9,11 +9,12 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.acts.alerts import ACTS
 from app.acts.base import Act
+from app.catalogues import N_
 from app.console import ActorDep, Console, ConsoleDep, FormDep
+from app.messages import reasoned
 from app.rendering import render
 from app.views import alerts
 from app.views.alerts import AlertPage, AlertsPage, Asked, Deed
-from app.views.saying import reasoned
 from harness.contracts.actors import Actor
 from harness.contracts.alert_commands import AlertPersonCommand
 from harness.contracts.alert_events import AlertEvent, alert_stream
@@ -33,7 +34,9 @@ def asked(
 ) -> Asked:
     """What the address asks for. Raises UnknownName for a tab that the inbox does not have."""
     if status not in {value for value, _, _ in alerts.GROUPS}:
-        raise UnknownName(f"There is no group of alerts called {status[:40]}", do="choose one of the tabs of the list")
+        raise UnknownName(
+            f"There is no group of alerts called {status[:40]}", do=N_("choose one of the tabs of the list")
+        )
     place = before if before is not None and isfinite(before) else None
     return Asked(group=status, words=q.strip(), priority=priority, robot=robot, before_s=place)
 

@@ -6,10 +6,10 @@ from fastapi import APIRouter, Query
 from starlette.responses import HTMLResponse, PlainTextResponse
 
 from app.console import Console, ConsoleDep
+from app.messages import lazy_gettext
 from app.rendering import render
 from app.security import VisitorDep
 from app.views.audit import AccessPage, AuditPage, Deed, Sum, TrailRow, Wanted, deed
-from app.views.saying import said
 from harness.contracts.errors import LogDamaged
 from harness.contracts.stored_commands import command_of
 
@@ -99,7 +99,7 @@ def _log_sum(console: Console) -> Sum:
     except LogDamaged as error:
         return Sum(damage=str(error))
     return Sum(
-        verified=said(
+        verified=lazy_gettext(
             "Every hash of the log and of its records was computed again: {count} events, intact.", count=head.position
         ),
         note=_before_commands(console),
@@ -116,7 +116,7 @@ def _before_commands(console: Console) -> str:
             break
     if not upto:
         return ""
-    return said(
+    return lazy_gettext(
         "The first {count} events are a log from before commands were stored: replay uses commands reconstructed "
         "from events there.",
         count=upto,
@@ -128,4 +128,6 @@ def _trail_sum(console: Console) -> Sum:
         entries = console.doors.accounts.store.verify_trail()
     except LogDamaged as error:
         return Sum(damage=str(error))
-    return Sum(verified=said("Every hash of the trail was computed again: {count} entries, intact.", count=entries))
+    return Sum(
+        verified=lazy_gettext("Every hash of the trail was computed again: {count} entries, intact.", count=entries)
+    )

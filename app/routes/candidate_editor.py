@@ -6,10 +6,11 @@ import msgspec
 from fastapi import APIRouter
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from app.catalogues import N_
 from app.console import ActorDep, Console, ConsoleDep, FormDep
+from app.messages import lazy_gettext, reasoned
 from app.rendering import render
 from app.views.candidate_editor import EditorPage, Found, edited_text, editor_page
-from app.views.saying import reasoned, said
 from harness.contracts.actors import Actor
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Refused
@@ -65,7 +66,7 @@ def read(console: Console, actor: Actor, typed: Mapping[str, str]) -> tuple[Cand
         refusal = Refusal(rule=error.rule, path=error.where or "edit", reason=recorded(f"{error.what}; {error.do}."))
         return None, Found(errors=(f"{error.what}; {error.do}.",), refusals=(refusal,))
     except msgspec.ValidationError as error:
-        return None, Found(errors=(said("The manifest does not stand: {error}.", error=str(error)),))
+        return None, Found(errors=(lazy_gettext("The manifest does not stand: {error}.", error=str(error)),))
     found = checked(console, made)
     return (None if found.refusals else made), found
 
@@ -84,7 +85,7 @@ def current_of(console: Console) -> Configuration:
 
 
 def page_of(console: Console, actor: Actor, typed: Mapping[str, str], found: Found = NOTHING) -> EditorPage:
-    shell = console.shell("Propose a change", "candidates", actor)
+    shell = console.shell(N_("Propose a change"), "candidates", actor)
     return editor_page(shell, current_of(console), typed, by_text=_by_text(typed), found=found)
 
 

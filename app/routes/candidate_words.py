@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from typing import Any, get_args
 
+from app.catalogues import N_
 from app.reviewing import GuardedDesk
 from harness.contracts.actors import Actor
 from harness.contracts.decider import Codec
@@ -24,7 +25,7 @@ def say_of(actor: Actor, typed: Typed, word: str) -> Say:
     """Who, why and under which one-use key. Raises ContractInvalid without a key."""
     key = typed.get("key", "")
     if not 1 <= len(key) <= LONGEST_KEY:
-        raise ContractInvalid("The form carries no key", where="key", do="open the page again and use its form")
+        raise ContractInvalid(N_("The form carries no key"), where="key", do=N_("open the page again and use its form"))
     return Say(actor=actor, reason=typed.get("reason", "").strip(), key=f"{word}:{key}"[:LONGEST_KEY])
 
 
@@ -38,7 +39,7 @@ def seen_of(typed: Typed) -> Seen:
 def robot_of(typed: Typed) -> RobotId:
     """Raises ContractInvalid where none is named."""
     if not typed.get("robot_id", "").strip():
-        raise ContractInvalid("No robot is named", where="robot_id", do="say which robot tries it first")
+        raise ContractInvalid(N_("No robot is named"), where="robot_id", do=N_("say which robot tries it first"))
     return RobotId(typed["robot_id"].strip())
 
 

@@ -6,8 +6,10 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from app.catalogues import N_
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.evaluated import situations
+from app.messages import reasoned
 from app.rendering import render
 from app.routes.candidate_words import WORDS, say_of, seen_of, subject_in
 from app.views import candidates, forms
@@ -16,7 +18,6 @@ from app.views.review import Left, ReviewPage, Seen, review_page
 from app.views.review_cases import CasesPage, cases_page
 from app.views.review_replay import ReplayPage, replay_page
 from app.views.rollback import RollbackPage, rollback_page
-from app.views.saying import reasoned
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ConfigurationMissing, ContractInvalid, UnknownName
@@ -33,9 +34,9 @@ def asked_of(request: Request) -> Asked:
     params = request.query_params
     group, skip = params.get("status", ""), params.get("skip", "0")
     if group not in {value for value, _, _ in candidates.GROUPS}:
-        raise UnknownName(f"There is no group of candidates called {group[:40]}", do="choose one of the tabs")
+        raise UnknownName(f"There is no group of candidates called {group[:40]}", do=N_("choose one of the tabs"))
     if not skip.isascii() or not skip.isdigit() or len(skip) > 6:
-        raise ContractInvalid(f"{skip[:40]!r} is no place in a list", where="skip", do="begin at the first page")
+        raise ContractInvalid(f"{skip[:40]!r} is no place in a list", where="skip", do=N_("begin at the first page"))
     return Asked(
         words=params.get("q", "")[:200].strip(),
         group=group,
@@ -89,7 +90,7 @@ def rolling_back(console: ConsoleDep, actor: ActorDep, candidate: str) -> HTMLRe
 def say(console: ConsoleDep, actor: ActorDep, candidate: str, word: str, typed: FormDep) -> Response:
     """One word: 303 taken, 422 not well said, 409 refused with the reason and the page as it is now."""
     if word not in WORDS:
-        raise UnknownName(f"Nobody can say {word[:40]!r} about a candidate", do="use a button of its page")
+        raise UnknownName(f"Nobody can say {word[:40]!r} about a candidate", do=N_("use a button of its page"))
     name = console.desk.review(candidate).candidate
     if wrong := forms.wrong_reason(typed.get("reason", "")):
         return _again(console, actor, name, word, typed, refused=" ".join(wrong), status=422)
@@ -142,8 +143,8 @@ def cases_of(console: Console, actor: Actor, candidate: str, *, change: str, fam
     review = console.desk.review(candidate)
     found = console.evaluated.of(review.candidate)
     if found is None or review.manifest is None:
-        raise UnknownName("No case of this candidate was measured yet", do="wait for its evaluation")
-    shell = console.shell("Every case", "candidates", actor)
+        raise UnknownName(N_("No case of this candidate was measured yet"), do=N_("wait for its evaluation"))
+    shell = console.shell(N_("Every case"), "candidates", actor)
     return cases_page(shell, review, found[0], situations(), change=change, family=family, skip=skip)
 
 
@@ -157,13 +158,13 @@ def replayed(console: Console, actor: Actor, candidate: str) -> ReplayPage:
         (one.mission_id, one.template, one.status, sum(one.derived.values()), one.differences, len(one.unreadable))
         for one in found.missions
     ]
-    shell = console.shell("Counterfactual replay", "candidates", actor)
+    shell = console.shell(N_("Counterfactual replay"), "candidates", actor)
     return replay_page(shell, review, rows, held=len(runtime.streams(MISSION_STREAMS)))
 
 
 def rollback_of(console: Console, actor: Actor, candidate: str, *, refused: str = "", typed: str = "") -> RollbackPage:
     review = console.desk.review(candidate)
-    shell = console.shell("Roll back", "candidates", actor)
+    shell = console.shell(N_("Roll back"), "candidates", actor)
     pinned = console.desk.pins().get(review.configuration, ())
     return rollback_page(
         shell, review, console.desk.pointer(), pinned, key=console.doors.key(), refused=refused, typed=typed
@@ -180,4 +181,4 @@ def _loads(console: Console, configuration: str) -> str:
         same = console.desk.loads(Digest(configuration)) == configuration
     except ConfigurationMissing as error:
         return str(error)
-    return "" if same else "It loads, but not as the same version."
+    return "" if same else N_("It loads, but not as the same version.")

@@ -6,7 +6,9 @@ from fastapi import APIRouter, Body
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 
+from app.catalogues import N_
 from app.console import ActorDep, Console, ConsoleDep, FormDep
+from app.messages import lazy_gettext, reasoned
 from app.permissions import NotPermitted, Visitor
 from app.rendering import render
 from app.routes.robot_acts import signed, wheel_returned
@@ -14,7 +16,6 @@ from app.routes.robots import RobotPath, card
 from app.security import VisitorDep
 from app.views import forms
 from app.views.driving import DrivePage, TakenOver, taken_over
-from app.views.saying import reasoned, said
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused, refused
 from harness.contracts.errors import ProviderFailed
@@ -45,7 +46,7 @@ def take(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: Ro
     wrong = forms.wrong_reason(typed.get("reason", ""))
     if wrong:
         return _pad(console, actor, robot_id, errors=wrong, status=422)
-    device = typed.get("device", "").strip()[:80] or "a browser"
+    device = typed.get("device", "").strip()[:80] or N_("a browser")
     held = console.control().wheels.get(robot_id)
     if held is not None and held.actor.name == actor.name:
         return RedirectResponse(f"/robots/{robot_id}/drive", status_code=303)
@@ -74,7 +75,7 @@ def turn(console: ConsoleDep, visitor: VisitorDep, robot_id: RobotPath, body: An
 @router.post("/drive/return")
 def give_back(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: RobotPath) -> Response:
     """Back to the question if the robot was taken over for one. A wheel that went back by itself is no mistake."""
-    decision = wheel_returned(console, visitor, robot_id, "returned by a person")
+    decision = wheel_returned(console, visitor, robot_id, N_("returned by a person"))
     if isinstance(decision, Refused) and decision.rule != "not_at_the_wheel":
         return _pad(console, actor, robot_id, errors=[reasoned(decision.reason)], status=409)
     taken = _taken(console, actor, robot_id)
@@ -87,7 +88,7 @@ def turned(console: Console, visitor: Visitor, robot_id: RobotId, order: Turn) -
     if held is None or console.wheel is None:
         return refused("not_at_the_wheel", because("wheel_not_taken", robot_id=robot_id))
     if held.actor.name != actor.name:
-        raise NotPermitted(f"{held.actor.name} has the wheel", where=robot_id, do="ask them to return it")
+        raise NotPermitted(f"{held.actor.name} has the wheel", where=robot_id, do=N_("ask them to return it"))
     try:
         return console.wheel.turn(robot_id, RequestId(order.session), v_mps=order.v_mps, w_radps=order.w_radps)
     except ProviderFailed as error:
@@ -109,7 +110,9 @@ def _pad(
 ) -> HTMLResponse:
     held = console.control().wheels.get(robot_id)
     page = DrivePage(
-        shell=console.shell(said("Drive {robot_id}", robot_id=robot_id), "robots", actor, topics=[f"robot/{robot_id}"]),
+        shell=console.shell(
+            lazy_gettext("Drive {robot_id}", robot_id=robot_id), "robots", actor, topics=[f"robot/{robot_id}"]
+        ),
         robot=card(console, robot_id),
         session=held.session if held is not None and held.actor.name == actor.name else "",
         taken=_taken(console, actor, robot_id),

@@ -3,6 +3,7 @@
 from fastapi import APIRouter
 from starlette.responses import HTMLResponse
 
+from app.catalogues import N_
 from app.console import ActorDep, ConsoleDep
 from app.published import published
 from app.rendering import render
@@ -15,7 +16,7 @@ router = APIRouter(prefix="/evaluation")
 @router.get("")
 def show(console: ConsoleDep, actor: ActorDep, measure: str = "contract_false") -> HTMLResponse:
     if measure not in dict(MEASURES):
-        raise UnknownName(f"Nothing is measured as {measure[:40]}", do="choose one of the tabs")
+        raise UnknownName(f"Nothing is measured as {measure[:40]}", do=N_("choose one of the tabs"))
     found = published(console.settings.results)
     page = EvaluationPage(
         shell=console.shell("Evaluation", "evaluation", actor),

@@ -5,13 +5,14 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Path
 from starlette.responses import HTMLResponse, Response
 
+from app.catalogues import N_
 from app.console import ActorDep, ConsoleDep
+from app.messages import lazy_gettext
 from app.rendering import render
 from app.routes.listing import searching
 from app.views import evidence_list
 from app.views.evidence_list import BlobPage
 from app.views.listing import Sought
-from app.views.saying import said
 from harness.contracts.errors import BlobDamaged, UnknownName
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.read_models import ListQuery
@@ -49,13 +50,13 @@ def about(console: ConsoleDep, actor: ActorDep, digest: DigestPath) -> HTMLRespo
     uses = ListQuery(listing="evidence", words=(digest[:BLOB_SIGNS],), limit=USES)
     rows = [one for one in console.lists.evidence(uses).items if one.blob == digest]
     if not rows:
-        raise UnknownName(f"No evidence refers to blob {digest[:16]}…", do="choose one from the list of evidence")
+        raise UnknownName(f"No evidence refers to blob {digest[:16]}…", do=N_("choose one from the list of evidence"))
     try:
         body, broken = console.runtime.blob(Digest(digest)), ""
     except BlobDamaged as error:
         body, broken = b"", error.what
     page = BlobPage(
-        shell=console.shell(said("Blob {name}", name=digest[:8]), "evidence", actor),
+        shell=console.shell(lazy_gettext("Blob {name}", name=digest[:8]), "evidence", actor),
         blob=digest,
         broken=broken,
         size=len(body),

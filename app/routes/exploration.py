@@ -6,6 +6,7 @@ from fastapi import APIRouter, Query
 from starlette.responses import HTMLResponse
 
 from app.console import ActorDep, Console, ConsoleDep
+from app.messages import lazy_gettext
 from app.rendering import render
 from app.views.exploration import (
     ChoicesRegion,
@@ -14,7 +15,6 @@ from app.views.exploration import (
     exploration_page,
     shown_of,
 )
-from app.views.saying import said
 from harness.contracts.errors import BlobDamaged
 from harness.contracts.exploration import GridMap
 from harness.contracts.ids import Digest, MissionId
@@ -30,7 +30,7 @@ def show(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, leg: Leg =
     region = _region(console, mission_id, leg)
     mission = console.runtime.mission(mission_id)
     shell = console.shell(
-        said("Exploration: {goal}", goal=mission.goal), "missions", actor, topics=[f"mission/{mission_id}"]
+        lazy_gettext("Exploration: {goal}", goal=mission.goal), "missions", actor, topics=[f"mission/{mission_id}"]
     )
     page = exploration_page(shell, mission, console.histories.of(mission_id), region)
     return render("missions/exploration.html", page)

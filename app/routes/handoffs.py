@@ -8,7 +8,9 @@ from msgspec.structs import replace
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.acts import handoffs as handoff_acts
+from app.catalogues import N_
 from app.console import ActorDep, Console, ConsoleDep, FormDep
+from app.messages import reasoned
 from app.rendering import render
 from app.routes.handoff_page import Left, answered, kept_question, page_of
 from app.routes.listing import searching
@@ -16,7 +18,6 @@ from app.views import handoff_list
 from app.views.handoff_list import HandoffsPage
 from app.views.listing import Sought
 from app.views.missions import Counted
-from app.views.saying import reasoned
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import UnknownName
@@ -42,7 +43,7 @@ def listed(console: Console, actor: Actor, sought: Sought) -> HandoffsPage:
     facets = {name: value for name, value in sought.query.facets.items() if name != "status"}
     queries = {value: replace(sought.query, facets=facets | stands_for) for value, _, stands_for in handoff_list.GROUPS}
     if group not in queries:
-        raise UnknownName(f"There is no group of handoffs called {group}", do="choose one of the tabs of the list")
+        raise UnknownName(f"There is no group of handoffs called {group}", do=N_("choose one of the tabs of the list"))
     found = console.lists.handoffs(queries[group])
     counted = Counted(
         groups={value: console.lists.count(one) for value, one in queries.items()},

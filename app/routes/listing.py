@@ -5,6 +5,7 @@ from typing import get_args
 
 from fastapi import Request
 
+from app.catalogues import N_
 from app.views.listing import Sought
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.read_models import Bookmark, Listing, ListOrder, ListQuery
@@ -40,7 +41,7 @@ def order_of(text: str) -> ListOrder:
         if order == text:
             known: ListOrder = order
             return known
-    raise ContractInvalid(f"Lists have no order {text[:40]!r}", where="order", do="choose one from the form")
+    raise ContractInvalid(f"Lists have no order {text[:40]!r}", where="order", do=N_("choose one from the form"))
 
 
 def bookmark(text: str) -> Bookmark:
@@ -50,5 +51,5 @@ def bookmark(text: str) -> Bookmark:
         return Bookmark(amount=float(amount), seq=int(seq))
     except ValueError as error:
         raise ContractInvalid(
-            f"{text[:40]!r} is no place in a list", where="after", do="begin at the list's first page"
+            f"{text[:40]!r} is no place in a list", where="after", do=N_("begin at the list's first page")
         ) from error

@@ -5,6 +5,7 @@ from typing import Annotated, get_args
 from fastapi import APIRouter, Query
 from starlette.responses import HTMLResponse
 
+from app.catalogues import N_
 from app.console import ActorDep, ConsoleDep
 from app.rendering import render
 from app.views.memory import kinds_of, memory_page
@@ -26,7 +27,7 @@ def index(
     """Records of one role; with `everything` those that roles are no longer shown, too."""
     kinds = kinds_of(role)
     if not kinds:
-        raise UnknownName(f"Memory has no role {role[:40]!r}", do="choose one of its tabs")
+        raise UnknownName(f"Memory has no role {role[:40]!r}", do=N_("choose one of its tabs"))
     standings = get_args(Standing) if everything else ADMISSIBLE
     query = MemoryQuery(kinds=kinds, subject=subject.strip(), standings=standings, limit=SHOWN)
     found = console.runtime.memory.find(query)

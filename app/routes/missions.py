@@ -8,7 +8,9 @@ from msgspec.structs import replace
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.acts.missions import StopMissionAct
+from app.catalogues import N_
 from app.console import ActorDep, Console, ConsoleDep, FormDep
+from app.messages import lazy_gettext, reasoned
 from app.rendering import render
 from app.routes.handoff_page import word_of
 from app.routes.listing import searching
@@ -19,7 +21,6 @@ from app.views.forms import Again, Before, Offer, StopPage, Wrong
 from app.views.listing import Sought
 from app.views.missions import Counted, MissionsPage
 from app.views.preview import Preview
-from app.views.saying import reasoned, said
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
@@ -56,7 +57,7 @@ def listed(console: Console, actor: Actor, sought: Sought) -> MissionsPage:
     facets = {name: value for name, value in sought.query.facets.items() if name != "status"}
     queries = {value: replace(sought.query, facets=facets | stands_for) for value, _, stands_for in missions.GROUPS}
     if group not in queries:
-        raise UnknownName(f"There is no group of missions called {group}", do="choose one of the tabs of the list")
+        raise UnknownName(f"There is no group of missions called {group}", do=N_("choose one of the tabs of the list"))
     found = console.lists.missions(queries[group])
     tallies = console.lists.tallies("mission")
     counted = Counted(groups={value: console.lists.count(one) for value, one in queries.items()}, tallies=tallies)
@@ -128,7 +129,7 @@ def stop(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, typed: For
 @router.get("/{mission_id}/events/{position}")
 def event(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, position: int) -> HTMLResponse:
     entries = console.histories.of(mission_id)
-    shell = console.shell(said("Event {position}", position=position), "missions", actor)
+    shell = console.shell(lazy_gettext("Event {position}", position=position), "missions", actor)
     return render("missions/event.html", events.event_page(shell, mission_id, entries, position=position))
 
 
@@ -200,7 +201,7 @@ def _form(
     robots = console.settings.robots
     robot_id = typed.get("robot_id") or robots[0]
     page = forms.start_page(
-        console.shell("Start a mission", "missions", actor),
+        console.shell(N_("Start a mission"), "missions", actor),
         Offer(_offered(console, typed), console.runtime.site.places, robots),
         typed,
         key=typed.get("key") or console.doors.key(),
@@ -221,7 +222,7 @@ def waiting_line(console: Console, robot_id: str) -> list[Mission]:
 def _stop_page(console: Console, actor: Actor, mission_id: MissionId, *, errors: tuple[str, ...]) -> StopPage:
     mission = console.runtime.mission(mission_id)
     return StopPage(
-        shell=console.shell(said("Stop {robot_id}", robot_id=mission.robot_id), "missions", actor),
+        shell=console.shell(lazy_gettext("Stop {robot_id}", robot_id=mission.robot_id), "missions", actor),
         mission_id=mission_id,
         robot_id=mission.robot_id,
         goal=mission.goal,

@@ -5,13 +5,14 @@ from collections.abc import Sequence
 from fastapi import APIRouter
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from app.catalogues import N_
 from app.console import ActorDep, Console, ConsoleDep, FormDep
+from app.messages import lazy_gettext, reasoned
 from app.rendering import render
 from app.views import place_editor
 from app.views.forms import Wrong, wrong_reason
 from app.views.place_editor import PlaceForm, Version
 from app.views.places import PlacesPage, site_map
-from app.views.saying import reasoned, said
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.decider import Codec
@@ -54,7 +55,9 @@ def new(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
 def add(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
     place_id = typed.get("place_id", "")
     known = any(one.place_id == place_id for one in console.runtime.site.places)
-    wrong = [Wrong("place_id", said("There is a place {place_id} already.", place_id=place_id))] if known else []
+    wrong = (
+        [Wrong("place_id", lazy_gettext("There is a place {place_id} already.", place_id=place_id))] if known else []
+    )
     return _save(console, actor, typed, wrong, new=True)
 
 
@@ -105,7 +108,9 @@ def _save(console: Console, actor: Actor, typed: dict[str, str], wrong: list[Wro
 def _form(
     console: Console, actor: Actor, typed: dict[str, str], wrong: Sequence[Wrong] = (), *, new: bool = False
 ) -> PlaceForm:
-    title = "Add a place" if new else said("Place {name}", name=typed.get("name") or typed.get("place_id", ""))
+    title = (
+        N_("Add a place") if new else lazy_gettext("Place {name}", name=typed.get("name") or typed.get("place_id", ""))
+    )
     place_id = PlaceId(typed.get("place_id", ""))
     return place_editor.place_form(
         console.shell(title, "places", actor),
@@ -123,7 +128,7 @@ def _as_it_is(console: Console, place_id: PlaceId) -> dict[str, str]:
     now = next((one for one in console.runtime.site.places if one.place_id == place_id), None)
     place = now or _before(console, place_id)
     if place is None:
-        raise UnknownName(f"There is no place {place_id[:40]}", do="choose one from the list of places")
+        raise UnknownName(f"There is no place {place_id[:40]}", do=N_("choose one from the list of places"))
     return place_editor.fields_of(place)
 
 
@@ -149,7 +154,7 @@ def _versions(console: Console, place_id: PlaceId) -> tuple[Version, ...]:
 def _said(place: Place) -> str:
     fields = place_editor.fields_of(place)
     names = f"{place.name} ({fields['aliases']})" if place.aliases else place.name
-    return said(
+    return lazy_gettext(
         "{name} at {x}, {y} m, facing {heading}°, {verification}",
         name=names,
         x=fields["x"],

@@ -7,10 +7,10 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.acts.missions import WithdrawMissionAct
 from app.console import ActorDep, Console, ConsoleDep, FormDep
+from app.messages import reasoned
 from app.rendering import render
 from app.routes.missions import waiting_line
 from app.views.queue import QueuePage, queue_page
-from app.views.saying import reasoned
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.ids import MissionId

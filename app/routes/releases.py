@@ -6,13 +6,14 @@ from datetime import UTC, datetime
 from fastapi import APIRouter
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from app.catalogues import N_
 from app.console import ActorDep, Console, ConsoleDep, FormDep
+from app.messages import reasoned
 from app.permissions import permissions_of
 from app.rendering import render
 from app.routes.candidate_words import say_of
 from app.views import forms
 from app.views.releases import Around, ReleasesPage, at_instant, policy_form, releases_page
-from app.views.saying import reasoned
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ContractInvalid
@@ -59,15 +60,15 @@ def policy_in(typed: Mapping[str, str]) -> ReleasePolicy:
     """The policy of a form; hours become seconds. Raises ContractInvalid for what is none."""
     kind, quorum = typed.get("kind", ""), typed.get("quorum", "")
     if kind not in ("two_person", "single_operator"):
-        raise ContractInvalid("There is no such policy", where="kind", do="choose one of the two")
+        raise ContractInvalid(N_("There is no such policy"), where="kind", do=N_("choose one of the two"))
     if quorum not in {str(number) for number in range(1, 11)}:
-        raise ContractInvalid("Approvals are counted from 1 to 10", where="quorum", do="write a whole number")
+        raise ContractInvalid(N_("Approvals are counted from 1 to 10"), where="quorum", do=N_("write a whole number"))
     try:
         hours = float(typed.get("cooling_off_h", "") or 0.0)
     except ValueError:
         hours = -1.0
     if not 0.0 <= hours <= MOST_HOURS:
-        raise ContractInvalid("The cooling-off time is no number of hours", where="cooling_off_h", do="0 to 720 h")
+        raise ContractInvalid(N_("The cooling-off time is no number of hours"), where="cooling_off_h", do="0 to 720 h")
     return ReleasePolicy(
         kind="single_operator" if kind == "single_operator" else "two_person",
         quorum=int(quorum),

@@ -12,8 +12,10 @@ from starlette.background import BackgroundTask
 from starlette.responses import FileResponse, HTMLResponse, JSONResponse, RedirectResponse, Response
 
 from app.acts.missions import DisputeCompletionAct
+from app.catalogues import N_
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.languages import CHOICE
+from app.messages import lazy_gettext, reasoned
 from app.rendering import render
 from app.report_pdf import report_pdf
 from app.security import VisitorDep
@@ -21,7 +23,6 @@ from app.views import events, facts, report
 from app.views.facts import FactPage
 from app.views.outcome import mission_outcome, no_answer_outcome
 from app.views.report import Journal, ReportPage
-from app.views.saying import reasoned, said
 from harness.contracts.actors import Actor
 from harness.contracts.control import CONTROL, ControlEvent
 from harness.contracts.decider import Codec
@@ -64,7 +65,9 @@ def dossier(console: ConsoleDep, visitor: VisitorDep, mission_id: MissionId) -> 
     actor = visitor.acting("export")
     console.runtime.mission(mission_id)
     if console.dossier is None:
-        raise UnknownName("This console has no data folder, so it has no key to sign with", do="start it with --data")
+        raise UnknownName(
+            N_("This console has no data folder, so it has no key to sign with"), do=N_("start it with --data")
+        )
     folder = Path(mkdtemp(prefix="dossier-"))
     file = folder / f"{mission_id}.dossier.zip"
     try:
@@ -81,7 +84,7 @@ def page_of(console: Console, actor: Actor, mission_id: MissionId, errors: Seque
     entries = console.histories.of(mission_id)
     mission = console.runtime.mission(mission_id)
     broken = {blob: console.check(Digest(blob)) for blob, _, _ in report.pictures(entries)}
-    shell = console.shell(said("Report: {goal}", goal=mission.goal), "missions", actor)
+    shell = console.shell(lazy_gettext("Report: {goal}", goal=mission.goal), "missions", actor)
     return report.report_page(shell, mission, entries, _journal(console, mission_id), broken, errors=errors)
 
 
@@ -160,7 +163,7 @@ def _disputed(console: Console, mission_id: MissionId, packet_id: str, asked: Di
     """Empty if it is disputed now, else why not."""
     standing = {(one.packet_id, one.condition_id) for one in console.runtime.mission(mission_id).facts}
     if (packet_id, asked.condition_id) not in standing:
-        return ("This acceptance does not stand: it was never made, or the stage was opened again since.",)
+        return (N_("This acceptance does not stand: it was never made, or the stage was opened again since."),)
     decision = console.runtime.submit(mission_id, asked)
     return (reasoned(decision.reason),) if isinstance(decision, Refused) else ()
 
@@ -170,7 +173,7 @@ def _fact(
 ) -> FactPage:
     entries = console.histories.of(mission_id)
     mission = console.runtime.mission(mission_id)
-    shell = console.shell(said("Fact {name}", name=named[1]), "missions", actor)
+    shell = console.shell(lazy_gettext("Fact {name}", name=named[1]), "missions", actor)
     return facts.fact_page(shell, mission, entries, named, check=console.check, errors=errors)
 
 

@@ -3,9 +3,10 @@
 from collections.abc import Callable
 
 from app.acts.missions import LimitAutonomyAct
+from app.catalogues import N_
 from app.console import Console, Wheel
+from app.messages import lazy_gettext, reasoned
 from app.permissions import NotPermitted, Permission, Visitor
-from app.views.saying import reasoned, said
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import StopMission
@@ -22,10 +23,16 @@ def stopped_all(console: Console, visitor: Visitor, reason: str) -> tuple[tuple[
     Robots outside every mission are stopped first: wheels are returned, and those on their way to a safe place stand.
     """
     asked, left = [], []
-    left += [said("{who}: {reason}", who=name, reason=why) for name, why in wheels_returned(console, visitor, reason)]
+    left += [
+        lazy_gettext("{who}: {reason}", who=name, reason=why) for name, why in wheels_returned(console, visitor, reason)
+    ]
     for robot_id in on_their_way(console):
         stopped = retreat_stopped(console, visitor, robot_id, reason)
-        left += [said("{who}: {reason}", who=robot_id, reason=stopped.reason)] if isinstance(stopped, Refused) else []
+        left += (
+            [lazy_gettext("{who}: {reason}", who=robot_id, reason=stopped.reason)]
+            if isinstance(stopped, Refused)
+            else []
+        )
     for mission in console.open_missions():
         if mission.replay or mission.status == "stopping":
             continue
@@ -34,7 +41,7 @@ def stopped_all(console: Console, visitor: Visitor, reason: str) -> tuple[tuple[
             asked.append(mission.mission_id)
         elif not console.runtime.mission(mission.mission_id).ended:
             who = f"{mission.robot_id}, {mission.mission_id}"
-            left.append(said("{who}: {reason}", who=who, reason=decision.reason))
+            left.append(lazy_gettext("{who}: {reason}", who=who, reason=decision.reason))
     return tuple(asked), tuple(left)
 
 
@@ -68,7 +75,9 @@ def limited(console: Console, visitor: Visitor, said: LimitAutonomyAct) -> None:
     """Set the limit of the whole house. Raises NotPermitted for a token that is bound to one robot."""
     if visitor.robot_id:
         raise NotPermitted(
-            f"This token is for {visitor.robot_id} alone", where=f"token {visitor.name}", do="sign in to set the limit"
+            f"This token is for {visitor.robot_id} alone",
+            where=f"token {visitor.name}",
+            do=N_("sign in to set the limit"),
         )
     console.runtime.decide([(CONTROL, said.to_command(visitor.actor))])
     for mission in console.open_missions():
@@ -104,7 +113,7 @@ def all_made_safe(console: Console, visitor: Visitor, reason: str) -> tuple[str,
     busy = on_their_way(console)
     made = [(name, made_safe(console, visitor, name, reason)) for name in console.fleet.names if name not in busy]
     return tuple(
-        said("{who}: {reason}", who=name, reason=decision.reason)
+        lazy_gettext("{who}: {reason}", who=name, reason=decision.reason)
         for name, decision in made
         if isinstance(decision, Refused)
     )
@@ -141,7 +150,9 @@ def signed(
     permission, command, robot_id = asked
     actor, wheel = visitor.acting(permission), console.wheel
     if visitor.robot_id not in ("", robot_id):
-        raise NotPermitted(f"This token is for {visitor.robot_id}", where=f"token {visitor.name}", do="use another one")
+        raise NotPermitted(
+            f"This token is for {visitor.robot_id}", where=f"token {visitor.name}", do=N_("use another one")
+        )
     if wheel is None:
         return refused("no_supervisor", because("no_supervisor_here"))
     try:

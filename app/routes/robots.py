@@ -7,14 +7,15 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.acts.base import Act
 from app.acts.missions import LimitAutonomyAct, PauseMissionAct, ResumeMissionAct, SetAutonomyAct
+from app.catalogues import N_
 from app.console import ActorDep, Console, ConsoleDep, FormDep
+from app.messages import reasoned
 from app.rendering import render
 from app.routes.robot_acts import all_made_safe, limited, made_safe, on_their_way, posed, stopped_all
 from app.security import VisitorDep
 from app.views import forms, robots
 from app.views.retreats import LastRetreat, last_retreat
 from app.views.robots import CameraRegion, CameraView, RobotCard, RobotPage, RobotRegion, RobotsRegion, StopAllPage
-from app.views.saying import reasoned
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.control import CONTROL
@@ -28,8 +29,10 @@ router = APIRouter(prefix="/robots")
 RobotPath = Annotated[RobotId, Path(pattern="^[a-z0-9][a-z0-9-]{0,30}$")]
 JPEG = "image/jpeg"
 OTHERWISE = {
-    True: "It is on its way to its safe place by now: nothing was done. Look again, then decide.",
-    False: "It is not on its way any more, so there was nothing to stop: nothing was done. Look again, then decide.",
+    True: N_("It is on its way to its safe place by now: nothing was done. Look again, then decide."),
+    False: N_(
+        "It is not on its way any more, so there was nothing to stop: nothing was done. Look again, then decide."
+    ),
 }
 """Why a button counts no more, by whether the robot is on its way to its safe place."""
 
@@ -93,7 +96,8 @@ def newest_picture(console: ConsoleDep, robot_id: RobotPath) -> Response:
     kept = console.fleet.shots(robot_id)
     if not kept.kept:
         raise UnknownName(
-            f"There is no picture of {robot_id}: {kept.trouble or 'nothing came yet'}", do="try again in a few seconds"
+            f"There is no picture of {robot_id}: {kept.trouble or 'nothing came yet'}",
+            do=N_("try again in a few seconds"),
         )
     shot = kept.kept[-1]
     age_s = max(console.clock() - shot.taken_s, 0.0)
@@ -218,7 +222,7 @@ def _told(console: Console, actor: Actor, robot_id: RobotId, typed: dict[str, st
     if isinstance(said, tuple):
         return _one(console, actor, robot_id, errors=[one.text for one in said], status=422)
     if found.mission is None or found.mission.mission_id != typed.get("mission_id"):
-        wrong = ["The robot works on another mission by now: look again, then decide."]
+        wrong = [N_("The robot works on another mission by now: look again, then decide.")]
         return _one(console, actor, robot_id, errors=wrong, status=409)
     decision = console.runtime.submit(MissionId(found.mission.mission_id), said.to_command(actor))
     return _after(console, actor, robot_id, decision)
@@ -235,7 +239,7 @@ def _stop_page(console: Console, actor: Actor, *, errors: tuple[str, ...] = ()) 
     driven, retreating = tuple(console.control().wheels), on_their_way(console)
     busy = {one.robot_id for one in missions} | set(driven) | set(retreating)
     return StopAllPage(
-        shell=console.shell("Stop everything", "robots", actor),
+        shell=console.shell(N_("Stop everything"), "robots", actor),
         missions=missions,
         driven=driven,
         retreating=retreating,

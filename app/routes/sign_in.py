@@ -7,6 +7,7 @@ from fastapi import APIRouter, Request
 from starlette.responses import RedirectResponse, Response
 
 from app.accounts import Throttled
+from app.catalogues import N_
 from app.console import Console, ConsoleDep, FormDep
 from app.doors import Origin
 from app.issuer_door import IssuerDoor
@@ -117,7 +118,7 @@ def sign_out_everywhere(console: ConsoleDep, visitor: VisitorDep) -> Response:
 
 def _door(console: Console) -> IssuerDoor:
     if console.issuer is None:
-        raise UnknownName("No identity provider is set up here.", do="Sign in with your password.")
+        raise UnknownName(N_("No identity provider is set up here."), do=N_("Sign in with your password."))
     return console.issuer
 
 

@@ -3,8 +3,8 @@
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
+from app.messages import listed
 from app.permissions import GRANTS, MEANING, ROLES, SCOPES, Visitor
-from app.views.saying import listed
 from app.views.shell import Shell
 
 

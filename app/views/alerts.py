@@ -4,9 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import assert_never
 
+from app.catalogues import N_
+from app.messages import lazy_gettext, word
 from app.views.listing import Filter, Option, address
 from app.views.missions import Group
-from app.views.saying import said, word
 from app.views.shell import Shell
 from harness.contracts.alert_events import (
     PRIORITIES,
@@ -25,8 +26,8 @@ from harness.projections.alerts import Alert, status
 PATH = "/alerts"
 SHOWN = 50
 GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
-    ("", "to look at", ("unacknowledged", "returned")),
-    ("active", "not over", ("unacknowledged", "acknowledged")),
+    ("", N_("to look at"), ("unacknowledged", "returned")),
+    ("active", N_("not over"), ("unacknowledged", "acknowledged")),
     ("shelved", "shelved", ("shelved",)),
     ("suppressed", "suppressed", ("suppressed",)),
     ("all", "history", ()),
@@ -35,13 +36,13 @@ GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
 TITLES = {
     "unacknowledged": "unacknowledged",
     "acknowledged": "acknowledged",
-    "returned": "over, unacknowledged",
+    "returned": N_("over, unacknowledged"),
     "normal": "normal",
     "shelved": "shelved",
     "suppressed": "suppressed",
 }
 TONES = {"critical": "bad", "high": "warn", "medium": "warn", "low": "plain"}
-SHELF = ((900, "15 minutes"), (3600, "1 hour"), (8 * 3600, "8 hours"))
+SHELF = ((900, N_("15 minutes")), (3600, N_("1 hour")), (8 * 3600, N_("8 hours")))
 
 
 @dataclass(frozen=True)
@@ -135,7 +136,7 @@ def row(alert_id: str, alert: Alert, *, now_s: float) -> AlertRow:
     state, newest = status(alert, now_s), alert.newest
     by = alert.suppressed_by or alert.shelved_by
     away = (
-        said("{who}: {reason}", who=by.name, reason=alert.reason)
+        lazy_gettext("{who}: {reason}", who=by.name, reason=alert.reason)
         if by is not None and state in ("shelved", "suppressed")
         else ""
     )
@@ -214,7 +215,7 @@ def alerts_page(
 def lasting(condition: str) -> str:
     """What lasts, as its event names it: a kind, and what it is about."""
     kind, _, about = condition.partition(" ")
-    return said("{kind} {about}", kind=word(kind), about=about)
+    return lazy_gettext("{kind} {about}", kind=word(kind), about=about)
 
 
 def shelves() -> tuple[Shelf, ...]:
@@ -225,32 +226,34 @@ def sentence(event: AlertEvent) -> str:
     """What happened to the alert, as a person would say it."""
     match event:
         case AlertRaised(occurrence=one):
-            return said("{title}. {text}", title=one.title, text=one.text)
+            return lazy_gettext("{title}. {text}", title=one.title, text=one.text)
         case AlertCleared():
-            return said("Over: {condition}. {reason}", condition=lasting(event.condition), reason=event.reason)
+            return lazy_gettext("Over: {condition}. {reason}", condition=lasting(event.condition), reason=event.reason)
         case AlertAcknowledged():
-            return said("{actor} acknowledged it. {note}", actor=event.actor.name, note=event.note)
+            return lazy_gettext("{actor} acknowledged it. {note}", actor=event.actor.name, note=event.note)
         case AlertShelved():
-            return said(
+            return lazy_gettext(
                 "{actor} shelved it for {minutes} min: {reason}",
                 actor=event.actor.name,
                 minutes=f"{(event.until_s - event.at_s) / 60:.0f}",
                 reason=event.reason,
             )
         case AlertSuppressed():
-            return said("{actor} suppressed it: {reason}", actor=event.actor.name, reason=event.reason)
+            return lazy_gettext("{actor} suppressed it: {reason}", actor=event.actor.name, reason=event.reason)
         case AlertRestored():
-            return said("{actor} restored it. {reason}", actor=event.actor.name, reason=event.reason)
+            return lazy_gettext("{actor} restored it. {reason}", actor=event.actor.name, reason=event.reason)
         case AlertAssigned():
-            return said("{actor} gave it to {assignee}", actor=event.actor.name, assignee=event.assignee or "nobody")
+            return lazy_gettext(
+                "{actor} gave it to {assignee}", actor=event.actor.name, assignee=event.assignee or "nobody"
+            )
         case AlertNotified():
             if event.outcome == "sent":
-                return said(
+                return lazy_gettext(
                     "{service} took the message, by its own word (tries: {tries})",
                     service=event.service,
                     tries=event.tries,
                 )
-            return said(
+            return lazy_gettext(
                 "{service} was not told: {reason} (tries: {tries})",
                 service=event.service,
                 reason=event.reason,

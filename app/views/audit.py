@@ -5,7 +5,7 @@ from typing import Any
 
 import msgspec
 
-from app.views.saying import listed
+from app.messages import listed
 from app.views.shell import Shell
 from harness.contracts.ports import Head, StoredEvent
 from harness.contracts.upcasting import name_of

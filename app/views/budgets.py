@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from app.views.saying import word
+from app.catalogues import N_
+from app.messages import word
 from harness.contracts.configuration import SPENDING
 from harness.contracts.ids import NodeId
 from harness.projections.mission import Mission, Spend
@@ -35,8 +36,8 @@ def budget(mission: Mission, node_id: str) -> Budget:
     node, state = contract.node(NodeId(node_id)), mission.of(NodeId(node_id))
     actions = [_meter(word(action), state.spent(action), getattr(node.recovery, action)) for action in SPENDING]
     totals = [
-        _meter("this stage", state.spent_total, node.recovery.total),
-        _meter("whole mission", mission.spent_total, contract.recovery_total),
+        _meter(N_("this stage"), state.spent_total, node.recovery.total),
+        _meter(N_("whole mission"), mission.spent_total, contract.recovery_total),
     ]
     return Budget(node_id=node_id, meters=(*totals, *actions), tries=state.spends)
 

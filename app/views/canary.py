@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import exp, log
 
-from app.views.saying import word
+from app.catalogues import N_
+from app.messages import word
 from harness.contracts.actors import Actor
 from rsi_reviews.canary import outcome
 from rsi_reviews.contracts import CanaryTest
@@ -12,14 +13,15 @@ from rsi_reviews.pointers import Pointer
 from rsi_reviews.projections import Review
 
 FINDINGS: tuple[tuple[str, str], ...] = (
-    ("sound", "nothing wrong"),
-    ("false_completion", "false completion"),
-    ("duplicate_start", "duplicate start"),
-    ("safety_violation", "safety violation"),
+    ("sound", N_("nothing wrong")),
+    ("false_completion", N_("false completion")),
+    ("duplicate_start", N_("duplicate start")),
+    ("safety_violation", N_("safety violation")),
 )
 OUTCOMES = {
-    "go_on": "goes on", "hard_fault": "a hard fault: rolled back", "metric_worse": "the metric is worse: rolled back",
-    "not_exercised": "not exercised enough: withdrawn", "passed": "passed",
+    "go_on": N_("goes on"),
+    "hard_fault": N_("a hard fault: rolled back"), "metric_worse": N_("the metric is worse: rolled back"),
+    "not_exercised": N_("not exercised enough: withdrawn"), "passed": "passed",
 }  # fmt: skip
 
 
@@ -63,7 +65,7 @@ def evidence(worse: Sequence[bool], test: CanaryTest) -> float:
 def _why_not(review: Review, pointer: Pointer, actor: Actor) -> str:
     released_by = review.released_by.actor.name if review.released_by else ""
     if "reviewer" not in actor.role.split("+"):
-        return "A reviewer says what became of each mission; your role lets you watch."
+        return N_("A reviewer says what became of each mission; your role lets you watch.")
     if released_by == actor.name and pointer.policy.kind == "two_person":
-        return "You released it: somebody else says what became of each mission."
+        return N_("You released it: somebody else says what became of each mission.")
     return ""

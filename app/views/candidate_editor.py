@@ -6,8 +6,8 @@ from typing import Any, get_args
 
 import msgspec
 
+from app.messages import lazy_gettext, reasoned, word
 from app.views.forms import Choice
-from app.views.saying import reasoned, said, word
 from app.views.shell import Shell
 from harness.contracts.configuration import Configuration, RecoveryAction
 from harness.contracts.fields import Field, fields
@@ -17,7 +17,7 @@ from rsi_reviews.difference import NAMES, Difference
 
 LADDERS = "recovery.ladders"
 SECTIONS = ("context_rules", "routing", "recovery")
-LADDER_NOTE = said(
+LADDER_NOTE = lazy_gettext(
     "A ladder is what is tried after a failure of its class, in order. Rungs: {rungs}.",
     rungs=" | ".join(get_args(RecoveryAction)),
 )
@@ -86,7 +86,11 @@ def editor_page(
         sections=() if by_text else _sections(current, typed, wrong),
         text=typed.get("configuration", msgspec.json.format(encode(current), indent=2).decode()) if by_text else "",
         metrics=tuple(
-            Choice(one, said("{metric}, {direction} is better", metric=word(one), direction=BETTER[one]), one == chosen)
+            Choice(
+                one,
+                lazy_gettext("{metric}, {direction} is better", metric=word(one), direction=BETTER[one]),
+                one == chosen,
+            )
             for one in get_args(Metric)
         ),
         smallest_effect=typed.get("smallest_effect", "0.1"),

@@ -4,8 +4,9 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from app.catalogues import N_
+from app.messages import lazy_gettext, listed, word
 from app.views.listing import Filter, Option, address
-from app.views.saying import listed, said, word
 from app.views.shell import Shell
 from harness.contracts.ids import Digest
 from rsi_reviews.contracts import ClauseAnswer, Manifest
@@ -19,12 +20,12 @@ GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("draft", "drafts", ("draft",)),
     ("evaluating", "evaluating", ("evaluating",)),
     ("accepted", "accepted", ("accepted",)),
-    ("in_review", "in review", ("in_review",)),
+    ("in_review", N_("in review"), ("in_review",)),
     ("authorised", "authorised", ("authorised",)),
     ("canary", "canary", ("canary",)),
     ("current", "current", ("current",)),
-    ("not_accepted", "rejected, inconclusive", ("rejected", "inconclusive")),
-    ("taken_back", "rolled back, withdrawn", ("rolled_back", "withdrawn")),
+    ("not_accepted", N_("rejected, inconclusive"), ("rejected", "inconclusive")),
+    ("taken_back", N_("rolled back, withdrawn"), ("rolled_back", "withdrawn")),
 )
 TONES = {"in_review": "warn", "authorised": "warn", "rejected": "bad", "rolled_back": "bad", "current": "good"}
 
@@ -143,12 +144,12 @@ def note_of(review: Review) -> str:
     """What is to be known beside the status, in a few words."""
     match review.status:
         case "in_review":
-            return said(
+            return lazy_gettext(
                 "cycle {cycle}, approved by {count}", cycle=review.cycle, count=len(review.approvals) or "nobody"
             )
         case "canary":
             needed = review.manifest.canary.missions if review.manifest else 0
-            return said(
+            return lazy_gettext(
                 "on {robot_id}, exercised in {count} of {needed} missions",
                 robot_id=review.robot_id,
                 count=len(review.exercised),

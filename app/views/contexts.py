@@ -3,7 +3,8 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from app.views.saying import said, word
+from app.catalogues import N_
+from app.messages import lazy_gettext, word
 from app.views.timeline import Entry
 from harness.contracts.contexts import Context, Role
 from harness.contracts.events import DispatchIntended, GoalVerified, NodePlanned, RecoveryAuthorised, VerdictRecorded
@@ -12,7 +13,12 @@ from harness.contracts.proposals import CandidateSet
 
 ReadContext = Callable[[Digest], Context | None]
 ReadCandidates = Callable[[Digest], CandidateSet | None]
-ROLES = {"planner": "C1 planner", "skill": "C2 skill", "verifier": "C3 verifier", "recovery": "C4 recovery"}
+ROLES = {
+    "planner": N_("C1 planner"),
+    "skill": N_("C2 skill"),
+    "verifier": N_("C3 verifier"),
+    "recovery": N_("C4 recovery"),
+}
 
 
 @dataclass(frozen=True)
@@ -64,7 +70,7 @@ def goal_context(entries: Sequence[Entry], *, read: ReadContext) -> ContextView 
     """What the goal verifier was shown, if it has answered."""
     for entry in reversed(entries):
         if isinstance(entry.event, GoalVerified):
-            cited = _Cited("", "verifier", "verified the goal", entry.event.verdict.context)
+            cited = _Cited("", "verifier", N_("verified the goal"), entry.event.verdict.context)
             return _context(entry.position, cited, read=read)
     return None
 
@@ -82,12 +88,12 @@ class _Cited:
 def _cited(entry: Entry, owner: dict[str, str]) -> _Cited | None:
     match entry.event:
         case NodePlanned() as event:
-            return _Cited(event.node_id, "planner", "chose the stage and its provider", event.context)
+            return _Cited(event.node_id, "planner", N_("chose the stage and its provider"), event.context)
         case DispatchIntended() as event:
             return _Cited(
                 event.node_id,
                 "skill",
-                said("set the parameters of attempt {count}", count=event.attempt),
+                lazy_gettext("set the parameters of attempt {count}", count=event.attempt),
                 event.context,
             )
         case VerdictRecorded() as event:
@@ -95,12 +101,12 @@ def _cited(entry: Entry, owner: dict[str, str]) -> _Cited | None:
             return _Cited(
                 node,
                 "verifier",
-                said("judged the packet {verdict}", verdict=event.verdict.verdict),
+                lazy_gettext("judged the packet {verdict}", verdict=event.verdict.verdict),
                 event.verdict.context,
             )
         case RecoveryAuthorised() as event:
             return _Cited(
-                event.node_id, "recovery", said("proposed {action}", action=word(event.action)), event.context
+                event.node_id, "recovery", lazy_gettext("proposed {action}", action=word(event.action)), event.context
             )
         case _:
             return None

@@ -4,21 +4,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from app.views.saying import word
+from app.catalogues import N_
+from app.messages import word
 from app.views.shell import Shell
 
 MEASURES = (
-    ("contract_false", "contract false completions"),
-    ("epistemic_false", "epistemic false completions"),
+    ("contract_false", N_("contract false completions")),
+    ("epistemic_false", N_("epistemic false completions")),
     ("success", "success"),
     ("handoff", "handoffs"),
-    ("false_rejection", "false rejections"),
-    ("duplicate_starts", "duplicate physical starts"),
+    ("false_rejection", N_("false rejections")),
+    ("duplicate_starts", N_("duplicate physical starts")),
 )
 CURVES = (
-    ("recovery_cost", "recovery cost per mission, lower is better"),
-    ("verified_completion", "verified completion, higher is better"),
-    ("false_completion", "contract false completions per mission"),
+    ("recovery_cost", N_("recovery cost per mission, lower is better")),
+    ("verified_completion", N_("verified completion, higher is better")),
+    ("false_completion", N_("contract false completions per mission")),
 )
 MARKS = ("circle", "square", "diamond", "up", "down", "cross")
 BAR_WIDTH, BAR_ROW = 360.0, 16.0
@@ -204,9 +205,9 @@ def _condition(found: Document, condition: Document, measure: str) -> Condition:
 
 
 def _answer(answer: Document) -> AnswerRow:
-    states = {True: "refuted", False: "not refuted"}
+    states = {True: "refuted", False: N_("not refuted")}
     return AnswerRow(
-        refutes=str(answer["refutes"]), state=states.get(answer["refuted"], "not answered"),
+        refutes=str(answer["refutes"]), state=states.get(answer["refuted"], N_("not answered")),
         sentence=str(answer["sentence"]),
     )  # fmt: skip
 

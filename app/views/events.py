@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import msgspec
 
+from app.catalogues import N_
 from app.views.listing import address
 from app.views.sentences import FAMILY, sentence
 from app.views.shell import Shell
@@ -32,7 +33,7 @@ def event_page(shell: Shell, mission_id: str, entries: Sequence[Entry], *, posit
     """Raises UnknownName if the mission has no event at that position."""
     place = next((index for index, entry in enumerate(entries) if entry.position == position), None)
     if place is None:
-        raise UnknownName(f"Mission {mission_id} has no event {position}", do="choose one from its timeline")
+        raise UnknownName(f"Mission {mission_id} has no event {position}", do=N_("choose one from its timeline"))
     entry = entries[place]
     return EventPage(
         shell=shell,

@@ -3,8 +3,9 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from app.catalogues import N_
+from app.messages import lazy_gettext, reasoned
 from app.views.measures import Measure, quantity
-from app.views.saying import reasoned, said
 from app.views.timeline import Entry
 from harness.contracts.events import CommitRejected, NodeCommitted, PacketRetained, VerdictRecorded
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
@@ -38,7 +39,7 @@ class Decision:
     """What the gate made of a packet: accepted or refused, in a sentence, by which rule, and the event that says so."""
 
     word: str = ""
-    text: str = "The gate has not decided yet."
+    text: str = N_("The gate has not decided yet.")
     rule: str = ""
     href: str = ""
 
@@ -123,7 +124,7 @@ def _decision(mission_id: str, entries: Sequence[Entry], packet_id: PacketId) ->
 
 
 def _held(facts: int) -> str:
-    return said(
+    return lazy_gettext(
         "{facts} facts accepted by the configured checks: every rule of the gate held. That is not proof of the truth.",
         facts=facts,
     )

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 from math import dist
 
+from app.catalogues import N_
+from app.messages import lazy_gettext, word
 from app.views.explored_floor import Floor, explored_floor
 from app.views.missions import Head, head
-from app.views.saying import said, word
 from app.views.shell import Shell
 from app.views.stages import Observed, Stage, stages
 from app.views.timeline import Entry
@@ -127,7 +128,7 @@ def shown_of(mission: Mission, leg: str) -> ExplorationDecision | None:
     made = decisions(mission) if mission.contract else ()
     found = next((one for one in made if one.leg == leg), made[-1] if made and not leg else None)
     if found is None and leg:
-        raise UnknownName(f"This mission chose no target {leg[:40]}", do="choose one from its exploration")
+        raise UnknownName(f"This mission chose no target {leg[:40]}", do=N_("choose one from its exploration"))
     return found
 
 
@@ -185,7 +186,7 @@ def _detail(told: _Told, choice: ExplorationDecision, row: ChoiceRow, recorded: 
     return ChoiceDetail(
         row=row,
         reason=choice.reason,
-        said=said("({x}, {y}): {reason}", **_placed(wanted.target_m), reason=wanted.reason) if wanted else "",
+        said=lazy_gettext("({x}, {y}): {reason}", **_placed(wanted.target_m), reason=wanted.reason) if wanted else "",
         refused=choice.refused,
         at_s=question.at_s if question else None,
         k=choice.k,
@@ -213,7 +214,7 @@ def _given_up(leg: NodeState) -> str:
     if leg.status != "failed" or not leg.failures:
         return ""
     last = leg.failures[-1]
-    return said("given up: {failure}. {reason}", failure=word(last.failure), reason=last.reason)
+    return lazy_gettext("given up: {failure}. {reason}", failure=word(last.failure), reason=last.reason)
 
 
 def _known(word_of: AnyFeedback) -> str:
@@ -221,11 +222,13 @@ def _known(word_of: AnyFeedback) -> str:
     place = _placed(word_of.target_m)
     match word_of:
         case Reached(moved_m=moved_m):
-            return said("({x}, {y}) was reached, {moved} m on the way.", **place, moved=f"{moved_m:.1f}")
+            return lazy_gettext("({x}, {y}) was reached, {moved} m on the way.", **place, moved=f"{moved_m:.1f}")
         case Blocked(failure=failure, reason=reason):
-            return said("({x}, {y}) was given up: {failure}. {reason}", **place, failure=word(failure), reason=reason)
+            return lazy_gettext(
+                "({x}, {y}) was given up: {failure}. {reason}", **place, failure=word(failure), reason=reason
+            )
         case MapChanged(opened_m2=opened, closed_m2=closed):
-            return said(
+            return lazy_gettext(
                 "On the way to ({x}, {y}) {opened} m² became known as free, {closed} m² as closed.",
                 **place,
                 opened=f"{opened:.1f}",

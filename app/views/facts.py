@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from app.catalogues import N_
 from app.views.evidence import PacketView, packet_view
 from app.views.shell import Shell
 from app.views.timeline import Entry
@@ -51,7 +52,7 @@ def fact_page(
     fact = next((one for one in found if one.condition_id == condition_id), None)
     if fact is None or gate is None or kept is None or not isinstance(kept.event, PacketRetained):
         raise UnknownName(
-            f"Packet {packet_id} led to no accepted fact {condition_id}", do="choose one from the mission's facts"
+            f"Packet {packet_id} led to no accepted fact {condition_id}", do=N_("choose one from the mission's facts")
         )
     packet = packet_view(mission.mission_id, kept.event.packet, entries, check=check)
     results = packet.verdict.results if packet.verdict else ()

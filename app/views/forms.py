@@ -3,9 +3,10 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from app.catalogues import N_
+from app.messages import lazy_gettext
 from app.views.preview import Preview
 from app.views.robots import RobotWord
-from app.views.saying import said
 from app.views.shell import Shell
 from harness.contracts.errors import HarnessError
 from harness.contracts.places import Place
@@ -13,7 +14,7 @@ from harness.contracts.tasks import TaskContract, TaskTemplate
 
 REASON_SIGNS = 200
 GOAL_SIGNS = 2000
-STOP_REASONS = ("unexpected motion", "person in the way", "wrong mission", "no longer needed")
+STOP_REASONS = (N_("unexpected motion"), N_("person in the way"), N_("wrong mission"), N_("no longer needed"))
 
 
 @dataclass(frozen=True)
@@ -143,23 +144,23 @@ def start_page(
 
 def wrong_start(typed: Mapping[str, str], template: TaskTemplate | None, robots: Sequence[str]) -> list[Wrong]:
     """What a person must mend before a mission can be compiled."""
-    wrong = [] if template else [Wrong("template", "Choose what to do: there is no such template.")]
+    wrong = [] if template else [Wrong("template", N_("Choose what to do: there is no such template."))]
     if typed.get("robot_id", "") not in robots:
-        wrong.append(Wrong("robot_id", "Choose a robot that this installation has."))
+        wrong.append(Wrong("robot_id", N_("Choose a robot that this installation has.")))
     goal = typed.get("goal", "").strip()
     if not goal:
-        wrong.append(Wrong("goal", "Say the goal in your own words."))
+        wrong.append(Wrong("goal", N_("Say the goal in your own words.")))
     if len(goal) > GOAL_SIGNS:
-        wrong.append(Wrong("goal", said("Keep the goal below {count} signs.", count=GOAL_SIGNS)))
+        wrong.append(Wrong("goal", lazy_gettext("Keep the goal below {count} signs.", count=GOAL_SIGNS)))
     for parameter in template.parameters if template else ():
         value = typed.get(parameter.name, "").strip()
         if not value and parameter.default is None:
-            wrong.append(Wrong(parameter.name, said("{title} is missing.", title=parameter.title)))
+            wrong.append(Wrong(parameter.name, lazy_gettext("{title} is missing.", title=parameter.title)))
         if value and parameter.type == "number" and not _is_number(value):
             wrong.append(
                 Wrong(
                     parameter.name,
-                    said("{title} must be a number, not “{value}”.", title=parameter.title, value=value[:40]),
+                    lazy_gettext("{title} must be a number, not “{value}”.", title=parameter.title, value=value[:40]),
                 )
             )
     return wrong
@@ -193,9 +194,11 @@ def arguments(typed: Mapping[str, str], template: TaskTemplate) -> dict[str, str
 
 def wrong_reason(reason: str) -> list[str]:
     if not reason.strip():
-        return ["Say why: the reason is kept with the decision."]
+        return [N_("Say why: the reason is kept with the decision.")]
     return (
-        [said("Keep the reason below {count} signs.", count=REASON_SIGNS)] if len(reason.strip()) > REASON_SIGNS else []
+        [lazy_gettext("Keep the reason below {count} signs.", count=REASON_SIGNS)]
+        if len(reason.strip()) > REASON_SIGNS
+        else []
     )
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from app.catalogues import N_
 from app.views.listing import Filter, Paging, Sought, address, facet_filter, order_filter, paging
 from app.views.missions import Counted, Group, tabs
 from app.views.shell import Shell
@@ -11,9 +12,9 @@ from harness.contracts.read_models import HandoffItem, ListQuery
 PATH = "/handoffs"
 GROUPS: tuple[tuple[str, str, dict[str, str]], ...] = (
     ("", "all", {}),
-    ("waiting", "waiting for a person", {"open": "yes"}),
-    ("ended", "answered or over", {"open": "no"}),
-    ("expired", "nobody answered", {"status": "expired"}),
+    ("waiting", N_("waiting for a person"), {"open": "yes"}),
+    ("ended", N_("answered or over"), {"open": "no"}),
+    ("expired", N_("nobody answered"), {"status": "expired"}),
 )
 """Tabs of the list: the word in the address, its title, and the facets it stands for."""
 

@@ -6,9 +6,10 @@ from typing import Any
 
 from msgspec import to_builtins
 
+from app.catalogues import N_
+from app.messages import lazy_gettext, word
 from app.views.budgets import Budget, budget
 from app.views.measures import quantity
-from app.views.saying import said, word
 from harness.contracts.handoff_events import HandoffOpened, ProposedAction
 from harness.contracts.ids import sha256
 from harness.contracts.values import encode
@@ -16,12 +17,12 @@ from harness.contracts.verdicts import NodeVerdict
 from harness.projections.mission import Mission
 
 ACTIONS = {
-    "verify_again": "Judge the stage again, without motion",
-    "re_perceive": "Look again with its own sensors",
-    "adjust_view": "Turn a little and look again",
-    "retry": "Try the same stage again",
-    "local_replan": "Plan a way round and go on",
-    "switch_skill": "Let another provider do the stage",
+    "verify_again": N_("Judge the stage again, without motion"),
+    "re_perceive": N_("Look again with its own sensors"),
+    "adjust_view": N_("Turn a little and look again"),
+    "retry": N_("Try the same stage again"),
+    "local_replan": N_("Plan a way round and go on"),
+    "switch_skill": N_("Let another provider do the stage"),
 }
 
 
@@ -78,8 +79,8 @@ def action_view(proposal: ProposedAction | None, *, subject: str) -> ActionView 
     action, parameters, limits = said.pop("action"), said.pop("parameters"), said.pop("limits")
     first = action == "retry" and said["attempt"] == 1
     return ActionView(
-        title="Begin this stage" if first else ACTIONS.get(action, action.replace("_", " ")),
-        cost="one of the recovery budget" if said["spends"] else "nothing of the recovery budget",
+        title=N_("Begin this stage") if first else ACTIONS.get(action, action.replace("_", " ")),
+        cost=N_("one of the recovery budget") if said["spends"] else N_("nothing of the recovery budget"),
         rows=(("action", action), *((name.replace("_", " "), _text(value)) for name, value in said.items())),
         parameters=tuple((quantity(name, "")[0], _valued(name, value)) for name, value in parameters.items()),
         limits=tuple(quantity(name, value) for name, value in limits.items()),
@@ -101,18 +102,19 @@ def differences(was: HandoffOpened, now: HandoffOpened) -> tuple[Difference, ...
 
 def _flat(opened: HandoffOpened) -> dict[str, str]:
     proposal = to_builtins(opened.proposal) if opened.proposal else {}
-    found = {"cycle": str(opened.cycle), "state version k": str(opened.k)}
+    found = {"cycle": str(opened.cycle), N_("state version k"): str(opened.k)}
     for name, value in proposal.items():
         if isinstance(value, dict):
             found |= {
-                said("action: {name}", name=quantity(key, "")[0]): _valued(key, one) for key, one in value.items()
+                lazy_gettext("action: {name}", name=quantity(key, "")[0]): _valued(key, one)
+                for key, one in value.items()
             }
         else:
-            found[said("action: {name}", name=word(name))] = _text(value)
+            found[lazy_gettext("action: {name}", name=word(name))] = _text(value)
     snapshot = opened.snapshot
-    found["robot stands at"] = f"{snapshot.x_m:.2f} m, {snapshot.y_m:.2f} m, {snapshot.yaw_rad * 57.29578:.0f}°"
-    found["body"] = "measured static" if snapshot.static else "not shown static"
-    found["results of the conditions"] = snapshot.results[:12]
+    found[N_("robot stands at")] = f"{snapshot.x_m:.2f} m, {snapshot.y_m:.2f} m, {snapshot.yaw_rad * 57.29578:.0f}°"
+    found["body"] = N_("measured static") if snapshot.static else N_("not shown static")
+    found[N_("results of the conditions")] = snapshot.results[:12]
     found["picture"] = (snapshot.image or "none")[:12]
     return found
 
@@ -125,7 +127,7 @@ def _valued(name: str, value: Any) -> str:
     if isinstance(value, float | int) and not isinstance(value, bool):
         return quantity(name, value)[1]
     if isinstance(value, list) and len(value) > 6:
-        return said(
+        return lazy_gettext(
             "{count} points, from {first} to {last}", count=len(value), first=_text(value[0]), last=_text(value[-1])
         )
     return _text(value)

@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.views.saying import reasoned, said, word
+from app.catalogues import N_
+from app.messages import lazy_gettext, reasoned, word
 from harness.contracts.handoff_events import HandoffEvent
 from harness.contracts.read_models import HandoffItem
 from harness.projections.handoffs import Answer, Handoff
@@ -46,7 +47,7 @@ def steps(handoff: Handoff, mission: Mission, told: Told) -> tuple[Step, ...]:
     if handoff.status == "voided":
         return (
             first,
-            Step(name="void", state="bad", text=said("{outcome}. Nothing was sent", outcome=handoff.outcome)),
+            Step(name="void", state="bad", text=lazy_gettext("{outcome}. Nothing was sent", outcome=handoff.outcome)),
         )
     return (first, *_followed(handoff, mission))
 
@@ -59,16 +60,16 @@ def _followed(handoff: Handoff, mission: Mission) -> tuple[Step, ...]:
     known = handoff.status in KNOWN
     good = handoff.status == "confirmed"
     return (
-        Step(name="dispatched", state="done" if sent else "pending", text=handoff.invocation_id or "not yet"),
+        Step(name="dispatched", state="done" if sent else "pending", text=handoff.invocation_id or N_("not yet")),
         Step(
             name=moves,
             state="current" if open_now else "done" if sent else "pending",
-            text="under way" if open_now else "ended" if sent else "not yet",
+            text=N_("under way") if open_now else "ended" if sent else N_("not yet"),
         ),
         Step(
             name="verified",
             state="done" if good else "bad" if known else "pending",
-            text=_found(handoff) if known else "the harness has not confirmed an effect yet",
+            text=_found(handoff) if known else N_("the harness has not confirmed an effect yet"),
         ),
     )
 
@@ -83,25 +84,25 @@ def _moved(handoff: Handoff) -> bool:
 def _ended(handoff: Handoff, mission: Mission, taken: int | None) -> tuple[Step, ...]:
     answer, acted = handoff.answer, handoff.unanswered
     who = _taken_up(answer, taken) if answer else handoff.outcome
-    found = [Step(name=handoff.status, state="done", text=who or "nobody answered in time")]
+    found = [Step(name=handoff.status, state="done", text=who or N_("nobody answered in time"))]
     if acted is not None:
         found.append(Step(name=word(acted.action), state="done" if acted.done else "bad", text=reasoned(acted.reason)))
     found.append(
         Step(
             name="mission",
             state="done" if mission.ended else "pending",
-            text=said("{status}. {reason}", status=word(mission.status), reason=mission.reason),
+            text=lazy_gettext("{status}. {reason}", status=word(mission.status), reason=mission.reason),
         )
     )
     return tuple(found)
 
 
 def _found(handoff: Handoff) -> str:
-    return said("{status}: {outcome}", status=word(handoff.status), outcome=handoff.outcome)
+    return lazy_gettext("{status}: {outcome}", status=word(handoff.status), outcome=handoff.outcome)
 
 
 def _taken_up(answer: Answer, taken: int | None) -> str:
-    return said(
+    return lazy_gettext(
         "{who}: {reason}. Decision taken up at event {taken}", who=answer.actor.name, reason=answer.reason, taken=taken
     )
 
@@ -126,7 +127,7 @@ def _sentence(event: HandoffEvent) -> str:
     words = words.removeprefix("handoff ")
     actor, reason = getattr(event, "actor", None), getattr(event, "reason", "")
     level, device = getattr(event, "level", ""), getattr(event, "device", "")
-    text = said("{what} {level}", what=word(words), level=word(level)) if level else word(words)
-    text = said("{what} by {who}", what=text, who=actor.name) if actor else text
-    text = said("{what} from {device}", what=text, device=device) if device else text
-    return said("{what}: {reason}", what=text, reason=reason) if reason else text
+    text = lazy_gettext("{what} {level}", what=word(words), level=word(level)) if level else word(words)
+    text = lazy_gettext("{what} by {who}", what=text, who=actor.name) if actor else text
+    text = lazy_gettext("{what} from {device}", what=text, device=device) if device else text
+    return lazy_gettext("{what}: {reason}", what=text, reason=reason) if reason else text

@@ -3,11 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from app.catalogues import N_
+from app.messages import lazy_gettext, word
 from app.views.handoff_shown import ACTIONS, Difference, ShownQuestion, shown_question
 from app.views.handoff_steps import Line, Step, Told, history, similar, steps
 from app.views.places import SiteMap
 from app.views.robots import CameraView, RobotWord
-from app.views.saying import said, word
 from app.views.shell import Shell
 from harness.contracts.effects import Condition
 from harness.contracts.handoff_events import HandoffOpened
@@ -18,11 +19,11 @@ from harness.projections.mission import Mission
 from harness.projections.missions_list import stage_sentence
 
 FRESH_S = 60.0
-REASONS = ("seen on camera", "checked on site", "path is clear now", "not safe")
+REASONS = (N_("seen on camera"), N_("checked on site"), N_("path is clear now"), N_("not safe"))
 NO_ANSWER = {
-    "hold": "the robot stays where it is",
-    "lie_down": "the robot lies down where it is",
-    "retreat": "the robot goes back the way that was authorised before",
+    "hold": N_("the robot stays where it is"),
+    "lie_down": N_("the robot lies down where it is"),
+    "retreat": N_("the robot goes back the way that was authorised before"),
 }
 
 
@@ -126,7 +127,7 @@ def title(handoff: Handoff, mission: Mission | None) -> str:
     """A sentence that the robot could say."""
     opened = handoff.opened
     if opened is None:
-        return said("Handoff {handoff_id}", handoff_id=handoff.handoff_id)
+        return lazy_gettext("Handoff {handoff_id}", handoff_id=handoff.handoff_id)
     stage = stage_sentence(mission, opened.node_id) if mission is not None else ""
     return asking(opened.robot_id, stage or word(opened.node_id), waits=handoff.waits)
 
@@ -134,8 +135,8 @@ def title(handoff: Handoff, mission: Mission | None) -> str:
 def asking(robot: str, stage: str, *, waits: bool) -> str:
     """The sentence of a question, wherever it is listed."""
     if waits:
-        return said("{robot} cannot finish “{stage}” and asks you", robot=robot, stage=stage)
-    return said("{robot} asked about “{stage}”", robot=robot, stage=stage)
+        return lazy_gettext("{robot} cannot finish “{stage}” and asks you", robot=robot, stage=stage)
+    return lazy_gettext("{robot} asked about “{stage}”", robot=robot, stage=stage)
 
 
 def question(item: HandoffItem) -> str:
@@ -191,11 +192,11 @@ def no_answer(opened: HandoffOpened) -> str:
     if not opened.safe_place:
         return NO_ANSWER[opened.no_answer]
     if opened.otherwise == "lie_down":
-        return said(
+        return lazy_gettext(
             "the robot goes to {place} on the way that was authorised before, or lies down where it cannot,",
             place=opened.safe_place,
         )
-    return said(
+    return lazy_gettext(
         "the robot goes to {place} on the way that was authorised before, or stays where it cannot,",
         place=opened.safe_place,
     )
@@ -234,9 +235,9 @@ def _holding(handoff: Handoff, surface: Surface) -> Holding:
 
 def _marks(opened: HandoffOpened, live: tuple[float, float, float] | None) -> tuple[RobotMark, ...]:
     seen = opened.snapshot
-    found = [_mark("when it was looked at", (seen.x_m, seen.y_m), seen.yaw_rad, live=False)]
+    found = [_mark(N_("when it was looked at"), (seen.x_m, seen.y_m), seen.yaw_rad, live=False)]
     if live is not None:
-        found.append(_mark(said("{robot} now", robot=opened.robot_id), (live[0], live[1]), live[2], live=True))
+        found.append(_mark(lazy_gettext("{robot} now", robot=opened.robot_id), (live[0], live[1]), live[2], live=True))
     return tuple(found)
 
 

@@ -3,11 +3,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from app.views.saying import said, word
+from app.catalogues import N_
+from app.messages import lazy_gettext, word
 from harness.contracts.read_models import MANY, ListQuery, Tally
 
-ORDERS: tuple[tuple[str, str], ...] = (("newest", "newest first"), ("oldest", "oldest first"))
-BY_LENGTH = ("largest", "longest first")
+ORDERS: tuple[tuple[str, str], ...] = (("newest", N_("newest first")), ("oldest", N_("oldest first")))
+BY_LENGTH = ("largest", N_("longest first"))
 PLAIN = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-._~")
 
 
@@ -69,7 +70,7 @@ def paging(path: str, sought: Sought, following: ListQuery | None, *, shown: int
     after = following.after if following is not None else None
     return Paging(
         shown=shown,
-        found=said("more than {many}", many=f"{MANY:,}".replace(",", " ")) if found > MANY else str(found),
+        found=lazy_gettext("more than {many}", many=f"{MANY:,}".replace(",", " ")) if found > MANY else str(found),
         following=address(path, sought.params, after=f"{after.amount!r}~{after.seq}") if after is not None else "",
         first=address(path, sought.params) if sought.deep else "",
     )

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from app.views.saying import listed, word
+from app.catalogues import N_
+from app.messages import listed, word
 from harness.contracts.verdicts import ConditionResult
 
 DIGEST = re.compile("[0-9a-f]{64}")
@@ -38,7 +39,7 @@ class ConditionRow:
 def number(value: float) -> str:
     """Three significant decimals at most, whole numbers whole."""
     if value != value:
-        return "not a number"
+        return N_("not a number")
     if float(value).is_integer() and abs(value) < 1e15:
         return str(int(value))
     return f"{value:.3f}" if abs(value) < 1 else f"{value:.2f}"

@@ -5,17 +5,18 @@ from dataclasses import dataclass
 
 import msgspec
 
+from app.catalogues import N_
+from app.messages import lazy_gettext
 from app.views.measures import Measure, fields
-from app.views.saying import said
 from app.views.shell import Shell
 from harness.contracts.memory import MemoryRecord, Remembered
 
 TONES = {"disputed": "bad", "verified": "good"}
 ROLES: tuple[tuple[str, str, tuple[str, ...]], ...] = (
-    ("spatial", "where things are", ("map", "place", "region", "relation", "pose", "sighting", "dispute")),
-    ("episodic", "what was tried", ("episode",)),
-    ("operational", "how providers did", ("outcome",)),
-    ("semantic", "contracts and rules", ("card", "rules")),
+    ("spatial", N_("where things are"), ("map", "place", "region", "relation", "pose", "sighting", "dispute")),
+    ("episodic", N_("what was tried"), ("episode",)),
+    ("operational", N_("how providers did"), ("outcome",)),
+    ("semantic", N_("contracts and rules"), ("card", "rules")),
 )
 
 
@@ -53,7 +54,7 @@ def memory_page(
     return MemoryPage(
         shell=shell,
         tabs=tuple(
-            RoleTab(value=name, title=said("{role}: {title}", role=name, title=title), chosen=name == role)
+            RoleTab(value=name, title=lazy_gettext("{role}: {title}", role=name, title=title), chosen=name == role)
             for name, title, _ in ROLES
         ),
         rows=tuple(found),

@@ -3,9 +3,10 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from app.catalogues import N_
+from app.messages import lazy_gettext, word
 from app.views.listing import Filter, Paging, Sought, address, facet_filter, order_filter, paging
 from app.views.measures import fields
-from app.views.saying import said, word
 from app.views.shell import Shell
 from app.views.timeline import Entry
 from harness.contracts.events import MissionEnded
@@ -21,9 +22,9 @@ PATH = "/missions"
 GROUPS: tuple[tuple[str, str, dict[str, str]], ...] = (
     ("", "all", {}),
     ("running", "running", {"open": "yes"}),
-    ("waiting", "waiting for a person", {"waits": "yes"}),
+    ("waiting", N_("waiting for a person"), {"waits": "yes"}),
     ("succeeded", "succeeded", {"status": "succeeded"}),
-    ("ended", "ended otherwise", {"end": "otherwise"}),
+    ("ended", N_("ended otherwise"), {"end": "otherwise"}),
 )
 """Tabs of the list: the word in the address, its title, and the facets it stands for."""
 
@@ -84,7 +85,9 @@ def listed_stage(text: str) -> str:
     """As the list keeps it; "circuit, 2 of 3" in every language."""
     name, _, place = text.rpartition(", ")
     done, _, count = place.partition(" of ")
-    return said("{stage}, {done} of {count}", stage=word(name), done=done, count=count) if name and count else text
+    return (
+        lazy_gettext("{stage}, {done} of {count}", stage=word(name), done=done, count=count) if name and count else text
+    )
 
 
 def tabs(
@@ -95,7 +98,9 @@ def tabs(
         Group(
             title=title,
             href=address(path, sought.params, status=value),
-            count=str(counted.groups[value]) if counted.groups[value] <= MANY else said("over {many}", many=MANY),
+            count=str(counted.groups[value])
+            if counted.groups[value] <= MANY
+            else lazy_gettext("over {many}", many=MANY),
             chosen=value == sought.given.get("status", ""),
         )
         for value, title, _ in groups
@@ -159,21 +164,23 @@ def sentence(mission: Mission) -> str:
         return mission.report
     match mission.status:
         case "awaiting_human":
-            return said("{robot_id} waits for a person: {reason}", robot_id=mission.robot_id, reason=mission.reason)
+            return lazy_gettext(
+                "{robot_id} waits for a person: {reason}", robot_id=mission.robot_id, reason=mission.reason
+            )
         case "stopping":
             if mission.stopped is not None and not mission.stopped.static:
-                return said(
+                return lazy_gettext(
                     "Stopping: acknowledged, but the body is not shown static. {reason}", reason=mission.stopped.reason
                 )
-            return said("Stopping ({reason}): not acknowledged yet.", reason=mission.reason)
+            return lazy_gettext("Stopping ({reason}): not acknowledged yet.", reason=mission.reason)
         case "paused":
-            return said("Paused: {reason}", reason=mission.reason)
+            return lazy_gettext("Paused: {reason}", reason=mission.reason)
         case "cancelled" | "safe_stopped" | "failed" | "handed_off":
             return f"{mission.reason[:1].upper()}{mission.reason[1:]}"
         case "compiled":
-            return said("Compiled; it begins when {robot_id} is free.", robot_id=mission.robot_id)
+            return lazy_gettext("Compiled; it begins when {robot_id} is free.", robot_id=mission.robot_id)
         case "succeeded":
-            return "The original completion conditions are satisfied."
+            return N_("The original completion conditions are satisfied.")
         case _:
             return current_stage(mission)
 
@@ -214,5 +221,5 @@ def took_s(item: MissionItem, now_s: float) -> float:
 def goal_reason(verdict: GoalVerdict | None) -> str:
     """Why the goal counts as reached or not, as far as it was tested."""
     if verdict is None:
-        return "Tested once every required stage is accepted, exactly as they were first stored."
-    return verdict.reason or "Every original condition was tested again."
+        return N_("Tested once every required stage is accepted, exactly as they were first stored.")
+    return verdict.reason or N_("Every original condition was tested again.")

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from math import degrees, hypot, isfinite, radians
 from typing import get_args
 
+from app.catalogues import N_
+from app.messages import lazy_gettext
 from app.views.forms import Wrong, wrong_reason
 from app.views.places import SiteMap, site_map
-from app.views.saying import said
 from app.views.shell import Shell
 from harness.contracts.ids import PlaceId
 from harness.contracts.place_events import Verification
@@ -133,22 +134,25 @@ def wrong_place(typed: Mapping[str, str], site: Site) -> list[Wrong]:
     if not SLUG.fullmatch(place_id):
         wrong.append(Wrong("place_id", "An identifier is small letters, digits and _, and begins with a letter."))
     if not 1 <= len(name) <= NAME_SIGNS:
-        wrong.append(Wrong("name", said("A name has 1 to {count} signs.", count=NAME_SIGNS)))
+        wrong.append(Wrong("name", lazy_gettext("A name has 1 to {count} signs.", count=NAME_SIGNS)))
     aliases = _aliases(typed)
     if len(aliases) > ALIASES or any(len(one) > NAME_SIGNS for one in aliases):
         wrong.append(
-            Wrong("aliases", said("At most {count} other names of {signs} signs.", count=ALIASES, signs=NAME_SIGNS))
+            Wrong(
+                "aliases",
+                lazy_gettext("At most {count} other names of {signs} signs.", count=ALIASES, signs=NAME_SIGNS),
+            )
         )
     wrong += taken(place_id, (name, *aliases), site)
-    for field, title in (("x", "x"), ("y", "y"), ("heading", "The heading")):
+    for field, title in (("x", "x"), ("y", "y"), ("heading", N_("The heading"))):
         if _number(typed.get(field, "")) is None:
-            wrong.append(Wrong(field, said("{title} must be a number.", title=title)))
+            wrong.append(Wrong(field, lazy_gettext("{title} must be a number.", title=title)))
     if _region(typed.get("region", "")) is None:
         wrong.append(
-            Wrong("region", "Write corners as x, y; x, y; x, y with at least three of them, or leave it empty.")
+            Wrong("region", N_("Write corners as x, y; x, y; x, y with at least three of them, or leave it empty."))
         )
     if typed.get("verification") not in get_args(Verification):
-        wrong.append(Wrong("verification", "Choose configured, verified or disputed."))
+        wrong.append(Wrong("verification", N_("Choose configured, verified or disputed.")))
     wrong += [Wrong("reason", text) for text in wrong_reason(typed.get("reason", ""))]
     return wrong
 
@@ -182,7 +186,7 @@ def taken(place_id: str, words: Sequence[str], site: Site) -> list[Wrong]:
     return [
         Wrong(
             "aliases" if word != words[0] else "name",
-            said("“{word}” names {other} already.", word=word, other=others[word.casefold()]),
+            lazy_gettext("“{word}” names {other} already.", word=word, other=others[word.casefold()]),
         )
         for word in twice
     ]
@@ -195,7 +199,7 @@ def _far_routes(site: Site, place_id: str, x: float | None, y: float | None) -> 
     ends = [(route, route.waypoints_m[-1]) for route in site.routes if route.end == place_id]
     ends += [(route, route.waypoints_m[0]) for route in site.routes if route.start == place_id]
     return tuple(
-        said(
+        lazy_gettext(
             "Route {route} has its end {distance} m from here: survey it again.",
             route=route.name,
             distance=f"{hypot(at[0] - x, at[1] - y):.2f}",

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 from math import hypot
 
+from app.catalogues import N_
+from app.messages import lazy_gettext, word
 from app.views.drawn import polyline, view_box
-from app.views.saying import said, word
 from app.views.shell import Shell
 from harness.contracts.places import Retreat, Route, Site
 from harness.contracts.values import Point
@@ -14,9 +15,9 @@ from harness.contracts.values import Point
 MARGIN_M = 1.0
 TONES = {"verified": "good", "disputed": "bad"}
 MEANING = {
-    "configured": "written down by people, not seen by a robot",
-    "verified": "confirmed on site",
-    "disputed": "contradicted: do not rely on it",
+    "configured": N_("written down by people, not seen by a robot"),
+    "verified": N_("confirmed on site"),
+    "disputed": N_("contradicted: do not rely on it"),
 }
 
 
@@ -54,7 +55,7 @@ class PlacesPage:
 def site_map(site: Site) -> SiteMap:
     """Zones, passages, regions, routes and places, in this order, so that the small stands on the large."""
     outlines = [
-        *((said("zone {name}", name=one.name), "zone", one.region_m) for one in site.zones),
+        *((lazy_gettext("zone {name}", name=one.name), "zone", one.region_m) for one in site.zones),
         *((one.name, "region", one.region_m) for one in site.places if one.region_m),
         *((word(one.passage_id), "passage", one.floor_m) for one in site.passages),
     ]
@@ -84,7 +85,7 @@ def length_m(route: Route) -> float:
 
 def safe_place(retreat: Retreat) -> str:
     """Where a zone sends its robot, by which way and on whose authority, in words."""
-    return said(
+    return lazy_gettext(
         "safe place {place} by {route}, at most {speed} m/s, authorised by {authority} on {day}",
         place=word(retreat.place_id),
         route=retreat.route,

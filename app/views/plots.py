@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 from math import dist, hypot
 
+from app.catalogues import N_
+from app.messages import lazy_gettext
 from app.views.cursor import Cursor
-from app.views.saying import said
 from app.views.timeline import Entry
 from harness.contracts.effects import Metric
 from harness.contracts.events import GoalVerified, RecoveryAuthorised
@@ -88,10 +89,10 @@ def plots(
     charge = tuple((at_s, 100 * share) for at_s, share in readings.charge)
     quantities: tuple[tuple[Quantity, Series, tuple[str, float | None]], ...] = (
         (Quantity("speed", "speed", "odometry", "m/s"), readings.speed, ("cap", cap)),
-        (Quantity("distance", "distance to target", "localiser", "m"), distances, ("tolerance", tolerance)),
-        (Quantity("progress", "route covered", "localiser", "%"), progress, ("end", 100.0)),
+        (Quantity("distance", N_("distance to target"), "localiser", "m"), distances, ("tolerance", tolerance)),
+        (Quantity("progress", N_("route covered"), "localiser", "%"), progress, ("end", 100.0)),
         (Quantity("charge", "battery", "battery", "%"), charge, ("full", 100.0)),
-        (Quantity("spent", "recovery spent", "log", ""), _spent(entries, cursor), ("budget", budget)),
+        (Quantity("spent", N_("recovery spent"), "log", ""), _spent(entries, cursor), ("budget", budget)),
     )
     return tuple(_plot(quantity, series, cursor, limit=limit) for quantity, series, limit in quantities)
 
@@ -116,12 +117,13 @@ def _plot(quantity: Quantity, series: Series, cursor: Cursor, *, limit: tuple[st
         lines=tuple(_line(part, cursor, low=low, high=top) for part in _parts(series)),
         bounds=tuple(
             Bound(
-                _y(value, low=low, high=top), said("{bound} {value} {unit}", bound=bound, value=f"{value:g}", unit=unit)
+                _y(value, low=low, high=top),
+                lazy_gettext("{bound} {value} {unit}", bound=bound, value=f"{value:g}", unit=unit),
             )
             for value in bounds
         ),
         value=f"{now:.2f} {unit}".strip() if now is not None else "",
-        blank="" if series else said("no {source} reading yet", source=quantity.source),
+        blank="" if series else lazy_gettext("no {source} reading yet", source=quantity.source),
     )
 
 

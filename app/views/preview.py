@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from app.catalogues import N_
+from app.messages import lazy_gettext, listed, word
 from app.views.places import SiteMap, site_map
-from app.views.saying import listed, said, word
 from app.views.stages import Acceptance, Graph, Stage, graph
 from harness.contracts.effects import Metric
 from harness.contracts.places import Site
@@ -52,14 +53,14 @@ def preview(contract: TaskContract, site: Site) -> Preview:
 def allowed(limits: RecoveryLimits) -> str:
     """What a stage may spend on recovery, in words."""
     spends = {
-        "look again": limits.re_perceive,
-        "adjust the view": limits.adjust_view,
+        N_("look again"): limits.re_perceive,
+        N_("adjust the view"): limits.adjust_view,
         "retry": limits.retry,
-        "plan again": limits.local_replan,
-        "switch the skill": limits.switch_skill,
+        N_("plan again"): limits.local_replan,
+        N_("switch the skill"): limits.switch_skill,
     }
-    told = listed(said("{action} {count}", action=name, count=count) for name, count in spends.items() if count)
-    return said("{total} in all: {allowed}", total=limits.total, allowed=told) if limits.total else "none"
+    told = listed(lazy_gettext("{action} {count}", action=name, count=count) for name, count in spends.items() if count)
+    return lazy_gettext("{total} in all: {allowed}", total=limits.total, allowed=told) if limits.total else "none"
 
 
 def _marks(contract: TaskContract, site: Site, nodes: Sequence[Node]) -> tuple[Mark, ...]:
@@ -79,7 +80,7 @@ def _pending(node: Node) -> Stage:
         node_id=node.node_id,
         title=word(node.node_id),
         state="pending",
-        status=said("risk {risk}", risk=node.risk),
+        status=lazy_gettext("risk {risk}", risk=node.risk),
         verdict="",
         progress=None,
         declared=(),

@@ -4,7 +4,8 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from app.views.saying import listed, said, word
+from app.catalogues import N_
+from app.messages import lazy_gettext, listed, word
 from app.views.shell import Shell
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.ids import ProviderId
@@ -81,10 +82,10 @@ def _card(card: CapabilityCard, claims: Conformance | None, records: Sequence[Me
 def supervision(card: CapabilityCard) -> tuple[tuple[str, str], ...]:
     """What the harness asks of a card beside the paper's fields."""
     return (
-        ("moves the body", "yes" if card.moves else "no"),
-        ("after a restart", listed((word(card.reattach), "resumable")) if card.resumable else word(card.reattach)),
-        ("sources of its evidence", listed(map(word, card.sources)) or "none named"),
-        ("software", card.software or "not named"),
+        (N_("moves the body"), "yes" if card.moves else "no"),
+        (N_("after a restart"), listed((word(card.reattach), "resumable")) if card.resumable else word(card.reattach)),
+        (N_("sources of its evidence"), listed(map(word, card.sources)) or N_("none named")),
+        ("software", card.software or N_("not named")),
     )
 
 
@@ -92,20 +93,20 @@ def card_fields(card: CapabilityCard) -> tuple[tuple[str, str], ...]:
     """The twelve fields of the paper (R57)."""
     latency, estimates = card.latency, card.estimates
     return (
-        ("provider and version", f"{card.provider_id} {card.version}"),
+        (N_("provider and version"), f"{card.provider_id} {card.version}"),
         ("embodiments", listed(card.embodiments) or "any"),
         ("parameters", listed(_parameter(one.name, one.unit, required=one.required) for one in card.parameters)),
         ("preconditions", listed(card.preconditions) or "none"),
-        ("side effects", listed(card.side_effects) or "none"),
-        ("expected latency", _latency(latency.base_s, latency.per_metre_s)),
+        (N_("side effects"), listed(card.side_effects) or "none"),
+        (N_("expected latency"), _latency(latency.base_s, latency.per_metre_s)),
         ("resources", listed(card.resources) or "none"),
         ("cancel", _stopping(card)),
         ("risk", card.risk),
-        ("failure words", listed(map(word, card.failure_words)) or "none"),
-        ("evidence it promises", listed(map(word, card.evidence)) or "none"),
+        (N_("failure words"), listed(map(word, card.failure_words)) or "none"),
+        (N_("evidence it promises"), listed(map(word, card.evidence)) or "none"),
         (
-            "its own estimates",
-            said(
+            N_("its own estimates"),
+            lazy_gettext(
                 "success {success}, risk {risk}, uncertainty {uncertainty}, cost {cost}",
                 success=f"{estimates.success:g}",
                 risk=f"{estimates.risk:g}",
@@ -117,16 +118,16 @@ def card_fields(card: CapabilityCard) -> tuple[tuple[str, str], ...]:
 
 
 def _parameter(name: str, unit: str, *, required: bool) -> str:
-    shown = said("{name} in {unit}", name=name, unit=unit) if unit else name
-    return shown if required else said("{name} (optional)", name=shown)
+    shown = lazy_gettext("{name} in {unit}", name=name, unit=unit) if unit else name
+    return shown if required else lazy_gettext("{name} (optional)", name=shown)
 
 
 def _latency(base_s: float, per_metre_s: float) -> str:
-    return said("{base} s and {more} s per metre", base=f"{base_s:g}", more=f"{per_metre_s:g}")
+    return lazy_gettext("{base} s and {more} s per metre", base=f"{base_s:g}", more=f"{per_metre_s:g}")
 
 
 def _stopping(card: CapabilityCard) -> str:
     within = f"{card.cancel.within_s:g}"
     if card.cancel.acknowledged:
-        return said("acknowledged within {seconds} s", seconds=within)
-    return said("not acknowledged within {seconds} s", seconds=within)
+        return lazy_gettext("acknowledged within {seconds} s", seconds=within)
+    return lazy_gettext("not acknowledged within {seconds} s", seconds=within)

@@ -3,9 +3,10 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from app.catalogues import N_
+from app.messages import lazy_gettext
 from app.views.canary import CanaryPanel, canary_panel
 from app.views.review_rows import policy_sentence
-from app.views.saying import said
 from app.views.shell import Shell
 from harness.contracts.actors import Actor
 from harness.contracts.ids import Digest, RobotId
@@ -13,8 +14,8 @@ from rsi_reviews.pointers import Pointer, current_at
 from rsi_reviews.projections import Review
 
 CAUSES: Mapping[str, str] = {
-    "shipped": "shipped with the program", "canary": "canary began", "released": "released to every robot",
-    "rolled_back": "rolled back", "withdrawn": "canary withdrawn",
+    "shipped": N_("shipped with the program"), "canary": N_("canary began"), "released": N_("released to every robot"),
+    "rolled_back": N_("rolled back"), "withdrawn": N_("canary withdrawn"),
 }  # fmt: skip
 TONES = {"rolled_back": "bad", "canary": "warn", "released": "good"}
 WIDTH, HEIGHT = 920.0, 64.0
@@ -152,7 +153,7 @@ def policy_form(
 def at_instant(pointer: Pointer, asked: str, instant_s: float | None, robots: Sequence[str]) -> At:
     """What a mission begun then was pinned to, on every robot. Without an instant it says how to write one."""
     if instant_s is None:
-        wrong = "Write an instant as 2026-11-20T09:30:00Z."
+        wrong = N_("Write an instant as 2026-11-20T09:30:00Z.")
         return At(asked=asked, instant_s=0.0, found="", robots=(), wrong=wrong)
     by_robot = [(robot, current_at(pointer, instant_s, robot_id=RobotId(robot)) or "") for robot in robots]
     found = current_at(pointer, instant_s) or ""
@@ -172,7 +173,7 @@ def _spans(pointer: Pointer, *, now_s: float) -> tuple[Span, ...]:
     spans, x = [], 0.0
     for move, seconds in zip(moves, lasted, strict=True):
         width = least + free * seconds / total
-        title = said(
+        title = lazy_gettext(
             "revision {revision}, {cause}: {configuration}",
             revision=move.revision,
             cause=CAUSES[move.cause],

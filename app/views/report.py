@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from app.catalogues import N_
+from app.messages import lazy_gettext, word
 from app.views.measures import ConditionRow, condition_row
 from app.views.missions import Head, head
-from app.views.saying import said, word
 from app.views.shell import Shell
 from app.views.stages import Observed, Stage, stages
 from app.views.timeline import Entry
@@ -124,7 +125,7 @@ def report_page(
         mission_id=mission.mission_id,
         head=head(mission, entries),
         verdict=goal.verdict if goal else "",
-        reason=goal.reason if goal else "The goal has not been tested.",
+        reason=goal.reason if goal else N_("The goal has not been tested."),
         conditions=tuple(condition_row(result) for result in goal.results) if goal else (),
         stages=stages(mission, entries, Observed(), selected=""),
         timings=timings(mission, entries),
@@ -218,24 +219,28 @@ def _deeds(entries: Sequence[Entry], unanswered: Unanswered | None) -> tuple[Dee
                     Deed(
                         entry.mission_s,
                         f"{actor.name} ({actor.channel})",
-                        said("{decision}: {reason}", decision=word(decision), reason=reason),
+                        lazy_gettext("{decision}: {reason}", decision=word(decision), reason=reason),
                     )
                 )
                 if decision == "expired" and unanswered is not None:
                     found.append(Deed(entry.mission_s, "robot", no_answer_taken(unanswered)))
             case StopRequested(actor=actor, reason=reason):
-                found.append(Deed(entry.mission_s, actor.name, said("asked to stop: {reason}", reason=reason)))
+                found.append(Deed(entry.mission_s, actor.name, lazy_gettext("asked to stop: {reason}", reason=reason)))
             case CompletionDisputed(actor=actor, reason=reason):
-                found.append(Deed(entry.mission_s, actor.name, said("disputed an acceptance: {reason}", reason=reason)))
+                found.append(
+                    Deed(entry.mission_s, actor.name, lazy_gettext("disputed an acceptance: {reason}", reason=reason))
+                )
             case AttestationRecorded(actor=actor, condition_id=condition_id):
                 found.append(
-                    Deed(entry.mission_s, actor.name, said("attested {condition_id}", condition_id=condition_id))
+                    Deed(
+                        entry.mission_s, actor.name, lazy_gettext("attested {condition_id}", condition_id=condition_id)
+                    )
                 )
             case RecoveryAuthorised(action=action, failure=failure, cost=cost):
-                text = said(
+                text = lazy_gettext(
                     "{action} after {failure}, cost {cost}", action=word(action), failure=word(failure), cost=cost
                 )
-                found.append(Deed(entry.mission_s, "recovery policy", text))
+                found.append(Deed(entry.mission_s, N_("recovery policy"), text))
             case _:
                 continue
     return tuple(found)
@@ -245,5 +250,5 @@ def no_answer_taken(unanswered: Unanswered) -> str:
     """What the robot did because nobody answered: shown to be done or not, and never an accepted result."""
     action, reason = word(unanswered.action), unanswered.reason
     if unanswered.done:
-        return said("without an answer: {action}, shown to be done. {reason}", action=action, reason=reason)
-    return said("without an answer: {action}, not shown to be done. {reason}", action=action, reason=reason)
+        return lazy_gettext("without an answer: {action}, shown to be done. {reason}", action=action, reason=reason)
+    return lazy_gettext("without an answer: {action}, not shown to be done. {reason}", action=action, reason=reason)

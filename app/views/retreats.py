@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from app.views.saying import reasoned, said
+from app.messages import lazy_gettext, reasoned
 from harness.contracts.retreat_events import RetreatEnded, RetreatIntended
 from harness.projections.control import Retreating
 
@@ -36,7 +36,7 @@ def last_retreat(
 
 
 def _under_way(intent: RetreatIntended) -> str:
-    return said(
+    return lazy_gettext(
         "On the way to {place}, started by {who}, authorised on {day} by {authority}. It is no stage of a mission.",
         place=intent.place,
         who=intent.actor.name,
@@ -49,16 +49,18 @@ def _over(intent: RetreatIntended, ended: RetreatEnded) -> str:
     reason = reasoned(ended.reason).rstrip(".")
     match ended.outcome:
         case "reached":
-            return said(
+            return lazy_gettext(
                 "Last sent to {place}: measured {distance} m from it, declared {declared}. Nothing is accepted of it.",
                 place=intent.place,
                 distance=f"{ended.measured.get('distance_m', 0.0):.2f}",
                 declared=ended.declared,
             )
         case "short":
-            return said("Last sent to {place}: not shown to be there. {reason}.", place=intent.place, reason=reason)
+            return lazy_gettext(
+                "Last sent to {place}: not shown to be there. {reason}.", place=intent.place, reason=reason
+            )
         case _:
-            return said(
+            return lazy_gettext(
                 "Last sent to {place}: nobody can say how it ended, and it is not sent again. {reason}.",
                 place=intent.place,
                 reason=reason,

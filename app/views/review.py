@@ -3,12 +3,13 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from app.catalogues import N_
+from app.messages import lazy_gettext, word
 from app.views.canary import CanaryPanel, canary_panel
 from app.views.candidates import stale
 from app.views.review_results import Measured
 from app.views.review_rows import HeldOutView, PinRow, held_out_view, pin_rows
 from app.views.review_words import Offer, offers
-from app.views.saying import said, word
 from app.views.shell import Shell
 from harness.contracts.actors import Actor
 from harness.contracts.ids import Digest
@@ -100,7 +101,7 @@ def review_page(
 
 
 def _stale(review: Review, pointer: Pointer) -> str:
-    return said(
+    return lazy_gettext(
         "Its baseline {baseline} is no longer current: that is {current} since revision {revision}. Nobody can approve "
         "it; propose the change anew on what is current.",
         baseline=review.baseline[:12],
@@ -117,27 +118,31 @@ def _effects(review: Review, seen: Seen, *, robot: str) -> tuple[str, ...]:
     needed = manifest.canary.missions if manifest else 5
     running = sum(len(missions) for missions in seen.pins.values())
     return (
-        said(
+        lazy_gettext(
             "The pointer moves from revision {revision} to {following}.",
             revision=seen.pointer.revision,
             following=seen.pointer.revision + 1,
         ),
-        said(
+        lazy_gettext(
             "New missions of {robot} are pinned to {configuration}, one at a time, until {needed} of them exercised "
             "the change; every other robot stays on {current}.",
-            robot=robot or "one robot",
+            robot=robot or N_("one robot"),
             configuration=review.configuration[:12],
             needed=needed,
             current=seen.pointer.configuration[:12],
         ),
-        said(
+        lazy_gettext(
             "Unfinished missions keep the version pinned now, through pause, handoff and replanning: {count} of them.",
             count=running,
         ),
-        "Every canary mission waits for a person's approval before motion, and is adjudicated by somebody who did not "
-        "release it.",
-        "A false completion, a duplicate start or a safety violation rolls back at once; the metric only by the "
-        "sequential test that the manifest declares.",
+        N_(
+            "Every canary mission waits for a person's approval before motion, and is adjudicated by somebody "
+            "who did not release it."
+        ),
+        N_(
+            "A false completion, a duplicate start or a safety violation rolls back at once; the metric only by the "
+            "sequential test that the manifest declares."
+        ),
     )
 
 

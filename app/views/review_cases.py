@@ -3,16 +3,17 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from app.catalogues import N_
+from app.messages import word
 from app.views.listing import address
 from app.views.review_results import CaseRow, case_row, pairs_of
-from app.views.saying import word
 from app.views.shell import Shell
 from harness.contracts.errors import ContractInvalid, UnknownName
 from rsi_reviews.contracts import FAMILIES, ResultSet
 from rsi_reviews.projections import Review
 
 SHOWN = 200
-CHANGES = ("", "pass to fail", "fail to pass", "worse", "better", "same")
+CHANGES = ("", N_("pass to fail"), N_("fail to pass"), "worse", "better", "same")
 ORDER = {change: place for place, change in enumerate(CHANGES)}
 
 
@@ -52,9 +53,11 @@ def cases_page(
 ) -> CasesPage:
     """Raises UnknownName or ContractInvalid for an address that no page ever gave."""
     if change not in CHANGES or family not in ("", *FAMILIES):
-        raise UnknownName(f"There are no cases called {change[:40]} {family[:40]}".strip(), do="choose one of the tabs")
+        raise UnknownName(
+            f"There are no cases called {change[:40]} {family[:40]}".strip(), do=N_("choose one of the tabs")
+        )
     if review.manifest is None or skip < 0:
-        raise ContractInvalid(f"{skip} is no place in a list", where="skip", do="begin at the first page")
+        raise ContractInvalid(f"{skip} is no place in a list", where="skip", do=N_("begin at the first page"))
     metric = review.manifest.metric
     every = [case_row(pair, metric, situations) for pair in pairs_of(results, review.baseline)]
     of_family = [one for one in every if family in ("", one.family)]
@@ -76,7 +79,7 @@ def cases_page(
         ),
         families=tuple(
             CaseTab(
-                title=word(one) if one else "every family",
+                title=word(one) if one else N_("every family"),
                 href=address(path, params, family=one),
                 count=sum(one in ("", row.family) for row in every),
                 chosen=one == family,

@@ -3,7 +3,8 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
-from app.views.saying import word
+from app.catalogues import N_
+from app.messages import word
 from rsi_reviews.bounds import paired
 from rsi_reviews.contracts import BETTER, FAMILIES, CaseResult, Manifest, Metric, ResultSet
 
@@ -118,7 +119,7 @@ def passes(result: CaseResult) -> bool:
 def case_row(pair: Pair, metric: Metric, situations: Mapping[str, str]) -> CaseRow:
     before, after = pair
     gain = _gain(pair, metric)
-    flip = {(True, False): "pass to fail", (False, True): "fail to pass"}.get((passes(before), passes(after)))
+    flip = {(True, False): N_("pass to fail"), (False, True): N_("fail to pass")}.get((passes(before), passes(after)))
     return CaseRow(
         case=before.case,
         family=before.family,

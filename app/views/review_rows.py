@@ -3,22 +3,23 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from app.views.saying import listed, said, word
+from app.catalogues import N_
+from app.messages import lazy_gettext, listed, word
 from harness.contracts.ids import Digest
 from rsi_reviews.contracts import ClauseAnswer
 from rsi_reviews.pointers import Pointer, Uptake
 from rsi_reviews.projections import Review
 
 CLAUSE_NAMES = {
-    "contracts_preserved": "Safety and evidence contracts are preserved",
-    "checks_not_worse": "No designated check is worse",
-    "metric_better": "The declared metric is better",
-    "release_authorised": "A release is authorised",
+    "contracts_preserved": N_("Safety and evidence contracts are preserved"),
+    "checks_not_worse": N_("No designated check is worse"),
+    "metric_better": N_("The declared metric is better"),
+    "release_authorised": N_("A release is authorised"),
 }
 MOST = "_share_at_most"
 VERDICTS = {"pass": "satisfied", "fail": "violated", "inconclusive": "ambiguous", "error": "violated"}
-PARTS = {"proposed": "proposed it", "wrote_earlier": "wrote an earlier one", "launched": "launched its evaluation",
-         "edited_suite": "edited its suite"}  # fmt: skip
+PARTS = {"proposed": N_("proposed it"), "wrote_earlier": N_("wrote an earlier one"),
+         "launched": N_("launched its evaluation"), "edited_suite": N_("edited its suite")}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -47,12 +48,12 @@ def policy_sentence(pointer: Pointer) -> str:
     """Who must agree before a release, in one sentence."""
     policy = pointer.policy
     if policy.kind == "single_operator":
-        return said(
+        return lazy_gettext(
             "Single operator: an author may decide alone, {hours} h after the evaluation. Approvals needed: {quorum}.",
             hours=f"{policy.cooling_off_s / 3600.0:g}",
             quorum=policy.quorum,
         )
-    return said(
+    return lazy_gettext(
         "Two people: a reviewer who is no author of it, then a releaser. Approvals needed: {quorum}.",
         quorum=policy.quorum,
     )
@@ -61,7 +62,7 @@ def policy_sentence(pointer: Pointer) -> str:
 def _quantity(name: str) -> str:
     """A clause's number by its name: of which family, or the most that its share can be."""
     if name.endswith(MOST):
-        return said("{quantity}, share at most", quantity=word(name.removesuffix(MOST)))
+        return lazy_gettext("{quantity}, share at most", quantity=word(name.removesuffix(MOST)))
     return listed(map(word, name.split(".")))
 
 
@@ -87,8 +88,8 @@ def pin_rows(
 ) -> tuple[PinRow, ...]:
     roles: dict[Digest, str] = {
         pointer.configuration: "current",
-        review.baseline: "its baseline",
-        review.configuration: "this candidate",
+        review.baseline: N_("its baseline"),
+        review.configuration: N_("this candidate"),
     }
     names = dict.fromkeys((*roles, *pins))
     return tuple(

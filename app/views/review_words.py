@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from app.views.saying import reasoned
+from app.catalogues import N_
+from app.messages import reasoned
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.ids import RobotId
@@ -59,23 +60,23 @@ def _asked(status: str) -> Sequence[tuple[str, str, bool, bool]]:
     """(word, title, press and hold, danger)."""
     match status:
         case "accepted":
-            return (("submit", "Ask for review", False, False), ("withdraw", "Withdraw", False, True))
+            return (("submit", N_("Ask for review"), False, False), ("withdraw", N_("Withdraw"), False, True))
         case "in_review":
             return (
-                ("approve", "Hold to approve", True, False),
-                ("authorise", "Hold to authorise the release", True, False),
-                ("request-changes", "Request changes", False, False),
-                ("recall", "Take it back", False, False),
-                ("reject", "Reject", False, True),
+                ("approve", N_("Hold to approve"), True, False),
+                ("authorise", N_("Hold to authorise the release"), True, False),
+                ("request-changes", N_("Request changes"), False, False),
+                ("recall", N_("Take it back"), False, False),
+                ("reject", N_("Reject"), False, True),
             )
         case "authorised":
-            return (("release", "Hold to release", True, False), ("withdraw", "Withdraw", False, True))
+            return (("release", N_("Hold to release"), True, False), ("withdraw", N_("Withdraw"), False, True))
         case "canary":
-            return (("rollback", "Roll back", False, True), ("withdraw", "Withdraw", False, True))
+            return (("rollback", N_("Roll back"), False, True), ("withdraw", N_("Withdraw"), False, True))
         case "current":
-            return (("rollback", "Roll back", False, True),)
+            return (("rollback", N_("Roll back"), False, True),)
         case "draft" | "inconclusive":
-            return (("withdraw", "Withdraw", False, True),)
+            return (("withdraw", N_("Withdraw"), False, True),)
         case _:
             return ()
 

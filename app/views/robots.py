@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from app.catalogues import N_
 from app.fleet import Shots, Word
+from app.messages import lazy_gettext
 from app.views.retreats import LastRetreat
-from app.views.saying import said
 from app.views.shell import Shell
 from harness.contracts.control import LEVELS, Autonomy
 from harness.contracts.ids import RobotId
@@ -16,10 +17,10 @@ OLD_WORD_S = 3.0
 OLD_PICTURE_S = 8.0
 OLD_POSE_S = 1.0
 AUTONOMY: dict[Autonomy, str] = {
-    "manual": "manual: a person approves every dispatch",
-    "approve_each_motion": "approve each motion",
-    "approve_risky": "approve risky motion",
-    "autonomous": "autonomous within the contract",
+    "manual": N_("manual: a person approves every dispatch"),
+    "approve_each_motion": N_("approve each motion"),
+    "approve_risky": N_("approve risky motion"),
+    "autonomous": N_("autonomous within the contract"),
 }
 
 
@@ -187,8 +188,8 @@ def _localisation(word: Word) -> str:
     if not status.localised:
         return "lost"
     if status.pose_age_s is None:
-        return "no pose"
-    return "old" if status.pose_age_s > OLD_POSE_S else "has a fix"
+        return N_("no pose")
+    return "old" if status.pose_age_s > OLD_POSE_S else N_("has a fix")
 
 
 def camera_view(robot_id: str, shots: Shots, *, now_s: float) -> CameraView:
@@ -204,7 +205,7 @@ def camera_view(robot_id: str, shots: Shots, *, now_s: float) -> CameraView:
         height_px=last.height_px if last else 0,
         strip=strip,
         stale=stale,
-        why=shots.trouble or ("" if newest else "nothing came from the camera yet"),
+        why=shots.trouble or ("" if newest else N_("nothing came from the camera yet")),
     )
 
 
@@ -216,13 +217,15 @@ def stop_steps(mission: Mission) -> tuple[Step, ...]:
     acknowledged = running is None
     static = stopped is not None and stopped.static
     if stopped is None:
-        shown = "the body is watched by its odometry"
+        shown = N_("the body is watched by its odometry")
     else:
-        shown = stopped.reason or ("the body is static" if static else "nothing shows the body at rest")
+        shown = stopped.reason or (N_("the body is static") if static else N_("nothing shows the body at rest"))
     return (
         Step("stopping", True, f"{mission.stop.actor.name}: {mission.stop.reason}"),
         Step(
-            "acknowledged", acknowledged, "no execution runs" if acknowledged else "the provider has not answered yet"
+            "acknowledged",
+            acknowledged,
+            N_("no execution runs") if acknowledged else N_("the provider has not answered yet"),
         ),
         Step("static", static, shown),
     )
@@ -260,20 +263,20 @@ def robot_card(
 def _in_control(mission: Mission | None, wheel: Wheel | None, retreat: Retreating | None) -> str:
     """Who moves the robot now, in words."""
     if retreat is not None:
-        return said("the way to {place}", place=retreat.intent.place)
+        return lazy_gettext("the way to {place}", place=retreat.intent.place)
     if wheel is not None:
-        return said("{who}, by hand from {device}", who=wheel.actor.name, device=wheel.device)
+        return lazy_gettext("{who}, by hand from {device}", who=wheel.actor.name, device=wheel.device)
     if mission is None:
         return "nobody"
     match mission.status:
         case "awaiting_human":
-            return "nobody: the mission waits for a person"
+            return N_("nobody: the mission waits for a person")
         case "paused":
-            return "nobody: the mission is paused"
+            return N_("nobody: the mission is paused")
         case "stopping":
-            return "the stop"
+            return N_("the stop")
         case _:
-            return "the mission"
+            return N_("the mission")
 
 
 def levels(chosen: str) -> tuple[Level, ...]:

@@ -3,12 +3,18 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from app.catalogues import N_
 from app.views.candidates import title_of
 from app.views.shell import Shell
 from rsi_reviews.pointers import Pointer
 from rsi_reviews.projections import Review
 
-REASONS = ("unexpected handoffs", "a completion was wrong", "slower than before", "behaves otherwise than reviewed")
+REASONS = (
+    N_("unexpected handoffs"),
+    N_("a completion was wrong"),
+    N_("slower than before"),
+    N_("behaves otherwise than reviewed"),
+)
 
 
 @dataclass(frozen=True)

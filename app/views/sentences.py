@@ -2,7 +2,8 @@
 
 from typing import Literal, assert_never
 
-from app.views.saying import listed, said, word
+from app.catalogues import N_
+from app.messages import lazy_gettext, listed, word
 from harness.contracts.control import AutonomySet
 from harness.contracts.events import (
     CommitRejected,
@@ -71,30 +72,30 @@ def sentence(event: MissionEvent) -> str:
     """What happened, as a person would say it."""
     match event:
         case MissionCreated():
-            return said("{requested_by} asked: “{goal}”", requested_by=event.requested_by.name, goal=event.goal)
+            return lazy_gettext("{requested_by} asked: “{goal}”", requested_by=event.requested_by.name, goal=event.goal)
         case ContractCompiled():
-            return said(
+            return lazy_gettext(
                 "Compiled to {count} stages under {template}",
                 count=len(event.contract.nodes),
                 template=event.contract.template,
             )
         case ContractRecompiled():
-            return said(
+            return lazy_gettext(
                 "Compiled again: configuration {configuration} became current before it began",
                 configuration=event.configuration[:12],
             )
         case MissionActivated():
-            return "The mission began"
+            return N_("The mission began")
         case NodePlanned():
-            return said(
+            return lazy_gettext(
                 "{node_id}: {provider_id} chosen. {reason}",
                 node_id=event.node_id,
                 provider_id=event.provider_id,
                 reason=event.reason,
             )
         case DispatchIntended():
-            kind = "verify only" if event.verify_only else event.capability
-            return said(
+            kind = N_("verify only") if event.verify_only else event.capability
+            return lazy_gettext(
                 "{node_id}: attempt {attempt} intended, {kind} by {provider_id}, k {k_ctx}",
                 node_id=event.node_id,
                 attempt=event.attempt,
@@ -103,22 +104,22 @@ def sentence(event: MissionEvent) -> str:
                 k_ctx=event.k_ctx,
             )
         case InvocationAccepted():
-            return said("The provider accepted {invocation_id}", invocation_id=event.invocation_id)
+            return lazy_gettext("The provider accepted {invocation_id}", invocation_id=event.invocation_id)
         case InvocationStopRequested():
-            return said(
+            return lazy_gettext(
                 "Stop of {invocation_id} requested: {reason}", invocation_id=event.invocation_id, reason=event.reason
             )
         case InvocationResumed():
-            return said("The supervisor went on with {invocation_id}", invocation_id=event.invocation_id)
+            return lazy_gettext("The supervisor went on with {invocation_id}", invocation_id=event.invocation_id)
         case InvocationEnded():
-            return said(
+            return lazy_gettext(
                 "{invocation_id} ended {status}: {reason}",
                 invocation_id=event.invocation_id,
                 status=event.status,
                 reason=event.reason,
             )
         case PreconditionRefused():
-            return said(
+            return lazy_gettext(
                 "{node_id} waits: {precondition} does not hold. {reason}",
                 node_id=event.node_id,
                 precondition=event.precondition,
@@ -127,19 +128,19 @@ def sentence(event: MissionEvent) -> str:
         case PacketRetained():
             return _packet(event)
         case VerdictRecorded():
-            return said(
+            return lazy_gettext(
                 "Verdict {verdict}: {reason}",
                 verdict=event.verdict.verdict,
-                reason=event.verdict.reason or "every condition was tested",
+                reason=event.verdict.reason or N_("every condition was tested"),
             )
         case NodeCommitted():
-            return said(
+            return lazy_gettext(
                 "Accepted: {node_id}, {count} facts, under every rule of the gate",
                 node_id=event.node_id,
                 count=len(event.facts),
             )
         case CommitRejected():
-            return said(
+            return lazy_gettext(
                 "Refused: {node_id} by rule {rule}. {message}",
                 node_id=event.node_id,
                 rule=event.rule,
@@ -147,32 +148,34 @@ def sentence(event: MissionEvent) -> str:
             )
         case ObservationRecorded():
             against = (
-                said(", against {contradicts}", contradicts=listed(event.contradicts)) if event.contradicts else ""
+                lazy_gettext(", against {contradicts}", contradicts=listed(event.contradicts))
+                if event.contradicts
+                else ""
             )
-            return said(
+            return lazy_gettext(
                 "{kind} from {source} recorded{against}",
                 kind=event.reference.kind,
                 source=event.reference.source,
                 against=against,
             )
         case EpochChanged():
-            return said(
+            return lazy_gettext(
                 "Map epoch changed to {map_version}: {reason}", map_version=event.map_version, reason=event.reason
             )
         case VetoRaised():
-            return said("{layer} raised a veto: {reason}", layer=event.layer, reason=event.reason)
+            return lazy_gettext("{layer} raised a veto: {reason}", layer=event.layer, reason=event.reason)
         case VetoCleared():
-            return said("{layer} cleared its veto: {reason}", layer=event.layer, reason=event.reason)
+            return lazy_gettext("{layer} cleared its veto: {reason}", layer=event.layer, reason=event.reason)
         case FailureClassified():
-            return said(
+            return lazy_gettext(
                 "{node_id}: {failure}. {reason}",
                 node_id=event.node_id,
                 failure=word(event.failure),
                 reason=event.reason,
             )
         case RecoveryAuthorised():
-            price = said("costs {cost}", cost=event.cost) if event.cost else "free"
-            return said(
+            price = lazy_gettext("costs {cost}", cost=event.cost) if event.cost else "free"
+            return lazy_gettext(
                 "{node_id}: {action} authorised after {failure} ({price})",
                 node_id=event.node_id,
                 action=word(event.action),
@@ -180,10 +183,10 @@ def sentence(event: MissionEvent) -> str:
                 price=price,
             )
         case NodeFailed():
-            return said("{node_id} failed for good: {reason}", node_id=event.node_id, reason=event.reason)
+            return lazy_gettext("{node_id} failed for good: {reason}", node_id=event.node_id, reason=event.reason)
         case GraphRevised():
-            again = listed(event.reopened) or "no stage"
-            return said(
+            again = listed(event.reopened) or N_("no stage")
+            return lazy_gettext(
                 "Graph revision {revision} for {responsible}: {again} opened again. {reason}",
                 revision=event.revision,
                 responsible=event.responsible,
@@ -191,16 +194,16 @@ def sentence(event: MissionEvent) -> str:
                 reason=event.reason,
             )
         case ConstraintsTightened():
-            return said("{layer} added a restriction: {reason}", layer=event.layer, reason=event.reason)
+            return lazy_gettext("{layer} added a restriction: {reason}", layer=event.layer, reason=event.reason)
         case HandoffRequested():
-            return said(
+            return lazy_gettext(
                 "{node_id}: a person is asked, after {failure}. {reason}",
                 node_id=event.node_id,
                 failure=word(event.failure),
                 reason=event.reason,
             )
         case HandoffAnswered():
-            return said(
+            return lazy_gettext(
                 "{actor} ({channel}): {decision}. {reason}",
                 actor=event.actor.name,
                 channel=event.actor.channel,
@@ -208,23 +211,23 @@ def sentence(event: MissionEvent) -> str:
                 reason=event.reason,
             )
         case OperatorRetryGranted():
-            return said("{node_id}: one further attempt granted by a person", node_id=event.node_id)
+            return lazy_gettext("{node_id}: one further attempt granted by a person", node_id=event.node_id)
         case AttestationRecorded():
-            return said(
+            return lazy_gettext(
                 "{actor} attested {condition_id} with their own eyes",
                 actor=event.actor.name,
                 condition_id=event.condition_id,
             )
         case CompletionDisputed():
-            return said(
+            return lazy_gettext(
                 "{actor} disputes {condition_id}, which was accepted: {reason}",
                 actor=event.actor.name,
                 condition_id=event.condition_id,
                 reason=event.reason,
             )
         case AutonomySet():
-            bound = "this mission" if event.scope == "mission" else "every mission"
-            return said(
+            bound = N_("this mission") if event.scope == "mission" else N_("every mission")
+            return lazy_gettext(
                 "{actor} set autonomy of {bound} to {autonomy}: {reason}",
                 actor=event.actor.name,
                 bound=bound,
@@ -232,26 +235,26 @@ def sentence(event: MissionEvent) -> str:
                 reason=event.reason,
             )
         case MissionPaused():
-            return said("{actor} paused the mission: {reason}", actor=event.actor.name, reason=event.reason)
+            return lazy_gettext("{actor} paused the mission: {reason}", actor=event.actor.name, reason=event.reason)
         case MissionResumed():
-            return said("{actor} resumed the mission: {reason}", actor=event.actor.name, reason=event.reason)
+            return lazy_gettext("{actor} resumed the mission: {reason}", actor=event.actor.name, reason=event.reason)
         case StopRequested():
-            return said("{actor} asked to stop: {reason}", actor=event.actor.name, reason=event.reason)
+            return lazy_gettext("{actor} asked to stop: {reason}", actor=event.actor.name, reason=event.reason)
         case StopAcknowledged():
-            at_rest = "body static" if event.static else "body not shown static"
-            return said("Stop acknowledged, {at_rest}. {reason}", at_rest=at_rest, reason=event.reason)
+            at_rest = N_("body static") if event.static else N_("body not shown static")
+            return lazy_gettext("Stop acknowledged, {at_rest}. {reason}", at_rest=at_rest, reason=event.reason)
         case GoalVerified():
-            return said(
+            return lazy_gettext(
                 "Goal verdict {verdict}: {reason}",
                 verdict=event.verdict.verdict,
-                reason=event.verdict.reason or "original conditions tested again",
+                reason=event.verdict.reason or N_("original conditions tested again"),
             )
         case MissionEnded():
-            return said("The mission ended {status}: {reason}", status=word(event.status), reason=event.reason)
+            return lazy_gettext("The mission ended {status}: {reason}", status=word(event.status), reason=event.reason)
         case CompletionReported():
-            return said("Reported to the user: {text}", text=event.text)
+            return lazy_gettext("Reported to the user: {text}", text=event.text)
         case FailureReported():
-            return said("Reported to the user, not as a completion: {text}", text=event.text)
+            return lazy_gettext("Reported to the user, not as a completion: {text}", text=event.text)
         case _:
             assert_never(event)
 
@@ -291,8 +294,8 @@ def _judged(event: VerdictRecorded | GoalVerified) -> Tone:
 def _packet(event: PacketRetained) -> str:
     packet = event.packet
     pieces = len(packet.before) + len(packet.after) + len(packet.estimates)
-    kept = said("{pieces} references, {count} receipts", pieces=pieces, count=len(packet.receipts))
-    return said(
+    kept = lazy_gettext("{pieces} references, {count} receipts", pieces=pieces, count=len(packet.receipts))
+    return lazy_gettext(
         "{node_id}: packet kept, {terminal}, {kept}",
         node_id=packet.identity.node_id,
         terminal=packet.terminal,

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from app.messages import listed
 from app.permissions import permissions_of
-from app.views.saying import listed
 from harness.contracts.actors import Actor
 from harness.projections.mission import Mission
 

@@ -3,34 +3,38 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from app.views.saying import said
+from app.catalogues import N_
+from app.messages import lazy_gettext
 
-TRY_AGAIN = "Begin again from this page, in this browser, and within ten minutes."
-ASK_AN_ADMIN = "Ask an admin of this console to look at how it is set up for the identity provider."
+TRY_AGAIN = N_("Begin again from this page, in this browser, and within ten minutes.")
+ASK_AN_ADMIN = N_("Ask an admin of this console to look at how it is set up for the identity provider.")
 REASONS: Mapping[str, tuple[str, str]] = {
     "issuer_unreachable": (
-        "The identity provider does not answer.",
-        "Try again in a while. If you have a password here, sign in with it. An admin can ask `regen doctor`.",
+        N_("The identity provider does not answer."),
+        N_("Try again in a while. If you have a password here, sign in with it. An admin can ask `regen doctor`."),
     ),
-    "wrong_issuer": ("Another identity provider answered than the one that this console trusts.", ASK_AN_ADMIN),
+    "wrong_issuer": (N_("Another identity provider answered than the one that this console trusts."), ASK_AN_ADMIN),
     "issuer_declined": (
-        "The identity provider did not let you in.",
-        "Sign in there with an account that may use this console, or sign in here with a password.",
+        N_("The identity provider did not let you in."),
+        N_("Sign in there with an account that may use this console, or sign in here with a password."),
     ),
-    "client_refused": ("The identity provider does not know this console.", ASK_AN_ADMIN),
-    "state_mismatch": ("This sign-in was not begun in this browser, is over, or was used already.", TRY_AGAIN),
-    "code_refused": ("The identity provider takes a sign-in once, and this one was used or is too old.", TRY_AGAIN),
-    "token_invalid": ("What the identity provider says of you cannot be believed.", ASK_AN_ADMIN),
-    "token_unsigned": ("What the identity provider says of you is not signed with a key of its own.", ASK_AN_ADMIN),
-    "bad_signature": ("What was said of you is not signed by the identity provider.", ASK_AN_ADMIN),
-    "token_expired": ("What the identity provider said of you is no longer good.", TRY_AGAIN),
-    "nonce_mismatch": ("What the identity provider said was meant for another sign-in.", TRY_AGAIN),
-    "person_mismatch": ("The identity provider told of somebody else than who signed in there.", ASK_AN_ADMIN),
+    "client_refused": (N_("The identity provider does not know this console."), ASK_AN_ADMIN),
+    "state_mismatch": (N_("This sign-in was not begun in this browser, is over, or was used already."), TRY_AGAIN),
+    "code_refused": (N_("The identity provider takes a sign-in once, and this one was used or is too old."), TRY_AGAIN),
+    "token_invalid": (N_("What the identity provider says of you cannot be believed."), ASK_AN_ADMIN),
+    "token_unsigned": (N_("What the identity provider says of you is not signed with a key of its own."), ASK_AN_ADMIN),
+    "bad_signature": (N_("What was said of you is not signed by the identity provider."), ASK_AN_ADMIN),
+    "token_expired": (N_("What the identity provider said of you is no longer good."), TRY_AGAIN),
+    "nonce_mismatch": (N_("What the identity provider said was meant for another sign-in."), TRY_AGAIN),
+    "person_mismatch": (N_("The identity provider told of somebody else than who signed in there."), ASK_AN_ADMIN),
     "role_missing": (
-        "The identity provider knows you, and you have no role in this console.",
-        "Ask an admin of this console for a role for one of your groups, or to link your account.",
+        N_("The identity provider knows you, and you have no role in this console."),
+        N_("Ask an admin of this console for a role for one of your groups, or to link your account."),
     ),
-    "account_disabled": ("Your account in this console is disabled.", "Ask an admin of this console to enable it."),
+    "account_disabled": (
+        N_("Your account in this console is disabled."),
+        N_("Ask an admin of this console to enable it."),
+    ),
 }
 """By the code of the refusal: what happened, and what to do now."""
 
@@ -69,20 +73,24 @@ def refusal_of(code: str, *, what: str, do: str) -> Refusal:
 
 
 def wrong_password() -> Refusal:
-    return Refusal(said("Name and password do not belong together, or the account is disabled."))
+    return Refusal(lazy_gettext("Name and password do not belong together, or the account is disabled."))
 
 
 def too_often(wait_s: int) -> Refusal:
-    return Refusal(said("Too many wrong passwords. Try again in {wait_s} s.", wait_s=wait_s))
+    return Refusal(lazy_gettext("Too many wrong passwords. Try again in {wait_s} s.", wait_s=wait_s))
 
 
 def too_fast(wait_s: int) -> Refusal:
-    return Refusal(said("Too many sign-ins began from here. Try again in {wait_s} s.", wait_s=wait_s))
+    return Refusal(lazy_gettext("Too many sign-ins began from here. Try again in {wait_s} s.", wait_s=wait_s))
 
 
 def from_elsewhere() -> Refusal:
-    return Refusal(said("A sign-in at the identity provider begins on this page."), said("Begin it here."))
+    return Refusal(
+        lazy_gettext("A sign-in at the identity provider begins on this page."), lazy_gettext("Begin it here.")
+    )
 
 
 def other_address(address: str) -> Refusal:
-    return Refusal(said("The identity provider knows this console as {address}. Open it there.", address=address))
+    return Refusal(
+        lazy_gettext("The identity provider knows this console as {address}. Open it there.", address=address)
+    )

@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot
 
+from app.catalogues import N_
+from app.messages import lazy_gettext, listed, word
 from app.views.measures import Measure, quantity
-from app.views.saying import listed, said, word
 from app.views.timeline import Entry
 from harness.contracts.effects import Metric
 from harness.contracts.events import CommitRejected, NodeCommitted
@@ -185,7 +186,7 @@ def _colour(state: NodeState) -> str:
 
 def _status(state: NodeState, now: Observed) -> str:
     if now.report and now.report.status == "running" and state.status == "dispatched":
-        return said("running, {share}", share=f"{now.report.progress.share:.0%}")
+        return lazy_gettext("running, {share}", share=f"{now.report.progress.share:.0%}")
     return "running" if state.status == "dispatched" else word(state.status)
 
 
@@ -193,7 +194,7 @@ def _declared(state: NodeState, now: Observed) -> tuple[Measure, ...]:
     """The provider's own words: of the running invocation, else of the newest packet that says something."""
     if now.report and now.report.status not in ("succeeded", "failed", "cancelled"):
         left = now.report.progress.remaining_m
-        return (Measure(name="to go", value=f"{left:.1f} m"),) if left is not None else ()
+        return (Measure(name=N_("to go"), value=f"{left:.1f} m"),) if left is not None else ()
     packet = next((one for one in reversed(state.packets) if one.declared or one.receipts), None)
     if packet is None:
         return ()
@@ -207,14 +208,18 @@ def _declared(state: NodeState, now: Observed) -> tuple[Measure, ...]:
 
 
 def _receipts(kind: str, many: int) -> str:
-    return said("{kind} receipts", kind=word(kind)) if many > 1 else said("{kind} receipt", kind=word(kind))
+    return (
+        lazy_gettext("{kind} receipts", kind=word(kind))
+        if many > 1
+        else lazy_gettext("{kind} receipt", kind=word(kind))
+    )
 
 
 def _measured(node: Node, state: NodeState, now: Observed) -> tuple[Measure, ...]:
     """What the harness measured itself: the leading quantity of each condition, beside its bound."""
     if state.status == "dispatched":
         distance = to_target_m(node, now.samples)
-        return (Measure(name="straight to target", value=f"{distance:.1f} m"),) if distance is not None else ()
+        return (Measure(name=N_("straight to target"), value=f"{distance:.1f} m"),) if distance is not None else ()
     if not state.verdicts:
         return ()
     return tuple(measure for result in state.verdicts[-1].results for measure in _leading(result))[:2]
@@ -241,10 +246,10 @@ def _acceptance(mission_id: str, state: NodeState, entries: Sequence[Entry]) -> 
             case NodeCommitted(node_id=state.node_id):
                 return Acceptance(text=f"k {state.committed_k}", tone="good", href=href)
             case CommitRejected(node_id=state.node_id, rule=rule):
-                return Acceptance(text=said("refused: {rule}", rule=word(rule)), tone="bad", href=href)
+                return Acceptance(text=lazy_gettext("refused: {rule}", rule=word(rule)), tone="bad", href=href)
             case _:
                 continue
-    return Acceptance(text="not yet", tone="plain", href="")
+    return Acceptance(text=N_("not yet"), tone="plain", href="")
 
 
 def _note(state: NodeState) -> str:
@@ -252,12 +257,12 @@ def _note(state: NodeState) -> str:
     if state.waiting_for:
         return state.waiting_for
     if state.failure is not None:
-        return said("{failure}: {reason}", failure=word(state.failure.failure), reason=state.failure.reason)
+        return lazy_gettext("{failure}: {reason}", failure=word(state.failure.failure), reason=state.failure.reason)
     if state.attempt > 1 or state.spends:
         tried = listed(word(spend.action) for spend in state.spends)
         if not tried:
-            return said("attempt {count}", count=state.attempt)
-        return said("attempt {count} after {tried}", count=state.attempt, tried=tried)
+            return lazy_gettext("attempt {count}", count=state.attempt)
+        return lazy_gettext("attempt {count} after {tried}", count=state.attempt, tried=tried)
     return ""
 
 

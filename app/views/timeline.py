@@ -3,17 +3,18 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from app.views.saying import said
+from app.catalogues import N_
+from app.messages import lazy_gettext
 from app.views.sentences import FAMILY, Family, Tone, sentence, tone
 from harness.contracts.events import MissionEvent
 
 LANES: tuple[tuple[Family, str], ...] = (
     ("person", "people"),
-    ("plan", "plan C1"),
-    ("dispatch", "dispatch C2"),
+    ("plan", N_("plan C1")),
+    ("dispatch", N_("dispatch C2")),
     ("evidence", "evidence"),
-    ("verify", "verify C3"),
-    ("recovery", "recovery C4"),
+    ("verify", N_("verify C3")),
+    ("recovery", N_("recovery C4")),
     ("gate", "gate"),
 )
 
@@ -98,7 +99,7 @@ def timeline(mission_id: str, entries: Sequence[Entry], *, axis: Axis, at_s: flo
             position=entry.position,
             left=left,
             tone=tone(entry.event),
-            text=said("{position}: {text}", position=entry.position, text=sentence(entry.event)),
+            text=lazy_gettext("{position}: {text}", position=entry.position, text=sentence(entry.event)),
             href=f"/missions/{mission_id}?at={entry.position}{chosen}#timeline",
         )
         if lane and left - lane[-1].left < NARROWEST and LOUDEST.index(lane[-1].tone) >= LOUDEST.index(tick.tone):

@@ -1,5 +1,5 @@
 // Times that go on by themselves, by the server's clock: the clock in the bar, deadlines, ages.
-import { tr } from "./phrases.js";
+import { tr } from "./translations.js";
 
 const offset = Number(document.body.dataset.now) - Date.now() / 1000;
 const now = () => Date.now() / 1000 + offset;

@@ -1,5 +1,5 @@
 // Comfort: the list of keys, ways by key, UTC or local time, a call for a new question, printing, the newest line, names of columns.
-import { tr } from "./phrases.js";
+import { tr } from "./translations.js";
 
 const WAYS = { o: "/", m: "/missions", h: "/handoffs", a: "/alerts", r: "/robots", e: "/evidence", s: "/missions/new" };
 const sheet = document.getElementById("keys");

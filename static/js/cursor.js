@@ -1,6 +1,6 @@
 // One time cursor for the whole mission page: graph, stages, lanes, plots, images, events and the reader's own 3D view.
 // The instant stands in the address (?t=seconds or ?at=event) and survives a reload; without one the page follows live.
-import { tr } from "./phrases.js";
+import { tr } from "./translations.js";
 
 const dock = document.getElementById("dock");
 const WIDTH = 99;

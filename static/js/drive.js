@@ -1,5 +1,5 @@
 // Driving by hand: a velocity is sent again and again as long as a key or a button is held, and zero when it is let go.
-import { tr } from "./phrases.js";
+import { tr } from "./translations.js";
 
 const EVERY_MS = 100;
 const pad = document.querySelector(".pad");

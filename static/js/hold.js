@@ -1,5 +1,5 @@
 // Press and hold: pointer, Space or Enter. Letting go early changes nothing. One-tap reasons. A changed question.
-import { tr } from "./phrases.js";
+import { tr } from "./translations.js";
 
 let timer = null;
 let held = null;

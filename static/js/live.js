@@ -1,5 +1,5 @@
 // One EventSource per page. It carries names; the regions fetch themselves. A page that is not live says so.
-import { tr } from "./phrases.js";
+import { tr } from "./translations.js";
 
 const LOST_AFTER_MS = 1600;
 const OPENS_WITHIN_MS = 8000;

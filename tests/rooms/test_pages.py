@@ -60,7 +60,9 @@ def test_templates_and_page_classes_agree_both_ways() -> None:
     found = [rendering for source in modules("app") for rendering in renderings(source)]
     assert found, "templates exist, but nothing in app/ renders one"
     assert [f"{item.where}: the page's class cannot be seen" for item in found if item.page is None] == []
-    reading = Reading(jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True))
+    reading = Reading(
+        jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, extensions=["jinja2.ext.i18n"])
+    )
     pages = {kind for item in found if item.page for kind in inside(item.page) if kind.__module__.startswith("app.")}
     for item in found:
         reading.template(item.template, {"page": item.page})

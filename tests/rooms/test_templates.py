@@ -62,6 +62,17 @@ def test_every_template_compiles_and_refuses_undefined_values() -> None:
         environment().get_template(name)
 
 
+def test_no_line_of_a_template_is_longer_than_120_columns() -> None:
+    lines = [(name, place) for name, text in template_texts().items() for place in too_long(text)]
+    assert lines == []
+    assert too_long(f"<p>\n{'x' * 121}\n</p>") == [2]
+
+
+def too_long(text: str) -> list[int]:
+    """Numbers of the lines that are too long to review."""
+    return [place for place, line in enumerate(text.split("\n"), 1) if len(line) > 120]
+
+
 def test_nothing_is_inline_and_nothing_unescaped() -> None:
     assert [f"{name}: {what}" for name, text in template_texts().items() for what in forbidden(text)] == []
 

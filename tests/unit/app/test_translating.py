@@ -1,16 +1,16 @@
 """Which language a reader gets, which words of a template are said in it, and what is never touched."""
 
 from datetime import UTC, datetime
+from pathlib import Path
 
-import jinja2
 import pytest
 from starlette.datastructures import Headers
 
 from app.catalogues import catalogue
 from app.filters import duration, instant, named, words
-from app.languages import preferred, told
-from app.phrases import messages, spoken
-from app.views.saying import Said, listed, said
+from app.languages import localise, preferred
+from app.messages import Message, lazy_gettext, listed
+from app.rendering import environment
 from tests.builders.consoles import console_stand
 
 ZH = "zh-Hans"
@@ -34,59 +34,70 @@ def test_the_cookie_comes_first_then_what_the_browser_prefers(headers: dict[str,
     assert preferred(Headers(headers)) == language
 
 
-def test_texts_and_shown_attributes_are_messages_and_nothing_else_is() -> None:
-    source = """{# no #}<p id="x" class="soft" title="A title">Hello {{ name }}, you have {{ n }} rows</p>
-    {% if "a" == b %}<b>or this</b>{% endif %}<code>regen up</code><option>vbot-1</option><option value="1">one</option>
-    <input name="q" placeholder="search"> {{ "yes" if x == "state" else "no way" }} &middot; {{ name }}"""
-    assert list(messages(source)) == [
-        "A title", "Hello {1}, you have {2} rows", "or this", "one", "search", "yes", "no way",
-    ]  # fmt: skip
+def rendered(tmp_path: Path, source: str, language: str = ZH, **values: object) -> str:
+    """A template of these words in a language."""
+    (tmp_path / "page.html").write_text(source, encoding="utf-8")
+    return environment(tmp_path, language).get_template("page.html").render(**values)
 
 
-def test_a_translated_template_keeps_its_logic_addresses_and_holes() -> None:
-    source = '<a href="/open/{{ id }}" title="open {{ id }}">open{% if n %} {{ n }} of {{ m }} rows{% endif %}</a>'
-    other = {"open": "打开", "open {1}": "打开 {1}", "{1} of {2} rows": "共 {2} 行之 {1}"}
-    text = spoken(source, lambda message: other[message])
-    jinja = jinja2.Environment(autoescape=True)
-    jinja.filters["told"] = lambda value: value
-    said_so = jinja.from_string(text).render(id="x<y", n=2, m=9)
-    assert said_so == '<a href="/open/x&lt;y" title="打开 x&lt;y">打开 共 9 行之 2</a>'
+def test_a_marked_text_is_translated_its_holes_are_escaped_and_its_markup_stays(tmp_path: Path) -> None:
+    source = """<p title="{{ _('Search') }}">{% trans name=who.name, robot_id=robot %}
+        {{ name }} drives {{ robot_id }} from {{ device }}.
+    {% endtrans %}</p>"""
+    values = {"who": {"name": "<b>ada"}, "robot": "vbot-1", "device": named("robot")}
+    assert rendered(tmp_path, source, "en", **values) == (
+        '<p title="Search">&lt;b&gt;ada drives vbot-1 from robot.</p>'
+    )
+    assert rendered(tmp_path, source, **values) == '<p title="搜索">&lt;b&gt;ada 正在驾驶 vbot-1，设备：robot。</p>'
 
 
-def test_attributes_that_a_macro_writes_stay_as_they_are_in_every_language() -> None:
-    macro = '{% macro live(part) %}id="{{ part }}" hx-get="/missions/{{ part }}"{% endmacro %}'
-    assert spoken(macro, lambda message: "证据") == macro
+def test_a_hole_is_shown_in_the_readers_language_too(tmp_path: Path) -> None:
+    source = "{% trans until=left %}{{ until }} left{% endtrans %}"
+    assert rendered(tmp_path, source, left=duration(161)) == "剩余 2 分 41 秒"
+
+
+def test_a_lazy_message_is_localised_wherever_it_is_shown_and_plain_text_where_the_template_says_so(
+    tmp_path: Path,
+) -> None:
+    source = '{{ lazy }} <i data-state="{{ plain }}">{{ plain | localise }}</i>'
+    shown = rendered(tmp_path, source, lazy=lazy_gettext("{seconds} s", seconds="1.0"), plain="running")
+    assert shown == '1.0 秒 <i data-state="running">运行中</i>'
+
+
+def test_a_number_chooses_its_plural(tmp_path: Path) -> None:
+    source = "{% trans num=n %}one row{% pluralize %}{{ num }} rows{% endtrans %}"
+    assert [rendered(tmp_path, source, "en", n=n) for n in (1, 2)] == ["one row", "2 rows"]
 
 
 def test_a_list_is_separated_as_its_language_does_and_a_name_is_no_word_of_it() -> None:
-    assert told(listed(("operator", "admin", "ada")), ZH) == "操作员、管理员、ada"
+    assert localise(listed(("operator", "admin", "ada")), ZH) == "操作员、管理员、ada"
     assert (listed(()), listed(("operator",)), listed(("a", "b"))) == ("", "operator", "a, b")
-    assert told(named("operator"), ZH) == "operator"
+    assert localise(named("operator"), ZH) == "operator"
 
 
 def test_what_was_said_with_fields_is_said_again_in_the_readers_language() -> None:
-    text = said("{actor} asked to stop: {reason}", actor="ada", reason="smoke")
+    text = lazy_gettext("{actor} asked to stop: {reason}", actor="ada", reason="smoke")
     assert isinstance(text, str) and text == "ada asked to stop: smoke"
-    assert told(text, ZH) == "ada 请求停止：smoke"
-    assert told(text, "en") is text
+    assert localise(text, ZH) == "ada 请求停止：smoke"
+    assert localise(text, "en") is text
 
 
 def test_what_a_person_typed_is_never_a_template() -> None:
-    text = said("{actor} asked to stop: {reason}", actor="{reason}", reason="{0.__class__}")
-    assert told(text, ZH) == "{reason} 请求停止：{0.__class__}"
+    text = lazy_gettext("{actor} asked to stop: {reason}", actor="{reason}", reason="{0.__class__}")
+    assert localise(text, ZH) == "{reason} 请求停止：{0.__class__}"
     assert words("{odd}_slug") == "{odd} slug"
 
 
 def test_words_instants_and_durations_follow_the_language() -> None:
     at_s = datetime(2026, 11, 20, 9, 30, 5, tzinfo=UTC).timestamp()
-    assert (instant(at_s), told(instant(at_s), ZH)) == ("2026-11-20 09:30:05 UTC", "2026年11月20日 09:30:05 UTC")
-    assert (duration(161), told(duration(161), ZH)) == ("2 min 41 s", "2 分 41 秒")
-    assert (words("awaiting_human"), told(words("awaiting_human"), ZH)) == ("awaiting human", "等待人回答")
+    assert (instant(at_s), localise(instant(at_s), ZH)) == ("2026-11-20 09:30:05 UTC", "2026年11月20日 09:30:05 UTC")
+    assert (duration(161), localise(duration(161), ZH)) == ("2 min 41 s", "2 分 41 秒")
+    assert (words("awaiting_human"), localise(words("awaiting_human"), ZH)) == ("awaiting human", "等待人回答")
 
 
 def test_markup_numbers_and_unknown_words_stay_as_they_are() -> None:
-    for value in (Said("nobody translated this {x}", {"x": 1}), "msn_00000001", 4, None):
-        assert told(value, ZH) == value
+    for value in (Message("nobody translated this {x}", {"x": 1}), "msn_00000001", 4, None):
+        assert localise(value, ZH) == value
     assert catalogue("en") == {}
 
 

@@ -1,4 +1,4 @@
-"""Pure: a sentence that remembers its message and its fields, so that a template can say it in another language."""
+"""Pure: texts that are translated when they are shown."""
 
 from collections.abc import Iterable
 from datetime import datetime
@@ -8,10 +8,10 @@ from app.reasons import rendering as reasons
 from harness.contracts.reasons import Reason
 
 
-class Said(str):
+class Message(str):
     """English text, made of a `message` with named holes and the `fields` that fill them; a str to everybody else.
 
-    A field may be Said itself, a Reason, or an aware UTC datetime, which every language writes in its own way.
+    A field may be a Message itself, a Reason, or an aware UTC datetime, which every language writes in its own way.
     """
 
     __slots__ = ("fields", "message")
@@ -24,20 +24,20 @@ class Said(str):
         return made
 
 
-def said(message: str, /, **fields: Any) -> str:
-    """`said("{who} asked", who="ada")`. The message must be a literal: the catalogues are extracted from the source."""
-    return Said(message, fields)
+def lazy_gettext(message: str, /, **fields: Any) -> str:
+    """`lazy_gettext("{who} asked", who="ada")`: translated when it is shown. The message is a literal, for Babel."""
+    return Message(message, fields)
 
 
 def reasoned(reason: Reason | str) -> str:
-    """A reason as text that a template can say in another language; what a person wrote stays as it is."""
-    return reason if isinstance(reason, str) else Said("{reason}", {"reason": reason})
+    """A reason as text that is translated when it is shown; what a person wrote stays as it is."""
+    return reason if isinstance(reason, str) else Message("{reason}", {"reason": reason})
 
 
 def listed(items: Iterable[Any]) -> str:
     """One after the other, as each language separates them; empty for nothing."""
     first, *rest = [*items] or [""]
-    return said("{first}, {rest}", first=first, rest=listed(rest)) if rest else first
+    return lazy_gettext("{first}, {rest}", first=first, rest=listed(rest)) if rest else first
 
 
 def english(value: Any) -> Any:
@@ -48,5 +48,7 @@ def english(value: Any) -> Any:
 
 
 def word(slug: str) -> str:
-    """One word of the vocabulary, as contracts spell it: awaiting_human is said as awaiting human."""
-    return slug if isinstance(slug, Said) else Said(slug.replace("_", " ").replace("{", "{{").replace("}", "}}"), {})
+    """One word of the vocabulary, as contracts spell it: awaiting_human is shown as awaiting human."""
+    return (
+        slug if isinstance(slug, Message) else Message(slug.replace("_", " ").replace("{", "{{").replace("}", "}}"), {})
+    )
