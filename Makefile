@@ -9,7 +9,7 @@ WORKERS ?= 2
 MUTANTS ?= 20
 SEED ?= 1
 
-.PHONY: targets install install-test run test check lint format types rooms ledger ledger-mutants bench campaign lock sbom clean
+.PHONY: targets install install-test run test check lint format types architecture ledger ledger-mutants bench campaign lock sbom clean
 
 targets: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -27,18 +27,18 @@ run: install ## start the console, the runtime and two simulated robots, with an
 test: install-test ## all tests (WORKERS=2 processes)
 	@$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup --maxschedchunk 1
 
-check: lint types rooms test ## what CI runs
+check: lint types architecture test ## what CI runs
 
 lint: install-test ## ruff: rules and format
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check .
 
-format: install-test ## let ruff mend what it can
+format: install-test ## let ruff fix what it can
 	@$(BIN)/ruff check --fix . ; $(BIN)/ruff format .
 
 types: install-test ## mypy --strict
 	@$(BIN)/mypy
 
-rooms: install-test ## who may import, append, dispatch: import contracts and house tests
+architecture: install-test ## who may import, append and dispatch: import contracts and checks over the sources
 	@$(BIN)/lint-imports --no-logo && $(BIN)/python -m pytest -q tests/rooms
 
 ledger: install-test ## which requirements a test proves, and which are open
@@ -56,12 +56,12 @@ bench: install-test ## every benchmark, beside its peers in .bench/peers (docs/p
 campaign: install-test ## every fault campaign: CAMPAIGN_MISSIONS=100000 CAMPAIGN_SEED=1; a smaller one leaves docs/ alone
 	@$(BIN)/python -m experiments.campaigns run
 
-lock: ## resolve both locks anew: universal, with hashes, without any index address
+lock: ## resolve both locks again: universal, with hashes, without any index address
 	@tools/lock.sh
 
 sbom: install-test ## the software bill of materials: build/regenharness.cdx.json (CycloneDX)
 	@$(BIN)/python -m tools.sbom
 
-clean: ## forget the environment, caches and artefacts (./var stays)
+clean: ## remove the environment, caches and artefacts (./var stays)
 	rm -rf .venv build artefacts .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache *.egg-info
 	find . -name __pycache__ -type d -not -path './.git/*' -prune -exec rm -rf {} +

@@ -40,7 +40,7 @@ def shipped(provider_id: ProviderId) -> Declaration:
         raise UnknownName(
             f"No conformance file for {provider_id}",
             where=str(provider_id),
-            do="write one as docs/providers.md shows, and name it with --file",
+            do="write one as docs/how-to/write-a-provider.md shows, and name it with --file",
         )
     return _checked(entry.read_text(encoding="utf-8"), where=f"baseline/conformance/{provider_id}.yaml")
 

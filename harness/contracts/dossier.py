@@ -1,4 +1,4 @@
-"""A mission's dossier: everything that was decided about it and on what, in one signed file (console.md, row 8)."""
+"""A mission's dossier: everything that was decided about it and on what, in one signed file."""
 
 from harness.contracts.ids import Digest, MissionId, RobotId
 from harness.contracts.ports import Head

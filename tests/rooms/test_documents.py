@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from tests.rooms.sources import ROOT, kept_files
 
-ISSUE_TARGETS = {"install", "run", "test", "lint", "types", "rooms", "ledger", "bench", "campaign", "check"}
+ISSUE_TARGETS = {"install", "run", "test", "lint", "types", "architecture", "ledger", "bench", "campaign", "check"}
 
 
 def documents() -> Iterator[tuple[str, str]]:
