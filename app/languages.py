@@ -1,4 +1,4 @@
-"""Languages: which one a reader gets, the catalogues, and what every message and instant is in it.
+"""Languages: which one a reader gets, and what every message and instant is in it.
 
 A catalogue is a gettext file under locale/, read once when its language is first asked for. What it lacks is shown in
 English. The choice: ?lang= of the address, which also sets the cookie; else the cookie; else what the browser prefers.
@@ -15,24 +15,20 @@ from urllib.parse import parse_qsl, urlencode
 
 from babel.core import negotiate_locale
 from babel.dates import format_datetime
-from babel.messages.pofile import read_po
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from app.catalogues import ENGLISH, LOCALES, MACHINE, catalogue, translated
+from app.reasons import rendering as reasons
 from app.retelling import Retelling
-from app.settings import ROOT
 from app.views.saying import Said
+from harness.contracts.reasons import Reason
 
-ENGLISH = "en"
 LANGUAGES: Mapping[str, str] = {"en": "English", "zh-Hans": "简体中文"}
 """By the tag that pages carry; each named in itself."""
-LOCALES: Mapping[str, str] = {"en": "en", "zh-Hans": "zh_Hans_CN"}
 ASKED_AS: Mapping[str, str] = {"zh": "zh-Hans", "zh-cn": "zh-Hans", "zh-sg": "zh-Hans", "zh-hans-cn": "zh-Hans"}
 """Other tags that mean one of ours."""
 COOKIE, PARAMETER, YEAR_S = "regen_language", "lang", 365 * 86400
-FOLDER = ROOT / "locale"
-CONSOLE, MACHINE = "messages", "machine"
-"""What the console itself says, and what the machinery behind it said: one catalogue each."""
 
 
 @dataclass(frozen=True)
@@ -128,28 +124,15 @@ def ways() -> tuple[Way, ...]:
 
 
 @cache
-def catalogue(language: str, domain: str = CONSOLE) -> Mapping[str, str]:
-    """Message -> translation; empty for English."""
-    if language == ENGLISH:
-        return {}
-    with (FOLDER / LOCALES[language] / "LC_MESSAGES" / f"{domain}.po").open("rb") as file:
-        read = read_po(file, locale=LOCALES[language])
-    return {str(one.id): str(one.string) for one in read if one.id and one.string and not one.fuzzy}
-
-
-def translated(message: str, language: str) -> str:
-    """A message in a language, or as it is."""
-    return catalogue(language).get(message, message)
-
-
-@cache
 def retelling(language: str) -> Retelling:
     """What the machinery said, in a language."""
     return Retelling(catalogue(language), catalogue(language, MACHINE))
 
 
 def told(value: Any, language: str) -> Any:
-    """A value as its reader should see it: what was Said, and what the catalogues know; anything else untouched."""
+    """A value as its reader should see it: reasons, Said, what the catalogues know; anything else untouched."""
+    if isinstance(value, Reason):
+        return reasons.sentence(value, language)
     if language == ENGLISH or not isinstance(value, str) or hasattr(value, "__html__"):
         return value
     if isinstance(value, Said):

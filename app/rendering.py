@@ -8,7 +8,8 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from starlette.responses import HTMLResponse
 
 from app import filters
-from app.languages import CHOICE, ENGLISH, catalogue, told, translated, ways
+from app.catalogues import ENGLISH, catalogue, translated
+from app.languages import CHOICE, told, ways
 from app.phrases import script_messages, spoken
 from app.settings import ROOT
 from app.static_files import STAMP, stamp

@@ -15,8 +15,9 @@ from fpdf.enums import XPos, YPos
 from fpdf.fonts import FontFace, TTFFont
 from fpdf.image_parsing import preload_image
 
+from app.catalogues import ENGLISH
 from app.filters import clock, duration, instant, words
-from app.languages import ENGLISH, told
+from app.languages import told
 from app.views.report import ReportPage, Shown, Word
 from app.views.saying import said, word
 from harness.contracts.errors import HarnessError

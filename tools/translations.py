@@ -19,8 +19,8 @@ from babel.messages.catalog import Catalog
 from babel.messages.pofile import read_po, write_po
 
 from app import permissions
-from app.languages import CONSOLE, ENGLISH, FOLDER, LOCALES
-from app.languages import MACHINE as MACHINERY
+from app.catalogues import CONSOLE, ENGLISH, FOLDER, LOCALES
+from app.catalogues import MACHINE as MACHINERY
 from app.phrases import messages, quoted, script_messages
 from app.settings import ROOT
 from harness.contracts import (
@@ -50,6 +50,8 @@ VIEWS = (
     "app/scene_feed.py", "app/scene.py", "app/report_pdf.py",
 )  # fmt: skip
 """Where constants that persons read are kept, beside the templates."""
+REASONS = "app/reasons"
+"""Where the sentences of reasons are kept, each marked with `N_`."""
 PROGRAMS = re.compile(r"(api\w*|metrics|live|scene)\.py")
 """Routes that answer programs alone."""
 VOCABULARY = (
@@ -64,7 +66,7 @@ PUBLISHED = (*NAMES.values(), *(one.text for one in ARMS), *(one.text for one in
 """What tables and published documents say in words of their own."""
 MACHINE = ("harness", "rsi_reviews")
 """Whose identifiers may be shown as words: names of quantities, of fields, of kinds."""
-HOLE = re.compile(r"\{(\w*)\}")
+HOLE = re.compile(r"\{([\w:.+,%-]*)\}")
 _SENTENCE = re.compile(r"[A-Za-z“](?:[^{}<>/_\\=$:\n]|:(?=\s|\Z))*")
 _SOURCE = re.compile(r"-src\b|^live:")
 
@@ -166,6 +168,8 @@ def _everything() -> Iterator[tuple[str, str]]:
     for path in _views():
         yield from ((one, _name(path)) for one in _handed(path))
         yield from ((one, _name(path)) for one in _constants(path) if _sentence(one))
+    for path in sorted((ROOT / REASONS).glob("*.py")):
+        yield from ((one, _name(path)) for one in _handed(path, "N_"))
     for kind in VOCABULARY:
         yield from ((str(one).replace("_", " "), "harness/contracts") for one in get_args(kind) if one)
     yield from ((one, "rsi_reviews") for one in PUBLISHED)
@@ -192,10 +196,10 @@ def _sentence(text: str) -> bool:
     return inside and bool(_SENTENCE.fullmatch(text)) and not _SOURCE.search(text)
 
 
-def _handed(path: Path) -> Iterator[str]:
-    """The literals that are handed to `said`."""
+def _handed(path: Path, marker: str = "said") -> Iterator[str]:
+    """The literals that are handed to a function of that name."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "said":
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == marker:
             yield from (str(one.value) for one in node.args[:1] if isinstance(one, ast.Constant))
 
 

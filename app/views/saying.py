@@ -4,11 +4,14 @@ from collections.abc import Iterable
 from datetime import datetime
 from typing import Any, Self
 
+from app.reasons import rendering as reasons
+from harness.contracts.reasons import Reason
+
 
 class Said(str):
     """English text, made of a `message` with named holes and the `fields` that fill them; a str to everybody else.
 
-    A field may be Said itself, or an aware UTC datetime, which every language writes in its own way.
+    A field may be Said itself, a Reason, or an aware UTC datetime, which every language writes in its own way.
     """
 
     __slots__ = ("fields", "message")
@@ -33,7 +36,9 @@ def listed(items: Iterable[Any]) -> str:
 
 
 def english(value: Any) -> Any:
-    """A field as English text: instants to the second, everything else as it is."""
+    """A field as English text: instants to the second, reasons as sentences, everything else as it is."""
+    if isinstance(value, Reason):
+        return reasons.sentence(value)
     return value.strftime("%Y-%m-%d %H:%M:%S") if isinstance(value, datetime) else value
 
 

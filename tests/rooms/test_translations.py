@@ -6,7 +6,7 @@ from itertools import product
 
 import pytest
 
-from app.languages import CONSOLE, ENGLISH, LOCALES, MACHINE
+from app.catalogues import CONSOLE, ENGLISH, LOCALES, MACHINE
 from app.settings import ROOT
 from tools import translations
 

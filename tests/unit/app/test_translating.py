@@ -6,8 +6,9 @@ import jinja2
 import pytest
 from starlette.datastructures import Headers
 
+from app.catalogues import catalogue
 from app.filters import duration, instant, named, words
-from app.languages import catalogue, preferred, told
+from app.languages import preferred, told
 from app.phrases import messages, spoken
 from app.views.saying import Said, listed, said
 from tests.builders.consoles import console_stand
