@@ -11,8 +11,10 @@ from app import filters
 from app.catalogues import ENGLISH, catalogue, translated
 from app.languages import CHOICE, told, ways
 from app.phrases import script_messages, spoken
+from app.reasons import rendering as reasons
 from app.settings import ROOT
 from app.static_files import STAMP, stamp
+from harness.contracts.reasons import Reason
 
 
 class SpokenLoader(FileSystemLoader):
@@ -40,12 +42,17 @@ def environment(folder: Path, language: str = ENGLISH) -> Environment:
         lstrip_blocks=True,
     )
     jinja.filters.update(filters.FILTERS)
+    jinja.finalize = partial(_finalized, language=language)
     jinja.filters["told"] = partial(told, language=language)
     jinja.globals["asset"] = asset
     jinja.globals["language"] = language
     jinja.globals["languages"] = ways
     jinja.globals["phrases"] = {one: catalogue(language)[one] for one in script_phrases() if one in catalogue(language)}
     return jinja
+
+
+def _finalized(value: Any, language: str) -> Any:
+    return reasons.sentence(value, language) if isinstance(value, Reason) else value
 
 
 @cache

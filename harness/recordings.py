@@ -29,6 +29,7 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.evidence import EvidencePacket
 from harness.contracts.ids import Digest, MissionId, RobotId
 from harness.contracts.observations import AnySample, Image, Trajectory
+from harness.contracts.reasons import plain
 from harness.contracts.tasks import Node, TaskTemplate
 from harness.contracts.values import Point, decode
 from harness.planning.templates import by_name
@@ -71,7 +72,7 @@ class Replayer:
         )
         decision = self.harness.runtime.start(start, template=template)
         if isinstance(decision, Refused):
-            raise ContractInvalid(decision.message)
+            raise ContractInvalid(plain(decision.message))
         mission_id: MissionId = decision.events[0].mission_id  # type: ignore[union-attr]
         mission = self.harness.supervisor.run(mission_id, watch=watch)
         return mission, self.facts(mission)

@@ -10,6 +10,7 @@ from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.rendering import render
 from app.views import alerts, forms
 from app.views.alerts import AlertPage, AlertsPage, Asked, Deed
+from app.views.saying import reasoned
 from harness.contracts.actors import Actor
 from harness.contracts.alert_commands import (
     AcknowledgeAlert,
@@ -139,7 +140,7 @@ def page_of(console: Console, actor: Actor, alert_id: str, errors: tuple[str, ..
 def _said(console: Console, actor: Actor, alert_id: str, command: AlertPersonCommand) -> Response:
     decision = told(console, alert_id, command)
     if isinstance(decision, Refused):
-        return _again(console, actor, alert_id, (decision.message,), status=409)
+        return _again(console, actor, alert_id, (reasoned(decision.message),), status=409)
     return RedirectResponse(f"/alerts/{alert_id}", status_code=303)
 
 

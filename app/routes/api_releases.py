@@ -30,6 +30,7 @@ from app.security import VisitorDep
 from app.sheets import row, sheet
 from app.views import candidates as board
 from app.views.review_results import CaseRow
+from app.views.saying import reasoned
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import Digest, MissionId, RobotId
@@ -235,7 +236,11 @@ def _named(candidate: str) -> str:
 
 def _refused(decision: Refused, found: list[str]) -> Response:
     return problem(
-        409, code=decision.rule, title="Refused", detail=decision.message, do="; ".join(found[:20]) or "see the message"
+        409,
+        code=decision.rule,
+        title="Refused",
+        detail=reasoned(decision.message),
+        do="; ".join(found[:20]) or "see the message",
     )
 
 

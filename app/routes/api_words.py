@@ -3,13 +3,14 @@
 from typing import Annotated, Any, Literal
 from urllib.parse import urlencode
 
-import msgspec
 from fastapi import Depends, Query, Request, Response
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 from app.errors import problem
 from app.lists import Slice
+from app.reasons import rendering as reasons
 from app.routes.listing import bookmark
+from app.views.saying import reasoned
 from harness.contracts.control import Autonomy
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid
@@ -116,10 +117,10 @@ def linked(response: Response, path: str, found: Slice[Any], **asked: str) -> No
 
 def plain(value: Any) -> Any:
     """A contract's value as JSON."""
-    return msgspec.to_builtins(value)
+    return reasons.stating(value)
 
 
 def refusal(decision: Refused) -> Response:
     return problem(
-        409, code=decision.rule, title="Refused", detail=decision.message, do="look at it again, then decide"
+        409, code=decision.rule, title="Refused", detail=reasoned(decision.message), do="look at it again, then decide"
     )

@@ -9,7 +9,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.rendering import render
 from app.views.candidate_editor import EditorPage, Found, edited_text, editor_page
-from app.views.saying import said
+from app.views.saying import reasoned, said
 from harness.contracts.actors import Actor
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Refused
@@ -49,7 +49,7 @@ def propose(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
     say = Say(actor, candidate.manifest.reason, f"propose:{name}")
     decision = console.desk.propose(candidate, say, supersedes=supersedes)
     if isinstance(decision, Refused):
-        again = page_of(console, actor, typed, Found(errors=(decision.message,)))
+        again = page_of(console, actor, typed, Found(errors=(reasoned(decision.message),)))
         return render("candidates/new.html", again, status=409)
     return RedirectResponse(f"/candidates/{name}", status_code=303)
 

@@ -16,6 +16,7 @@ from app.views.review import Left, ReviewPage, Seen, review_page
 from app.views.review_cases import CasesPage, cases_page
 from app.views.review_replay import ReplayPage, replay_page
 from app.views.rollback import RollbackPage, rollback_page
+from app.views.saying import reasoned
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ConfigurationMissing, ContractInvalid, UnknownName
@@ -94,7 +95,7 @@ def say(console: ConsoleDep, actor: ActorDep, candidate: str, word: str, typed: 
         return _again(console, actor, name, word, typed, refused=" ".join(wrong), status=422)
     decision = WORDS[word](console.desk, name, say_of(actor, typed, word), seen_of(typed), typed)
     if isinstance(decision, Refused):
-        return _again(console, actor, name, word, typed, refused=decision.message, status=409)
+        return _again(console, actor, name, word, typed, refused=reasoned(decision.message), status=409)
     return RedirectResponse(f"/candidates/{name}", status_code=303)
 
 

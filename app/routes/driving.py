@@ -14,7 +14,7 @@ from app.routes.robots import RobotPath, card
 from app.security import VisitorDep
 from app.views import forms
 from app.views.driving import DrivePage, TakenOver, taken_over
-from app.views.saying import said
+from app.views.saying import reasoned, said
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ProviderFailed
@@ -55,7 +55,7 @@ def take(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: Ro
         lambda wheel, who: wheel.take(robot_id, actor=who, device=device, reason=typed["reason"].strip()),
     )
     if isinstance(decision, Refused):
-        return _pad(console, actor, robot_id, errors=[decision.message], status=409)
+        return _pad(console, actor, robot_id, errors=[reasoned(decision.message)], status=409)
     return RedirectResponse(f"/robots/{robot_id}/drive", status_code=303)
 
 
@@ -75,7 +75,7 @@ def give_back(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_i
     """Back to the question if the robot was taken over for one. A wheel that went back by itself is no mistake."""
     decision = wheel_returned(console, visitor, robot_id, "returned by a person")
     if isinstance(decision, Refused) and decision.rule != "not_at_the_wheel":
-        return _pad(console, actor, robot_id, errors=[decision.message], status=409)
+        return _pad(console, actor, robot_id, errors=[reasoned(decision.message)], status=409)
     taken = _taken(console, actor, robot_id)
     return RedirectResponse(f"/handoffs/{taken.handoff_id}" if taken else f"/robots/{robot_id}", status_code=303)
 

@@ -15,6 +15,7 @@ from app.views import forms, handoff_list
 from app.views.handoff_list import HandoffsPage
 from app.views.listing import Sought
 from app.views.missions import Counted
+from app.views.saying import reasoned
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import UnknownName
@@ -134,7 +135,7 @@ def _said(
         return _again(console, actor, command.handoff_id, typed, refused=" ".join(wrong), status=422)
     decision = console.runtime.answer(command)
     if isinstance(decision, Refused):
-        return _again(console, actor, command.handoff_id, typed, refused=decision.message, status=409)
+        return _again(console, actor, command.handoff_id, typed, refused=reasoned(decision.message), status=409)
     return RedirectResponse(f"/handoffs/{command.handoff_id}", status_code=303)
 
 

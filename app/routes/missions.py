@@ -18,7 +18,7 @@ from app.views.forms import Again, Before, Offer, StopPage, Wrong
 from app.views.listing import Sought
 from app.views.missions import Counted, MissionsPage
 from app.views.preview import Preview
-from app.views.saying import said
+from app.views.saying import reasoned, said
 from harness.contracts.actors import Actor
 from harness.contracts.commands import StopMission
 from harness.contracts.decisions import Refused
@@ -102,7 +102,7 @@ def started(console: Console, order: Start) -> MissionId:
     """The new mission's id; raises UnknownName, ContractInvalid or StartRefused."""
     decision = begin(console.runtime, order)
     if isinstance(decision, Refused):
-        raise StartRefused(decision.message, where=decision.rule)
+        raise StartRefused(reasoned(decision.message), where=decision.rule)
     return next(event.mission_id for event in decision.events if isinstance(event, MissionCreated))
 
 
@@ -119,7 +119,7 @@ def stop(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, typed: For
         return render("missions/stop.html", _stop_page(console, actor, mission_id, errors=tuple(wrong)), status=422)
     decision = console.runtime.submit(mission_id, StopMission(actor=actor, reason=reason))
     if isinstance(decision, Refused):
-        page = _stop_page(console, actor, mission_id, errors=(decision.message,))
+        page = _stop_page(console, actor, mission_id, errors=(reasoned(decision.message),))
         return render("missions/stop.html", page, status=409)
     return RedirectResponse(f"/missions/{mission_id}", status_code=303)
 

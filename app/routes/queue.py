@@ -10,6 +10,7 @@ from app.rendering import render
 from app.routes.missions import waiting_line
 from app.views import forms
 from app.views.queue import QueuePage, queue_page
+from app.views.saying import reasoned
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.ids import MissionId
@@ -35,7 +36,7 @@ def withdraw(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, typed:
         return render("queue/index.html", page_of(console, actor, wrong), status=422)
     decision = console.runtime.submit(mission_id, WithdrawMission(actor=actor, reason=typed["reason"].strip()))
     if isinstance(decision, Refused):
-        return render("queue/index.html", page_of(console, actor, (decision.message,)), status=409)
+        return render("queue/index.html", page_of(console, actor, (reasoned(decision.message),)), status=409)
     return RedirectResponse("/queue", status_code=303)
 
 

@@ -12,6 +12,7 @@ from app.rendering import render
 from app.routes.candidate_words import say_of
 from app.views import forms
 from app.views.releases import Around, ReleasesPage, at_instant, policy_form, releases_page
+from app.views.saying import reasoned
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ContractInvalid
@@ -44,7 +45,7 @@ def save_policy(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Respons
         return _again(console, actor, typed, refused=f"{error.what}; {error.do}.", status=422)
     decision = saved(console, policy, say_of(actor, typed, "policy"))
     if isinstance(decision, Refused):
-        return _again(console, actor, typed, refused=decision.message, status=409)
+        return _again(console, actor, typed, refused=reasoned(decision.message), status=409)
     return RedirectResponse("/releases#policy", status_code=303)
 
 

@@ -20,7 +20,7 @@ from app.views import events, facts, forms, report
 from app.views.facts import FactPage
 from app.views.outcome import mission_outcome, no_answer_outcome
 from app.views.report import Journal, ReportPage
-from app.views.saying import said
+from app.views.saying import reasoned, said
 from harness.contracts.actors import Actor
 from harness.contracts.control import CONTROL, ControlEvent
 from harness.contracts.decider import Codec
@@ -126,10 +126,10 @@ def fact(
 def case(console: ConsoleDep, visitor: VisitorDep, mission_id: MissionId) -> Response:
     """A disputed mission becomes a case of the regression suite: every later candidate has to pass it."""
     disputes = console.runtime.mission(mission_id).disputes
-    reason = disputes[-1].reason if disputes else "none"
+    reason = reasoned(disputes[-1].reason) if disputes else "none"
     decision = console.desk.add_case(mission_id, Say(actor=visitor.acting("dispute"), reason=reason, key=mission_id))
     if isinstance(decision, Refused):
-        page = page_of(console, visitor.actor, mission_id, (decision.message,))
+        page = page_of(console, visitor.actor, mission_id, (reasoned(decision.message),))
         return render("missions/report.html", page, status=409)
     return RedirectResponse(f"/missions/{mission_id}/report#case", status_code=303)
 
@@ -163,7 +163,7 @@ def _disputed(console: Console, mission_id: MissionId, packet_id: str, asked: Di
     if (packet_id, asked.condition_id) not in standing:
         return ("This acceptance does not stand: it was never made, or the stage was opened again since.",)
     decision = console.runtime.submit(mission_id, asked)
-    return (decision.message,) if isinstance(decision, Refused) else ()
+    return (reasoned(decision.message),) if isinstance(decision, Refused) else ()
 
 
 def _fact(

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from app.console import Console, Wheel
 from app.permissions import NotPermitted, Permission, Visitor
+from app.views.saying import reasoned
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import StopMission
@@ -22,7 +23,7 @@ def stopped_all(console: Console, visitor: Visitor, reason: str) -> tuple[tuple[
     left += [f"{name}: {said}" for name, said in wheels_returned(console, visitor, reason)]
     for robot_id in on_their_way(console):
         stopped = retreat_stopped(console, visitor, robot_id, reason)
-        left += [f"{robot_id}: {stopped.message}"] if isinstance(stopped, Refused) else []
+        left += [f"{robot_id}: {reasoned(stopped.message)}"] if isinstance(stopped, Refused) else []
     for mission in console.open_missions():
         if mission.replay or mission.status == "stopping":
             continue
@@ -30,7 +31,7 @@ def stopped_all(console: Console, visitor: Visitor, reason: str) -> tuple[tuple[
         if isinstance(decision, Accepted):
             asked.append(mission.mission_id)
         elif not console.runtime.mission(mission.mission_id).ended:
-            left.append(f"{mission.robot_id}, {mission.mission_id}: {decision.message}")
+            left.append(f"{mission.robot_id}, {mission.mission_id}: {reasoned(decision.message)}")
     return tuple(asked), tuple(left)
 
 
@@ -46,7 +47,7 @@ def wheels_returned(console: Console, visitor: Visitor, reason: str) -> list[tup
     for robot_id in console.control().wheels:
         decision = wheel_returned(console, visitor, robot_id, reason)
         if isinstance(decision, Refused):
-            left.append((robot_id, decision.message))
+            left.append((robot_id, reasoned(decision.message)))
     return left
 
 
@@ -108,7 +109,7 @@ def all_made_safe(console: Console, visitor: Visitor, reason: str) -> tuple[str,
     """Send every connected robot to safety, each for itself; why it could not be done for some of them."""
     busy = on_their_way(console)
     made = [(name, made_safe(console, visitor, name, reason)) for name in console.fleet.names if name not in busy]
-    return tuple(f"{name}: {decision.message}" for name, decision in made if isinstance(decision, Refused))
+    return tuple(f"{name}: {reasoned(decision.message)}" for name, decision in made if isinstance(decision, Refused))
 
 
 def retreat_stopped(console: Console, visitor: Visitor, robot_id: RobotId, reason: str) -> Decision[AnyEvent]:

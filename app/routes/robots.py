@@ -12,6 +12,7 @@ from app.security import VisitorDep
 from app.views import forms, robots
 from app.views.retreats import LastRetreat, last_retreat
 from app.views.robots import CameraRegion, CameraView, RobotCard, RobotPage, RobotRegion, RobotsRegion, StopAllPage
+from app.views.saying import reasoned
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import MissionCommand, PauseMission, ResumeMission
@@ -232,7 +233,7 @@ def _told(
 
 def _after(console: Console, actor: Actor, robot_id: RobotId, decision: Decision[AnyEvent]) -> Response:
     if isinstance(decision, Refused):
-        return _one(console, actor, robot_id, errors=[decision.message], status=409)
+        return _one(console, actor, robot_id, errors=[reasoned(decision.message)], status=409)
     return RedirectResponse(f"/robots/{robot_id}", status_code=303)
 
 

@@ -11,6 +11,7 @@ from app.terminal.missions import me
 from app.terminal.owner import owner_api
 from app.views import alerts
 from app.views.alerts import AlertRow
+from app.views.saying import reasoned
 from harness.adapters.clock import SystemClock
 from harness.bootstrap import edit_harness, read_harness
 from harness.contracts.alert_commands import (
@@ -133,6 +134,6 @@ def _say(
             Alerts(runtime).one(alert_id)
             decision = runtime.decide([(alert_stream(alert_id), command)])
             if isinstance(decision, Refused):
-                raise HarnessError(decision.message, where=alert_id, do="see `regen alert list --all`")
+                raise HarnessError(reasoned(decision.message), where=alert_id, do="see `regen alert list --all`")
             found = vars(_row(runtime, alert_id))
     show(found, as_json=as_json, lines=[f"{alert_id} is {found['state']}: {found['title']}"])

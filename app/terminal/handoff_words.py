@@ -12,6 +12,7 @@ from app.terminal.answers import Progress, exit_code, settings
 from app.terminal.missions import me
 from app.terminal.owner import OwnerApi, owner_api
 from app.views.outcome import mission_outcome
+from app.views.saying import reasoned
 from harness.bootstrap import Harness, open_harness
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import HarnessError, UnknownName
@@ -95,7 +96,7 @@ def _answered(harness: Harness, handoff_id: HandoffId, word: Word) -> Handoff:
     decision = harness.runtime.answer(word.command(handoff))
     if isinstance(decision, Refused):
         raise HarnessError(
-            f"{decision.message} ({decision.rule})", do="look again with `regen handoff list`, then decide"
+            f"{reasoned(decision.message)} ({decision.rule})", do="look again with `regen handoff list`, then decide"
         )
     return harness.runtime.handoff(handoff_id)
 

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import typer
 from msgspec import to_builtins
 
+from app.reasons import rendering as reasons
 from app.terminal.answers import DEFAULT_DATA, Data, Json, show, table
 from app.terminal.handoff_words import Word, ended_as, looked_at, said, said_and_followed
 from app.terminal.handoff_words import shown as as_it_stands
@@ -270,7 +271,7 @@ def _row(handoff: Handoff) -> dict[str, Any]:
         "cycle": handoff.cycle,
         "digest": opened.subject if opened else "",
         "evidence": opened.evidence if opened else "",
-        "reason": opened.reason if opened else "",
+        **reasons.stated("reason", opened.reason if opened else ""),
         "deadline_at_s": opened.deadline_at_s if opened else None,
         "no_answer": opened.no_answer if opened else "",
         "choices": list(opened.choices) if opened else [],

@@ -5,7 +5,9 @@ from typing import Annotated, Any
 
 import typer
 
+from app.reasons import rendering as reasons
 from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show, table
+from app.views.saying import reasoned
 from harness.bootstrap import open_harness, owner_of, read_harness
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
@@ -42,7 +44,7 @@ def _row(lease: Lease) -> dict[str, Any]:
         "mission_id": lease.mission_id,
         "invocation_id": lease.invocation_id,
         "expires_s": lease.expires_s,
-        "reason": lease.reason,
+        **reasons.stated("reason", lease.reason),
     }
 
 
@@ -67,6 +69,8 @@ def free(
     with open_harness(settings(data_folder=data, speed=0.0)) as harness:
         decision = harness.supervisor.free(ResourceId(resource), actor=actor, reason=reason)
         if isinstance(decision, Refused):
-            raise HarnessError(f"{decision.message} ({decision.rule})", where=resource, do="see `regen lease list`")
+            raise HarnessError(
+                f"{reasoned(decision.message)} ({decision.rule})", where=resource, do="see `regen lease list`"
+            )
         lease = _row(harness.runtime.lease(ResourceId(resource)))
     show(lease, as_json=as_json, lines=[f"{resource} is free, by {actor.name}: {reason}"])

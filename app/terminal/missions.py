@@ -8,10 +8,12 @@ import msgspec
 import typer
 
 from app.history import Histories
+from app.reasons import rendering as reasons
 from app.terminal.answers import DEFAULT_DATA, Data, Json, Progress, exit_code, settings, show, table
 from app.terminal.opening import running
 from app.terminal.owner import owner_api
 from app.views.outcome import mission_outcome
+from app.views.saying import reasoned
 from harness.bootstrap import Harness, check_faults, read_harness
 from harness.contracts.actors import Actor
 from harness.contracts.commands import StopMission
@@ -87,7 +89,7 @@ def _run(
     )
     decision = begin(harness.runtime, start)
     if isinstance(decision, Refused):
-        raise ContractInvalid(decision.message)
+        raise ContractInvalid(reasoned(decision.message))
     mission_id: MissionId = decision.events[0].mission_id  # type: ignore[union-attr]
     mission = harness.supervisor.run(mission_id, watch=Progress())
     return _outcome(harness, mission)
@@ -193,7 +195,7 @@ def list_missions(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
                 "goal": mission.goal,
                 "robot_id": mission.robot_id,
                 "state_version": mission.k,
-                "reason": mission.reason,
+                **reasons.stated("reason", mission.reason),
             }
             for mission in runtime.missions()
         ]
@@ -212,7 +214,7 @@ def show_mission(mission_id: str, data: Data = DEFAULT_DATA, as_json: Json = Fal
         mission = runtime.mission(MissionId(mission_id))
         outcome = mission_outcome(mission, Histories(runtime).of(mission.mission_id), ())
     explored = decisions(mission) if mission.contract else ()
-    outcome |= {"exploration": msgspec.to_builtins(explored)} if explored else {}
+    outcome |= {"exploration": reasons.stating(explored)} if explored else {}
     nodes = [[n.node_id, n.status, str(n.provider_id or "-"), f"attempt {n.attempt}"] for n in mission.nodes.values()]
     show(outcome, as_json=as_json, lines=[*_summary(outcome), *table(nodes), *table(_targets(explored))])
 
@@ -230,7 +232,7 @@ def _targets(explored: tuple[ExplorationDecision, ...]) -> list[list[str]]:
             one.map_before[:12],
             f"{one.response.terminal} {one.response.failure}".strip() if one.response else "-",
             (one.map_after or "-")[:12],
-            one.reason,
+            reasoned(one.reason),
         ]
         for one in explored
     ]
@@ -275,7 +277,7 @@ def stop(
             mission = harness.runtime.mission(MissionId(mission_id))
             decision = harness.runtime.submit(mission.mission_id, StopMission(actor=me(), reason=reason))
             if isinstance(decision, Refused):
-                raise ContractInvalid(decision.message)
+                raise ContractInvalid(reasoned(decision.message))
             mission = harness.supervisor.run(mission.mission_id, watch=Progress())
             outcome = mission_outcome(
                 mission, Histories(harness.runtime).of(mission.mission_id), harness.starts(mission.mission_id)
@@ -298,7 +300,7 @@ def withdraw(
         with running(settings(data_folder=data, speed=0.0)) as harness:
             decision = harness.runtime.submit(MissionId(mission_id), WithdrawMission(actor=me(), reason=reason))
             if isinstance(decision, Refused):
-                raise ContractInvalid(decision.message)
+                raise ContractInvalid(reasoned(decision.message))
             outcome = _outcome(harness, harness.runtime.mission(MissionId(mission_id)))
     show(outcome, as_json=as_json, lines=_summary(outcome))
 
@@ -320,7 +322,7 @@ def dispute(
             asked = DisputeCompletion(condition_id=ConditionId(condition), actor=me(), reason=reason)
             decision = harness.runtime.submit(MissionId(mission_id), asked)
             if isinstance(decision, Refused):
-                raise UnknownName(decision.message, do="see `regen mission events` for what was accepted")
+                raise UnknownName(reasoned(decision.message), do="see `regen mission events` for what was accepted")
             outcome = _outcome(harness, harness.runtime.mission(MissionId(mission_id)))
     line = f"{condition} of {mission_id} is disputed: {reason}"
     show(outcome, as_json=as_json, lines=[line])

@@ -24,6 +24,7 @@ from app.terminal.missions import me
 from app.terminal.opening import deciding
 from app.terminal.owner import owner_api
 from app.terminal.rsi import CandidateName
+from app.views.saying import reasoned
 from harness.bootstrap import read_harness
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ContractInvalid, HarnessError, StoreOwned
@@ -150,7 +151,7 @@ def _recorded(how: How, word: Callable[[Desk], Accepted[Any] | Refused]) -> None
     with deciding(settings(data_folder=how.data)) as desk:
         decision = word(desk)
     if isinstance(decision, Refused):
-        raise ContractInvalid(f"{decision.message} ({decision.rule})", do="see `regen rsi show`")
+        raise ContractInvalid(f"{reasoned(decision.message)} ({decision.rule})", do="see `regen rsi show`")
 
 
 def _say(trial: Trial, word: str) -> Say:

@@ -25,6 +25,7 @@ from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show
 from app.terminal.identity import examine_issuer
 from app.terminal.opening import duplicate_starts
 from app.terminal.rsi_shipped import put_in_review
+from app.views.saying import reasoned
 from harness.bootstrap import Harness, check_faults, open_harness, owner_of, read_harness
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
@@ -139,7 +140,7 @@ def _begin(harness: Harness, template: str | None, *, seed: int, faults: Mapping
         )
         begun = begin(harness.runtime, start)
         if isinstance(begun, Refused):
-            raise ContractInvalid(begun.message)
+            raise ContractInvalid(reasoned(begun.message))
 
 
 def _faults(given: Sequence[str], fleet: Sequence[str]) -> dict[str, str]:

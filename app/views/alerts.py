@@ -6,7 +6,7 @@ from typing import assert_never
 
 from app.views.listing import Filter, Option, address
 from app.views.missions import Group
-from app.views.saying import said, word
+from app.views.saying import reasoned, said, word
 from app.views.shell import Shell
 from harness.contracts.alert_events import (
     PRIORITIES,
@@ -141,8 +141,8 @@ def row(alert_id: str, alert: Alert, *, now_s: float) -> AlertRow:
     )
     return AlertRow(
         alert_id=alert_id,
-        title=newest.title if newest else alert_id,
-        text=newest.text if newest else "",
+        title=reasoned(newest.title) if newest else alert_id,
+        text=reasoned(newest.text) if newest else "",
         kind=newest.kind if newest else "",
         state=state,
         state_title=TITLES[state],

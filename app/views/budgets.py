@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from app.views.saying import word
+from app.views.saying import reasoned, word
 from harness.contracts.configuration import SPENDING
 from harness.contracts.ids import NodeId
 from harness.projections.mission import Mission
@@ -48,7 +48,9 @@ def budget(mission: Mission, node_id: str) -> Budget:
         _meter("this stage", state.spent_total, node.recovery.total),
         _meter("whole mission", mission.spent_total, contract.recovery_total),
     ]
-    tries = tuple(Try(action=word(s.action), after=word(s.failure), reason=s.reason, cost=s.cost) for s in state.spends)
+    tries = tuple(
+        Try(action=word(s.action), after=word(s.failure), reason=reasoned(s.reason), cost=s.cost) for s in state.spends
+    )
     return Budget(node_id=node_id, meters=(*totals, *actions), tries=tries)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from app.views.saying import said, word
+from app.views.saying import reasoned, said, word
 from app.views.timeline import Entry
 from harness.contracts.contexts import Context, ContextRecord, Role
 from harness.contracts.events import DispatchIntended, GoalVerified, NodePlanned, RecoveryAuthorised, VerdictRecorded
@@ -163,7 +163,9 @@ def _context(position: int, cited: _Cited, *, read: ReadContext) -> ContextView:
         digest=cited.digest,
         k=context.k if context else 0,
         items=tuple(_item(record, context.at_s) for record in context.records) if context else (),
-        withheld=tuple(Kept(w.kind, w.source, w.reason, w.detail) for w in context.withheld) if context else (),
+        withheld=tuple(Kept(w.kind, w.source, w.reason, reasoned(w.detail)) for w in context.withheld)
+        if context
+        else (),
         missing=context is None,
     )
 
@@ -195,7 +197,9 @@ def _choice(position: int, found: CandidateSet) -> Choice:
             if one.score is not None
         ),
         refused=tuple(
-            Filtered(provider=f"{one.provider_id} {one.version}", refused_by=one.refused_by, reason=one.reason)
+            Filtered(
+                provider=f"{one.provider_id} {one.version}", refused_by=one.refused_by, reason=reasoned(one.reason)
+            )
             for one in found.candidates
             if one.score is None
         ),

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from app.views.measures import ConditionRow, Measure, condition_row, quantity
-from app.views.saying import said
+from app.views.saying import reasoned, said
 from app.views.timeline import Entry
 from harness.contracts.events import CommitRejected, NodeCommitted, PacketRetained, VerdictRecorded
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
@@ -124,7 +124,7 @@ def packet_view(mission_id: str, packet: EvidencePacket, entries: Sequence[Entry
         dispatched_s=packet.dispatched_s,
         terminal_s=packet.terminal_s,
         verdict=verdict.verdict if verdict else "",
-        verdict_reason=verdict.reason if verdict else "The verifier has not answered yet.",
+        verdict_reason=reasoned(verdict.reason) if verdict else "The verifier has not answered yet.",
         verifier=verdict.verifier if verdict else "",
         conditions=tuple(condition_row(result) for result in verdict.results) if verdict else (),
         decision=decision,
@@ -152,7 +152,7 @@ def _decision(mission_id: str, entries: Sequence[Entry], packet_id: PacketId) ->
             case NodeCommitted() as done if done.packet_id == packet_id:
                 return "accepted", _held(len(done.facts)), "", href
             case CommitRejected() as no if no.packet_id == packet_id:
-                return "refused", no.message, no.rule, href
+                return "refused", reasoned(no.message), no.rule, href
             case _:
                 continue
     return "", "The gate has not decided yet.", "", ""

@@ -11,7 +11,7 @@ from math import dist
 from app.views.explored_floor import Floor, explored_floor
 from app.views.missions import Head, head
 from app.views.regions import Region
-from app.views.saying import said, word
+from app.views.saying import reasoned, said, word
 from app.views.shell import Shell
 from app.views.stages import Observed, Stage, stages
 from app.views.timeline import Entry
@@ -190,9 +190,9 @@ def _detail(told: _Told, choice: ExplorationDecision, row: ChoiceRow, recorded: 
     look = next((node.node_id for node in nodes if choice.leg in node.depends_on), "")
     return ChoiceDetail(
         row=row,
-        reason=choice.reason,
+        reason=reasoned(choice.reason),
         said=said("({x}, {y}): {reason}", **_placed(wanted.target_m), reason=wanted.reason) if wanted else "",
-        refused=choice.refused,
+        refused=reasoned(choice.refused),
         at_s=question.at_s if question else None,
         k=choice.k,
         position=_made_at(told.entries, choice.leg),

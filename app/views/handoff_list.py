@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from app.views.handoffs import HandoffRow, asking
 from app.views.listing import Filter, Paging, Sought, address, facet_filter, order_filter, paging
 from app.views.missions import Counted, Group, tabs
-from app.views.saying import word
+from app.views.saying import reasoned, word
 from app.views.shell import Shell
 from harness.contracts.read_models import HandoffItem, ListQuery
 
@@ -50,7 +50,7 @@ def listed_row(item: HandoffItem) -> HandoffRow:
         holder=item.holder,
         opened_at_s=item.opened_at_s,
         deadline_at_s=item.deadline_at_s,
-        answered=item.answered,
+        answered=reasoned(item.answered),
     )
 
 

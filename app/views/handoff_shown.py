@@ -8,7 +8,7 @@ from msgspec import to_builtins
 
 from app.views.budgets import Budget, budget
 from app.views.measures import ConditionRow, condition_row, quantity
-from app.views.saying import said, word
+from app.views.saying import reasoned, said, word
 from harness.contracts.configuration import RecoveryAction
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.handoff_events import HandoffOpened, ProposedAction
@@ -95,7 +95,7 @@ def shown_question(opened: HandoffOpened, mission: Mission) -> ShownQuestion:
         cycle=opened.cycle,
         k=opened.k,
         failure=opened.failure,
-        reason=opened.reason,
+        reason=reasoned(opened.reason),
         risk=opened.risk,
         verdict=verdict.verdict if verdict else "",
         subject=opened.subject,

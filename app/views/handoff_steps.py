@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.views.saying import said, word
+from app.views.saying import reasoned, said, word
 from harness.contracts.handoff_events import HandoffEvent
 from harness.contracts.read_models import HandoffItem
 from harness.projections.handoffs import Answer, Handoff
@@ -92,10 +92,10 @@ def _moved(handoff: Handoff) -> bool:
 
 def _ended(handoff: Handoff, mission: Mission, taken: int | None) -> tuple[Step, ...]:
     answer, acted = handoff.answer, handoff.unanswered
-    who = _taken_up(answer, taken) if answer else handoff.outcome
+    who = _taken_up(answer, taken) if answer else reasoned(handoff.outcome)
     found = [Step(name=handoff.status, state="done", text=who or "nobody answered in time")]
     if acted is not None:
-        found.append(Step(name=word(acted.action), state="done" if acted.done else "bad", text=acted.reason))
+        found.append(Step(name=word(acted.action), state="done" if acted.done else "bad", text=reasoned(acted.reason)))
     found.append(
         Step(
             name="mission",
@@ -120,7 +120,9 @@ def similar(items: Sequence[HandoffItem], handoff: Handoff) -> tuple[Similar, ..
     """Ended questions about the same stage for the same reason, newest first; this one not counted."""
     opened = handoff.opened
     return tuple(
-        Similar(handoff_id=one.handoff_id, status=one.status, answered=one.answered, opened_at_s=one.opened_at_s)
+        Similar(
+            handoff_id=one.handoff_id, status=one.status, answered=reasoned(one.answered), opened_at_s=one.opened_at_s
+        )
         for one in items
         if opened is not None and one.handoff_id != handoff.handoff_id and one.node_id == opened.node_id
     )

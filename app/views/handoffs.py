@@ -7,7 +7,7 @@ from app.views.handoff_shown import ACTIONS, Difference, ShownQuestion, shown_qu
 from app.views.handoff_steps import Line, Similar, Step, Told, history, similar, steps
 from app.views.places import SiteMap
 from app.views.robots import CameraView, RobotWord
-from app.views.saying import said, word
+from app.views.saying import reasoned, said, word
 from app.views.shell import Shell
 from harness.contracts.handoff_events import HandoffOpened
 from harness.contracts.read_models import HandoffItem
@@ -175,7 +175,9 @@ def row(handoff: Handoff, mission: Mission | None) -> HandoffRow:
         holder=handoff.claim.actor.name if handoff.claim and handoff.waits else "",
         opened_at_s=opened.opened_at_s,
         deadline_at_s=opened.deadline_at_s,
-        answered=said("{who}: {reason}", who=answer.actor.name, reason=answer.reason) if answer else handoff.outcome,
+        answered=said("{who}: {reason}", who=answer.actor.name, reason=answer.reason)
+        if answer
+        else reasoned(handoff.outcome),
     )
 
 
@@ -256,7 +258,7 @@ def _holding(handoff: Handoff, surface: Surface) -> Holding:
         until_at_s=claim.until_at_s if claim else 0.0,
         token=claim.claim if claim and mine else surface.key,
         device=handoff.control.device if handoff.control else "",
-        control_reason=handoff.control.reason if handoff.control else "",
+        control_reason=reasoned(handoff.control.reason) if handoff.control else "",
         taken_over=handoff.status == "taken_over",
         can_extend=handoff.extended_by is None and limit_s > opened.deadline_at_s + 1.0,
         extended_by=handoff.extended_by.name if handoff.extended_by else "",

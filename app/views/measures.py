@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from app.views.saying import listed, word
+from app.views.saying import listed, reasoned, word
 from harness.contracts.verdicts import ConditionResult
 
 DIGEST = re.compile("[0-9a-f]{64}")
@@ -108,7 +108,7 @@ def condition_row(result: ConditionResult) -> ConditionRow:
         condition_id=result.condition_id,
         text=result.text,
         verdict=result.verdict,
-        reason=result.reason,
+        reason=reasoned(result.reason),
         measures=tuple(first),
         others=tuple(one for one in every if one not in first),
         sources=listed(map(word, result.sources)),

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 from app.views.contexts import ContextView
 from app.views.listing import Filter, Paging, Sought, address, facet_filter, order_filter, paging
 from app.views.measures import ConditionRow, condition_row, fields
-from app.views.saying import said, word
+from app.views.saying import reasoned, said, word
 from app.views.shell import Shell
 from app.views.timeline import Entry
 from harness.contracts.events import MissionEnded
 from harness.contracts.protocol import RobotStatus
 from harness.contracts.read_models import MANY, ListQuery, MissionItem, Tally
+from harness.contracts.reasons import because
 from harness.contracts.tasks import order
 from harness.contracts.verdicts import GoalVerdict
 from harness.projections.exploration import choices
@@ -229,7 +230,7 @@ def head(mission: Mission, entries: Sequence[Entry]) -> Head:
 def sentence(mission: Mission) -> str:
     """What a person should know first."""
     if mission.report:
-        return mission.report
+        return reasoned(mission.report)
     match mission.status:
         case "awaiting_human":
             return said("{robot_id} waits for a person: {reason}", robot_id=mission.robot_id, reason=mission.reason)
@@ -242,7 +243,7 @@ def sentence(mission: Mission) -> str:
         case "paused":
             return said("Paused: {reason}", reason=mission.reason)
         case "cancelled" | "safe_stopped" | "failed" | "handed_off":
-            return f"{mission.reason[:1].upper()}{mission.reason[1:]}"
+            return reasoned(because("mission_over", reason=mission.reason))
         case "compiled":
             return said("Compiled; it begins when {robot_id} is free.", robot_id=mission.robot_id)
         case "succeeded":
@@ -316,4 +317,4 @@ def chosen_node(mission: Mission, wanted: str) -> str:
 def _why(verdict: GoalVerdict | None) -> str:
     if verdict is None:
         return "Tested once every required stage is accepted, exactly as they were first stored."
-    return verdict.reason or "Every original condition was tested again."
+    return reasoned(verdict.reason) or "Every original condition was tested again."

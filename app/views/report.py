@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from app.views.facts import FactRow, facts
 from app.views.measures import ConditionRow, condition_row
 from app.views.missions import Head, head
-from app.views.saying import said, word
+from app.views.saying import reasoned, said, word
 from app.views.shell import Shell
 from app.views.stages import Observed, Stage, stages
 from app.views.timeline import Entry
@@ -126,7 +126,7 @@ def report_page(
         mission_id=mission.mission_id,
         head=head(mission, entries),
         verdict=goal.verdict if goal else "",
-        reason=goal.reason if goal else "The goal has not been tested.",
+        reason=reasoned(goal.reason) if goal else "The goal has not been tested.",
         conditions=tuple(condition_row(result) for result in goal.results) if goal else (),
         stages=stages(mission, entries, Observed(), selected=""),
         timings=timings(mission, entries),

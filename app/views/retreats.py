@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from app.views.saying import said
+from app.views.saying import reasoned, said
 from harness.contracts.retreat_events import RetreatEnded, RetreatIntended
 from harness.projections.control import Retreating
 
@@ -46,7 +46,7 @@ def _under_way(intent: RetreatIntended) -> str:
 
 
 def _over(intent: RetreatIntended, ended: RetreatEnded) -> str:
-    reason = ended.reason.rstrip(".")
+    reason = ended.reason.rstrip(".") if isinstance(ended.reason, str) else reasoned(ended.reason)
     match ended.outcome:
         case "reached":
             return said(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from app.fleet import Shots, Word
 from app.views.missions import sentence, tone
 from app.views.retreats import LastRetreat
-from app.views.saying import said
+from app.views.saying import reasoned, said
 from app.views.shell import Shell
 from harness.contracts.control import LEVELS, Autonomy
 from harness.contracts.ids import RobotId
@@ -262,9 +262,9 @@ def stop_steps(mission: Mission) -> tuple[Step, ...]:
     if stopped is None:
         shown = "the body is watched by its odometry"
     else:
-        shown = stopped.reason or ("the body is static" if static else "nothing shows the body at rest")
+        shown = reasoned(stopped.reason) or ("the body is static" if static else "nothing shows the body at rest")
     return (
-        Step("stopping", True, f"{mission.stop.actor.name}: {mission.stop.reason}"),
+        Step("stopping", True, said("{who}: {reason}", who=mission.stop.actor.name, reason=mission.stop.reason)),
         Step(
             "acknowledged", acknowledged, "no execution runs" if acknowledged else "the provider has not answered yet"
         ),

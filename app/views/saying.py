@@ -29,6 +29,11 @@ def said(message: str, /, **fields: Any) -> str:
     return Said(message, fields)
 
 
+def reasoned(reason: Reason | str) -> str:
+    """A reason as text that a template can say in another language; what a person wrote stays as it is."""
+    return reason if isinstance(reason, str) else Said("{reason}", {"reason": reason})
+
+
 def listed(items: Iterable[Any]) -> str:
     """One after the other, as each language separates them; empty for nothing."""
     first, *rest = [*items] or [""]

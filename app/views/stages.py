@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import hypot
 
 from app.views.measures import Measure, quantity
-from app.views.saying import listed, said, word
+from app.views.saying import listed, reasoned, said, word
 from app.views.timeline import Entry
 from harness.contracts.effects import Metric
 from harness.contracts.events import CommitRejected, NodeCommitted
@@ -250,7 +250,7 @@ def _acceptance(mission_id: str, state: NodeState, entries: Sequence[Entry]) -> 
 def _note(state: NodeState) -> str:
     """Why a stage is not simply going on."""
     if state.waiting_for:
-        return state.waiting_for
+        return reasoned(state.waiting_for)
     if state.failure is not None:
         return said("{failure}: {reason}", failure=word(state.failure.failure), reason=state.failure.reason)
     if state.attempt > 1 or state.spends:

@@ -12,6 +12,7 @@ from msgspec.structs import replace
 
 from harness.auditing.commands import asked
 from harness.auditing.neighbours import asked_of_handoff, asked_of_lease
+from harness.auditing.prose import same
 from harness.auditing.roles import Roles
 from harness.contracts.decider import Decider
 from harness.contracts.decisions import Accepted, Decision, Refused
@@ -109,7 +110,7 @@ def _mission(replay: _Replay, roles: Roles, stored: Sequence[StoredEvent]) -> tu
             expected, differing = _decided(replay, mission, events[index:], stored[index]), False
             decisions += 1
         derived = _as_written(expected.pop(0), stored[index]) if expected else None
-        if derived is not None and not differing and encode(derived) != encode(event):
+        if derived is not None and not differing and not same(derived, event):
             replay.differ(stored[index], f"the gate derives {_short(derived)} again, stored is {_short(event)}")
             differing = True
         for difference in roles.differences(mission, event):
@@ -198,7 +199,7 @@ def _handoff(replay: _Replay, stream: StreamId, mission_id: MissionId) -> int:
 
 
 def _same(replay: _Replay, derived: list[Any], event: Any, stored: StoredEvent) -> None:
-    if derived and (len(derived) != 1 or encode(derived[0]) != encode(event)):
+    if derived and (len(derived) != 1 or not same(derived[0], event)):
         replay.differ(stored, f"derived again it is {_short(derived[0])}, stored is {_short(event)}")
 
 

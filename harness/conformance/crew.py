@@ -25,6 +25,7 @@ from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import MissionId, ProviderId, RobotId
 from harness.contracts.ports import Provider
+from harness.contracts.reasons import plain
 from harness.recordings import write_recording
 from harness.runtime import Start
 from harness.settings import HarnessSettings
@@ -143,7 +144,7 @@ def _walked(path: Path, settings: HarnessSettings) -> Path:
     with simulated(settings, seed=settings.seed) as harness:
         started = harness.runtime.start(Start(actor=KIT, robot_id=RobotId(settings.robot_id), template="circuit"))
         if isinstance(started, Refused):
-            raise ContractInvalid(started.message)
+            raise ContractInvalid(plain(started.message))
         mission = harness.supervisor.run(harness.runtime.missions()[0].mission_id)
         write_recording(harness.runtime, mission.mission_id, path)
     return path

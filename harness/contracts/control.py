@@ -8,6 +8,7 @@ from typing import Literal, get_args
 
 from harness.contracts.actors import Actor, Command, Event
 from harness.contracts.ids import RequestId, RobotId, StreamId
+from harness.contracts.reasons import Explanation
 from harness.contracts.retreat_events import RetreatCommand, RetreatEvent
 from harness.contracts.values import Count, Name
 
@@ -61,7 +62,7 @@ class WheelReturned(Event, tag=True):
     robot_id: RobotId
     session: RequestId
     actor: Actor
-    reason: str
+    reason: Explanation
     measured: dict[str, float]
 
 
@@ -71,7 +72,7 @@ class PostureOrdered(Event, tag=True):
     robot_id: RobotId
     posture: Posture
     actor: Actor
-    reason: str
+    reason: Explanation
 
 
 class SetAutonomy(Command, tag=True):
@@ -100,7 +101,7 @@ class ReturnWheel(Command, tag=True):
     robot_id: RobotId
     session: RequestId
     actor: Actor
-    reason: Name
+    reason: Explanation
     measured: dict[str, float]
 
 
@@ -114,7 +115,7 @@ class OrderPosture(Command, tag=True):
     robot_id: RobotId
     posture: Posture
     actor: Actor
-    reason: Name
+    reason: Explanation
 
 
 ControlEvent = AutonomyLimited | WheelTaken | WheelReturned | PostureOrdered | RetreatEvent

@@ -4,6 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
+from harness.contracts.reasons import Explanation
+
 E = TypeVar("E")
 
 
@@ -16,10 +18,10 @@ class Accepted(Generic[E]):
 
 @dataclass(frozen=True)
 class Refused:
-    """Nothing happens. `rule` is a slug for machines, `message` a sentence for people."""
+    """Nothing happens. `rule` is a slug for machines, `message` why, for people."""
 
     rule: str
-    message: str
+    message: Explanation
 
 
 Decision = Accepted[E] | Refused

@@ -6,6 +6,7 @@ from harness.contracts.actors import Actor, Command
 from harness.contracts.configuration import RecoveryAction
 from harness.contracts.handoff_events import EscalationLevel, NoAnswer, Snapshot
 from harness.contracts.ids import ConditionId, Digest, HandoffId
+from harness.contracts.reasons import Explanation
 from harness.contracts.values import Count, Name
 
 # asked of the gate, by the desk ---------------------------------------------------------------------------------------
@@ -23,7 +24,7 @@ class DropClaim(Command, tag=True):
 
     actor: Actor
     claim: Name
-    reason: Name
+    reason: Explanation
 
 
 class ExtendDeadline(Command, tag=True):
@@ -72,7 +73,7 @@ class CloseQuestion(Command, tag=True):
 class VoidApproval(Command, tag=True):
     """Something changed between the decision and the dispatch: nothing is sent (D28)."""
 
-    reason: Name
+    reason: Explanation
 
 
 class RecordNoAnswer(Command, tag=True):
@@ -81,7 +82,7 @@ class RecordNoAnswer(Command, tag=True):
     action: NoAnswer
     done: bool
     measured: dict[str, float]
-    reason: Name
+    reason: Explanation
 
 
 HandoffTurn = (

@@ -10,6 +10,7 @@ from harness.contracts.actors import Actor, Command, Event
 from harness.contracts.ids import HandoffId, InvocationId, MissionId, NodeId, PlaceId, ProviderId, RequestId, RobotId
 from harness.contracts.places import Otherwise
 from harness.contracts.protocol import Parameters
+from harness.contracts.reasons import Explanation
 from harness.contracts.values import Count, Name, Point
 
 RETREAT = NodeId("retreat")
@@ -48,7 +49,7 @@ class RetreatIntended(Event, tag=True):
     authorised_by: Name
     authorised_on: Name
     actor: Actor
-    reason: str
+    reason: Explanation
     moves: bool = True
 
 
@@ -58,7 +59,7 @@ class RetreatStopping(Event, tag=True):
     robot_id: RobotId
     invocation_id: InvocationId
     actor: Actor
-    reason: str
+    reason: Explanation
 
 
 class RetreatEnded(Event, tag=True):
@@ -72,7 +73,7 @@ class RetreatEnded(Event, tag=True):
     outcome: RetreatOutcome
     declared: str
     measured: dict[str, float]
-    reason: str
+    reason: Explanation
     at_s: float
     then: Otherwise | Literal[""] = ""
     then_done: bool = False
@@ -85,7 +86,7 @@ class SendRetreat(Command, tag=True):
 class StopRetreat(Command, tag=True):
     robot_id: RobotId
     actor: Actor
-    reason: Name
+    reason: Explanation
 
 
 class EndRetreat(Command, tag=True):

@@ -13,6 +13,7 @@ from harness.contracts.events import (
 )
 from harness.contracts.ids import Digest, invocation_id, request_id
 from harness.contracts.proposals import RecoveryProposal
+from harness.contracts.reasons import because
 from harness.contracts.revision_events import AttestationRecorded
 from harness.contracts.tasks import Node
 from harness.gate.attestation import opened, unattested
@@ -173,8 +174,8 @@ def _beyond(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
         return None
     if rung.cost != cost_of(rung.action):
         return Refused("wrong_cost", f"{rung.action} costs {cost_of(rung.action)}; only a retry is free for a person.")
-    slug, _, why = over_budget(mission, command.intent.node_id, rung.action).partition(": ")
-    return Refused(slug, f"{rung.action} is refused: {why}.") if slug else None
+    why = over_budget(mission, command.intent.node_id, rung.action)
+    return Refused(why.code, because("action_unpaid", action=rung.action, why=why)) if why else None
 
 
 def waited(node: NodeState) -> bool:

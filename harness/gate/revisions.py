@@ -5,6 +5,7 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.events import MissionEvent
 from harness.contracts.ids import NodeId, ProviderId
 from harness.contracts.proposals import RecoveryProposal, Signature
+from harness.contracts.reasons import because
 from harness.contracts.revision_commands import DisputeCompletion, ReviseContract, TightenConstraints
 from harness.contracts.revision_events import (
     CompletionDisputed,
@@ -54,8 +55,8 @@ def _unpaid(mission: Mission, command: ReviseContract) -> Refused | None:
     """With an open failure a plan is a rung like any other; without one it still costs a local_replan."""
     state = mission.of(command.node_id)
     if state.failure is None:
-        slug, _, why = over_budget(mission, command.node_id, "local_replan").partition(": ")
-        return Refused(slug, f"A plan costs a local_replan: {why}.") if slug else None
+        why = over_budget(mission, command.node_id, "local_replan")
+        return Refused(why.code, because("plan_unpaid", why=why)) if why else None
     failure = state.failure.failure
     return first_broken_recovery(
         mission,

@@ -1,6 +1,7 @@
 """Pure: working memory. The active graph and control state, read off the mission's fold; nothing is stored (R136)."""
 
 from harness.contracts.ids import HandoffId, InvocationId, MissionId, NodeId, ProviderId
+from harness.contracts.reasons import Explanation
 from harness.contracts.values import Count, Value
 from harness.projections.mission import Mission, MissionStatus, NodeStatus, eligible, required_contract
 
@@ -16,7 +17,7 @@ class Working(Value):
     acting: InvocationId | None
     provider_id: ProviderId | None
     waiting_for: HandoffId | None
-    vetoes: dict[str, str]
+    vetoes: dict[str, Explanation]
     recovery_left: int
 
 

@@ -4,6 +4,7 @@ from harness.contracts.configuration import RecoveryAction, RecoveryPolicy
 from harness.contracts.decisions import Refused
 from harness.contracts.ids import NodeId
 from harness.contracts.proposals import RecoveryProposal, Signature
+from harness.contracts.reasons import because
 from harness.projections.mission import Mission
 from harness.recovery.standing import (
     Standing,
@@ -52,8 +53,8 @@ def _wrong_word(proposal: RecoveryProposal, standing: Standing) -> Refused | Non
 
 
 def _over_budget(proposal: RecoveryProposal, standing: Standing) -> Refused | None:
-    slug, _, why = unaffordable(proposal.action, standing).partition(": ")
-    return Refused(slug, f"{proposal.action} is refused: {why}.") if slug else None
+    why = unaffordable(proposal.action, standing)
+    return Refused(why.code, because("action_unpaid", action=proposal.action, why=why)) if why else None
 
 
 def _repeated(

@@ -5,6 +5,7 @@ from harness.contracts.decisions import Refused
 from harness.contracts.events import DispatchIntended
 from harness.contracts.handoff_commands import VoidApproval
 from harness.contracts.ids import HandoffId, handoff_stream, mission_stream
+from harness.contracts.reasons import Explanation, because
 from harness.gate.commit import Request
 from harness.projections.mission import Invocation, Mission
 from harness.runtime import Runtime
@@ -30,28 +31,28 @@ def clear_to_send(runtime: Runtime, mission: Mission, invocation: Invocation) ->
     return decision if isinstance(decision, Refused) else None
 
 
-def changed(mission: Mission, invocation: Invocation) -> str:
-    """What an approval was bound to and is no longer so; empty if all of it still holds."""
+def changed(mission: Mission, invocation: Invocation) -> Explanation | None:
+    """What an approval was bound to and is no longer so; None if all of it still holds."""
     intent = invocation.intent
     if mission.status != "active":
-        return f"the mission is {mission.status}"
+        return because("approval_mission_is", status=mission.status)
     if mission.vetoes:
-        return f"vetoed: {'; '.join(mission.vetoes.values())}"
+        return because("stopped_by_veto", vetoes=tuple(mission.vetoes.values()))
     if invocation.stop_requested:
-        return f"a stop was asked for: {invocation.stop_requested}"
+        return because("approval_stop_asked", reason=invocation.stop_requested)
     if mission.k != intent.k_ctx:
-        return f"the mission is at version {mission.k}, the approval was given for {intent.k_ctx}"
-    return ""
+        return because("approval_of_another_version", k=mission.k, approved_k=intent.k_ctx)
+    return None
 
 
 def _stopped(invocation: Invocation) -> Refused | None:
     """What was stopped before it was sent is not sent at all."""
     if not invocation.stop_requested:
         return None
-    return Refused("stopped", f"it was stopped before it was sent: {invocation.stop_requested}")
+    return Refused("stopped", because("stopped_before_sending", reason=invocation.stop_requested))
 
 
-def withdraw(runtime: Runtime, crew: Crew, mission: Mission, *, intent: DispatchIntended, reason: str) -> None:
+def withdraw(runtime: Runtime, crew: Crew, mission: Mission, *, intent: DispatchIntended, reason: Explanation) -> None:
     """The invocation ends unsent and its leases are free; a person's word for it is void, or its effect unknown.
 
     The stage stands where it stood, so that whoever was asked is asked anew.
@@ -61,24 +62,24 @@ def withdraw(runtime: Runtime, crew: Crew, mission: Mission, *, intent: Dispatch
         invocation_id=intent.invocation_id,
         status="cancelled",
         failure=failures[-1].failure if failures else "interrupted",
-        reason=f"never sent: {reason}"[:200],
+        reason=because("never_sent", why=reason),
         at_s=crew.clock.now().mission_s,
     )
     runtime.commit(
         [
             *_void(intent.handoff_id, reason),
             Request(mission_stream(mission.mission_id), ended),
-            *give_back(runtime, Held(crew.robot_id, intent), at_rest=True, reason="it was never sent"),
+            *give_back(runtime, Held(crew.robot_id, intent), at_rest=True, reason=because("it_was_never_sent")),
         ]
     )
 
 
-def _void(handoff_id: HandoffId | None, reason: str) -> list[Request]:
+def _void(handoff_id: HandoffId | None, reason: Explanation) -> list[Request]:
     if handoff_id is None:
         return []
     stream = handoff_stream(handoff_id)
-    lost = "the harness stopped while it was being sent, and the robot knows no such request"
+    lost = because("stopped_while_sending")
     return [
-        Request(stream, VoidApproval(reason=reason[:200])),
+        Request(stream, VoidApproval(reason=reason)),
         Request(stream, RecordEffect(outcome="unknown", reason=lost)),
     ]

@@ -38,6 +38,7 @@ from harness.contracts.handoff_commands import (
 from harness.contracts.handoff_events import HandoffOpened
 from harness.contracts.ids import HandoffId, NodeId, handoff_stream, mission_stream, sha256
 from harness.contracts.proposals import RecoveryProposal
+from harness.contracts.reasons import Explanation, because
 from harness.contracts.revision_commands import RecordAttestation
 from harness.contracts.values import encode
 from harness.gate.commit import Request
@@ -60,7 +61,7 @@ class Desk:
         self._dispatcher = dispatcher
         self._questions = Questions(roles, dispatcher)
 
-    def open(self, mission: Mission, failure: Failure, reason: str, c4: Context) -> None:
+    def open(self, mission: Mission, failure: Failure, reason: Explanation, c4: Context) -> None:
         """The mission waits, and the question with its snapshot stands in a stream of its own: one commit."""
         handoff_id = HandoffId(f"hof_{sha256(f'{mission.mission_id}{mission.version}'.encode())[:12]}")
         snapshot = self._questions.snapshot(mission, failure.node_id)
@@ -135,7 +136,7 @@ class Desk:
             case ClaimHandoff():
                 return self._said(handoff, TakeClaim(actor=command.actor, claim=command.claim))
             case ReleaseHandoff():
-                dropped = DropClaim(actor=command.actor, claim=command.claim, reason="released by its holder")
+                dropped = DropClaim(actor=command.actor, claim=command.claim, reason=because("claim_released"))
                 return self._said(handoff, dropped)
             case OnMyWay():
                 return self._said(handoff, ExtendDeadline(actor=command.actor, reason=command.reason))

@@ -23,6 +23,7 @@ from harness.contracts.ids import (
 )
 from harness.contracts.observations import AnySample
 from harness.contracts.protocol import TERMINAL
+from harness.contracts.reasons import Explanation, because
 from harness.gate.commit import Request
 from harness.projections.control import Control
 from harness.projections.leases import Lease
@@ -71,7 +72,7 @@ class FreeOrder:
 
     resource: ResourceId
     actor: Actor
-    reason: str
+    reason: Explanation
 
 
 def tokens(runtime: Runtime, robot_id: RobotId, resources: tuple[ResourceId, ...]) -> dict[str, int]:
@@ -101,7 +102,7 @@ def holds(runtime: Runtime, robot_id: RobotId, intent: Sent) -> bool:
     return all(lease.status == "held" and lease.invocation_id == intent.invocation_id for lease in leases)
 
 
-def give_back(runtime: Runtime, held: Held, *, at_rest: bool, reason: str) -> list[Request]:
+def give_back(runtime: Runtime, held: Held, *, at_rest: bool, reason: Explanation) -> list[Request]:
     """Release what the invocation holds, or quarantine it while the body may still move."""
     requests, intent = [], held.intent
     for resource in intent.resources:
@@ -122,9 +123,7 @@ def expired(runtime: Runtime, robot_id: RobotId, resources: tuple[ResourceId, ..
     return [
         Request(
             lease_stream(lease.resource),
-            QuarantineLease(
-                invocation_id=lease.invocation_id, reason="the lease expired with its holder unaccounted for"
-            ),
+            QuarantineLease(invocation_id=lease.invocation_id, reason=because("holder_unaccounted_for")),
         )
         for resource in resources
         if (lease := runtime.lease(leased(robot_id, resource))).status == "held" and lease.expires_s < now_s
@@ -140,7 +139,7 @@ def free(runtime: Runtime, mission: Mission, *, static: dict[str, float]) -> lis
     return [
         Request(
             stream,
-            FreeLease(actor=SUPERVISOR, static=static, reason="the stop was acknowledged and the body is static"),
+            FreeLease(actor=SUPERVISOR, static=static, reason=because("stop_shown_static")),
         )
         for stream in runtime.streams("lease/")
         if (lease := runtime.lease(ResourceId(stream.partition("/")[2]))).status == "quarantined"

@@ -12,6 +12,7 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import HandoffId, MissionId, ProviderId, invocation_id, lease_stream, leased, request_id
 from harness.contracts.observations import Pose
 from harness.contracts.protocol import ParameterValue
+from harness.contracts.reasons import Explanation, Reason, because
 from harness.contracts.retreat_events import RETREAT, RetreatIntended, SendRetreat
 from harness.contracts.values import Point
 from harness.gate.commit import Request
@@ -35,7 +36,7 @@ class Order:
     task_id: MissionId
     attempt: int
     actor: Actor
-    reason: str
+    reason: Explanation
     handoff_id: HandoffId | None = None
     mission: Mission | None = None
 
@@ -88,38 +89,38 @@ def sending(intent: RetreatIntended) -> list[Request]:
     return [Request(CONTROL, SendRetreat(intent=intent)), *leases]
 
 
-def hindrance(roles: Roles, *, map_version: str) -> str:
-    """Why a robot must not be on its way now, from its own status and its newest pose; empty if nothing is known."""
+def hindrance(roles: Roles, *, map_version: str) -> Reason | None:
+    """Why a robot must not be on its way now, from its own status and its newest pose; None if nothing is known."""
     status, pose, now_s = roles.senses.status, newest_pose(roles), roles.crew.clock.now().mission_s
     if status is None or now_s - status.at_s > AGE_S:
-        return "The robot's status is unknown or old"
+        return because("robot_status_old")
     if status.hardware_stop:
-        return "The hardware stop is engaged"
+        return because("hardware_stop_engaged")
     if not status.localised or pose is None or now_s - pose.at_s > AGE_S:
-        return "The robot is not localised"
+        return because("robot_not_localised")
     if not status.map_version == pose.map_version == map_version:
-        return f"The robot is on map {status.map_version}, the way on {map_version}"
-    return ""
+        return because("robot_on_another_map", robot_map=status.map_version, way_map=map_version)
+    return None
 
 
 def newest_pose(roles: Roles) -> Pose | None:
     return next((one for one in reversed(roles.senses.recent) if isinstance(one, Pose)), None)
 
 
-def _standing_still(roles: Roles) -> str:
+def _standing_still(roles: Roles) -> Reason | None:
     rest = at_rest(roles.senses.recent, roles.crew.clock.now().mission_s)
-    return "" if rest.static else f"It is not shown at rest: {rest.reason}"
+    return None if rest.static else because("not_shown_at_rest", why=rest.reason)
 
 
-def _vetoed(roles: Roles, order: Order) -> str:
+def _vetoed(roles: Roles, order: Order) -> Reason | None:
     """A veto of any mission that this robot has not ended, and of the one whose question expired."""
     mine = roles.runtime.open_missions(roles.crew.robot_id)
     for mission in [*mine, *([order.mission] if order.mission else [])]:
         for layer, why in sorted(mission.vetoes.items()):
-            return f"{layer} vetoes motion: {why}"
+            return because("motion_vetoed", layer=layer, why=why)
     control: Control = roles.runtime.fold(CONTROL)
     wheel = control.wheels.get(roles.crew.robot_id)
-    return f"{wheel.actor.name} drives it by hand" if wheel else ""
+    return because("driven_by_hand", actor=wheel.actor.name) if wheel else None
 
 
 def _able(roles: Roles, way: Way) -> CapabilityCard | None:

@@ -10,12 +10,14 @@ from harness.contracts.errors import HarnessError, ProviderFailed, ProviderUnrea
 from harness.contracts.ids import Digest, ProviderId
 from harness.contracts.observations import Odometry, Pose
 from harness.contracts.protocol import KEEPALIVE_LOST, TERMINAL, Identity, InvocationReport, StartRequest
+from harness.contracts.reasons import Explanation, Reason, because
 from harness.contracts.retreat_events import (
     RETREAT,
     EndRetreat,
     RetreatEnded,
     RetreatIntended,
     RetreatOutcome,
+    RetreatStopping,
     StopRetreat,
 )
 from harness.gate.commit import Request
@@ -109,21 +111,21 @@ class Returning:
         self._handle = report.handle
         return report
 
-    def _in_the_way(self, retreat: Retreating) -> str:
+    def _in_the_way(self, retreat: Retreating) -> Explanation | None:
         """Why it must not go on: a person's stop, the deadline, the robot's own condition, a lost lease, a veto."""
         intent = retreat.intent
         if retreat.stop is not None:
-            return f"{retreat.stop.actor.name} stopped it: {retreat.stop.reason}"
+            return _stopped_by(retreat.stop)
         if self._crew.clock.now().mission_s > intent.deadline_s:
-            return "its deadline passed"
+            return because("deadline_passed")
         if not holds(self._runtime, self._crew.robot_id, intent):
-            return "its lease was lost"
+            return because("lease_lost")
         return hindrance(self._roles, map_version=intent.map_version)
 
     def _supervise(self, retreat: Retreating, report: InvocationReport, now_s: float) -> float:
         intent, provider = retreat.intent, self._crew.provider(retreat.intent.provider_id)
         if retreat.stop is None:
-            lost = "the supervisor was away for too long" if report.failure == KEEPALIVE_LOST else ""
+            lost = because("supervisor_away_too_long") if report.failure == KEEPALIVE_LOST else None
             reason = lost or self._in_the_way(retreat)
             if reason:
                 asked = StopRetreat(robot_id=intent.robot_id, actor=SUPERVISOR, reason=reason)
@@ -132,7 +134,7 @@ class Returning:
         else:
             self._stopping_since = now_s if self._stopping_since is None else self._stopping_since
             if now_s > self._stopping_since + provider.card.cancel.within_s + ACKNOWLEDGE_S:
-                self._end(intent, "unknown", declared=report.status, reason="its stop was not acknowledged")
+                self._end(intent, "unknown", declared=report.status, reason=because("stop_not_acknowledged"))
                 return now_s
             if report.status != "stopping":
                 provider.stop(report.handle)
@@ -148,33 +150,32 @@ class Returning:
             return now_s + POLL_S
         away, why = self._measured(retreat.intent, now_s)
         said = f"{report.status}{f', {report.failure}' if report.failure else ''}"
-        stopped = f"{retreat.stop.actor.name} stopped it: {retreat.stop.reason}" if retreat.stop else report.message
+        stopped = _stopped_by(retreat.stop) if retreat.stop else report.message
         reached = not why and rest.static
         outcome: RetreatOutcome = "reached" if reached else "short"
-        shown = (
-            f"{away['distance_m']:.2f} m from {retreat.intent.place} by measurement" if reached else why or rest.reason
-        )
-        reason = shown if reached or not stopped else f"{shown}; {stopped}"
+        measured = because("measured_from_place", distance_m=away.get("distance_m", 0.0), place=retreat.intent.place)
+        shown = measured if reached else why or rest.reason
+        reason = shown if reached or not stopped else because("one_and_other", one=shown, other=stopped)
         self._end(retreat.intent, outcome, declared=said, reason=reason, measured=away | rest.measured)
         return now_s
 
-    def _measured(self, intent: RetreatIntended, now_s: float) -> tuple[dict[str, float], str]:
+    def _measured(self, intent: RetreatIntended, now_s: float) -> tuple[dict[str, float], Reason | None]:
         """The furthest of the newest poses from the place, metres, and why that shows no arrival; as D18 tests it."""
         recent = self._roles.senses.recent
         mine = {one.at_s: one for one in recent if isinstance(one, Pose) and one.map_version == intent.map_version}
         poses = [mine[at_s] for at_s in sorted(mine)]
         newest = poses[-SAMPLES:]
         if len(newest) < SAMPLES or now_s - newest[-1].at_s > AGE_S:
-            return {}, "no fresh poses show where the robot stands"
+            return {}, because("no_fresh_poses")
         away_m = max(hypot(one.x_m - intent.target_m[0], one.y_m - intent.target_m[1]) for one in newest)
         measured = {"distance_m": away_m, "bound_m": ARRIVED_M}
         if away_m > ARRIVED_M:
-            return measured, f"{away_m:.2f} m from {intent.place} by measurement"
+            return measured, because("measured_from_place", distance_m=away_m, place=intent.place)
         sources = Sources(poses, [one for one in recent if isinstance(one, Odometry)])
         agreed, since = sources.before_standstill(), sources.since_agreement(departed_s=intent.dispatched_s)
         if agreed is None or not agreed.holds or (since is not None and not since.holds):
-            return measured, "localiser and odometry do not tell the same of the last metres"
-        return measured, ""
+            return measured, because("localiser_and_odometry_differ")
+        return measured, None
 
     def _silence(self, intent: RetreatIntended, now_s: float, reason: str) -> float:
         """No answer: asked again for a while, never sent again; the robot stands by its own dead man meanwhile."""
@@ -195,7 +196,7 @@ class Returning:
                 provider.stop(known.handle)
         except HarnessError as error:
             declared = error.what
-        self._end(intent, "unknown", declared=declared, reason="the harness stopped while it was under way")
+        self._end(intent, "unknown", declared=declared, reason=because("harness_stopped_under_way"))
 
     def _end(
         self,
@@ -203,7 +204,7 @@ class Returning:
         outcome: RetreatOutcome,
         *,
         declared: str,
-        reason: str,
+        reason: Explanation,
         measured: dict[str, float] | None = None,
     ) -> None:
         """The end and the leases in one commit: freed only at rest by odometry, and never where the end is unknown.
@@ -221,16 +222,25 @@ class Returning:
             outcome=outcome,
             declared=declared,
             measured=measured if measured is not None else rest.measured,
-            reason=f"{reason}; {done.reason}" if done else reason,
+            reason=because("one_and_other", one=reason, other=done.reason) if done else reason,
             at_s=now_s,
             then=intent.otherwise if done else "",
             then_done=done is not None and done.done,
         )
-        freed = give_back(self._runtime, Held(self._crew.robot_id, intent), at_rest=free, reason=f"retreat: {outcome}")
+        freed = give_back(
+            self._runtime,
+            Held(self._crew.robot_id, intent),
+            at_rest=free,
+            reason=because("retreat_over", outcome=outcome),
+        )
         self._runtime.commit([Request(CONTROL, EndRetreat(ended=ended)), *freed])
         self._handle = self._found = None
         self._sent = False
         self._silent_since = self._stopping_since = self._ended_since = None
+
+
+def _stopped_by(stop: RetreatStopping) -> Reason:
+    return because("stopped_by", actor=stop.actor.name, reason=stop.reason)
 
 
 def _request(intent: RetreatIntended) -> StartRequest:

@@ -12,6 +12,7 @@ from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.errors import HarnessError, StoreUnavailable, UnknownName
 from harness.contracts.handoff_commands import PersonCommand
 from harness.contracts.ids import MissionId, ResourceId, RobotId
+from harness.contracts.reasons import because
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from harness.supervisor.agent_loop import AgentLoop
@@ -55,7 +56,7 @@ class Supervisor:
         for mission in self._runtime.open_missions():
             if mission.replay:
                 self._runtime.submit(
-                    mission.mission_id, EndMission(status="failed", reason="the replay was interrupted")
+                    mission.mission_id, EndMission(status="failed", reason=because("replay_interrupted"))
                 )
 
     def run(self, mission_id: MissionId, *, watch: Callable[[Mission], None] | None = None) -> Mission:

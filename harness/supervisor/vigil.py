@@ -8,6 +8,7 @@ from harness.contracts.handoff_commands import DropClaim, Escalate, RecordNoAnsw
 from harness.contracts.handoff_events import HandoffExpired
 from harness.contracts.ids import HandoffId, RobotId, handoff_stream, leased, mission_stream
 from harness.contracts.places import Otherwise
+from harness.contracts.reasons import Explanation, because
 from harness.contracts.retreat_events import RetreatIntended
 from harness.gate.claims import due_levels, live_claim
 from harness.gate.commit import Request
@@ -24,9 +25,9 @@ RECENT = 20
 """How far back a start looks for a question whose end was cut off: one robot has one at a time."""
 TIMEOUT = Actor(name="nobody", role="harness", channel="timeout")
 MEANT = {
-    "hold": "stays where it is",
-    "lie_down": "lies down where it is",
-    "retreat": "goes to its safe place if it can, as authorised before",
+    "hold": because("unanswered_stays"),
+    "lie_down": because("unanswered_lies_down"),
+    "retreat": because("unanswered_retreats"),
 }
 
 
@@ -45,7 +46,7 @@ class Vigil:
         handoff = self._runtime.handoff(mission.handoff_id)
         now_s = self._crew.clock.now().wall_s
         if handoff.claim is not None and live_claim(handoff, now_s) is None:
-            lapsed = DropClaim(actor=TIMEOUT, claim=handoff.claim.claim, reason="the claim was not renewed")
+            lapsed = DropClaim(actor=TIMEOUT, claim=handoff.claim.claim, reason=because("claim_not_renewed"))
             self._runtime.commit([Request(handoff_stream(handoff.handoff_id), lapsed)])
             handoff = self._runtime.handoff(mission.handoff_id)
         for level in due_levels(handoff, now_s):
@@ -53,7 +54,7 @@ class Vigil:
         if handoff.answerable and handoff.opened is not None and now_s >= handoff.opened.deadline_at_s:
             self._expire(mission, handoff)
 
-    def supersede(self, mission: Mission, reason: str) -> None:
+    def supersede(self, mission: Mission, reason: Explanation) -> None:
         """The question fell away: the mission was stopped another way."""
         if mission.handoff_id is None:
             return
@@ -72,7 +73,7 @@ class Vigil:
             handoff_id=handoff.handoff_id,
             decision="expired",
             actor=TIMEOUT,
-            reason=f"nobody answered in time; the robot {MEANT[no_answer]}",
+            reason=MEANT[no_answer],
         )
         expiring = [
             Request(handoff_stream(handoff.handoff_id), ExpireHandoff()),
@@ -94,13 +95,13 @@ class Vigil:
         Whoever paused the mission, or lets nothing move without a person, said so later than the site file did.
         """
         if mission.status == "paused" or mission.level == "manual":
-            why = "was paused" if mission.status == "paused" else "moves only where a person approves"
-            return Refused("held", f"The mission {why}.")
+            held = because("held_by_pause") if mission.status == "paused" else because("held_by_autonomy")
+            return Refused("held", held)
         order = Order(
             task_id=mission.mission_id,
             attempt=1,
             actor=TIMEOUT,
-            reason="nobody answered in time",
+            reason=because("nobody_answered"),
             handoff_id=handoff.handoff_id,
             mission=mission,
         )
@@ -132,9 +133,11 @@ class Vigil:
             return RecordNoAnswer(action="retreat", done=rest.static, measured=rest.measured, reason=instead.message)
         action: Otherwise = ((opened.otherwise if opened else "") or "hold") if wanted == "retreat" else wanted
         settled = settle(self._crew, action, rest=rest, token=self._newest_token())
-        why = instead.message if instead else "The harness stopped before a retreat could be sent."
-        said = f"No retreat: {why} Instead: {settled.reason}" if wanted == "retreat" else settled.reason
-        return RecordNoAnswer(action=action, done=settled.done, measured=rest.measured, reason=said[:200])
+        why = instead.message if instead else because("retreat_not_sent")
+        reason = settled.reason
+        if wanted == "retreat":
+            reason = because("no_retreat_instead", why=why, instead=settled.reason)
+        return RecordNoAnswer(action=action, done=settled.done, measured=rest.measured, reason=reason)
 
     def _newest_token(self) -> int:
         """The fencing token of whoever moved this robot last: a posture is ordered in its turn."""
@@ -149,8 +152,8 @@ def told(retreat: Retreating) -> RecordNoAnswer:
         raise ValueError(f"retreat {retreat.intent.invocation_id} has not ended")
     done = ended.outcome == "reached" or (ended.outcome == "short" and ended.then_done)
     action = ended.then if ended.outcome == "short" and ended.then else "retreat"
-    reason = f"{ended.outcome}: {ended.reason}; declared {ended.declared}, accepted as nothing"
-    return RecordNoAnswer(action=action, done=done, measured=ended.measured, reason=reason[:200])
+    reason = because("retreat_ended", outcome=ended.outcome, reason=ended.reason, declared=ended.declared)
+    return RecordNoAnswer(action=action, done=done, measured=ended.measured, reason=reason)
 
 
 def overlooked(runtime: Runtime, robot_id: RobotId) -> list[Handoff]:

@@ -17,6 +17,7 @@ from harness.contracts.decisions import Refused
 from harness.contracts.errors import HarnessError
 from harness.contracts.ids import Digest, InvocationId, MissionId, ResourceId, RobotId, StreamId, lease_stream, leased
 from harness.contracts.protocol import PhysicalStart
+from harness.contracts.reasons import plain
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Value
 from harness.projections.mission import Mission
@@ -103,7 +104,7 @@ def begun(harness: Harness, situation: Situation, seed: int) -> MissionId:
     start = Start(actor=ASKING, robot_id=ROBOT, template=situation.template, seed=seed, labels=labels)
     decision = harness.runtime.start(start)
     if isinstance(decision, Refused):
-        raise HarnessError(decision.message, where=f"template {situation.template}", do="correct the suite")
+        raise HarnessError(plain(decision.message), where=f"template {situation.template}", do="correct the suite")
     return harness.runtime.missions()[0].mission_id
 
 

@@ -9,6 +9,7 @@ from urllib.parse import quote
 import pytest
 from fastapi.testclient import TestClient
 
+from app.reasons.rendering import sentence
 from app.security import PAGE_POLICY
 from harness.contracts.ids import MissionId
 from harness.projections.mission import Mission
@@ -196,7 +197,7 @@ def test_events_are_searched_by_word_and_family_and_paged(operator: TestClient, 
     people = operator.get(f"{base}?family=person").text
     assert "MissionCreated" in people
     assert "VerdictRecorded" not in people
-    assert "None of the" in operator.get(f"{base}?q=zebra").text
+    assert "None of the" in sentence(operator.get(f"{base}?q=zebra").text)
     later = operator.get(f"{base}?after=20").text
     assert "e-20<" not in later
     assert "First page" in later
@@ -246,7 +247,7 @@ def test_an_event_page_shows_what_is_stored_with_its_place_in_the_chain(
 
 def test_search_and_filter_stand_in_the_address(operator: TestClient, mission: Mission) -> None:
     assert mission.mission_id in operator.get("/missions?q=storage&status=succeeded").text
-    assert "None of the" in operator.get("/missions?q=nowhere").text
+    assert "None of the" in sentence(operator.get("/missions?q=nowhere").text)
     assert mission.mission_id not in operator.get("/missions?status=waiting").text
 
 

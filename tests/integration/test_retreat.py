@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
+from app.reasons.rendering import sentence
 from campaigns.races import opened_gates, together
 from harness.adapters.providers.simulation.faults import FaultPlan, parse_faults
 from harness.auditing.replay import replay_mission
@@ -99,7 +100,7 @@ def test_a_way_that_is_blocked_ends_short_and_the_robot_lies_down_there_instead(
         asked.run()
         told, ended = taken(asked), newest(asked).ended
         assert ended is not None and ended.outcome == "short" and ended.measured["distance_m"] > 0.4
-        assert (told.action, told.done) == ("lie_down", True) and "short" in told.reason
+        assert (told.action, told.done) == ("lie_down", True) and "short" in sentence(told.reason)
         assert asked.robot.status().posture == "lying"
         assert len(sent(asked)) == 1 and asked.runtime.lease(BASE).status == "free"
 
@@ -118,7 +119,7 @@ def test_where_it_must_not_move_nothing_is_sent_and_the_robot_does_otherwise(wha
         assert sent(asked) == []
         told = taken(asked)
         assert (told.action, told.done) == ("lie_down", True)
-        assert told.reason.startswith("No retreat: ") and "lying" in told.reason
+        assert sentence(told.reason).startswith("No retreat: ") and "lying" in sentence(told.reason)
 
 
 def hinder(asked: Waiting, what: str) -> None:
@@ -166,7 +167,7 @@ def test_a_person_stops_a_retreat_and_its_stop_is_acknowledged() -> None:
         asked.run()
         ended, told = newest(asked).ended, taken(asked)
         assert ended is not None and (ended.outcome, ended.declared) == ("short", "cancelled")
-        assert "bob stopped it: somebody is in the way" in told.reason and told.action == "lie_down"
+        assert "bob stopped it: somebody is in the way" in sentence(told.reason) and told.action == "lie_down"
         assert asked.runtime.lease(BASE).status == "free"
 
 
@@ -220,7 +221,7 @@ def test_poses_at_the_place_that_odometry_belies_show_no_arrival() -> None:
         asked.run()
         ended = newest(asked).ended
         assert ended is not None and ended.measured["distance_m"] == 0.0
-        assert ended.outcome == "short" and "do not tell the same" in ended.reason
+        assert ended.outcome == "short" and "do not tell the same" in sentence(ended.reason)
 
 
 def test_a_robot_that_stands_at_its_safe_place_already_is_not_sent_anywhere() -> None:
@@ -229,7 +230,7 @@ def test_a_robot_that_stands_at_its_safe_place_already_is_not_sent_anywhere() ->
         asked.harness.clock.wait_until(asked.harness.clock.now().mission_s + 4.0)
         asked.pass_s(LATE_S)
         told = taken(asked)
-        assert (told.action, told.done) == ("retreat", True) and "already stands" in told.reason
+        assert (told.action, told.done) == ("retreat", True) and "already stands" in sentence(told.reason)
         assert sent(asked) == []
 
 
@@ -372,7 +373,7 @@ def test_where_the_zone_has_no_safe_place_it_lies_down_and_the_log_says_why() ->
         assert isinstance(asked.harness.wheel.to_safety(ROBOT, actor=BOB, reason="enough"), Accepted)
         assert sent(asked) == [] and asked.robot.status().posture == "lying"
         told = [HOUSE.codec.decode(one) for one in asked.runtime.stream(CONTROL)]
-        assert isinstance(told[-1], PostureOrdered) and "declares no safe place" in told[-1].reason
+        assert isinstance(told[-1], PostureOrdered) and "declares no safe place" in sentence(told[-1].reason)
 
 
 def stopped(asked: Waiting) -> None:
