@@ -51,7 +51,7 @@ def plain(reason: Explanation) -> str:
     """`code (name value, name value)`: a reason where nobody's language is known, in logs and in exceptions."""
     if isinstance(reason, str):
         return reason
-    facts = ", ".join(f"{name} {_plain(value)}" for name, value in reason.facts.items())
+    facts = ", ".join(f"{name} {_plain(value)}" for name, value in sorted(reason.facts.items()))
     return f"{reason.code} ({facts})" if facts else reason.code
 
 

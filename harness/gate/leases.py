@@ -6,6 +6,7 @@ from harness.contracts.commands import AcquireLease, FreeLease, LeaseCommand, Qu
 from harness.contracts.decider import Codec, Decider
 from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.lease_events import LeaseAcquired, LeaseEvent, LeaseFreed, LeaseQuarantined, LeaseReleased
+from harness.contracts.reasons import plain
 from harness.contracts.values import Moment
 from harness.projections.leases import Lease, apply
 
@@ -39,7 +40,7 @@ def _acquire(lease: Lease, command: AcquireLease) -> Decision[LeaseEvent]:
     if lease.status == "held":
         return Refused("lease_held", f"{command.resource} is held by {lease.invocation_id} of {lease.mission_id}.")
     if lease.status == "quarantined":
-        return Refused("lease_quarantined", f"{command.resource} is quarantined: {lease.reason}")
+        return Refused("lease_quarantined", f"{command.resource} is quarantined: {plain(lease.reason)}")
     if command.token != lease.token + 1:
         return Refused("stale_token", f"Fencing token {command.token} is not the next after {lease.token}.")
     acquired = LeaseAcquired(

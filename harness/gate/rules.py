@@ -8,15 +8,19 @@ from collections.abc import Callable
 
 from harness.contracts.evidence import EvidencePacket
 from harness.contracts.ids import packet_id
+from harness.contracts.reasons import Explanation, because, several
 from harness.contracts.verdicts import NodeVerdict, strictest
 from harness.projections.mission import Mission, required_contract
 
-Rule = Callable[[Mission, EvidencePacket, NodeVerdict], str]
+Rule = Callable[[Mission, EvidencePacket, NodeVerdict], Explanation]
 
 
-def vetoed(mission: Mission, packet: EvidencePacket, verdict: NodeVerdict) -> str:
+def vetoed(mission: Mission, packet: EvidencePacket, verdict: NodeVerdict) -> Explanation:
     """A raised veto stands until its own layer clears it (R43)."""
-    return "; ".join(f"{layer} vetoed: {reason}" for layer, reason in sorted(mission.vetoes.items()))
+    return (
+        several([because("layer_vetoed", layer=layer, reason=why) for layer, why in sorted(mission.vetoes.items())])
+        or ""
+    )
 
 
 def wrong_identity(mission: Mission, packet: EvidencePacket, verdict: NodeVerdict) -> str:
@@ -69,13 +73,17 @@ def uncovered_condition(mission: Mission, packet: EvidencePacket, verdict: NodeV
     return "; ".join(parts)
 
 
-def not_satisfied(mission: Mission, packet: EvidencePacket, verdict: NodeVerdict) -> str:
+def not_satisfied(mission: Mission, packet: EvidencePacket, verdict: NodeVerdict) -> Explanation:
     """Only satisfied advances, and the verdict is no better than its worst condition (R34, R45)."""
     worst = strictest(tuple(result.verdict for result in verdict.results))
     if verdict.verdict == "satisfied" and worst == "satisfied":
         return ""
-    failing = [f"{r.text}: {r.verdict}, {r.reason}" for r in verdict.results if r.verdict != "satisfied"]
-    return f"The verdict is {strictest((verdict.verdict, worst))}. " + "; ".join(failing)
+    failing = tuple(
+        because("condition_is", text=one.text, verdict=one.verdict, reason=one.reason)
+        for one in verdict.results
+        if one.verdict != "satisfied"
+    )
+    return because("verdict_is", verdict=strictest((verdict.verdict, worst)), reasons=failing)
 
 
 def execution_failed(mission: Mission, packet: EvidencePacket, verdict: NodeVerdict) -> str:
@@ -109,7 +117,7 @@ GATE_RULES: tuple[Rule, ...] = (
 
 def first_broken(
     rules: tuple[Rule, ...], mission: Mission, packet: EvidencePacket, verdict: NodeVerdict
-) -> tuple[str, str] | None:
+) -> tuple[str, Explanation] | None:
     """Name and message of the first rule that refuses, or None."""
     for rule in rules:
         if message := rule(mission, packet, verdict):

@@ -13,6 +13,7 @@ import msgspec
 
 from harness.contracts.decisions import Refused
 from harness.contracts.ids import NodeId
+from harness.contracts.reasons import plain
 from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import Value
 
@@ -78,7 +79,7 @@ def decomposed(planner: StagePlanner, *, goal: str, template: TaskTemplate) -> D
         return Decomposed(_ordered(template, one_after_another(goal, template)), planner.name, None, why)
     broken = stage_plan_refusal(plan, template=template)
     taken = one_after_another(goal, template) if broken else plan
-    refused = f"{broken.rule}: {broken.message}" if broken else ""
+    refused = f"{broken.rule}: {plain(broken.message)}" if broken else ""
     return Decomposed(_ordered(template, taken), planner.name, plan, refused)
 
 

@@ -20,6 +20,7 @@ from harness.contracts.events import (
 from harness.contracts.evidence import EvidencePacket
 from harness.contracts.observations import AnySample, Odometry, Pose
 from harness.contracts.ports import Robot
+from harness.contracts.reasons import plain
 from harness.contracts.tasks import TaskContract
 from harness.projections.mission import Mission, required_contract
 
@@ -132,7 +133,7 @@ def _rejections(events: Sequence[AnyEvent]) -> Iterable[dict[str, Any]]:
                 "node_id": event.node_id,
                 "at_s": packet.collected_s,
                 "requests": _requests(packet, packets),
-                "why": f"{event.rule}: {event.message}",
+                "why": f"{event.rule}: {plain(event.message)}",
                 "finished": packet.terminal == "succeeded",
             }
         elif isinstance(event, FailureClassified) and event.invocation_id in open_requests:
@@ -140,7 +141,7 @@ def _rejections(events: Sequence[AnyEvent]) -> Iterable[dict[str, Any]]:
                 "node_id": event.node_id,
                 "at_s": event.at_s,
                 "requests": [open_requests[event.invocation_id]],
-                "why": f"{event.failure}: {event.reason}",
+                "why": f"{event.failure}: {plain(event.reason)}",
                 "finished": False,
             }
 
