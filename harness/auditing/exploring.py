@@ -55,11 +55,13 @@ def target_differences(runtime: Runtime, mission: Mission, choice: TargetChoice,
     said = nearest_edge(question) if answer.planner == NEAREST_EDGE.name else answer.said
     silent: Explanation = answer.refused if answer.said is None else ""
     again = settled(answer.planner, said, refused=silent, question=question, grid=grid)
-    if not same(again, answer):
+    if not same(again, answer, old=True):
         found.append(f"the target was {_place(answer)}; derived again it is {_place(again)}")
     admitted = (answer.chosen.target_m, answer.chosen.reason) if answer.chosen else None
     made = (admitted, answer.refused, answer.planner, question.image, question.map)
-    if not same(((choice.target_m, choice.reason), choice.refused, choice.planner, choice.image, choice.map), made):
+    if not same(
+        ((choice.target_m, choice.reason), choice.refused, choice.planner, choice.image, choice.map), made, old=True
+    ):
         found.append("the choice that was bound is not the one that was made")
     return found
 

@@ -52,6 +52,7 @@ class Roles:
 
     def __init__(self, runtime: Runtime) -> None:
         self._runtime = runtime
+        self.old = False
         self.derived = dict.fromkeys((*ROLES, "unanswered"), 0)
 
     def differences(self, mission: Mission, event: MissionEvent) -> Iterator[str]:
@@ -102,7 +103,7 @@ class Roles:
                 raise Differs(f"the plan was taken up; derived again it is refused: {refused.message}")
             expected = (said.node_id, said.reason)
         self.derived["plans"] += 1
-        if not same(expected, (event.node_id, event.reason)):
+        if not same(expected, (event.node_id, event.reason), old=self.old):
             raise Differs(f"C1 led to {event.node_id}; derived again it leads to {expected[0]}")
 
     def _policy(self, pinned: Digest, event: ContractCompiled | ContractRecompiled) -> None:
@@ -120,7 +121,7 @@ class Roles:
             raise Differs(f"it was not routed under configuration {mission.configuration[:12]}, the mission's own")
         again = question.answer()
         self.derived["routings"] += 1
-        if not same(again, stored):
+        if not same(again, stored, old=self.old):
             raise Differs(f"routing chose {stored.chosen}; again it chooses {again.chosen} or scores otherwise")
         if again.chosen != event.provider_id:
             raise Differs(f"routing chose {again.chosen}; {event.provider_id} was sent")
@@ -140,13 +141,13 @@ class Roles:
                 raise Differs(f"no verifier answered, and yet the verdict is {stored.verdict}")
             return
         self.derived["verdicts"] += 1
-        if not same(again, stored):
+        if not same(again, stored, old=self.old):
             raise Differs(f"the verdict was {stored.verdict}; derived again it is {again.verdict}")
 
     def _goal(self, event: GoalVerified) -> None:
         again = verify_goal(self._stored(event.verdict.context, Context), self._runtime.blob)
         self.derived["goals"] += 1
-        if not same(again, event.verdict):
+        if not same(again, event.verdict, old=self.old):
             raise Differs(f"the goal verdict was {event.verdict.verdict}; derived again it is {again.verdict}")
 
     def _recovery(self, event: RecoveryAuthorised) -> None:
@@ -156,7 +157,7 @@ class Roles:
         again = recover(self._stored(event.context, Context))
         self.derived["recoveries"] += 1
         taken = (event.action, event.failure, event.cost, event.reason)
-        if not same((again.action, again.failure, again.cost, again.reason), taken):
+        if not same((again.action, again.failure, again.cost, again.reason), taken, old=self.old):
             raise Differs(f"C4 led to {event.action}; derived again it leads to {again.action} ({plain(again.reason)})")
 
     def _escalation(self, event: HandoffRequested | NodeFailed) -> None:
