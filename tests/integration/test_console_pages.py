@@ -67,7 +67,7 @@ def test_every_page_answers(operator: TestClient, mission: Mission) -> None:
 
 def test_the_mission_page_shows_report_verdicts_and_rules(operator: TestClient, mission: Mission) -> None:
     text = operator.get(f"/missions/{mission.mission_id}").text
-    assert mission.report in text
+    assert sentence(mission.report) in text
     assert text.count('data-state="committed"') >= 14
     assert text.count("<h2") >= 8
 
@@ -180,7 +180,7 @@ def test_the_report_labels_every_word_and_stands_at_a_place_in_the_log(
     text = html.unescape(operator.get(f"/missions/{mission.mission_id}/report").text)
     newest = stand.harness.runtime.events(mission.mission_id)[-1]
     assert newest.digest in text
-    assert mission.report in text
+    assert sentence(mission.report) in text
     for label in ("declared", "measured", "accepted", "a service's word, not a measurement", "not proof of the truth"):
         assert label in text
     assert text.count("<img") == 8
