@@ -10,6 +10,7 @@ COPY pyproject.toml README.md LICENSE ./
 COPY app app
 COPY harness harness
 COPY rsi_reviews rsi_reviews
+COPY simulator simulator
 COPY templates templates
 COPY static static
 COPY locale locale

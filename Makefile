@@ -48,18 +48,18 @@ ledger-mutants: install-test ## break what the ledger marks name and expect red 
 	@$(BIN)/python -m tools.mutants --count $(MUTANTS) --seed $(SEED)
 
 bench: install-test ## every benchmark, beside its peers in .bench/peers (docs/performance.md)
-	@benchmarks/peers.sh
-	@$(BIN)/python -m benchmarks
+	@experiments/benchmarks/peers.sh
+	@$(BIN)/python -m experiments.benchmarks
 	@for bench in append analysis_scenes memory_queries; do \
-	    if [ -f benchmarks/$$bench.py ]; then echo "== $$bench"; PYTHONPATH=. $(BIN)/python benchmarks/$$bench.py; fi; done
+	    if [ -f experiments/benchmarks/$$bench.py ]; then echo "== $$bench"; PYTHONPATH=. $(BIN)/python experiments/benchmarks/$$bench.py; fi; done
 
 campaign: install-test ## every fault campaign: CAMPAIGN_MISSIONS=100000 CAMPAIGN_SEED=1; a smaller one leaves docs/ alone
-	@$(BIN)/python -m campaigns run
+	@$(BIN)/python -m experiments.campaigns run
 
 lock: ## resolve both locks anew: universal, with hashes, without any index address
 	@tools/lock.sh
 
-sbom: install ## the software bill of materials: build/regenharness.cdx.json (CycloneDX)
+sbom: install-test ## the software bill of materials: build/regenharness.cdx.json (CycloneDX)
 	@$(BIN)/python -m tools.sbom
 
 clean: ## forget the environment, caches and artefacts (./var stays)

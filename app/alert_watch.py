@@ -6,8 +6,6 @@ It stands beside the supervisor: nothing waits for it, and what it meets becomes
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
-from logging import getLogger
-from threading import Event, Thread
 
 from msgspec.structs import replace as changed
 
@@ -17,20 +15,22 @@ from harness.contracts.alert_commands import ClearAlert, RaiseAlert
 from harness.contracts.alert_events import AlertRaised, Occurrence, alert_id, alert_stream
 from harness.contracts.decider import Codec
 from harness.contracts.decisions import Accepted
-from harness.contracts.errors import BlobDamaged, HarnessError, LogDamaged, ProviderUnreachable, UnknownName
+from harness.contracts.errors import BlobDamaged, LogDamaged, ProviderUnreachable, UnknownName
 from harness.contracts.events import MissionEnded, MissionEvent
 from harness.contracts.handoff_events import HandoffEvent
 from harness.contracts.ids import Digest, HandoffId, MissionId, RobotId
+from harness.contracts.memory import Mark
 from harness.contracts.ports import StoredEvent
 from harness.contracts.protocol import PhysicalStart
+from harness.followers import Follower, beginning
 from harness.projections import alert_causes as causes
 from harness.projections.alerts import Alert
 from harness.runtime import Runtime
+from harness.workers import Worker
 from rsi_reviews.events import ConfigurationQuarantined
 
-LOG = getLogger(__name__)
 STEP_S = 1.0
-BATCH = 1000
+FOLD = "alerts"
 BLOBS_PER_STEP = 4
 VERIFIED_EVERY_S = 3600.0
 LOW_DISK_BYTES = 1024**3
@@ -75,23 +75,24 @@ class AlertWatch:
     alerts: Alerts
     watched: Watched
     tell: Raised = unheard
-    _position: int = -1
+    _mark: Mark | None = None
     _troubles: dict[str, _Trouble] = field(default_factory=dict)
     _unread: dict[MissionId, causes.About] = field(default_factory=dict)
-    _halt: Event = field(default_factory=Event)
-    _thread: Thread | None = None
+    _worker: Worker = field(init=False)
+    _follower: Follower = field(init=False)
     _blobs: Iterator[Digest] = field(default_factory=lambda: iter(()))
     _verified_s: float = float("-inf")
 
+    def __post_init__(self) -> None:
+        self._worker = Worker("alerts", self.step, every_s=STEP_S)
+        self._follower = Follower(self, head=self.runtime.head, read=self.runtime.log, fold=FOLD)
+
     def watch(self) -> None:
         """From now on, in the background."""
-        self._thread = Thread(target=self._work, name="alerts", daemon=True)
-        self._thread.start()
+        self._worker.start()
 
     def close(self) -> None:
-        self._halt.set()
-        if self._thread is not None:
-            self._thread.join(timeout=5.0)
+        self._worker.close()
 
     def step(self) -> None:
         """Take in the log to its head, then look at robots, disk, log and some blobs."""
@@ -102,17 +103,29 @@ class AlertWatch:
 
     def follow(self) -> None:
         """Raise and clear what the log tells; what an earlier run of this told adds nothing."""
-        if self._position < 0:
-            self._position = max((alert.told for _, alert in self.alerts.all()), default=0)
-        while fresh := self.runtime.log(self._position, BATCH):
-            oldest_s = self.watched.clock() - OLD_S
-            for stored in fresh:
-                if stored.recorded_s >= oldest_s and stored.kind in TELLING:
-                    self._take(stored)
-            self._position = fresh[-1].position
+        self._follower.catch_up()
         for mission_id, about in tuple(self._unread.items()):
             if not self._standing(causes.link_cause(about.robot_id)):
                 self._journal(mission_id)
+
+    def mark(self) -> Mark:
+        """How far the log was followed; at first, to the newest event that an alert was raised from."""
+        if self._mark is None:
+            told = max((alert.told for _, alert in self.alerts.all()), default=0)
+            self._mark = self._follower.mark_at(self.runtime.log(told - 1, 1)[0]) if told else beginning(FOLD)
+        return self._mark
+
+    def take(self, fresh: Sequence[StoredEvent], *, after: Mark, upto: Mark) -> None:
+        """Raise and clear what these events tell; told once more, they add nothing."""
+        oldest_s = self.watched.clock() - OLD_S
+        for stored in fresh:
+            if stored.recorded_s >= oldest_s and stored.kind in TELLING:
+                self._take(stored)
+        self._mark = upto
+
+    def clear(self) -> None:
+        """Follow the log from its beginning."""
+        self._mark = beginning(FOLD)
 
     def ask(self, cause: str, command: RaiseAlert | ClearAlert) -> None:
         """One request to the gate; a refusal means there was nothing to clear."""
@@ -123,13 +136,6 @@ class AlertWatch:
         decision = self.runtime.decide([(stream, command)])
         if isinstance(decision, Accepted) and any(isinstance(event, AlertRaised) for event in decision.events):
             self.tell(name, self.runtime.fold(stream))
-
-    def _work(self) -> None:
-        while not self._halt.wait(STEP_S):
-            try:
-                self.step()
-            except HarnessError as error:
-                LOG.warning("alert_watch_failed code=%s %s", error.code, error)
 
     # the log --------------------------------------------------------------------------------------------------------
 

@@ -1,39 +1,30 @@
-"""Asked again inside every commit: may whoever gave this word still give it? Accounts can change while it waits."""
-
-from typing import Any
+"""Asked again inside every commit: may whoever gave this command still give it? Accounts can change while it waits."""
 
 from app.accounts import Accounts
-from app.permissions import Permission, permissions_of
-from app.reviewing import WORDS as AT_THE_DESK
-from harness.contracts.actors import Actor
-from harness.contracts.decisions import Authority, Refused
-
-WORDS: dict[str, Permission] = {
-    "ApproveHandoff": "decide",
-    "RejectHandoff": "decide",
-    "AttestHandoff": "attest",
-    "TakeClaim": "decide",
-    "ExtendDeadline": "decide",
-    "TakeControl": "decide",
-    "ReturnControl": "decide",
-    "CloseQuestion": "decide",
-    "MarkDispatched": "decide",
-    **AT_THE_DESK,
-}
-"""What a person's word at a gate needs, by the command that carries it there."""
+from app.command_permissions import HARNESS_COMMANDS, PERMISSIONS, giver
+from app.permissions import permissions_of
+from harness.contracts.actors import Command
+from harness.contracts.decisions import Authority, Refused, refused
 
 
 def authority(accounts: Accounts) -> Authority:
-    """Refuses the word of somebody whose account was disabled or lost the role. Who has no account came another way."""
+    """Refuses a command of somebody whose account was disabled or lost the role, and one that no table names.
 
-    def still(command: Any) -> Refused | None:
-        needed = WORDS.get(type(command).__name__)
-        actor: Actor | None = getattr(command, "actor", None)
-        if needed is None or actor is None or actor.channel != "human":
+    Who has no account came another way: with the owner's token or by the first link.
+    """
+
+    def still(command: Command) -> Refused | None:
+        if type(command) in HARNESS_COMMANDS:
+            return None
+        needed = PERMISSIONS.get(type(command))
+        if needed is None:
+            return refused("no_permission_declared", command=type(command).__name__)
+        actor = giver(command)
+        if actor is None or actor.channel != "human":
             return None
         account = accounts.store.account(actor.name)
         if account is None or (not account.disabled and needed in permissions_of(account.roles)):
             return None
-        return Refused("role_revoked", f"{actor.name} may no longer decide this: their role was taken back.")
+        return refused("role_revoked", actor=actor.name)
 
     return still

@@ -1,6 +1,5 @@
 """What every room of the console shares: the runtime, the doors, the scenes, and how a page is put together."""
 
-from collections import OrderedDict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -8,12 +7,14 @@ from threading import Lock
 from typing import Annotated, Protocol, TypeVar
 
 import msgspec
+from cachetools import LRUCache
 from fastapi import Depends, Request
 
 from app.alerts import Alerts
 from app.doors import Doors
 from app.evaluated import Evaluated
 from app.fleet import Fleet, no_fleet
+from app.guard import GuardedRuntime
 from app.history import Histories
 from app.issuer_door import IssuerDoor
 from app.lists import Lists
@@ -40,7 +41,6 @@ from harness.contracts.protocol import DriveReport, PhysicalStart
 from harness.projections.control import Control
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
-from harness.runtime import Runtime
 
 Cards = Callable[[], Iterable[CapabilityCard]]
 Dossier = Callable[[MissionId, Path, str], object]
@@ -81,7 +81,7 @@ class OneUse:
     """Remembers what the newest one-use keys led to, so that a form sent twice acts once."""
 
     def __init__(self) -> None:
-        self._results: OrderedDict[str, str] = OrderedDict()
+        self._results: LRUCache[str, str] = LRUCache(SPENT_KEYS)
         self._lock = Lock()
 
     def once(self, key: str, act: Callable[[], str]) -> str:
@@ -89,8 +89,6 @@ class OneUse:
         with self._lock:
             if key not in self._results:
                 self._results[key] = act()
-                while len(self._results) > SPENT_KEYS:
-                    self._results.popitem(last=False)
             return self._results[key]
 
 
@@ -98,7 +96,7 @@ class OneUse:
 class Console:
     """One running console."""
 
-    runtime: Runtime
+    runtime: GuardedRuntime
     settings: ConsoleSettings
     broker: SignalBroker
     scenes: Scenes

@@ -1,59 +1,75 @@
-"""Follows the log for the review desk: ended canary missions are taken in, and this console takes a new pointer up."""
+"""Follows the log for the release service: takes ended canary missions in, has this console take a new pointer up."""
 
-import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from threading import Event, Thread
 
-from harness.contracts.errors import HarnessError
 from harness.contracts.ids import MissionId
+from harness.contracts.memory import Mark
+from harness.contracts.ports import Head, StoredEvent
+from harness.followers import Follower, beginning
+from harness.workers import Worker
 from rsi_reviews.desk import Desk
 
-LOG = logging.getLogger(__name__)
 STEP_S = 1.0
+FOLD = "releases"
 WORKER = "console"
 
 
 @dataclass
 class DeskWatch:
-    """`step` looks once; `watch` does so again and again. `position` is the log's end, `first` is done once before.
+    """`step` looks once; `watch` does so again and again. `head` is the log's end, `first` is done once before.
 
-    `duplicate_starts`: physical starts beyond the first of one request, from the robots' own journals.
+    `duplicate_starts`: physical starts beyond the first of one request, from the robots' own journals. What the log
+    holds already when this begins is looked at once, as a whole; from then on only what was appended since is read.
     """
 
     desk: Desk
-    position: Callable[[], int]
+    head: Callable[[], Head]
+    read: Callable[[int, int], Sequence[StoredEvent]]
     duplicate_starts: Callable[[MissionId], int]
     first: Callable[[], object] | None = None
-    _seen: int = -1
-    _halt: Event = field(default_factory=Event)
-    _thread: Thread | None = None
+    _mark: Mark | None = None
+    _worker: Worker = field(init=False)
+    _follower: Follower = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._worker = Worker("review-desk", self._begun, every_s=STEP_S)
+        self._follower = Follower(self, head=self.head, read=self.read, fold=FOLD)
 
     def watch(self) -> None:
         """From now on, in the background."""
-        self._thread = Thread(target=self._work, name="review-desk", daemon=True)
-        self._thread.start()
+        self._worker.start()
 
     def close(self) -> None:
-        self._halt.set()
-        if self._thread is not None:
-            self._thread.join(timeout=5.0)
+        self._worker.close()
 
     def step(self) -> None:
         """Nothing, unless the log has grown since."""
-        head = self.position()
-        if head == self._seen:
-            return
-        self._seen = head
+        self._follower.catch_up()
+
+    def mark(self) -> Mark:
+        """How far the log was followed; before the first look, whatever it holds is looked at as a whole."""
+        if self._mark is None:
+            head = self.head()
+            self._look()
+            self._mark = self._follower.mark_at(head) if head.position else beginning(FOLD)
+        return self._mark
+
+    def take(self, fresh: Sequence[StoredEvent], *, after: Mark, upto: Mark) -> None:
+        """The log has grown: look again."""
+        self._look()
+        self._mark = upto
+
+    def clear(self) -> None:
+        """Look at the log as a whole again."""
+        self._mark = None
+
+    def _look(self) -> None:
         self.desk.take_up(WORKER)
         self.desk.catch_up(self.duplicate_starts)
 
-    def _work(self) -> None:
-        while not self._halt.wait(STEP_S):
-            try:
-                first, self.first = self.first, None
-                if first is not None:
-                    first()
-                self.step()
-            except HarnessError as error:
-                LOG.warning("desk_watch_failed code=%s %s", error.code, error)
+    def _begun(self) -> None:
+        first, self.first = self.first, None
+        if first is not None:
+            first()
+        self.step()

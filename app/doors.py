@@ -40,13 +40,14 @@ class Doors:
         *,
         owner_token: str,
         operator: str,
+        owner: str = "owner",
         limits: tuple[float, float],
         clock: Callable[[], float],
         fresh: Callable[[], str],
     ) -> None:
         """`limits`: seconds of idleness and of age after which a session is over."""
         self.accounts = accounts
-        self._owner, self._operator = owner_token.encode(), operator
+        self._owner, self._operator, self._owner_name = owner_token.encode(), operator, owner
         self._idle_s, self._age_s = limits
         self._clock, self._fresh = clock, fresh
         self._invitations: dict[str, float] = {}
@@ -138,7 +139,7 @@ class Doors:
         if scheme.lower() != "bearer":
             return None
         if self._owner and hmac.compare_digest(token.encode(), self._owner):
-            return Visitor(name="owner", roles=INVITED_ROLES, source=source)
+            return Visitor(name=self._owner_name, roles=INVITED_ROLES, source=source)
         return self.accounts.holder(token, source=source)
 
     def leave(self, cookie: str) -> None:

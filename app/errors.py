@@ -1,8 +1,10 @@
 """What a person or a program is told when something went wrong: a page, or a problem document (RFC 9457)."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import ceil
+from typing import Any
 from urllib.parse import quote
 
 from fastapi import FastAPI, Request
@@ -96,9 +98,12 @@ REFUSALS = {
 }
 
 
-def problem(status: int, *, code: str, title: str, detail: str, do: str = "") -> Response:
-    """One problem document; `code` is the slug for machines, `do` the sentence for people."""
+def problem(
+    status: int, *, code: str, title: str, detail: str, do: str = "", more: Mapping[str, Any] | None = None
+) -> Response:
+    """One problem document; `code` is the slug for machines, `do` is said to people, `more` is added as it is."""
     body = {"type": f"urn:regen:{code}", "title": title, "status": status, "detail": detail, "code": code, "do": do}
+    body |= more or {}
     return Response(json.dumps(body), status_code=status, media_type="application/problem+json")
 
 

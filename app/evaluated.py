@@ -1,10 +1,11 @@
 """What evaluations measured, read from the log once per result set: pages show it again and again. Writes nothing."""
 
-from collections import OrderedDict
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from threading import Lock
+
+from cachetools import LRUCache
 
 from app.views.review_results import Measured, measured
 from app.views.saying import listed, said, word
@@ -24,7 +25,7 @@ class Evaluated:
     def __init__(self, shelf: Shelf, folder: Path | None = None) -> None:
         """`folder`: where the evaluator of this installation keeps finished cases while it runs."""
         self._shelf, self._folder = shelf, folder
-        self._known: OrderedDict[Digest, tuple[ResultSet, Measured]] = OrderedDict()
+        self._known: LRUCache[Digest, tuple[ResultSet, Measured]] = LRUCache(KEPT)
         self._lock = Lock()
 
     def of(self, candidate: Digest) -> tuple[ResultSet, Measured] | None:
@@ -39,9 +40,6 @@ class Evaluated:
                 if results is None:
                     return None
                 self._known[name] = results, measured(results, review.manifest, regression_cases(), situations())
-                while len(self._known) > KEPT:
-                    self._known.popitem(last=False)
-            self._known.move_to_end(name)
             return self._known[name]
 
     def progress(self, review: Review) -> str:

@@ -1,14 +1,33 @@
-"""How values look on a page: instants, durations, digests, numbers with their units. Pure."""
+"""How values and items look on a page: instants, durations, numbers with their units; an item's words and colour."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from datetime import UTC, datetime
+from math import degrees
 from typing import Any
 
+import msgspec
 from markupsafe import escape
 
-from app.views.measures import number
-from app.views.saying import said, word
+from app.views import (
+    canary,
+    candidates,
+    evidence,
+    handoffs,
+    measures,
+    memory,
+    missions,
+    places,
+    preview,
+    providers,
+    queue,
+    releases,
+    review_rows,
+    robots,
+)  # fmt: skip
+from app.views.saying import listed, said, word
+from harness.contracts.values import encode
+from rsi_reviews.difference import NAMES
 
 
 def clock(at_s: float) -> str:
@@ -77,7 +96,17 @@ def percent(share: float) -> str:
     return f"{share * 100:.0f} %"
 
 
-FILTERS: dict[str, Callable[..., str]] = {
+def listed_words(slugs: Iterable[str]) -> str:
+    """Words of the vocabulary, one after the other."""
+    return listed(map(word, slugs))
+
+
+def roles(joined: str) -> str:
+    """Roles as the log keeps them, joined by +."""
+    return listed(joined.split("+"))
+
+
+VALUES: dict[str, Callable[..., str]] = {
     "clock": clock,
     "instant": instant,
     "iso": iso,
@@ -85,9 +114,59 @@ FILTERS: dict[str, Callable[..., str]] = {
     "elapsed": elapsed,
     "short": short,
     "words": words,
+    "listed_words": listed_words,
+    "roles": roles,
     "named": named,
     "pretty": pretty,
     "compact": compact,
     "percent": percent,
-    "number": number,
+    "number": measures.number,
 }
+ITEMS: dict[str, Callable[..., Any]] = {
+    "allowed": preview.allowed,
+    "autonomy": robots.AUTONOMY.__getitem__,
+    "begun": queue.begun,
+    "begun_s": lambda review: review_rows.said_at(review, "evaluation_begun"),
+    "builtins": msgspec.to_builtins,
+    "canonical": lambda value: encode(value).decode(),
+    "card_fields": providers.card_fields,
+    "cause": releases.CAUSES.__getitem__,
+    "cause_tone": releases.cause_tone,
+    "clause": review_rows.CLAUSE_NAMES.__getitem__,
+    "clause_verdict": review_rows.VERDICTS.__getitem__,
+    "component": NAMES.__getitem__,
+    "condition_rows": measures.condition_rows,
+    "declared": evidence.declared,
+    "degrees": degrees,
+    "fields": measures.fields,
+    "finding": dict(canary.FINDINGS).__getitem__,
+    "goal_reason": missions.goal_reason,
+    "labels": missions.labels,
+    "leading": measures.leading,
+    "length_m": places.length_m,
+    "line_kind": review_rows.line_kind,
+    "listed_stage": missions.listed_stage,
+    "memory_tone": lambda standing: memory.TONES.get(standing, "plain"),
+    "metric": candidates.metric,
+    "mission_sentence": missions.sentence,
+    "mission_tone": missions.tone,
+    "newest_uptakes": review_rows.newest_uptakes,
+    "numbers": review_rows.numbers,
+    "part": review_rows.PARTS.__getitem__,
+    "place_meaning": places.MEANING.__getitem__,
+    "place_tone": lambda verification: places.TONES.get(verification, "plain"),
+    "policy_sentence": review_rows.policy_sentence,
+    "provider": evidence.provider,
+    "question": handoffs.question,
+    "review_tone": candidates.tone,
+    "safe_place": places.safe_place,
+    "said_at": review_rows.said_at,
+    "stated": memory.stated,
+    "stop_steps": robots.stop_steps,
+    "supervision": providers.supervision,
+    "targets": missions.targets,
+    "title_of": candidates.title_of,
+    "took_s": missions.took_s,
+    "waits": handoffs.waits,
+}
+FILTERS: dict[str, Callable[..., Any]] = VALUES | ITEMS

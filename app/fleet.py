@@ -6,12 +6,14 @@ Wall time throughout. Nothing here is evidence and nothing is stored; a bounded 
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from threading import Event, Lock, Thread
+from functools import partial
+from threading import Lock
 
 from harness.contracts.errors import HarnessError, UnknownName
 from harness.contracts.ids import RobotId
 from harness.contracts.ports import LiveCamera, Robot
 from harness.contracts.protocol import Picture, RobotStatus
+from harness.workers import Worker
 
 KEPT_S = 20.0
 FETCHED_S = 6.0
@@ -76,8 +78,11 @@ class Fleet:
     ) -> None:
         self._robots, self._cameras, self._clock = robots, cameras, clock
         self._posts = {name: _Post(name, Word(name)) for name in robots}
-        self._halt = Event()
-        self._threads: list[Thread] = []
+        self._workers = tuple(
+            Worker(f"fleet {name}", partial(self._watch, post), every_s=WORD_EVERY_S, close_within_s=1.0)
+            for name, post in self._posts.items()
+        )
+        self._watching = False
 
     @property
     def names(self) -> tuple[RobotId, ...]:
@@ -85,21 +90,19 @@ class Fleet:
 
     def watch(self) -> None:
         """From now on, in the background: a robot that does not answer delays no other."""
-        for post in self._posts.values():
-            thread = Thread(target=self._watch, args=(post,), name=f"fleet {post.robot_id}", daemon=True)
-            thread.start()
-            self._threads.append(thread)
+        self._watching = True
+        for worker in self._workers:
+            worker.start()
 
     def close(self) -> None:
         """End the threads; one that waits for a silent robot is left to its own timeout."""
-        self._halt.set()
-        for thread in self._threads:
-            thread.join(timeout=1.0)
+        for worker in self._workers:
+            worker.close()
 
     def word(self, robot_id: str) -> Word:
         """Raises UnknownName for a robot that is not connected here."""
         post = self._post(robot_id)
-        if not self._threads and self._clock() - (post.word.heard_s or 0.0) >= WORD_EVERY_S:
+        if not self._watching and self._clock() - (post.word.heard_s or 0.0) >= WORD_EVERY_S:
             self._ask(post)
         with post.lock:
             return post.word
@@ -113,7 +116,7 @@ class Fleet:
         post = self._post(robot_id)
         post.asked_s = now_s = self._clock()
         newest = post.ring[-1].taken_s if post.ring else 0.0
-        if now_s - newest >= (KEPT_S if self._threads else PICTURE_EVERY_S):
+        if now_s - newest >= (KEPT_S if self._watching else PICTURE_EVERY_S):
             self._look(post)
         with post.lock:
             self._forget(post)
@@ -138,13 +141,12 @@ class Fleet:
             raise UnknownName(f"There is no robot {robot_id[:40]} here", do=f"choose from: {known}") from None
 
     def _watch(self, post: _Post) -> None:
-        while not self._halt.wait(WORD_EVERY_S):
-            self._ask(post)
-            newest = post.ring[-1].taken_s if post.ring else 0.0
-            moving = post.word.status is not None and post.word.status.posture == "moving"
-            busy = moving or self._clock() - post.asked_s < KEPT_S
-            if self._clock() - newest >= (PICTURE_EVERY_S if busy else RESTING_EVERY_S):
-                self._look(post)
+        self._ask(post)
+        newest = post.ring[-1].taken_s if post.ring else 0.0
+        moving = post.word.status is not None and post.word.status.posture == "moving"
+        busy = moving or self._clock() - post.asked_s < KEPT_S
+        if self._clock() - newest >= (PICTURE_EVERY_S if busy else RESTING_EVERY_S):
+            self._look(post)
 
     def _ask(self, post: _Post) -> None:
         sent_s = self._clock()

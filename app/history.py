@@ -1,7 +1,8 @@
 """Decoded histories of missions: each event is read and decoded once, then only the tail."""
 
-from collections import OrderedDict
 from threading import Lock
+
+from cachetools import LRUCache
 
 from app.views.timeline import Entry
 from harness.contracts.decider import Codec
@@ -9,6 +10,7 @@ from harness.contracts.errors import UnknownName
 from harness.contracts.events import MissionEvent
 from harness.contracts.ids import MissionId
 from harness.contracts.ports import StoredEvent
+from harness.contracts.upcasting import name_of
 from harness.runtime import Runtime
 
 KEPT = 64
@@ -20,7 +22,7 @@ class Histories:
     def __init__(self, runtime: Runtime) -> None:
         self._runtime = runtime
         self._codec: Codec[MissionEvent] = Codec(MissionEvent)
-        self._entries: OrderedDict[MissionId, tuple[Entry, ...]] = OrderedDict()
+        self._entries: LRUCache[MissionId, tuple[Entry, ...]] = LRUCache(KEPT)
         self._lock = Lock()
 
     def of(self, mission_id: MissionId) -> tuple[Entry, ...]:
@@ -32,16 +34,13 @@ class Histories:
             if not entries:
                 raise UnknownName(f"There is no mission {mission_id}", do="choose one from the list of missions")
             self._entries[mission_id] = entries
-            self._entries.move_to_end(mission_id)
-            while len(self._entries) > KEPT:
-                self._entries.popitem(last=False)
             return entries
 
     def _entry(self, stored: StoredEvent) -> Entry:
         return Entry(
             position=stored.position,
             version=stored.version,
-            kind=stored.kind,
+            kind=name_of(stored.kind),
             mission_s=stored.mission_s,
             recorded_s=stored.recorded_s,
             previous=stored.previous,

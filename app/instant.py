@@ -1,24 +1,25 @@
-"""One mission as it is now, or as it was when an event had just been appended: the source of every region."""
+"""One mission as it is now, or as it was when an event had just been appended: the page that every region reads."""
 
 from dataclasses import dataclass
 from functools import cached_property, reduce
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import Depends, Query
 
 from app.console import Console, ConsoleDep
-from app.views import budgets, contexts, evidence, facts, frames, missions, plots, stages, timeline
+from app.views import budgets, contexts, evidence, frames, missions, plots, stages, timeline
 from app.views.budgets import Budget
-from app.views.contexts import ContextsView
+from app.views.contexts import ContextsView, ContextView
 from app.views.cursor import Cursor, cursor_of
 from app.views.evidence import EvidenceView
-from app.views.facts import FactRow
 from app.views.frames import FramesView
-from app.views.missions import ContractView, Head, RobotStrip
+from app.views.missions import Head, RobotStrip
 from app.views.plots import Plot
+from app.views.shell import Shell
 from app.views.stages import Graph, Observed, Stage
 from app.views.timeline import Axis, Entry, Line, Timeline
 from harness.contracts.events import CompletionReported, FailureReported, MissionEnded
+from harness.contracts.evidence import CommittedFact
 from harness.contracts.ids import MissionId, NodeId
 from harness.projections.mission import Mission
 from harness.projections.mission_fold import apply
@@ -29,28 +30,35 @@ ENDS = (MissionEnded, CompletionReported, FailureReported)
 
 @dataclass(frozen=True)
 class Instant:
-    """Each region is computed when it is asked for, and only then. `at` and `t` are what the address says."""
+    """Each region is computed when a template reads it, and only then. `after` and `t` are what the address says."""
 
     console: Console
     mission_id: MissionId
-    at: int | None
+    after: int | None
     t: float | None
     wanted: str
     entries: tuple[Entry, ...]
 
-    @cached_property
-    def place(self) -> dict[str, Any]:
-        """What every region carries: the newest event of the instant, None while it follows the head."""
-        known = self.wanted if self.wanted in self.mission.nodes else ""
-        query = missions.query(instant=self.cursor.param, node=known)
-        return {"mission_id": self.mission_id, "at": self.cursor.position, "query": query}
+    @property
+    def at(self) -> int | None:
+        """The newest event of the instant, None while it follows the head."""
+        return self.cursor.position
+
+    @property
+    def query(self) -> str:
+        """What a region adds to its address, to come back for the same instant and stage."""
+        return missions.query(instant=self.cursor.param, node=self._known)
+
+    @property
+    def _known(self) -> str:
+        return self.wanted if self.wanted in self.mission.nodes else ""
 
     @cached_property
     def cursor(self) -> Cursor:
         observed = self.console.runtime.observations(self.mission_id)
         ended = isinstance(self.entries[-1].event, ENDS)
         now_s = observed.at_s if observed is not None and not ended else 0.0
-        return cursor_of(self.entries, at=self.at, t=self.t, now_s=now_s)
+        return cursor_of(self.entries, at=self.after, t=self.t, now_s=now_s)
 
     @cached_property
     def shown(self) -> tuple[Entry, ...]:
@@ -79,34 +87,33 @@ class Instant:
         instant = self.cursor.param
         return stages.stages(self.mission, self.shown, now, selected=self.node, instant=instant)
 
-    @property
+    @cached_property
     def head(self) -> Head:
         return missions.head(self.mission, self.shown)
 
-    @property
+    @cached_property
     def robot(self) -> RobotStrip | None:
         return missions.robot_strip(self.live.status, self.live.at_s) if self.live else None
 
-    @property
+    @cached_property
     def graph(self) -> Graph | None:
         verdict = self.mission.goal_verdict.verdict if self.mission.goal_verdict else "pending"
         return stages.graph(self.mission.contract, self.stages, goal=verdict) if self.mission.contract else None
 
-    @property
-    def scene(self) -> str:
+    @cached_property
+    def view(self) -> str:
         return self.console.scenes.note(self.mission_id)
 
-    @property
+    @cached_property
     def timeline(self) -> Timeline:
-        node = self.wanted if self.wanted in self.mission.nodes else ""
         axis = Axis(left_of=self.cursor.left_of)
-        return timeline.timeline(self.mission_id, self.entries, axis=axis, at_s=self.cursor.at_s, node=node)
+        return timeline.timeline(self.mission_id, self.entries, axis=axis, at_s=self.cursor.at_s, node=self._known)
 
-    @property
-    def lines(self) -> tuple[Line, ...]:
+    @cached_property
+    def events(self) -> tuple[Line, ...]:
         return timeline.lines(self.mission_id, self.entries, place=self.cursor.place, at=self.cursor.position)
 
-    @property
+    @cached_property
     def plots(self) -> tuple[Plot, ...]:
         whole = self.console.runtime.mission(self.mission_id)
         running = whole.invocation.intent.node_id if whole.invocation else NodeId("")
@@ -114,45 +121,40 @@ class Instant:
         readings = self.console.measurements.of(self.mission_id, self.entries, live=seen, node=running)
         return plots.plots(whole.contract, self.entries, readings, self.cursor)
 
-    @property
+    @cached_property
     def frames(self) -> FramesView:
         return frames.frames(self.entries, at_s=self.cursor.at_s)
 
-    @property
-    def facts(self) -> tuple[FactRow, ...]:
-        return facts.facts(self.mission, self.shown)
+    @cached_property
+    def facts(self) -> tuple[CommittedFact, ...]:
+        return self.mission.facts
 
-    @property
-    def regions(self) -> dict[str, Any]:
-        """Every region of the page, and what they carry."""
-        names = (
-            "head", "robot", "stages", "graph", "scene", "timeline", "plots", "frames", "lines", "evidence",
-            "contexts", "contract", "facts", "budget",
-        )  # fmt: skip
-        return {
-            **self.place,
-            "count": len(self.entries),
-            "cursor": self.cursor.standing,
-            **{name: getattr(self, name) for name in names},
-        }
-
-    @property
+    @cached_property
     def evidence(self) -> EvidenceView:
         title = next((stage.title for stage in self.stages if stage.node_id == self.node), self.node)
         return evidence.evidence(self.mission_id, self.shown, node_id=self.node, title=title, check=self.console.check)
 
-    @property
+    @cached_property
     def contexts(self) -> ContextsView:
         read, candidates = self.console.context, self.console.candidates
         return contexts.contexts(self.shown, node_id=self.node, read=read, candidates=candidates)
 
-    @property
-    def contract(self) -> ContractView | None:
-        return missions.contract_view(self.mission, contexts.goal_context(self.shown, read=self.console.context))
+    @cached_property
+    def contract(self) -> ContextView | None:
+        """What the goal verifier was shown; the contract itself stands with the mission."""
+        return contexts.goal_context(self.shown, read=self.console.context)
 
-    @property
+    @cached_property
     def budget(self) -> Budget:
         return budgets.budget(self.mission, self.node)
+
+
+@dataclass(frozen=True)
+class MissionPage(Instant):
+    """The regions inside the shell. `viewer` names the reader's own 3D view."""
+
+    shell: Shell
+    viewer: str
 
 
 def instant_of(
@@ -164,7 +166,7 @@ def instant_of(
 ) -> Instant:
     """After an event, or some seconds into the mission. Raises UnknownName for a mission that does not exist."""
     entries = console.histories.of(mission_id)
-    return Instant(console=console, mission_id=mission_id, at=at, t=t, wanted=node, entries=entries)
+    return Instant(console=console, mission_id=mission_id, after=at, t=t, wanted=node, entries=entries)
 
 
 InstantDep = Annotated[Instant, Depends(instant_of)]

@@ -3,11 +3,12 @@
 What is under way is kept in this process, like invitations: ten minutes, and the newest thousand.
 """
 
-from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from hmac import compare_digest
 from threading import Lock
+
+from cachetools import LRUCache
 
 from app.accounts import Throttled
 from app.doors import Doors, Origin
@@ -64,7 +65,7 @@ class IssuerDoor:
         self.provider, self.identities = provider, identities
         self._doors, self._clock, self._fresh = doors, clock, fresh
         self._starts = Buckets(per_s=STARTS_PER_S, burst=STARTS_AT_ONCE, clock=clock)
-        self._under_way: OrderedDict[str, _UnderWay] = OrderedDict()
+        self._under_way: LRUCache[str, _UnderWay] = LRUCache(MOST_UNDER_WAY)
         self._lock = Lock()
 
     def begin(self, page: str, origin: Origin, *, session: str) -> Begun | Throttled:
@@ -78,8 +79,6 @@ class IssuerDoor:
             self._under_way[sha256(cookie.encode())] = _UnderWay(
                 attempt, self._clock() + UNDER_WAY_S, wanted(page), sha256(session.encode()) if session else ""
             )
-            while len(self._under_way) > MOST_UNDER_WAY:
-                self._under_way.popitem(last=False)
         return Begun(url, cookie)
 
     def finish(self, cookie: str, answer: Mapping[str, str], origin: Origin) -> Entered:

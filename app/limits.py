@@ -1,8 +1,9 @@
 """How much and how often one caller may ask: a bucket per caller, and a bound on what a request carries."""
 
-from collections import OrderedDict
 from collections.abc import Callable
+from threading import Lock
 
+from cachetools import LRUCache
 from starlette.types import Message, Receive
 
 LARGEST_BODY = 1024 * 1024
@@ -14,21 +15,21 @@ class TooLarge(Exception):
 
 
 class Buckets:
-    """Token buckets of the newest CALLERS callers: `burst` at once, `per_s` in the long run."""
+    """Token buckets of the newest CALLERS callers: `burst` at once, `per_s` in the long run. Safe between threads."""
 
     def __init__(self, *, per_s: float, burst: float, clock: Callable[[], float]) -> None:
         self._per_s, self._burst, self._clock = per_s, burst, clock
-        self._levels: OrderedDict[str, tuple[float, float]] = OrderedDict()
+        self._levels: LRUCache[str, tuple[float, float]] = LRUCache(CALLERS)
+        self._lock = Lock()
 
     def wait_s(self, caller: str) -> float:
         """0 if this request may go on, and it is counted; else how long to wait."""
         now_s = self._clock()
-        level, at_s = self._levels.pop(caller, (self._burst, now_s))
-        level = min(self._burst, level + (now_s - at_s) * self._per_s)
-        allowed = level >= 1.0
-        self._levels[caller] = (level - 1.0 if allowed else level, now_s)
-        while len(self._levels) > CALLERS:
-            self._levels.popitem(last=False)
+        with self._lock:
+            level, at_s = self._levels.get(caller, (self._burst, now_s))
+            level = min(self._burst, level + (now_s - at_s) * self._per_s)
+            allowed = level >= 1.0
+            self._levels[caller] = (level - 1.0 if allowed else level, now_s)
         return 0.0 if allowed else (1.0 - level) / self._per_s
 
 

@@ -1,16 +1,16 @@
 """The lists of the console: follows the log into the read models, and answers pages from them at the log's head."""
 
-from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from threading import Lock
 from typing import Generic, TypeVar
 
+from cachetools import LRUCache
 from msgspec.structs import replace as changed
 
 from harness.contracts.decider import Codec
-from harness.contracts.errors import ConcurrencyConflict, UnknownName
+from harness.contracts.errors import UnknownName
 from harness.contracts.events import (
     CommitRejected,
     MissionEnded,
@@ -33,6 +33,7 @@ from harness.contracts.read_models import (
     Tally,
 )
 from harness.contracts.values import Value, decode
+from harness.followers import Follower
 from harness.projections.evidence_list import Placed, evidence_rows, touched
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
@@ -74,28 +75,26 @@ class Lists:
     def __init__(self, runtime: Runtime, models: ReadModels) -> None:
         self._runtime, self._models = runtime, models
         self._codec: Codec[MissionEvent] = Codec(MissionEvent)
-        self._followed: OrderedDict[MissionId, _Followed] = OrderedDict()
+        self._followed: LRUCache[MissionId, _Followed] = LRUCache(KEPT)
+        self._follower = Follower(self, head=runtime.head, read=runtime.log, fold=FOLD, batch=BATCH)
         self._lock = Lock()
 
     def catch_up(self) -> Mark:
         """Follow the log to its head, from zero where the lists are of another log or fold."""
         with self._lock:
-            while True:
-                mark = self._models.mark()
-                if mark.position == self._runtime.head().position and mark.fold == FOLD:
-                    return mark
-                fresh = self._runtime.log(max(mark.position - 1, 0), BATCH)
-                if mark.position and not _anchored(mark, fresh):
-                    self._models.clear()
-                    continue
-                fresh = fresh[1:] if mark.position else fresh
-                if not fresh:
-                    return mark
-                upto = Mark(fold=FOLD, position=fresh[-1].position, digest=fresh[-1].digest)
-                try:
-                    self._models.add(list(self._rows(fresh)), after=mark, upto=upto)
-                except ConcurrencyConflict:
-                    continue
+            return self._follower.catch_up()
+
+    def mark(self) -> Mark:
+        """How far the stored lists have followed the log."""
+        return self._models.mark()
+
+    def take(self, fresh: Sequence[StoredEvent], *, after: Mark, upto: Mark) -> None:
+        """Store the rows that these events change. Raises ConcurrencyConflict if another process did."""
+        self._models.add(list(self._rows(fresh)), after=after, upto=upto)
+
+    def clear(self) -> None:
+        """Forget every row."""
+        self._models.clear()
 
     # pages ----------------------------------------------------------------------------------------------------------
 
@@ -162,9 +161,6 @@ class Lists:
         decoded = [(stored, self._codec.decode(stored)) for stored in fresh]
         after = _follow(before, decoded)
         self._followed[mission_id] = after
-        self._followed.move_to_end(mission_id)
-        while len(self._followed) > KEPT:
-            self._followed.popitem(last=False)
         yield mission_row(after.mission, seq=after.seq, began_s=after.began_s, ended_s=after.ended_s)
         packets = touched([event for _, event in decoded])
         yield from evidence_rows(after.telling, packets, robot_id=after.mission.robot_id)
@@ -204,8 +200,3 @@ def _follow(before: _Followed, decoded: Sequence[tuple[StoredEvent, MissionEvent
 
 def _after(query: ListQuery, amount: float, seq: int) -> ListQuery:
     return changed(query, after=Bookmark(amount=amount, seq=seq))
-
-
-def _anchored(mark: Mark, events: Sequence[StoredEvent]) -> bool:
-    """Whether the lists were made by this fold from the log as it is now."""
-    return mark.fold == FOLD and bool(events) and (events[0].position, events[0].digest) == (mark.position, mark.digest)

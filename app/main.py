@@ -17,7 +17,6 @@ from app import description, errors
 from app.accounts import Accounts
 from app.alert_watch import AlertWatch, Watched
 from app.alerts import Alerts
-from app.authority import authority
 from app.console import Cards, Console, Dossier, Starts, Wheel, no_cards, no_journal
 from app.doors import Doors
 from app.errors import PortBusy
@@ -82,7 +81,7 @@ from harness.adapters.stores.accounts import SqlAccounts
 from harness.bootstrap import open_lists
 from harness.contracts.ids import MissionId
 from harness.dossiers import export_dossier
-from harness.runtime import Runtime
+from harness.runtime import AnswerHandoff, Runtime, unsupervised
 
 GRACE_S = 3
 
@@ -93,6 +92,8 @@ def create_app(
     broker: SignalBroker,
     scenes: Scenes,
     *,
+    accounts: Accounts,
+    answer: AnswerHandoff = unsupervised,
     starts: Starts = no_journal,
     cards: Cards = no_cards,
     folder: Path | None = None,
@@ -101,6 +102,9 @@ def create_app(
 ) -> FastAPI:
     """The console over a runtime. `starts` reads the robots' journals, `cards` what they can do.
 
+    The runtime's gate was built with the authority of these `accounts`; the console closes them when it ends. `answer`
+    takes what people answer at handoffs: a supervisor's.
+
     `fleet` shows what robots say of themselves, `wheel` lets people drive them; both are ended with the console.
 
     Sign-in links come from `app.state.doors`. Its lists are kept in `folder`, or in memory without one, and have
@@ -108,11 +112,9 @@ def create_app(
     """
     lists = Lists(runtime, open_lists(folder))
     lists.catch_up()
-    store = SqlAccounts(folder / "accounts.db" if folder else None)
-    doors = _doors(store, settings)
-    runtime.obey(authority(doors.accounts))
+    doors = _doors(accounts, settings)
     inbox = Alerts(runtime)
-    desk = GuardedDesk(runtime, doors.accounts.told)
+    desk = GuardedDesk(runtime, accounts.told)
     watched = Watched(fleet=fleet or no_fleet(), starts=starts, free_bytes=_free(folder), clock=time.time)
     services = AppriseNotifier({name: address.get_secret_value() for name, address in settings.notify.items()})
     notices = Notices(runtime, services, time.time, settings.address)
@@ -128,14 +130,14 @@ def create_app(
             fleet.close()
         scenes.close()
         lists.close()
-        store.close()
+        accounts.store.close()
 
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, lifespan=lifespan)
     app.state.doors = doors
     app.state.alert_watch = alert_watch
     app.state.notices = notices
     app.state.console = Console(
-        runtime=GuardedRuntime(runtime, doors.accounts.told),
+        runtime=GuardedRuntime(runtime, answer=answer, trail=accounts.told),
         settings=settings,
         broker=broker,
         scenes=scenes,
@@ -198,7 +200,7 @@ def create_app(
     description.install(app)
     errors.install(app)
     app.add_middleware(Shared, changes=lambda: broker.changes, clock=time.monotonic)
-    app.add_middleware(Idempotency, store=store, clock=time.time)
+    app.add_middleware(Idempotency, store=accounts.store, clock=time.time)
     app.add_middleware(Unforeseen)
     app.add_middleware(Doorkeeper, doors=doors, threshold=_threshold(settings))
     app.add_middleware(Languages, secure=settings.secure)
@@ -220,11 +222,19 @@ def _dossiers(runtime: Runtime, folder: Path | None) -> Dossier | None:
     return export
 
 
-def _doors(store: SqlAccounts, settings: ConsoleSettings) -> Doors:
+def open_accounts(settings: ConsoleSettings, folder: Path | None = None) -> Accounts:
+    """Who may use the console: kept in `folder`, or in memory without one."""
+    store = SqlAccounts(folder / "accounts.db" if folder else None)
+    hasher = PasswordHasher(memory_cost=settings.password_memory_kib)
+    return Accounts(store, clock=time.time, fresh=_fresh, hasher=hasher)
+
+
+def _doors(accounts: Accounts, settings: ConsoleSettings) -> Doors:
     return Doors(
-        Accounts(store, clock=time.time, fresh=_fresh, hasher=PasswordHasher(memory_cost=settings.password_memory_kib)),
+        accounts,
         owner_token=settings.owner_token.get_secret_value(),
         operator=settings.operator,
+        owner=settings.owner,
         limits=(settings.session_idle_s, settings.session_age_s),
         clock=time.time,
         fresh=_fresh,

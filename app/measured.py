@@ -1,9 +1,10 @@
 """What sensors said in a mission: sealed trajectories, read once each, and the live samples of those who watch."""
 
-from collections import OrderedDict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from threading import Lock
+
+from cachetools import LRUCache
 
 from app.views.plots import Readings, Spot
 from app.views.timeline import Entry
@@ -19,12 +20,13 @@ KEPT = 16
 
 @dataclass
 class _Sealed:
-    """What the packets of one mission hold, by sensor time; `packets` are those that were read."""
+    """What the packets of one mission hold, by sensor time; `packets` were read, `shown` was made last."""
 
     packets: set[str] = field(default_factory=set)
     spots: dict[float, Spot] = field(default_factory=dict)
     speed: dict[float, float] = field(default_factory=dict)
     charge: dict[float, float] = field(default_factory=dict)
+    shown: Readings | None = None
 
     def take(self, samples: Iterable[AnySample], *, node: NodeId) -> None:
         for sample in samples:
@@ -52,23 +54,19 @@ class Measurements:
 
     def __init__(self, runtime: Runtime) -> None:
         self._runtime = runtime
-        self._sealed: OrderedDict[MissionId, _Sealed] = OrderedDict()
-        self._readings: dict[MissionId, Readings] = {}
+        self._sealed: LRUCache[MissionId, _Sealed] = LRUCache(KEPT)
         self._lock = Lock()
 
     def of(self, mission_id: MissionId, entries: Sequence[Entry], *, live: Live | None, node: NodeId) -> Readings:
         """Everything measured so far; `node` is the stage that the live samples belong to."""
         with self._lock:
             sealed = self._sealed.setdefault(mission_id, _Sealed())
-            self._sealed.move_to_end(mission_id)
             fresh = self._read(sealed, entries)
             if live is not None:
                 sealed.take(live.samples, node=node)
-            if fresh or live is not None or mission_id not in self._readings:
-                self._readings[mission_id] = sealed.readings
-            while len(self._sealed) > KEPT:
-                self._readings.pop(self._sealed.popitem(last=False)[0], None)
-            return self._readings[mission_id]
+            if fresh or live is not None or sealed.shown is None:
+                sealed.shown = sealed.readings
+            return sealed.shown
 
     def _read(self, sealed: _Sealed, entries: Sequence[Entry]) -> bool:
         before = len(sealed.packets)

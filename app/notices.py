@@ -7,17 +7,17 @@ words of people and models and may hold anything.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from queue import Empty, Full, Queue
-from threading import Event, Thread
 
 from harness.contracts.alert_commands import ClearAlert, NoteNotification, RaiseAlert
 from harness.contracts.alert_events import PRIORITIES, Priority, alert_id, alert_stream
-from harness.contracts.errors import HarnessError
 from harness.contracts.notification import Message, Notifier
 from harness.projections.alert_causes import of_house
 from harness.projections.alerts import Alert, status
 from harness.runtime import Runtime
+from harness.workers import Worker
 
 WAITS_S: tuple[float, ...] = (0.0, 2.0, 8.0)
+STEP_S = 0.5
 MOST_QUEUED = 200
 PRESSING = ("high", "critical")
 
@@ -33,18 +33,17 @@ class Notices:
     waits_s: Sequence[float] = WAITS_S
     _line: Queue[tuple[str, Alert]] = field(default_factory=lambda: Queue(MOST_QUEUED))
     _told: dict[str, tuple[float, Priority]] = field(default_factory=dict)
-    _halt: Event = field(default_factory=Event)
-    _thread: Thread | None = None
+    _worker: Worker = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._worker = Worker("notices", self.deliver, every_s=STEP_S, close_within_s=2.0)
 
     def watch(self) -> None:
         """From now on, in the background."""
-        self._thread = Thread(target=self._work, name="notices", daemon=True)
-        self._thread.start()
+        self._worker.start()
 
     def close(self) -> None:
-        self._halt.set()
-        if self._thread is not None:
-            self._thread.join(timeout=2.0)
+        self._worker.close()
 
     def offer(self, name: str, alert: Alert) -> None:
         """Put in the line if it is pressing, nobody put it away, and it is new or more pressing than what was told."""
@@ -64,7 +63,7 @@ class Notices:
     def deliver(self) -> int:
         """Send everything that is in the line; returns how many messages were taken by a service."""
         taken = 0
-        while not self._halt.is_set():
+        while not self._worker.closed:
             try:
                 name, alert = self._line.get_nowait()
             except Empty:
@@ -72,17 +71,10 @@ class Notices:
             taken += sum(self._send(service, name, alert) for service in self.notifier.services)
         return taken
 
-    def _work(self) -> None:
-        while not self._halt.wait(0.5):
-            try:
-                self.deliver()
-            except HarnessError:
-                continue
-
     def _send(self, service: str, name: str, alert: Alert) -> bool:
         reason, tries = "not tried", 0
         for wait_s in self.waits_s:
-            if self._halt.wait(wait_s):
+            if self._worker.wait(wait_s):
                 return False
             tries += 1
             reason = self.notifier.send(service, message(name, alert, address=self.address))

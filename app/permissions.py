@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 from harness.contracts.actors import Actor
 from harness.contracts.errors import HarnessError
@@ -29,39 +29,6 @@ GRANTS: Mapping[Permission, tuple[Role, ...]] = {
     "trail": ("reviewer", "releaser", "admin"),
     "people": ("admin",),
 }
-COMMANDS: Mapping[str, Permission] = {
-    "CreateMission": "drive",
-    "StopMission": "stop",
-    "WithdrawMission": "stop",
-    "PauseMission": "stop",
-    "ResumeMission": "drive",
-    "DisputeCompletion": "dispute",
-    "FreeLease": "drive",
-    "SetAutonomy": "drive",
-    "LimitAutonomy": "drive",
-    "AttachCloud": "drive",
-    "SavePlace": "drive",
-    "RemovePlace": "drive",
-    "RaiseVeto": "stop",
-    "TightenConstraints": "stop",
-    "LookAgain": "observe",
-    "DecideHandoff": "decide",
-    "ClaimHandoff": "decide",
-    "ReleaseHandoff": "decide",
-    "OnMyWay": "decide",
-    "ChooseAction": "decide",
-    "TakeOver": "decide",
-    "HandBack": "decide",
-    "CloseHandoff": "decide",
-    "AttestCondition": "attest",
-    "AcknowledgeAlert": "alerts",
-    "ShelveAlert": "alerts",
-    "SuppressAlert": "alerts",
-    "RestoreAlert": "alerts",
-    "AssignAlert": "alerts",
-}
-"""What a person's command needs, by its name. One that is not here comes from the supervisor alone."""
-
 SCOPES: frozenset[Permission] = frozenset({"read", "drive", "stop", "observe"})
 """What a token may be given: answers at a gate, releases and people's accounts are for people."""
 
@@ -143,13 +110,3 @@ class Visitor:
 def permissions_of(roles: Collection[str]) -> tuple[Permission, ...]:
     """Everything these roles may do together."""
     return tuple(permission for permission, allowed in GRANTS.items() if set(allowed) & set(roles))
-
-
-def needed(command: Any) -> Permission:
-    """What a command needs; raises NotPermitted for one that no person gives."""
-    permission = COMMANDS.get(type(command).__name__)
-    if permission is None:
-        raise NotPermitted(
-            f"{type(command).__name__} is the supervisor's own", do="ask for what you want done, not for its steps"
-        )
-    return permission

@@ -12,9 +12,12 @@ from app.catalogues import ENGLISH, catalogue, translated
 from app.languages import CHOICE, told, ways
 from app.phrases import script_messages, spoken
 from app.reasons import rendering as reasons
+from app.regions import REGIONS
 from app.settings import ROOT
 from app.static_files import STAMP, stamp
+from app.views.canary import FINDINGS
 from harness.contracts.reasons import Reason
+from rsi_reviews.difference import NAMES
 
 
 class SpokenLoader(FileSystemLoader):
@@ -46,6 +49,9 @@ def environment(folder: Path, language: str = ENGLISH) -> Environment:
     jinja.filters["told"] = partial(told, language=language)
     jinja.globals["asset"] = asset
     jinja.globals["language"] = language
+    jinja.globals["regions"] = REGIONS
+    jinja.globals["findings"] = FINDINGS
+    jinja.globals["components"] = NAMES
     jinja.globals["languages"] = ways
     jinja.globals["phrases"] = {one: catalogue(language)[one] for one in script_phrases() if one in catalogue(language)}
     return jinja

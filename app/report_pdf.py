@@ -18,6 +18,7 @@ from fpdf.image_parsing import preload_image
 from app.catalogues import ENGLISH
 from app.filters import clock, duration, instant, words
 from app.languages import told
+from app.views.missions import sentence
 from app.views.report import ReportPage, Shown, Word
 from app.views.saying import said, word
 from harness.contracts.errors import HarnessError
@@ -172,8 +173,8 @@ def _drawn(paper: _Paper, page: ReportPage, pictures: Mapping[str, bytes], *, ma
 
 def _summary(paper: _Paper, page: ReportPage) -> None:
     say = paper.spoken
-    paper.title_line(said("Report: {goal}", goal=page.head.goal), size=15)
-    paper.paragraph(f"{say(words(page.head.status)).capitalize()}. {say(page.head.sentence)}")
+    paper.title_line(said("Report: {goal}", goal=page.head.mission.goal), size=15)
+    paper.paragraph(f"{say(words(page.head.mission.status)).capitalize()}. {say(sentence(page.head.mission))}")
     starts = (
         said("the robot's journal cannot be read from here")
         if page.starts is None
@@ -181,11 +182,11 @@ def _summary(paper: _Paper, page: ReportPage) -> None:
     )
     took = duration(page.head.elapsed_s)
     began = said("{instant}, {time} of mission time", instant=instant(page.head.began_s), time=took)
-    kind = said("{template} on {robot}", template=page.head.template, robot=page.head.robot_id)
+    kind = said("{template} on {robot}", template=page.head.mission.template, robot=page.head.mission.robot_id)
     disputed = "\n".join(f"{one.who}: {say(one.text)}" for one in page.disputes)
     facts = (
         (said("mission"), f"{page.mission_id}, {say(kind)}"),
-        (said("configuration"), page.head.configuration),
+        (said("configuration"), page.head.mission.configuration),
         (said("began"), began),
         (said("physical starts"), starts),
         (said("disputed acceptances"), disputed or said("none")),
@@ -203,7 +204,8 @@ def _goal(paper: _Paper, page: ReportPage) -> None:
     paper.paragraph(page.reason)
     for one in page.conditions:
         measured = ", ".join(f"{say(m.name)} {say(m.value or said('not measured'))}" for m in one.measures)
-        paper.paragraph(f"{say(word(one.verdict))}: {say(one.text)}{f' ({measured})' if measured else ''}")
+        found = f"{say(word(one.result.verdict))}: {say(one.result.text)}"
+        paper.paragraph(f"{found} ({measured})" if measured else found)
 
 
 def _stages(paper: _Paper, page: ReportPage) -> None:

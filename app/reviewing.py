@@ -1,98 +1,110 @@
-"""The review desk as people reach it: every word is checked, signed with who asks, and put in the trail."""
+"""The release service as people reach it: every act is checked, signed with who asks, and written to the audit log."""
 
 from typing import Any
 
-import msgspec
-
-from app.guard import VISITOR, Trail
-from app.permissions import NotPermitted, Permission, Visitor
-from harness.contracts.actors import Actor
+from app.command_permissions import asked_permission
+from app.guard import Trail, visitor
+from harness.contracts.actors import Command
 from harness.contracts.decisions import Accepted, Refused
-from harness.contracts.ids import Digest, MissionId, RobotId, StreamId
-from harness.contracts.ports import Record
+from harness.contracts.ids import Digest, MissionId, RobotId
 from harness.runtime import Runtime
-from rsi_reviews.contracts import ReleasePolicy
+from rsi_reviews import commands
+from rsi_reviews.contracts import Candidate, Finding, ReleasePolicy
 from rsi_reviews.desk import Desk, Say, Seen
-from rsi_reviews.growth import GROWTH
+from rsi_reviews.growth import GROWTH, AddCase
+from rsi_reviews.shelf import Shelf
 
-WORDS: dict[str, Permission] = {
-    "ProposeCandidate": "propose",
-    "OpenReview": "propose",
-    "RecallReview": "propose",
-    "AddComment": "propose",
-    "WithdrawCandidate": "propose",
-    "RequestChanges": "review",
-    "ApproveCandidate": "review",
-    "RejectCandidate": "review",
-    "AdjudicateCanaryMission": "review",
-    "AuthoriseRelease": "release",
-    "BeginCanary": "release",
-    "RollBack": "release",
-    "SavePolicy": "people",
-    "AddCase": "dispute",
-}
-"""What a person's word at the desk needs, by its name. Whose own candidate it is, the desk itself asks."""
+Answered = Accepted[Any] | Refused
 
 
-class GuardedDesk(Desk):
-    """The same desk, with every word in the name and the one role of the visitor who gives it.
+class GuardedDesk(Shelf):
+    """What people may do with candidates and releases, and nothing else of the service; reading is free.
 
-    What the desk does by its own rule (a canary that ends, a rollback that pauses missions) stays the desk's.
+    Whoever asks is the visitor in the one role that allows it, whatever the caller had written there. Every act raises
+    NotPermitted before anything is decided. What the service does by its own rule stays its own.
     """
 
     def __init__(self, runtime: Runtime, trail: Trail) -> None:
         super().__init__(runtime)
+        self._desk = Desk(runtime)
         self._trail = trail
 
-    def release(self, candidate: Digest, say: Say, seen: Seen, *, robot_id: RobotId) -> Accepted[Any] | Refused:
-        """Raises NotPermitted before an authorisation that is over is marked so."""
-        _allowed("BeginCanary")
-        return super().release(candidate, say, seen, robot_id=robot_id)
+    def propose(self, candidate: Candidate, say: Say, *, supersedes: Digest | None = None) -> Answered:
+        signed = _signed(commands.ProposeCandidate, say)
+        decision = self._desk.propose(candidate, signed, supersedes=supersedes)
+        return self._told(commands.ProposeCandidate, signed, candidate.candidate_id, decision)
 
-    def add_case(self, mission_id: MissionId, say: Say) -> Accepted[Any] | Refused:
-        actor = _allowed("AddCase")
-        decision = super().add_case(mission_id, Say(actor=actor, reason=say.reason, key=say.key))
-        self._told("AddCase", actor, GROWTH, decision)
+    def submit(self, candidate: Digest, say: Say) -> Answered:
+        signed = _signed(commands.OpenReview, say)
+        return self._told(commands.OpenReview, signed, candidate, self._desk.submit(candidate, signed))
+
+    def comment(self, candidate: Digest, say: Say) -> Answered:
+        signed = _signed(commands.AddComment, say)
+        return self._told(commands.AddComment, signed, candidate, self._desk.comment(candidate, signed))
+
+    def recall(self, candidate: Digest, say: Say) -> Answered:
+        signed = _signed(commands.RecallReview, say)
+        return self._told(commands.RecallReview, signed, candidate, self._desk.recall(candidate, signed))
+
+    def request_changes(self, candidate: Digest, say: Say, seen: Seen) -> Answered:
+        signed = _signed(commands.RequestChanges, say)
+        decision = self._desk.request_changes(candidate, signed, seen)
+        return self._told(commands.RequestChanges, signed, candidate, decision)
+
+    def approve(self, candidate: Digest, say: Say, seen: Seen) -> Answered:
+        signed = _signed(commands.ApproveCandidate, say)
+        return self._told(commands.ApproveCandidate, signed, candidate, self._desk.approve(candidate, signed, seen))
+
+    def reject(self, candidate: Digest, say: Say, seen: Seen) -> Answered:
+        signed = _signed(commands.RejectCandidate, say)
+        return self._told(commands.RejectCandidate, signed, candidate, self._desk.reject(candidate, signed, seen))
+
+    def authorise(self, candidate: Digest, say: Say, seen: Seen) -> Answered:
+        signed = _signed(commands.AuthoriseRelease, say)
+        return self._told(commands.AuthoriseRelease, signed, candidate, self._desk.authorise(candidate, signed, seen))
+
+    def release(self, candidate: Digest, say: Say, seen: Seen, *, robot_id: RobotId) -> Answered:
+        """Raises NotPermitted before an authorisation that is over is marked so."""
+        signed = _signed(commands.BeginCanary, say)
+        decision = self._desk.release(candidate, signed, seen, robot_id=robot_id)
+        return self._told(commands.BeginCanary, signed, candidate, decision)
+
+    def adjudicate(self, candidate: Digest, mission_id: MissionId, finding: Finding, say: Say) -> Answered:
+        signed = _signed(commands.AdjudicateCanaryMission, say)
+        decision = self._desk.adjudicate(candidate, mission_id, finding, signed)
+        return self._told(commands.AdjudicateCanaryMission, signed, candidate, decision)
+
+    def rollback(self, candidate: Digest, say: Say) -> Answered:
+        signed = _signed(commands.RollBack, say)
+        return self._told(commands.RollBack, signed, candidate, self._desk.rollback(candidate, signed))
+
+    def withdraw(self, candidate: Digest, say: Say) -> Answered:
+        signed = _signed(commands.WithdrawCandidate, say)
+        return self._told(commands.WithdrawCandidate, signed, candidate, self._desk.withdraw(candidate, signed))
+
+    def add_case(self, mission_id: MissionId, say: Say) -> Answered:
+        signed = _signed(AddCase, say)
+        decision = self._desk.add_case(mission_id, signed)
+        self._written(AddCase, signed, GROWTH, decision)
         return decision
 
     def save_policy(
         self, policy: ReleasePolicy, say: Say, *, reviewers: tuple[str, ...], releasers: tuple[str, ...]
-    ) -> Accepted[Any] | Refused:
-        actor = _allowed("SavePolicy")
-        signed = Say(actor=actor, reason=say.reason, key=say.key)
-        decision = super().save_policy(policy, signed, reviewers=reviewers, releasers=releasers)
-        self._told("SavePolicy", actor, "release/pointer", decision)
+    ) -> Answered:
+        signed = _signed(commands.SavePolicy, say)
+        decision = self._desk.save_policy(policy, signed, reviewers=reviewers, releasers=releasers)
+        self._written(commands.SavePolicy, signed, "release/pointer", decision)
         return decision
 
-    def _decided(
-        self, candidate: Digest, command: Any, others: list[tuple[StreamId, Any]], *records: Record
-    ) -> Accepted[Any] | Refused:
-        actor, given = _allowed(type(command).__name__), command.actor
-        companions = [(stream, _signed(one, given, actor)) for stream, one in others]
-        decision = super()._decided(candidate, _signed(command, given, actor), companions, *records)
-        self._told(type(command).__name__, actor, f"candidate/{candidate}", decision)
+    def _told(self, kind: type[Command], say: Say, candidate: Digest, decision: Answered) -> Answered:
+        self._written(kind, say, f"candidate/{candidate}", decision)
         return decision
 
-    def _told(self, word: str, actor: Actor, subject: str, decision: Accepted[Any] | Refused) -> None:
+    def _written(self, kind: type[Command], say: Say, subject: str, decision: Answered) -> None:
         outcome = f"refused: {decision.rule}" if isinstance(decision, Refused) else "accepted"
-        self._trail(_visitor(), actor, word, subject, outcome)
+        self._trail(visitor(), say.actor, kind.__name__, subject, outcome)
 
 
-def _signed(command: Any, given: Actor, actor: Actor) -> Any:
-    """In the visitor's name, if it was asked in the name that came with the word; the desk's own stays its own."""
-    return msgspec.structs.replace(command, actor=actor) if getattr(command, "actor", None) == given else command
-
-
-def _allowed(word: str) -> Actor:
-    """The visitor in the role that allows it. Raises NotPermitted."""
-    permission = WORDS.get(word)
-    if permission is None:
-        raise NotPermitted(f"{word} is the evaluator's or the desk's own", do="ask for what you want decided")
-    return _visitor().acting(permission)
-
-
-def _visitor() -> Visitor:
-    try:
-        return VISITOR.get()
-    except LookupError:
-        raise NotPermitted("Nobody is known to ask for this", do="sign in, or use a token") from None
+def _signed(kind: type[Command], say: Say) -> Say:
+    """In the visitor's name and the role that allows it. Raises NotPermitted."""
+    return Say(actor=visitor().acting(asked_permission(kind)), reason=say.reason, key=say.key)

@@ -1,20 +1,21 @@
 """The 3D views: one viser server on loopback per reader of a mission. They show; they never take a command."""
 
 import time
-from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from threading import Event, Lock, Thread
+from threading import Lock
 from typing import Literal
 
 import rich
 import viser
+from cachetools import LRUCache
 
 from app.scene_feed import Feed
 from app.scene_view import SceneView
 from harness.contracts.errors import HarnessError
 from harness.contracts.ids import MissionId
 from harness.runtime import Runtime
+from harness.workers import Worker
 
 TICK_S = 0.5
 SOUGHT = 256
@@ -35,12 +36,11 @@ class Scenes:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._runtime, self._idle_s, self._limit, self._clock = runtime, idle_s, limit, clock
-        self._open: OrderedDict[tuple[MissionId, str], _Seat] = OrderedDict()
+        self._open: dict[tuple[MissionId, str], _Seat] = {}
         self._feeds: dict[MissionId, Feed] = {}
-        self._sought: OrderedDict[tuple[MissionId, str], float | None] = OrderedDict()
+        self._sought: LRUCache[tuple[MissionId, str], float | None] = LRUCache(SOUGHT)
         self._lock, self._stepping = Lock(), Lock()
-        self._closing = Event()
-        self._thread: Thread | None = None
+        self._worker = Worker("scenes", self.step, every_s=TICK_S)
 
     def port(self, mission_id: MissionId, view: str = "") -> int:
         """The loopback port of one reader's viewer; raises UnknownName for a mission that does not exist."""
@@ -51,10 +51,10 @@ class Scenes:
                 feed = self._feeds.setdefault(mission_id, Feed(self._runtime, mission_id))
                 seat = self._open[mission_id, view] = _Seat(feed, str(mission_id))
                 seat.view.seek(self._sought.get((mission_id, view)))
-                self._start()
-            self._open.move_to_end((mission_id, view))
+                self._worker.start()
             seat.seen_s = self._clock()
-            surplus = [self._open.popitem(last=False)[1] for _ in range(len(self._open) - self._limit)]
+            longest_ago = sorted(self._open, key=lambda name: self._open[name].seen_s)
+            surplus = [self._open.pop(name) for name in longest_ago[: max(len(self._open) - self._limit, 0)]]
             self._drop_feeds()
         for old in surplus:
             old.close()
@@ -70,9 +70,6 @@ class Scenes:
         """Move one reader's view to an instant of mission time, None for the newest; now, or once it is opened."""
         with self._lock:
             self._sought[mission_id, view] = at_s
-            self._sought.move_to_end((mission_id, view))
-            while len(self._sought) > SOUGHT:
-                self._sought.popitem(last=False)
             seat = self._open.get((mission_id, view))
         if seat is not None:
             seat.view.seek(at_s)
@@ -100,19 +97,11 @@ class Scenes:
             seat.close()
 
     def close(self) -> None:
-        self._closing.set()
         with self._lock:
-            seats, self._open = list(self._open.values()), OrderedDict()
-            thread = self._thread
-        if thread is not None:
-            thread.join(timeout=5.0)
+            seats, self._open = list(self._open.values()), {}
+        self._worker.close()
         for seat in seats:
             seat.close()
-
-    def _start(self) -> None:
-        if self._thread is None:
-            self._thread = Thread(target=self._run, name="scenes", daemon=True)
-            self._thread.start()
 
     def step(self) -> None:
         """Close what nobody watches, feed the rest."""
@@ -135,10 +124,6 @@ class Scenes:
     def _drop_feeds(self) -> None:
         watched = {mission_id for mission_id, _ in self._open}
         self._feeds = {name: feed for name, feed in self._feeds.items() if name in watched}
-
-    def _run(self) -> None:
-        while not self._closing.wait(TICK_S):
-            self.step()
 
 
 class _Seat:

@@ -55,7 +55,8 @@ def issuer_settings() -> IssuerSettings:
 
 
 class ConsoleSettings(BaseSettings):
-    """Settings of one console, from REGEN_* or from the caller. `owner_token` opens the API to the command line.
+    """Settings of one console, from REGEN_* or from the caller. `owner_token` opens the API to the command line,
+    which acts under the name `owner`.
 
     `names` are the host names (with a port unless it is the usual one) that people use beside loopback's; `proxies`
     the addresses of TLS proxies in front, whose word on where a request comes from is taken.
@@ -77,10 +78,10 @@ class ConsoleSettings(BaseSettings):
     speed: Annotated[float, Field(ge=0)] = 4.0
     robots: tuple[str, ...] = ("vbot-1",)
     operator: str = "operator"
+    owner: str = "owner"
     owner_token: SecretStr = SecretStr("")
     session_idle_s: Annotated[float, Field(gt=0)] = 8 * 3600.0
     session_age_s: Annotated[float, Field(gt=0)] = 24 * 3600.0
-    scene_idle_s: Annotated[float, Field(gt=0)] = 600.0
     scenes: Annotated[int, Field(ge=1)] = 8
     notify: dict[str, SecretStr] = {}
     oidc: IssuerSettings = Field(default_factory=issuer_settings)

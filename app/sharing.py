@@ -6,21 +6,19 @@ same roles and language; where a region names its reader, or offers what is thei
 
 import asyncio
 import re
-from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from cachetools import LRUCache
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.languages import CHOICE
 from app.permissions import Visitor
+from app.regions import REGIONS
 
 KEPT = 256
 LASTS_S = 1.0
-FOR_EVERYBODY = re.compile(
-    r"/missions/[^/]+/(instant|head|robot|graph|stages|budget|view|timeline|plots|frames|contract|facts|evidence"
-    r"|contexts|events)"
-)
+FOR_EVERYBODY = re.compile(rf"/missions/[^/]+/(instant|{'|'.join(REGIONS)})")
 FOR_ONE = re.compile(r"/(overview/(now|bar|rail)|(missions|handoffs|alerts)/list|queue/lines|robots/now)")
 
 Key = tuple[str, bytes, str, tuple[str, ...], str, int]
@@ -40,7 +38,7 @@ class Shared:
 
     def __init__(self, app: ASGIApp, *, changes: Callable[[], int], clock: Callable[[], float]) -> None:
         self._app, self._changes, self._clock = app, changes, clock
-        self._kept: OrderedDict[Key, Answer] = OrderedDict()
+        self._kept: LRUCache[Key, Answer] = LRUCache(KEPT)
         self._rendering: dict[Key, asyncio.Future[Answer | None]] = {}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -87,17 +85,11 @@ class Shared:
         finally:
             answer = heard.answer(at_s)
             if answer is not None:
-                self._keep(key, answer)
+                self._kept[key] = answer
             if self._rendering.get(key) is rendering:
                 del self._rendering[key]
             if not rendering.done():
                 rendering.set_result(answer)
-
-    def _keep(self, key: Key, answer: Answer) -> None:
-        self._kept[key] = answer
-        self._kept.move_to_end(key)
-        while len(self._kept) > KEPT:
-            self._kept.popitem(last=False)
 
 
 class _Heard:

@@ -23,6 +23,7 @@ from harness.baseline.load import baseline
 from harness.baseline.load import site as shipped_site
 from harness.contracts.configuration import Configuration
 from harness.contracts.decider import Decider
+from harness.contracts.decisions import Authority, unquestioned
 from harness.contracts.ids import Digest, MissionId, ProviderId, RobotId
 from harness.contracts.observations import Camera
 from harness.contracts.places import Site
@@ -137,6 +138,7 @@ class Parts:
     planner: Planner = GRAPH_ORDER
     proposer: Proposer = NEAREST_EDGE
     deciders: Deciders = field(default_factory=dict)
+    authority: Authority = unquestioned
     select: Select = nothing_selected
     trial: Trial = nothing_on_trial
     configuration: Configuration = field(default_factory=baseline)
@@ -231,6 +233,7 @@ def runtime_on(parts: Parts, clocks: Mapping[RobotId, Clock] = MappingProxyType(
             clocks=clocks,
             deciders={**parts.deciders, **DECIDERS},
             snapshots=parts.snapshots,
+            authority=parts.authority,
         ),
         store=parts.store,
         blobs=parts.blobs,

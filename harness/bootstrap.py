@@ -1,6 +1,6 @@
 """Builds the house: picks the adapters, hands them to the gate and the supervisor, and takes them down again."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
@@ -10,14 +10,9 @@ from types import MappingProxyType
 from harness.adapters.clock import LockstepClock, SystemClock
 from harness.adapters.failpoints import parse, with_failpoint
 from harness.adapters.ids import SeededIds, SystemIds
-from harness.adapters.providers.simulation.camera import CAMERA
-from harness.adapters.providers.simulation.child import RobotSettings
-from harness.adapters.providers.simulation.faults import parse_faults
-from harness.adapters.providers.simulation.hand import SimulatedHand
-from harness.adapters.providers.simulation.kept import KeptRobot
-from harness.adapters.providers.simulation.robot import SimulatedRobot
-from harness.adapters.providers.simulation.world import WorldSettings
-from harness.adapters.stores.blobs import FileBlobStore
+from harness.adapters.providers.http.process import RobotSettings
+from harness.adapters.providers.http.supervised_process import SupervisedProcess
+from harness.adapters.stores.blobs import FileBlobStore, owned_blobs
 from harness.adapters.stores.folder import DataFolder, existing, prepare
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
@@ -48,7 +43,10 @@ from harness.assembly import (
 from harness.baseline.load import baseline
 from harness.baseline.load import site as shipped_site
 from harness.contracts.configuration import Configuration
+from harness.contracts.decisions import Authority, unquestioned
+from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import RobotId
+from harness.contracts.observations import Camera
 from harness.contracts.places import Site
 from harness.contracts.ports import (
     Clock,
@@ -60,6 +58,7 @@ from harness.contracts.ports import (
     Snapshots,
 )
 from harness.contracts.regularities import HiddenSite
+from harness.contracts.simulation import InProcessRobot, Simulator
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from harness.settings import HarnessSettings
@@ -73,7 +72,7 @@ __all__ = [
     "Trial",
     "Unheard",
     "assemble",
-    "check_faults",
+    "camera_of",
     "directly",
     "edit_harness",
     "local_providers",
@@ -97,6 +96,7 @@ def open_harness(
     signals: Signals | None = None,
     url: str = "",
     deciders: Deciders = MappingProxyType({}),
+    authority: Authority = unquestioned,
     select: Select = nothing_selected,
     trial: Trial = nothing_on_trial,
 ) -> Iterator[Harness]:
@@ -104,6 +104,7 @@ def open_harness(
 
     `deciders` are for further families of streams, `select` says which version new missions are pinned to, `trial`
     whether one is in canary, so that a person approves each motion.
+    `authority` is asked in every commit whether whoever gave a command still may.
     Raises StoreOwned if another supervisor owns the folder, StoreUnavailable or StoreNewer if it cannot be used.
     """
     with ExitStack() as stack:
@@ -118,7 +119,7 @@ def open_harness(
         kept = _started(stack, folder, settings)
         parts = Parts(
             store=store,
-            blobs=FileBlobStore(folder.blobs),
+            blobs=owned_blobs(folder.blobs),
             spool=FileSpool(folder.spool),
             ids=ids,
             clock=kept[0].clock,
@@ -126,6 +127,7 @@ def open_harness(
             index=stack.enter_context(closing(SqlMemoryIndex(f"sqlite:///{folder.root / 'memory.db'}"))),
             snapshots=snapshots,
             deciders=deciders,
+            authority=authority,
             select=select,
             trial=trial,
         )
@@ -145,19 +147,29 @@ def read_harness(
 
 @contextmanager
 def edit_harness(
-    settings: HarnessSettings, *, deciders: Deciders = MappingProxyType({}), select: Select = nothing_selected
+    settings: HarnessSettings,
+    *,
+    deciders: Deciders = MappingProxyType({}),
+    authority: Authority = unquestioned,
+    select: Select = nothing_selected,
 ) -> Iterator[Runtime]:
     """Reading and deciding without a robot, as the folder's one owner. Raises StoreOwned if another process is it."""
     folder = prepare(settings.data_folder)
     with OwnerLock(folder.root) as lock:
         lock.take(token=SystemIds().token(), url="")
-        with _without_robots(settings, folder, deciders=deciders, select=select) as runtime:
+        owned_blobs(folder.blobs)
+        with _without_robots(settings, folder, deciders=deciders, select=select, authority=authority) as runtime:
             yield runtime
 
 
 @contextmanager
 def _without_robots(
-    settings: HarnessSettings, folder: DataFolder, *, deciders: Deciders, select: Select
+    settings: HarnessSettings,
+    folder: DataFolder,
+    *,
+    deciders: Deciders,
+    select: Select,
+    authority: Authority = unquestioned,
 ) -> Iterator[Runtime]:
     with closing(open_log(settings.database or folder.log_url)) as log:
         parts = Parts(
@@ -169,6 +181,7 @@ def _without_robots(
             signals=Unheard(),
             snapshots=StoredSnapshots(log, keeping=False),
             deciders=deciders,
+            authority=authority,
             select=select,
         )
         yield runtime_on(parts)
@@ -178,6 +191,7 @@ def _without_robots(
 def simulated(
     settings: HarnessSettings,
     *,
+    simulator: Simulator,
     seed: int,
     store: EventStore | None = None,
     configuration: Configuration | None = None,
@@ -185,20 +199,19 @@ def simulated(
     hidden: HiddenSite | None = None,
     wire: Callable[[Robot], Robot] = directly,
     deciders: Deciders = MappingProxyType({}),
+    authority: Authority = unquestioned,
     select: Select = nothing_selected,
     trial: Trial = nothing_on_trial,
 ) -> Iterator[Harness]:
-    """Everything in this process and in virtual time: kinematic robot, stores in memory. For suites and tests.
+    """Everything in this process and in virtual time: robots of `simulator`, stores in memory. For suites and tests.
 
     `configuration` is what missions are pinned to, H_0 without one; `site` the places they name, the shipped ones
     without one; `hidden` what the simulated site does to the robot again and again; `wire` stands between the
-    harness and the robot; `deciders`, `select` and `trial` as in `open_harness`.
+    harness and the robot; `deciders`, `authority`, `select` and `trial` as in `open_harness`.
     """
     with ExitStack() as stack:
         robots = [
-            SimulatedRobot(
-                WorldSettings(fidelity=settings.fidelity, seed=seed + index, hidden=hidden), robot_id=robot_id
-            )
+            simulator.robot(robot_id, seed=seed + index, fidelity=settings.fidelity, hidden=hidden)
             for index, robot_id in enumerate(settings.fleet)
         ]
         clocks = [LockstepClock(robot.advance_to, at_s=robot.at_s) for robot in robots]
@@ -212,6 +225,7 @@ def simulated(
             configuration=configuration or baseline(),
             site=site or shipped_site(),
             deciders=deciders,
+            authority=authority,
             select=select,
             trial=trial,
         )
@@ -221,23 +235,23 @@ def simulated(
         yield joined(stack, settings, parts, members)
 
 
-def _simulated_member(parts: Parts, robot: SimulatedRobot, clock: Clock) -> Member:
+def _simulated_member(parts: Parts, simulated_robot: InProcessRobot, clock: Clock) -> Member:
     def configure(mission: Mission) -> None:
-        robot.configure(mission.mission_id, mission.seed, parse_faults(_faults(mission)))
+        simulated_robot.configure(mission.mission_id, mission.seed, _faults(mission))
 
     own = replace(parts, clock=clock)
     return Member(
-        robot_id=RobotId(robot.robot_id),
-        robot=robot,
+        robot_id=RobotId(simulated_robot.robot_id),
+        robot=simulated_robot.robot,
         clock=clock,
-        local=local_providers(own, camera=CAMERA, folder=None),
+        local=local_providers(own, camera=camera_of(simulated_robot.robot), folder=None),
         configure=configure,
-        camera=robot,
-        hand=SimulatedHand(robot),
+        camera=simulated_robot.camera,
+        hand=simulated_robot.hand,
     )
 
 
-def _kept_member(parts: Parts, kept: KeptRobot, folder: DataFolder) -> Member:
+def _kept_member(parts: Parts, kept: SupervisedProcess, folder: DataFolder) -> Member:
     def configure(mission: Mission) -> None:
         kept.configure(mission.mission_id, mission.seed, _faults(mission))
 
@@ -246,7 +260,7 @@ def _kept_member(parts: Parts, kept: KeptRobot, folder: DataFolder) -> Member:
         robot_id=RobotId(kept.robot_id),
         robot=kept.robot,
         clock=kept.clock,
-        local=local_providers(own, camera=CAMERA, folder=folder.root, robot_id=kept.robot_id),
+        local=local_providers(own, camera=camera_of(kept.robot), folder=folder.root, robot_id=kept.robot_id),
         configure=configure,
         revive=kept.revive,
         camera=kept.robot,
@@ -258,9 +272,14 @@ def _faults(mission: Mission) -> list[str]:
     return [name for name in mission.labels.get("faults", "").split(",") if name]
 
 
-def check_faults(names: Sequence[str]) -> None:
-    """Raise UnknownName for a fault that the simulated robot does not know."""
-    parse_faults(names)
+def camera_of(robot: Robot) -> Camera:
+    """The camera that the robot says it has. Raises ContractInvalid for a robot without one."""
+    camera = robot.status().camera
+    if camera is None:
+        raise ContractInvalid(
+            "The robot names no camera", where=robot.status().robot_id, do="have its status describe the camera"
+        )
+    return camera
 
 
 def owner_of(data: Path) -> Owner | None:
@@ -285,12 +304,13 @@ def _store(folder: DataFolder, settings: HarnessSettings) -> Iterator[tuple[Even
         yield with_failpoint(log, parse(settings.failpoint) if settings.failpoint else None), snapshots
 
 
-def _started(stack: ExitStack, folder: DataFolder, settings: HarnessSettings) -> list[KeptRobot]:
+def _started(stack: ExitStack, folder: DataFolder, settings: HarnessSettings) -> list[SupervisedProcess]:
     """All robot processes, started side by side. The stack ends those that came up."""
 
-    def start(robot_id: str, seed: int) -> KeptRobot:
-        kept = KeptRobot(
+    def start(robot_id: str, seed: int) -> SupervisedProcess:
+        kept = SupervisedProcess(
             RobotSettings(
+                command=settings.robot_command,
                 folder=str(folder.robots / robot_id),
                 robot_id=robot_id,
                 speed=settings.speed,

@@ -16,7 +16,7 @@ from harness.adapters.providers.recording.segments import Segment
 from harness.adapters.providers.recording.topics import TopicSettings
 from harness.adapters.providers.recording.writer import Leg, Written, record_mission
 from harness.adapters.providers.recording.writer import Mission as Recorded
-from harness.adapters.stores.blobs import FileBlobStore
+from harness.adapters.stores.blobs import owned_blobs
 from harness.adapters.stores.folder import prepare
 from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
 from harness.adapters.stores.opening import open_log
@@ -72,7 +72,7 @@ class Replayer:
         )
         decision = self.harness.runtime.start(start, template=template)
         if isinstance(decision, Refused):
-            raise ContractInvalid(plain(decision.message))
+            raise ContractInvalid(plain(decision.reason))
         mission_id: MissionId = decision.events[0].mission_id  # type: ignore[union-attr]
         mission = self.harness.supervisor.run(mission_id, watch=watch)
         return mission, self.facts(mission)
@@ -121,7 +121,7 @@ def replayed(
         stack.callback(store.close)
         parts = Parts(
             store=store,
-            blobs=FileBlobStore(folder.blobs),
+            blobs=owned_blobs(folder.blobs),
             spool=FileSpool(folder.spool),
             ids=ids,
             clock=robot,

@@ -5,16 +5,18 @@ Persons and the supervisor enter here; every change goes on to the gate, which a
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from threading import Lock
 from typing import Any
+
+from cachetools import LRUCache
 
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import CreateMission, MissionCommand, PauseMission
 from harness.contracts.configuration import Configuration
 from harness.contracts.control import Autonomy
-from harness.contracts.decisions import Accepted, Authority, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.errors import ConfigurationMissing, UnknownName
-from harness.contracts.handoff_commands import PersonCommand
 from harness.contracts.ids import (
     Digest,
     HandoffId,
@@ -28,6 +30,7 @@ from harness.contracts.ids import (
     mission_stream,
 )
 from harness.contracts.observations import AnySample
+from harness.contracts.person_commands import PersonCommand
 from harness.contracts.place_events import place_stream
 from harness.contracts.places import Place, Site
 from harness.contracts.ports import (
@@ -42,11 +45,11 @@ from harness.contracts.ports import (
     StoredEvent,
 )
 from harness.contracts.protocol import InvocationReport, RobotStatus
+from harness.contracts.reasons import because
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.contracts.values import Value, encode
-from harness.gate.commit import Gate, Request
+from harness.gate.commit import CommandEnvelope, Gate
 from harness.gate.ended_missions import EndedMissions
-from harness.gate.kept import Kept
 from harness.gate.open_missions import OpenMissions
 from harness.gate.places import DECIDER as PLACE
 from harness.memory.fabric import MemoryFabric
@@ -62,6 +65,15 @@ KEPT_CONTRACTS = 16
 KEPT_LIVE = 64
 """Of so many missions what was observed last is kept, and the places they were compiled with."""
 COMPILED = ("ContractCompiled", "ContractRecompiled")
+
+
+AnswerHandoff = Callable[[HandoffId, PersonCommand], Decision[AnyEvent]]
+"""Takes a person's answer at a handoff: whoever can observe the robot again before it counts."""
+
+
+def unsupervised(handoff_id: HandoffId, command: PersonCommand) -> Decision[AnyEvent]:
+    """The answer where no supervisor runs."""
+    return refused("no_supervisor", because("no_supervisor_observes"))
 
 
 class Live(Value):
@@ -120,13 +132,13 @@ class Runtime:
         self._signals = signals
         self._configurations = configurations
         self._shipped = site
-        self._sites: Kept[tuple[MissionId, Digest], Site] = Kept(KEPT_LIVE)
+        self._sites: LRUCache[tuple[MissionId, Digest], Site] = LRUCache(KEPT_LIVE)
         self.memory = memory
         self._open_missions = OpenMissions(store)
         self._ended_missions = EndedMissions(store, gate.state)
-        self._contracts: Kept[bytes, TaskContract] = Kept(KEPT_CONTRACTS)
-        self._live: Kept[MissionId, Live] = Kept(KEPT_LIVE)
-        self._desk: Callable[[PersonCommand], Decision[AnyEvent]] | None = None
+        self._contracts: LRUCache[bytes, TaskContract] = LRUCache(KEPT_CONTRACTS)
+        self._live: LRUCache[MissionId, Live] = LRUCache(KEPT_LIVE)
+        self._caching = Lock()
 
     @property
     def site(self) -> Site:
@@ -136,10 +148,12 @@ class Runtime:
     def site_of(self, mission: Mission) -> Site:
         """The places that a mission was compiled with: what people changed since is not its own."""
         key = (mission.mission_id, mission.configuration)
-        site = self._sites.get(key)
+        with self._caching:
+            site = self._sites.get(key)
         if site is None:
             site = self._site_before(mission.mission_id)
-            self._sites.put(key, site)
+            with self._caching:
+                self._sites[key] = site
         return site
 
     def _site_before(self, mission_id: MissionId) -> Site:
@@ -187,7 +201,7 @@ class Runtime:
             trial=self.on_trial(pinned),
         )
         version = self._configurations.record(pinned)
-        return self.commit([Request(mission_stream(mission_id), create)], records=(version,))
+        return self.commit([CommandEnvelope(mission_stream(mission_id), create, start.robot_id)], records=(version,))
 
     def draft(self, start: Start) -> TaskContract:
         """The contract that `start` would create now; nothing is written. Raises as `start` does."""
@@ -197,33 +211,24 @@ class Runtime:
     def _compiled(self, start: Start, template: TaskTemplate) -> TaskContract:
         goal, arguments, site = start.goal or template.goal, start.arguments or {}, self.site
         asked = encode((goal, template, arguments, site))
-        known = self._contracts.get(asked)
+        with self._caching:
+            known = self._contracts.get(asked)
         if known is None:
             known = compile_contract(goal=goal, template=template, arguments=arguments, site=site)
-            self._contracts.put(asked, known)
+            with self._caching:
+                self._contracts[asked] = known
         return known
 
     def submit(
         self, mission_id: MissionId, command: MissionCommand, *, records: Sequence[Record] = ()
     ) -> Accepted[AnyEvent] | Refused:
         """One command for one mission. Raises UnknownName for a mission that does not exist."""
-        self.mission(mission_id)
-        return self.commit([Request(mission_stream(mission_id), command)], records=records)
+        robot_id = self.mission(mission_id).robot_id
+        return self.commit([CommandEnvelope(mission_stream(mission_id), command, robot_id)], records=records)
 
-    def answer(self, command: PersonCommand) -> Decision[AnyEvent]:
-        """A person's word at a handoff, taken by the desk that can observe the robot again before it counts."""
-        if self._desk is None:
-            return Refused("no_supervisor", "No supervisor runs on this data folder, so nothing can be observed.")
-        return self._desk(command)
-
-    def open_desk(self, desk: Callable[[PersonCommand], Decision[AnyEvent]]) -> None:
-        self._desk = desk
-
-    def obey(self, authority: Authority) -> None:
-        """From now on the gate asks, in every round of every commit, whether whoever commands still may."""
-        self._gate.obey(authority)
-
-    def commit(self, requests: Sequence[Request], *, records: Sequence[Record] = ()) -> Accepted[AnyEvent] | Refused:
+    def commit(
+        self, requests: Sequence[CommandEnvelope], *, records: Sequence[Record] = ()
+    ) -> Accepted[AnyEvent] | Refused:
         """All requests or none, then wake whoever watches."""
         decision = self._gate.commit(requests, records=records)
         if isinstance(decision, Accepted) and decision.events:
@@ -234,8 +239,8 @@ class Runtime:
     def decide(
         self, requests: Sequence[tuple[StreamId, Any]], records: Sequence[Record] = ()
     ) -> Accepted[Any] | Refused:
-        """Commands for streams of any family that a decider was given for, through the one gate: all or none."""
-        return self.commit([Request(stream, command) for stream, command in requests], records=records)
+        """Commands about no robot, for streams of any family that a decider was given for: all or none."""
+        return self.commit([CommandEnvelope(stream, command, None) for stream, command in requests], records=records)
 
     # configurations -------------------------------------------------------------------------------------------------
 
@@ -378,11 +383,13 @@ class Runtime:
 
     def publish(self, live: Live) -> None:
         """Replace what is observed of a mission now; nothing durable."""
-        self._live.put(live.mission_id, live)
+        with self._caching:
+            self._live[live.mission_id] = live
         self._signals.changed(f"live/{live.mission_id}")
 
     def observations(self, mission_id: MissionId) -> Live | None:
-        return self._live.get(mission_id)
+        with self._caching:
+            return self._live.get(mission_id)
 
 
 def _chosen(start: Start, configuration: Configuration) -> TaskTemplate:

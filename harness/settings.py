@@ -1,18 +1,26 @@
 """Settings of the runtime, read once and passed down. Nothing else reads the environment."""
 
+import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import Field
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from harness.contracts.simulation import Fidelity
+
 RobotName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]{0,30}$")]
+
+ROBOT_COMMAND = (sys.executable, "-m", "simulator")
+"""Starts a simulated robot as a program of its own."""
 
 
 class HarnessSettings(BaseSettings):
     """From `REGEN_*` variables or by constructor. `speed` is mission seconds per second; 0 is as fast as possible.
 
     `robots` names every robot of the house; without it there is one, `robot_id`.
+    `robot_command` starts a robot program, which serves the HTTP provider protocol; its robot's name, folder, speed and
+    seed follow as options.
     `database` is where the event log lies: empty is SQLite in the data folder, else postgresql://USER:PASSWORD@HOST/NAME.
     """
 
@@ -21,9 +29,10 @@ class HarnessSettings(BaseSettings):
     data_folder: Path = Path("var")
     speed: Annotated[float, Field(ge=0, le=100)] = 4.0
     seed: Annotated[int, Field(ge=0)] = 1
-    fidelity: Literal["mujoco", "kinematic"] = "mujoco"
+    fidelity: Fidelity = "mujoco"
     robot_id: RobotName = "vbot-1"
     robots: tuple[RobotName, ...] = ()
+    robot_command: tuple[str, ...] = ROBOT_COMMAND
     failpoint: str = ""
     database: Annotated[str, Field(repr=False)] = ""
 

@@ -5,7 +5,8 @@ from math import floor, isfinite, log
 from typing import Literal
 
 from harness.contracts.configuration import Configuration
-from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, refused
+from harness.contracts.reasons import because
 from harness.contracts.values import Moment, Value, encode
 from harness.projections.mission import Mission
 from rsi_reviews.commands import AdjudicateCanaryMission, RecordCanaryMission
@@ -136,7 +137,7 @@ def fault_in(entries: Sequence[CanaryEntry]) -> str:
 def record(review: Review, command: RecordCanaryMission, now: Moment) -> Decision[CandidateEvent]:
     """Each mission counts once."""
     if review.status != "canary":
-        return Refused("not_in_canary", f"The candidate is {review.status}.")
+        return refused("not_in_canary", because("candidate_is", status=review.status))
     if review.entry(command.measured.mission_id) is not None:
         return Accepted(())
     return Accepted((CanaryMissionRecorded(measured=command.measured, at_s=now.wall_s),))
@@ -147,16 +148,19 @@ def adjudicate(review: Review, command: AdjudicateCanaryMission, now: Moment) ->
     if (again := repeated(command, review.receipts)) is not None:
         return again
     if review.status != "canary":
-        return Refused("not_in_canary", f"The candidate is {review.status}.")
-    if refused := not_a_person(command.actor, REVIEWERS):
-        return refused
+        return refused("not_in_canary", because("candidate_is", status=review.status))
+    if refusal := not_a_person(command.actor, REVIEWERS):
+        return refusal
     entry = review.entry(command.mission_id)
     if entry is None:
-        return Refused("no_canary_mission", f"{command.mission_id} is no finished mission of this canary.")
+        return refused("no_canary_mission", mission_id=command.mission_id)
     if entry.by is not None:
-        return Refused("decided", f"{entry.by.actor.name} found {entry.finding} before you: “{entry.by.reason}”.")
+        return refused(
+            "decided",
+            because("canary_finding_stands", actor=entry.by.actor.name, finding=entry.finding, reason=entry.by.reason),
+        )
     own = review.released_by is not None and review.released_by.actor.name == command.actor.name
     if own and command.policy.kind == "two_person":
-        return Refused("own_release", f"{command.actor.name} released it; somebody else says what became of it.")
+        return refused("own_release", actor=command.actor.name)
     by = signed(command, now, override=own)
     return Accepted((CanaryMissionAdjudicated(mission_id=command.mission_id, finding=command.finding, by=by),))

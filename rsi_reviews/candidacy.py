@@ -2,7 +2,8 @@
 
 from math import isfinite
 
-from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, Refused, refused
+from harness.contracts.reasons import because
 from harness.contracts.values import Moment, digest
 from rsi_reviews.canary import bound_of
 from rsi_reviews.commands import BeginEvaluation, ProposeCandidate, RecordEvaluation
@@ -20,7 +21,7 @@ def propose(review: Review, command: ProposeCandidate, now: Moment) -> Decision[
         return again
     candidate, baseline = command.candidate, command.baseline
     if review.version:
-        return Refused("exists", f"This candidate exists; it is {review.status}.")
+        return refused("exists", because("candidate_exists", status=review.status))
     found = (*unfounded(candidate, baseline), *loosened(baseline, candidate.configuration))
     if found:
         return refused_for(found)
@@ -41,9 +42,12 @@ def propose(review: Review, command: ProposeCandidate, now: Moment) -> Decision[
 def refused_for(found: tuple[Refusal, ...]) -> Refused:
     """One refusal that names the first rule and counts the rest."""
     first = found[0]
-    change = f" ({first.old or 'nothing'} → {first.new or 'nothing'})" if first.old or first.new else ""
-    more = f" And {len(found) - 1} more." if len(found) > 1 else ""
-    return Refused(first.rule, f"{first.path}: {first.message}{change}{more}")
+    change = {"old": first.old or "-", "new": first.new or "-"} if first.old or first.new else {}
+    code = "candidate_loosens_value" if change else "candidate_loosens"
+    reason = because(code, path=first.path, why=first.reason, **change)
+    if len(found) > 1:
+        reason = because("candidate_loosens_more", first=reason, more=len(found) - 1)
+    return refused(first.rule, reason)
 
 
 def begin(review: Review, command: BeginEvaluation, now: Moment) -> Decision[CandidateEvent]:
@@ -56,9 +60,9 @@ def begin(review: Review, command: BeginEvaluation, now: Moment) -> Decision[Can
         return Accepted(())
     errored = review.status == "inconclusive" and review.evaluation and review.evaluation.answer == "error"
     if review.status != "draft" and not errored:
-        return Refused("not_a_draft", f"The candidate is {review.status}: what was answered is not asked again.")
+        return refused("not_a_draft", status=review.status)
     if errored and review.terms != command.terms:
-        return Refused("other_terms", "It may be evaluated again, but only under the terms that were fixed.")
+        return refused("other_terms", because("terms_fixed"))
     return Accepted(
         (EvaluationBegun(terms=command.terms, terms_digest=digest(command.terms), by=signed(command, now)),)
     )
@@ -67,7 +71,7 @@ def begin(review: Review, command: BeginEvaluation, now: Moment) -> Decision[Can
 def _foreign(review: Review, terms: EvaluationTerms) -> Refused | None:
     """Terms that speak of something else than this candidate."""
     if not review.version or review.status in ENDED:
-        return Refused("no_candidate", f"There is no candidate to evaluate: it is {review.status}.")
+        return refused("no_candidate", because("no_candidate_to_evaluate", status=review.status))
     for rule, name, own in (
         ("other_candidate", "candidate", review.candidate),
         ("other_configuration", "configuration", review.configuration),
@@ -76,7 +80,7 @@ def _foreign(review: Review, terms: EvaluationTerms) -> Refused | None:
     ):
         given = getattr(terms, name)
         if given != own:
-            return Refused(rule, f"The {name} of these terms is {given[:12]}; the candidate's is {own[:12]}.")
+            return refused(rule, because("terms_name_another", field=name, given=given[:12], own=own[:12]))
     return None
 
 
@@ -86,9 +90,9 @@ def conclude(review: Review, command: RecordEvaluation, now: Moment) -> Decision
         return again
     manifest, terms = review.manifest, review.terms
     if review.status != "evaluating" or terms is None or manifest is None:
-        return Refused("not_evaluating", f"The candidate is {review.status}: no evaluation was begun.")
-    if refused := _other_terms(terms, command) or _broken(terms, command):
-        return refused
+        return refused("not_evaluating", status=review.status)
+    if refusal := _other_terms(terms, command) or _broken(terms, command):
+        return refusal
     own = [result for result in command.results.results if result.configuration == terms.baseline]
     values = [float(getattr(result, manifest.metric)) for result in own if result.outcome == "finished"]
     recorded = EvaluationRecorded(
@@ -116,15 +120,15 @@ def _other_terms(terms: EvaluationTerms, command: RecordEvaluation) -> Refused |
     for name in terms.__struct_fields__:
         fixed, given = getattr(terms, name), getattr(command.terms, name)
         if fixed != given:
-            return Refused(
-                f"other_{name}", f"The {name} was fixed as {_short(fixed)}; these results have {_short(given)}."
+            return refused(
+                f"other_{name}", because("terms_differ", field=name, fixed=_short(fixed), given=_short(given))
             )
     if command.results.terms != digest(terms):
-        return Refused("other_terms", "The results were made under other terms than those that were fixed.")
+        return refused("other_terms", because("results_of_other_terms"))
     if command.report.predicate != terms.predicate:
-        return Refused("other_predicate", "Another acceptance predicate answered than the one that was fixed.")
+        return refused("other_predicate")
     if command.report.terms != digest(terms) or command.report.result_set != digest(command.results):
-        return Refused("other_result_set", "The report speaks of other results than these.")
+        return refused("other_result_set")
     return None
 
 
@@ -136,26 +140,23 @@ def _broken(terms: EvaluationTerms, command: RecordEvaluation) -> Refused | None
     results = command.results.results
     for result in results:
         if not _measured(result):
-            return Refused("not_a_number", f"Case {result.case[:12]} has a measure that is not a number.")
+            return refused("not_a_number", because("case_not_a_number", case=result.case[:12]))
     if command.report.answer == "error":
         return None
     pairs = {(result.case, result.configuration) for result in results}
     cases = {result.case for result in results}
     wanted = {(case, configuration) for case in cases for configuration in (terms.baseline, terms.configuration)}
     if len(cases) != terms.cases or pairs != wanted or len(results) != len(pairs):
-        return Refused(
-            "missing_cases",
-            f"There are {len(results)} results of {len(cases)} cases; {terms.cases} cases need two each, once.",
-        )
+        return refused("missing_cases", results=len(results), cases=len(cases), expected_cases=terms.cases)
     cut = next((result for result in results if result.outcome != "finished"), None)
     if cut is not None:
-        return Refused("unfinished_case", f"Case {cut.case[:12]} {cut.outcome}; that is no result.")
+        return refused("unfinished_case", case=cut.case[:12], outcome=cut.outcome)
     return _unheld(command.report, held_out=command.results.held_out is not None)
 
 
 def _unheld(report: AcceptanceReport, *, held_out: bool) -> Refused | None:
     if report.answer == "pass" and not held_out:
-        return Refused("no_held_out", "Nothing passes without its one look at the held-out suite.")
+        return refused("no_held_out")
     return None
 
 

@@ -10,6 +10,7 @@ import msgspec
 
 from harness.contracts.configuration import Configuration
 from harness.contracts.ids import Digest, MissionId
+from harness.contracts.reasons import Reason
 from harness.contracts.values import Count, Name, NonNegative, Positive, Share, Value, digest
 
 Section = Literal["context_rules", "templates", "routing", "recovery"]
@@ -232,7 +233,7 @@ class Refusal(Value):
 
     rule: Name
     path: str
-    message: Sentence
+    reason: Reason
     old: str = ""
     new: str = ""
 

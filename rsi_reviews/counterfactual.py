@@ -6,7 +6,7 @@ mission's first difference this is what would have happened; after it, the missi
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, Protocol, TypeVar
 
 from msgspec.structs import replace
 
@@ -26,19 +26,31 @@ from harness.contracts.events import (
     RecoveryAuthorised,
     VerdictRecorded,
 )
-from harness.contracts.ids import Digest, MissionId, NodeId
-from harness.contracts.ports import StoredEvent
+from harness.contracts.ids import Digest, MissionId, NodeId, StreamId
+from harness.contracts.ports import Record, StoredEvent
 from harness.contracts.proposals import RecoveryProposal
 from harness.contracts.values import Count, Value, decode
 from harness.planning.planner import plan
+from harness.projections.mission import Mission
 from harness.recovery.ladder import recover
 from harness.routing.question import RoutingQuestion
-from harness.runtime import Runtime
 
 T = TypeVar("T")
 Kind = Literal["routing", "recovery", "wait", "timeout", "context", "plan"]
 KINDS: tuple[Kind, ...] = ("routing", "recovery", "wait", "timeout", "context", "plan")
 _CODEC: Codec[MissionEvent] = Codec(MissionEvent)
+
+
+class MissionRecords(Protocol):
+    """What is read of the log here."""
+
+    def streams(self, prefix: str) -> list[StreamId]: ...
+
+    def events(self, mission_id: MissionId) -> list[StoredEvent]: ...
+
+    def mission(self, mission_id: MissionId) -> Mission: ...
+
+    def record(self, digest: Digest) -> Record: ...
 
 
 class Difference(Value):
@@ -75,7 +87,7 @@ class Counterfactual(Value):
 
 
 def counterfactual(
-    runtime: Runtime, configuration: Configuration, missions: Iterable[MissionId] | None = None
+    runtime: MissionRecords, configuration: Configuration, missions: Iterable[MissionId] | None = None
 ) -> Counterfactual:
     """Derive the decisions of these missions again, of all stored ones without a list. Raises UnknownName."""
     if missions is None:
@@ -86,7 +98,7 @@ def counterfactual(
     )
 
 
-def _mission(runtime: Runtime, configuration: Configuration, mission_id: MissionId) -> MissionCounterfactual:
+def _mission(runtime: MissionRecords, configuration: Configuration, mission_id: MissionId) -> MissionCounterfactual:
     stored = runtime.events(mission_id)
     if not stored:
         raise UnknownName(f"There is no mission {mission_id}", do="list them with `regen mission list`")
@@ -116,7 +128,7 @@ def _mission(runtime: Runtime, configuration: Configuration, mission_id: Mission
 class _Again:
     """One mission's decisions under the other configuration."""
 
-    runtime: Runtime
+    runtime: MissionRecords
     configuration: Configuration
 
     def __post_init__(self) -> None:

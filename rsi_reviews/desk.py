@@ -93,15 +93,17 @@ class Desk(Shelf):
             for hand in review.hands
             if review.candidate != candidate.candidate_id
         }
+        current = self.current()
         command = ProposeCandidate(
             candidate=candidate,
-            baseline=self._runtime.stored_configuration(self.current()),
+            baseline=self._runtime.stored_configuration(current),
             supersedes=supersedes,
             earlier=tuple(sorted(earlier)),
             **say.fields,
         )
         confirm = Confirm(baseline=candidate.baseline, configuration=configuration)
-        return self._asked(candidate.candidate_id, command, confirm, configuration_record(candidate.configuration))
+        records = (configuration_record(candidate.configuration), self._runtime.configuration_record(current))
+        return self._asked(candidate.candidate_id, command, confirm, *records)
 
     def begin(self, terms: EvaluationTerms, say: Say) -> Answered:
         """Fix the terms of the evaluation, before anything runs."""

@@ -7,8 +7,9 @@ from msgspec.structs import replace
 
 from harness.contracts.actors import Actor, Command, Event
 from harness.contracts.decider import Codec, Decider
-from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.ids import MissionId, StreamId
+from harness.contracts.reasons import because
 from harness.contracts.values import Count, Moment, Name, Value
 from harness.projections.mission import Mission
 from rsi_reviews.contracts import Family, Sentence
@@ -76,12 +77,12 @@ def apply(growth: Growth, event: CaseAdded) -> Growth:
 def decide(growth: Growth, command: AddCase, now: Moment) -> Decision[CaseAdded]:
     """Only a person adds a case; a mission becomes one once."""
     if command.actor.channel != "human":
-        return Refused("not_a_person", "A suite grows by a person's hand.")
+        return refused("not_a_person", because("suite_needs_person"))
     if any(one.mission_id == command.mission_id for one in growth.added):
         return Accepted(())
     same = next((one for one in growth.added if one.case == command.case), None)
     if same is not None:
-        return Refused("case_known", f"Mission {same.mission_id} is that very case already.")
+        return refused("case_known", mission_id=same.mission_id)
     added = CaseAdded(actor=command.actor, mission_id=command.mission_id, case=command.case, reason=command.reason)
     return Accepted((added,))
 
@@ -89,9 +90,9 @@ def decide(growth: Growth, command: AddCase, now: Moment) -> Decision[CaseAdded]
 def case_of(mission: Mission) -> AddedCase | Refused:
     """The case that runs a disputed mission again: its template with its defaults, its faults, its seed."""
     if mission.replay:
-        return Refused("recorded", "A replayed recording cannot be run again in simulation.")
+        return refused("recorded", because("recording_not_runnable"))
     if not mission.disputed:
-        return Refused("not_disputed", "Only a mission with a disputed completion becomes a case: dispute it first.")
+        return refused("not_disputed")
     faults = tuple(name for name in mission.labels.get("faults", "").split(",") if name)
     families = (_FAMILIES.get(name.partition(":")[0]) for name in faults)
     family: Family = next((one for one in families if one is not None), "nominal")

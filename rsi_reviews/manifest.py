@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from math import isfinite, log
 
 from harness.contracts.configuration import Configuration
+from harness.contracts.reasons import Fact, because
 from harness.contracts.values import encode
 from rsi_reviews.contracts import BETTER, SECTIONS, CanaryTest, Candidate, Manifest, Refusal, Section
 
@@ -40,21 +41,21 @@ def unfounded(candidate: Candidate, baseline: Configuration) -> tuple[Refusal, .
 def _identity(candidate: Candidate, baseline: Configuration) -> Iterator[Refusal]:
     manifest, shipped = candidate.manifest, baseline.configuration_id
     if candidate.baseline != manifest.baseline or manifest.baseline != shipped:
-        yield _refusal("other_baseline", "manifest.baseline", shipped, manifest.baseline, "It names another baseline")
+        yield _refusal("other_baseline", "manifest.baseline", shipped, manifest.baseline, "another_baseline")
     if manifest.rollback != manifest.baseline:
         yield _refusal(
             "rollback_target", "manifest.rollback", manifest.baseline, manifest.rollback,
-            "A bad release goes back to the version before it, which is its baseline",
+            "rollback_target",
         )  # fmt: skip
 
 
 def _component(manifest: Manifest, changed: tuple[Section, ...]) -> Iterator[Refusal]:
     if not changed:
-        yield _refusal("no_change", "configuration", "", "", "The candidate equals its baseline")
+        yield _refusal("no_change", "configuration", "", "", "no_change")
     elif changed != (manifest.component,):
         yield _refusal(
             "other_component", "manifest.component", manifest.component, ", ".join(changed),
-            "Exactly the component that the manifest names may change",
+            "other_component",
         )  # fmt: skip
 
 
@@ -62,10 +63,10 @@ def _measure(manifest: Manifest) -> Iterator[Refusal]:
     if BETTER[manifest.metric] != manifest.direction:
         yield _refusal(
             "wrong_direction", "manifest.direction", BETTER[manifest.metric], manifest.direction,
-            f"{manifest.metric} is better when {BETTER[manifest.metric]}",
+            "wrong_direction", metric=manifest.metric, direction=BETTER[manifest.metric],
         )  # fmt: skip
     if not isfinite(manifest.smallest_effect):
-        yield _refusal("not_a_number", "manifest.smallest_effect", "", "", "It must be a finite number")
+        yield _refusal("not_a_number", "manifest.smallest_effect", "", "", "effect_not_finite")
 
 
 def _words(manifest: Manifest) -> Iterator[Refusal]:
@@ -73,11 +74,11 @@ def _words(manifest: Manifest) -> Iterator[Refusal]:
     for field, text in texts.items():
         hidden = [char for char in text if unicodedata.category(char) in ("Cc", "Cf", "Co", "Cs") and char != "\n"]
         if hidden:
-            yield _refusal("hidden_text", f"manifest.{field}", "", repr(hidden[0]), "It holds characters nobody sees")
+            yield _refusal("hidden_text", f"manifest.{field}", "", repr(hidden[0]), "hidden_text")
         if found := _ORDERS.search(unicodedata.normalize("NFKC", text)):
             yield _refusal(
                 "instructs_reviewer", f"manifest.{field}", "", found.group(0)[:200],
-                "A manifest gives reasons; it does not tell its reader what to do",
+                "instructs_reviewer",
             )  # fmt: skip
 
 
@@ -87,18 +88,16 @@ def _canary(test: CanaryTest) -> Iterator[Refusal]:
     if not 0.0 < harmless < test.harmful_share < 1.0:
         yield _refusal(
             "canary_test", "manifest.canary", f"{harmless:g}", f"{test.harmful_share:g}",
-            "The harmful share must lie above the harmless one, both between 0 and 1",
+            "canary_shares",
         )  # fmt: skip
     elif test.missions * log(test.harmful_share / harmless) < log(1.0 / test.alpha):
         yield _refusal(
             "canary_test", "manifest.canary.missions", "", test.missions,
-            "So few missions could never show harm at this level",
+            "canary_too_short",
         )  # fmt: skip
     if test.window < test.missions:
-        yield _refusal(
-            "canary_test", "manifest.canary.window", test.missions, test.window, "It ends before it can count"
-        )
+        yield _refusal("canary_test", "manifest.canary.window", test.missions, test.window, "canary_window_too_short")
 
 
-def _refusal(rule: str, path: str, old: object, new: object, message: str) -> Refusal:
-    return Refusal(rule=rule, path=path, old=str(old), new=str(new), message=f"{message}.")
+def _refusal(rule: str, path: str, old: object, new: object, code: str, **facts: Fact) -> Refusal:
+    return Refusal(rule=rule, path=path, old=str(old), new=str(new), reason=because(code, **facts))

@@ -3,8 +3,9 @@
 from typing import assert_never
 
 from harness.contracts.decider import Codec, Decider
-from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.ids import Digest
+from harness.contracts.reasons import because
 from harness.contracts.values import Moment
 from rsi_reviews.commands import (
     Confirm,
@@ -75,21 +76,27 @@ def _opened(pointer: Pointer, command: OpenPointer, now: Moment) -> Decision[Poi
 
 def _stale(pointer: Pointer, command: Confirm) -> Refused | None:
     if command.baseline is not None and command.baseline != pointer.configuration:
-        return Refused(
+        return refused(
             "stale_baseline",
-            f"Its baseline {command.baseline[:12]} is no longer current: that is {pointer.configuration[:12]} since "
-            f"revision {pointer.revision}. Propose and evaluate the change against what is current.",
+            baseline=command.baseline[:12],
+            current=pointer.configuration[:12],
+            revision=pointer.revision,
         )
     if command.policy is not None and command.policy != pointer.policy:
-        return Refused("policy_changed", f"The release policy is now {pointer.policy.kind}. Decide again under it.")
+        return refused("policy_changed", policy=pointer.policy.kind)
     return _unusable(pointer, command.configuration) if command.configuration is not None else None
 
 
 def _unusable(pointer: Pointer, configuration: Digest) -> Refused | None:
     if bad := pointer.quarantined.get(configuration):
-        return Refused("quarantined", f"{configuration[:12]} was rolled back at {instant(bad.at_s)}: {bad.reason}.")
+        return refused(
+            "quarantined",
+            because(
+                "configuration_rolled_back", configuration=configuration[:12], at=instant(bad.at_s), reason=bad.reason
+            ),
+        )
     if configuration in pointer.retired:
-        return Refused("retired", f"{configuration[:12]} was retired; nothing selects it again.")
+        return refused("retired", because("configuration_retired", configuration=configuration[:12]))
     return None
 
 
@@ -97,14 +104,14 @@ def _moved(pointer: Pointer, command: MovePointer, now: Moment) -> Decision[Poin
     match command.cause:
         case "canary":
             if pointer.trial is not None:
-                return Refused("canary_open", f"Candidate {pointer.trial[:12]} is in canary; one at a time.")
+                return refused("canary_open", trial=pointer.trial[:12])
             asked = Confirm(baseline=command.rollback, configuration=command.configuration)
             if stale := _stale(pointer, asked):
                 return stale
             return Accepted((_move(pointer, command, now),))
         case "released" | "withdrawn":
             if pointer.trial != command.candidate:
-                return Refused("not_in_canary", f"Candidate {command.candidate[:12]} is not in canary.")
+                return refused("not_in_canary", because("candidate_not_in_canary", candidate=command.candidate[:12]))
             return Accepted((_move(pointer, command, now),))
         case "rolled_back":
             return _rolled_back(pointer, command, now)
@@ -114,9 +121,9 @@ def _moved(pointer: Pointer, command: MovePointer, now: Moment) -> Decision[Poin
 
 def _rolled_back(pointer: Pointer, command: MovePointer, now: Moment) -> Decision[PointerEvent]:
     if command.candidate not in (pointer.trial, pointer.released):
-        return Refused("not_current", f"Candidate {command.candidate[:12]} is neither current nor in canary.")
+        return refused("not_current", candidate=command.candidate[:12])
     if command.candidate == pointer.released and command.rollback != pointer.rollback:
-        return Refused("other_rollback", f"It goes back to {pointer.rollback[:12]}, fixed when it was authorised.")
+        return refused("other_rollback", because("rollback_fixed", rollback=pointer.rollback[:12]))
     quarantined = ConfigurationQuarantined(
         configuration=command.configuration, candidate=command.candidate, reason=command.reason, at_s=now.wall_s
     )
@@ -154,21 +161,25 @@ def _policy(pointer: Pointer, command: SavePolicy, now: Moment) -> Decision[Poin
         return again
     policy, people = command.policy, {*command.reviewers, *command.releasers}
     if command.actor.channel != "human":
-        return Refused("not_a_person", f"{command.actor.name} is no person; people say who may release.")
+        return refused("not_a_person", because("policy_needs_person", actor=command.actor.name))
     if policy.quorum < 1:
-        return Refused("quorum", "At least one approval is needed.")
+        return refused("quorum", because("quorum_of_none"))
     if len({*command.reviewers}) < policy.quorum or not command.releasers:
-        return Refused(
+        return refused(
             "nobody_could",
-            f"{policy.quorum} approvals and a releaser are needed; there are {len({*command.reviewers})} reviewers "
-            f"and {len({*command.releasers})} releasers.",
+            because(
+                "too_few_people",
+                quorum=policy.quorum,
+                reviewers=len({*command.reviewers}),
+                releasers=len({*command.releasers}),
+            ),
         )
     if policy.kind == "two_person" and len(people) < PEOPLE:
-        return Refused("nobody_could", f"Two people are needed; only {', '.join(people)} could decide.")
+        return refused("nobody_could", because("two_people_needed", people=tuple(people)))
     if policy.kind == "single_operator" and policy.cooling_off_s <= 0:
-        return Refused("cooling_off", "A single operator needs a cooling-off time above 0 s.")
+        return refused("cooling_off", because("cooling_off_needed"))
     if policy.authorisation_s <= 0:
-        return Refused("nobody_could", "An authorisation that ends at once could never be used.")
+        return refused("nobody_could", because("authorisation_ends_at_once"))
     return Accepted((PolicySaved(policy=policy, by=signed(command, now)),))
 
 
@@ -178,11 +189,11 @@ def _look(pointer: Pointer, command: CountLook, now: Moment) -> Decision[Pointer
     if (taken := pointer.look_of(command.candidate)) is not None:
         if (taken.terms, taken.look) == (command.terms, answer.look):
             return Accepted(())
-        return Refused("look_taken", f"Candidate {command.candidate[:12]} had its one look at {instant(taken.at_s)}.")
+        return refused("look_taken", candidate=command.candidate[:12], at=instant(taken.at_s))
     if any(look.look == answer.look for look in pointer.looks):
-        return Refused("look_counted_twice", f"Look {answer.look} was another candidate's.")
+        return refused("look_counted_twice", look=answer.look)
     if answer.alpha > ALPHA / (answer.look * (answer.look + 1)) + 1e-12:
-        return Refused("alpha_overspent", f"Look {answer.look} spent {answer.alpha:g} of the {ALPHA:g} for all looks.")
+        return refused("alpha_overspent", look=answer.look, spent=answer.alpha, alpha=ALPHA)
     looked = HeldOutLooked(
         candidate=command.candidate, terms=command.terms, look=answer.look, alpha=answer.alpha, at_s=now.wall_s
     )
@@ -191,7 +202,7 @@ def _look(pointer: Pointer, command: CountLook, now: Moment) -> Decision[Pointer
 
 def _uptake(pointer: Pointer, command: RecordUptake, now: Moment) -> Decision[PointerEvent]:
     if command.revision > pointer.revision:
-        return Refused("no_revision", f"There is no revision {command.revision} yet; it is {pointer.revision}.")
+        return refused("no_revision", revision=command.revision, latest=pointer.revision)
     latest = next((one for one in reversed(pointer.uptakes) if one.worker == command.worker), None)
     if latest is not None and latest.revision >= command.revision:
         return Accepted(())
@@ -202,11 +213,9 @@ def _retired(pointer: Pointer, command: RetireVersion, now: Moment) -> Decision[
     if (again := repeated(command, pointer.receipts)) is not None:
         return again
     if command.configuration in (pointer.configuration, pointer.canary, pointer.rollback):
-        return Refused("in_use", f"{command.configuration[:12]} is current, in canary or what a rollback goes back to.")
+        return refused("in_use", because("configuration_in_use", configuration=command.configuration[:12]))
     if command.pinned:
-        return Refused(
-            "pinned_missions", f"Unfinished missions run under it: {', '.join(command.pinned[:5])}. Let them end first."
-        )
+        return refused("pinned_missions", missions=tuple(command.pinned[:5]))
     return Accepted((VersionRetired(configuration=command.configuration, by=signed(command, now)),))
 
 

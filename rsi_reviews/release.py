@@ -1,6 +1,7 @@
 """Pure: may this candidate be authorised, go into canary and become current? Answers the fourth clause (D33)."""
 
-from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, Refused, refused
+from harness.contracts.reasons import because
 from harness.contracts.values import Moment
 from rsi_reviews.canary import bound_of, outcome
 from rsi_reviews.commands import AuthoriseRelease, BeginCanary, ExpireAuthorisation, PromoteCandidate
@@ -23,18 +24,18 @@ PEOPLE = 2
 
 def authorise(review: Review, command: AuthoriseRelease, now: Moment) -> Decision[CandidateEvent]:
     """Fix the release: who, until when, and where it goes back to, which has just been loaded."""
-    refused = unanswerable(review, command) or not_a_person(command.actor, RELEASERS)
-    if refused:
-        return refused
+    refusal = unanswerable(review, command) or not_a_person(command.actor, RELEASERS)
+    if refusal:
+        return refusal
     own = command.actor.name in review.authors
-    if own and (refused := own_word(review, command, command.policy, now)):
-        return refused
-    if refused := unsatisfied(review, command.policy, with_name=command.actor.name):
-        return refused
+    if own and (refusal := own_word(review, command, command.policy, now)):
+        return refusal
+    if refusal := unsatisfied(review, command.policy, with_name=command.actor.name):
+        return refusal
     if review.manifest is None or command.rollback != review.manifest.rollback:
-        return Refused("other_rollback", "The rollback target is the one that the manifest names, and no other.")
+        return refused("other_rollback", because("rollback_not_of_manifest"))
     if command.proven != command.rollback:
-        return Refused("rollback_unproven", f"The rollback target did not load as {command.rollback[:12]}.")
+        return refused("rollback_unproven", rollback=command.rollback[:12])
     authorised = ReleaseAuthorised(
         cycle=review.cycle,
         subject=command.subject,
@@ -55,11 +56,11 @@ def unsatisfied(review: Review, policy: ReleasePolicy, *, with_name: str) -> Ref
     if policy.kind == "single_operator":
         approvers = {approval.actor.name for approval in review.approvals}
     if len(approvers) < policy.quorum:
-        return Refused("no_quorum", f"{len(approvers)} of {policy.quorum} approvals are there.")
+        return refused("no_quorum", approvals=len(approvers), quorum=policy.quorum)
     spoke = {one.by.actor.name for one in review.said if one.by.actor.channel == "human"}
     people = (spoke & review.authors) | approvers | {with_name}
     if policy.kind == "two_person" and len(people) < PEOPLE:
-        return Refused("one_person", f"{', '.join(people)} alone did everything; a second person is needed.")
+        return refused("one_person", people=tuple(people))
     return None
 
 
@@ -72,19 +73,19 @@ def expire(review: Review, command: ExpireAuthorisation, now: Moment) -> Decisio
 
 def begin_canary(review: Review, command: BeginCanary, now: Moment) -> Decision[CandidateEvent]:
     """Release it to one robot. What counts as worse there is fixed before its first mission."""
-    refused = unanswerable(review, command, status="authorised") or not_a_person(command.actor, RELEASERS)
-    if refused:
-        return refused
+    refusal = unanswerable(review, command, status="authorised") or not_a_person(command.actor, RELEASERS)
+    if refusal:
+        return refusal
     manifest, evaluation, authorised = review.manifest, review.evaluation, review.authorised
     if manifest is None or evaluation is None or authorised is None:
         return answered(review)
     if now.wall_s >= authorised.expires_at_s:
-        return Refused("authorisation_expired", f"The authorisation ended at {instant(authorised.expires_at_s)}.")
+        return refused("authorisation_expired", at=instant(authorised.expires_at_s))
     own = command.actor.name in review.authors
-    if own and (refused := own_word(review, command, command.policy, now)):
-        return refused
-    if refused := unsatisfied(review, command.policy, with_name=authorised.by.actor.name):
-        return refused
+    if own and (refusal := own_word(review, command, command.policy, now)):
+        return refusal
+    if refusal := unsatisfied(review, command.policy, with_name=authorised.by.actor.name):
+        return refusal
     bound, missions = evaluation.bound, evaluation.bound_missions
     if len(command.recent) >= FEWEST_RECENT:
         bound = bound_of(command.recent, manifest.canary, BETTER[manifest.metric])
@@ -96,9 +97,9 @@ def begin_canary(review: Review, command: BeginCanary, now: Moment) -> Decision[
 def promote(review: Review, command: PromoteCandidate, now: Moment) -> Decision[CandidateEvent]:
     """Current everywhere, once every canary mission is adjudicated and enough exercised the change."""
     if review.status != "canary":
-        return Refused("not_in_canary", f"The candidate is {review.status}.")
+        return refused("not_in_canary", because("candidate_is", status=review.status))
     if (stands := outcome(review)) != "passed":
-        return Refused("canary_not_passed", f"The canary says {stands.replace('_', ' ')}, not passed.")
+        return refused("canary_not_passed", outcome=stands)
     reason = f"{len(review.exercised)} canary missions exercised the change and each was found sound"
     return Accepted((CandidateReleased(reason=reason, at_s=now.wall_s),))
 
@@ -113,10 +114,10 @@ def release_clause(review: Review) -> ClauseAnswer:
             sentence=f"{by.actor.name} authorised it at {instant(by.at_s)}; approvals: {len(review.approvals)}.",
             numbers={"approvals": float(len(review.approvals)), "expires_at_s": review.authorised.expires_at_s},
         )
-    refused = review.status in ("rejected", "rolled_back", "withdrawn")
+    over = review.status in ("rejected", "rolled_back", "withdrawn")
     return ClauseAnswer(
         clause="release_authorised",
-        answer="fail" if refused else "inconclusive",
+        answer="fail" if over else "inconclusive",
         sentence=f"No authorisation holds; the candidate is {review.status}.",
         numbers={"approvals": float(len(review.approvals))},
     )

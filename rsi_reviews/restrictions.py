@@ -15,6 +15,7 @@ from harness.contracts.configuration import (
     RecoveryPolicy,
     RoutingPreferences,
 )
+from harness.contracts.reasons import Fact, because
 from harness.contracts.tasks import TaskTemplate
 from rsi_reviews.contracts import Refusal
 from rsi_reviews.template_restrictions import loosened_template, shown
@@ -41,38 +42,34 @@ def loosened(baseline: Configuration, candidate: Configuration) -> tuple[Refusal
 
 def _context_rules(old: ContextRules, new: ContextRules) -> Iterator[Refusal]:
     if new.c3_items != old.c3_items:
-        yield _refusal(
-            "c3_rule", "context_rules.c3_items", old.c3_items, new.c3_items, "The verifier's context is fixed"
-        )
+        yield _refusal("c3_rule", "context_rules.c3_items", old.c3_items, new.c3_items, "verifier_context_fixed")
     for name, ceiling in ITEM_CEILINGS.items():
         was, would = getattr(old, name), getattr(new, name)
         if would > ceiling:
-            yield _refusal(
-                "budget_ceiling", f"context_rules.{name}", was, would, f"At most {ceiling} records are shown"
-            )
+            yield _refusal("budget_ceiling", f"context_rules.{name}", was, would, "too_many_records", limit=ceiling)
     if new.minimum_confidence < old.minimum_confidence:
         yield _refusal(
             "confidence",
             "context_rules.minimum_confidence",
             old.minimum_confidence,
             new.minimum_confidence,
-            "Less certain records would count",
+            "less_certain_records",
         )
     for name in ("pose_age_s", "image_age_s"):
         was, would = getattr(old, name), getattr(new, name)
         if would > was:
-            yield _refusal("freshness", f"context_rules.{name}", was, would, "Older records would count as fresh")
+            yield _refusal("freshness", f"context_rules.{name}", was, would, "older_records_fresh")
 
 
 def _templates(old: tuple[TaskTemplate, ...], new: tuple[TaskTemplate, ...]) -> Iterator[Refusal]:
     before, after = {template.name: template for template in old}, {template.name: template for template in new}
     for name in (template.name for template in new if template.name not in before):
-        yield _refusal("template_added", f"templates.{name}", "", name, "Nothing accepted it could be compared with")
+        yield _refusal("template_added", f"templates.{name}", "", name, "nothing_to_compare_with")
     for name in sorted({one.name for one in new if [other.name for other in new].count(one.name) > 1}):
-        yield _refusal("template_twice", f"templates.{name}", 1, 2, "A template stands twice under one name")
+        yield _refusal("template_twice", f"templates.{name}", 1, 2, "template_twice")
     for name, template in before.items():
         if name not in after:
-            yield _refusal("template_dropped", f"templates.{name}", name, "", "A task could no longer be asked for")
+            yield _refusal("template_dropped", f"templates.{name}", name, "", "template_dropped")
         else:
             yield from loosened_template(template, after[name])
 
@@ -81,16 +78,15 @@ def _routing(new: RoutingPreferences) -> Iterator[Refusal]:
     for name in ("success", "risk", "uncertainty", "latency", "cost", "history"):
         weight = getattr(new, name)
         if not 0.0 <= weight <= WEIGHT_CEILING:
-            yield _refusal(
-                "weight_bounds", f"routing.{name}", "", weight, f"Weights lie between 0 and {WEIGHT_CEILING:g}"
-            )
+            yield _refusal("weight_bounds", f"routing.{name}", "", weight, "weight_out_of_bounds", limit=WEIGHT_CEILING)
     if not 0.0 < new.history_half_life <= HALF_LIFE_CEILING:
         yield _refusal(
             "weight_bounds",
             "routing.history_half_life",
             "",
             new.history_half_life,
-            f"The half-life lies above 0 and at most at {HALF_LIFE_CEILING:g} outcomes",
+            "half_life_out_of_bounds",
+            limit=HALF_LIFE_CEILING,
         )
 
 
@@ -101,10 +97,12 @@ def _recovery(old: RecoveryPolicy, new: RecoveryPolicy) -> Iterator[Refusal]:
             "recovery.approval_share",
             old.approval_share,
             new.approval_share,
-            "More could be spent without a person",
+            "more_without_person",
         )
     if not 0.0 < new.wait_s <= WAIT_CEILING_S:
-        yield _refusal("wait_bounds", "recovery.wait_s", old.wait_s, new.wait_s, f"At most {WAIT_CEILING_S:g} s")
+        yield _refusal(
+            "wait_bounds", "recovery.wait_s", old.wait_s, new.wait_s, "at_most_seconds", limit_s=WAIT_CEILING_S
+        )
     for failure in get_args(FailureClass):
         yield from _ladder(failure, old.ladders.get(failure, ()), new.ladders.get(failure, ()))
 
@@ -114,16 +112,16 @@ def _ladder(
 ) -> Iterator[Refusal]:
     path = f"recovery.ladders.{failure}"
     if failure in LOCKED_LADDERS and new != old:
-        yield _refusal("safety_interlock", path, old, new, "This ladder is a safety interlock")
+        yield _refusal("safety_interlock", path, old, new, "ladder_locked")
         return
     if not new or new[-1] != "human" or "human" in new[:-1] or len(new) > LONGEST_LADDER:
-        yield _refusal("ladder_end", path, old, new, f"It must end in human, once, within {LONGEST_LADDER} rungs")
+        yield _refusal("ladder_end", path, old, new, "ladder_end", limit=LONGEST_LADDER)
     if old and old[0] in ("stop", "safe_stop") and new[:1] != old[:1]:
-        yield _refusal("safety_interlock", path, old, new, "It must begin by stopping")
+        yield _refusal("safety_interlock", path, old, new, "ladder_must_stop_first")
     after = new[new.index("switch_skill") + 1 :] if "switch_skill" in new else ()
     if any(action in SPENDING for action in after):
-        yield _refusal("ladder_order", path, old, new, "After a switch only free rungs may follow")
+        yield _refusal("ladder_order", path, old, new, "ladder_order")
 
 
-def _refusal(rule: str, path: str, old: Any, new: Any, message: str) -> Refusal:
-    return Refusal(rule=rule, path=path, old=shown(old), new=shown(new), message=f"{message}.")
+def _refusal(rule: str, path: str, old: Any, new: Any, code: str, **facts: Fact) -> Refusal:
+    return Refusal(rule=rule, path=path, old=shown(old), new=shown(new), reason=because(code, **facts))

@@ -1,6 +1,7 @@
 """Pure: what persons may say about a candidate in review, bound to exactly what they were shown (gate 2, D33)."""
 
-from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, Refused, refused
+from harness.contracts.reasons import because
 from harness.contracts.values import Moment, digest
 from rsi_reviews.commands import (
     AddComment,
@@ -35,7 +36,7 @@ def open_review(review: Review, command: OpenReview, now: Moment) -> Decision[Ca
         return again
     terms, evaluation = review.terms, review.evaluation
     if review.status != "accepted" or terms is None or evaluation is None:
-        return Refused("not_accepted", f"The candidate is {review.status}; only an accepted one is reviewed.")
+        return refused("not_accepted", status=review.status)
     subject = Subject(
         candidate=review.candidate,
         configuration=review.configuration,
@@ -59,7 +60,7 @@ def comment(review: Review, command: AddComment, now: Moment) -> Decision[Candid
     if (again := repeated(command, review.receipts)) is not None:
         return again
     if not review.version:
-        return Refused("no_candidate", "There is no such candidate.")
+        return refused("no_candidate", because("no_such_candidate"))
     return Accepted((CommentAdded(cycle=review.cycle, by=signed(command, now)),))
 
 
@@ -70,33 +71,33 @@ def recall(review: Review, command: RecallReview, now: Moment) -> Decision[Candi
     if review.status != "in_review":
         return answered(review)
     if command.actor.name not in review.authors:
-        return Refused("not_an_author", f"{command.actor.name} is no author of it; request changes or reject it.")
+        return refused("not_an_author", actor=command.actor.name)
     return Accepted((ReviewRecalled(cycle=review.cycle, by=signed(command, now)),))
 
 
 def request_changes(review: Review, command: RequestChanges, now: Moment) -> Decision[CandidateEvent]:
     """Back to its authors. It comes again in a new cycle, and every approval is void."""
-    refused = unanswerable(review, command) or not_a_person(command.actor, REVIEWERS)
-    return refused or Accepted((ChangesRequested(cycle=review.cycle, by=signed(command, now)),))
+    refusal = unanswerable(review, command) or not_a_person(command.actor, REVIEWERS)
+    return refusal or Accepted((ChangesRequested(cycle=review.cycle, by=signed(command, now)),))
 
 
 def reject(review: Review, command: RejectCandidate, now: Moment) -> Decision[CandidateEvent]:
     """For good: another candidate may follow, this one does not come again."""
-    refused = unanswerable(review, command) or not_a_person(command.actor, REVIEWERS)
+    refusal = unanswerable(review, command) or not_a_person(command.actor, REVIEWERS)
     rejected = CandidateRejected(cycle=review.cycle, subject=command.subject, by=signed(command, now))
-    return refused or Accepted((rejected,))
+    return refusal or Accepted((rejected,))
 
 
 def approve(review: Review, command: ApproveCandidate, now: Moment) -> Decision[CandidateEvent]:
     """One person's yes to exactly this subject in this cycle. An author's own counts only where the policy says so."""
-    refused = unanswerable(review, command) or not_a_person(command.actor, REVIEWERS)
-    if refused:
-        return refused
+    refusal = unanswerable(review, command) or not_a_person(command.actor, REVIEWERS)
+    if refusal:
+        return refusal
     own = command.actor.name in review.authors
-    if own and (refused := own_word(review, command, command.policy, now)):
-        return refused
+    if own and (refusal := own_word(review, command, command.policy, now)):
+        return refusal
     if any(earlier.actor.name == command.actor.name for earlier in review.approvals):
-        return Refused("approved_already", f"{command.actor.name} approved it in this cycle.")
+        return refused("approved_already", actor=command.actor.name)
     by = signed(command, now, override=own)
     return Accepted((CandidateApproved(cycle=review.cycle, subject=command.subject, by=by),))
 
@@ -105,11 +106,11 @@ def own_word(review: Review, command: Word, policy: ReleasePolicy, now: Moment) 
     """An author decides on their own candidate only under the single-operator policy, after its cooling-off time."""
     who = command.actor.name
     if policy.kind != "single_operator":
-        parts = ", ".join(sorted({hand.part for hand in review.hands if hand.name == who}))
-        return Refused("own_candidate", f"{who} is an author of it ({parts}); somebody else decides.")
+        parts = tuple(sorted({hand.part for hand in review.hands if hand.name == who}))
+        return refused("own_candidate", actor=who, parts=parts)
     if review.evaluation is None or now.wall_s < review.evaluation.by.at_s + policy.cooling_off_s:
         since = review.evaluation.by.at_s + policy.cooling_off_s if review.evaluation else now.wall_s
-        return Refused("cooling_off", f"A single operator waits: not before {instant(since)}.")
+        return refused("cooling_off", because("cooling_off_until", until=instant(since)))
     return None
 
 
@@ -120,9 +121,9 @@ def unanswerable(review: Review, command: OnSubject, *, status: str = "in_review
     if review.status != status:
         return answered(review)
     if command.cycle != review.cycle:
-        return Refused("wrong_cycle", f"The question changed: it is in cycle {review.cycle}, not {command.cycle}.")
+        return refused("wrong_cycle", cycle=review.cycle, shown_cycle=command.cycle)
     if command.subject != review.subject_digest:
-        return Refused("wrong_digest", "What would be released is not what you saw. Read it again, then decide.")
+        return refused("wrong_digest", because("release_changed"))
     return None
 
 
@@ -130,7 +131,13 @@ def answered(review: Review) -> Refused:
     """Who decided what, and when."""
     last = next((said for said in reversed(review.said) if said.what in WORDS), None)
     if last is None:
-        return Refused("not_open", f"The candidate is {review.status}; this is not asked now.")
-    who, when = last.by.actor.name, instant(last.by.at_s)
-    word = last.what.replace("_", " ")
-    return Refused("decided", f"{who}: {word} at {when}, “{last.by.reason}”. The candidate is {review.status}.")
+        return refused("not_open", because("candidate_not_asked", status=review.status))
+    decided = because(
+        "candidate_decided",
+        actor=last.by.actor.name,
+        decision=last.what,
+        at=instant(last.by.at_s),
+        reason=last.by.reason,
+        status=review.status,
+    )
+    return refused("decided", decided)

@@ -21,8 +21,8 @@ def roll_back(review: Review, command: RollBack, now: Moment) -> Decision[Candid
     if review.status not in ("canary", "current"):
         return answered(review)
     by_rule = command.actor == DESK and outcome(review) in ("hard_fault", "metric_worse")
-    if not by_rule and (refused := not_a_person(command.actor, RELEASERS)):
-        return refused
+    if not by_rule and (refusal := not_a_person(command.actor, RELEASERS)):
+        return refusal
     return Accepted((CandidateRolledBack(reason=command.reason, by=signed(command, now)),))
 
 
@@ -33,8 +33,8 @@ def withdraw(review: Review, command: WithdrawCandidate, now: Moment) -> Decisio
     if not review.version or review.status in ("current", "rejected", "rolled_back", "withdrawn"):
         return answered(review)
     may = command.actor == DESK or command.actor.name in review.authors
-    refused = None if may else not_a_person(command.actor, RELEASERS)
-    return refused or Accepted((CandidateWithdrawn(reason=command.reason, by=signed(command, now)),))
+    refusal = None if may else not_a_person(command.actor, RELEASERS)
+    return refusal or Accepted((CandidateWithdrawn(reason=command.reason, by=signed(command, now)),))
 
 
 def why(review: Review) -> str:

@@ -7,8 +7,9 @@ from typing import Any
 import msgspec
 
 from harness.contracts.actors import Actor
-from harness.contracts.decisions import Accepted, Refused
+from harness.contracts.decisions import Accepted, Refused, refused
 from harness.contracts.ids import Digest
+from harness.contracts.reasons import because
 from harness.contracts.values import Moment, digest
 from rsi_reviews.commands import Word
 from rsi_reviews.events import Signed
@@ -45,18 +46,15 @@ def repeated(command: Word, receipts: Mapping[str, Signed]) -> Accepted[Any] | R
         return None
     if first.body == body_of(command):
         return Accepted(())
-    return Refused(
-        "key_reused",
-        f"{first.actor.name} used this key at {instant(first.at_s)} for another word: “{first.reason}”.",
-    )
+    return refused("key_reused", actor=first.actor.name, at=instant(first.at_s), reason=first.reason)
 
 
 def not_a_person(actor: Actor, roles: tuple[str, ...]) -> Refused | None:
     """Only a person in one of these roles decides here: no policy, no timeout, no model (D33)."""
     if actor.channel != "human":
-        return Refused("not_a_person", f"{actor.name} is no person; only a {' or '.join(roles)} decides this.")
+        return refused("not_a_person", because("decision_needs_person", actor=actor.name, roles=tuple(roles)))
     if not set(actor.role.split("+")) & set(roles):
-        return Refused("wrong_role", f"{actor.name} is {actor.role}; a {' or '.join(roles)} decides this.")
+        return refused("wrong_role", actor=actor.name, role=actor.role, roles=tuple(roles))
     return None
 
 

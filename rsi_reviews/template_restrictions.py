@@ -9,6 +9,7 @@ from typing import Any
 
 import msgspec
 
+from harness.contracts.reasons import Fact, because
 from harness.contracts.tasks import EvidencePolicy, Node, TaskTemplate
 from harness.contracts.values import encode
 from rsi_reviews.contracts import Refusal
@@ -41,22 +42,22 @@ def loosened_template(old: TaskTemplate, new: TaskTemplate) -> Iterator[Refusal]
     for field in ("title", "goal", "phrases", "parameters"):
         was, would = getattr(old, field), getattr(new, field)
         if would != was:
-            yield _refusal("text_fixed", f"{path}.{field}", was, would, "What people ask for and read is not changed")
+            yield _refusal("text_fixed", f"{path}.{field}", was, would, "text_fixed")
     if new.recovery_total != old.recovery_total and not 0 <= new.recovery_total <= MISSION_CEILING:
         yield _refusal(
             "budget_ceiling", f"{path}.recovery_total", old.recovery_total, new.recovery_total,
-            f"At most {MISSION_CEILING} spends per mission",
+            "at_most_spends_per_mission", limit=MISSION_CEILING,
         )  # fmt: skip
     yield from _constraints(f"{path}.constraints", old.constraints, new.constraints)
     yield from _conditions(f"{path}.completion_conditions", old.completion_conditions, new.completion_conditions)
     before, after = _named(old.nodes, "node_id"), _named(new.nodes, "node_id")
     if len(after) != len(new.nodes):
-        yield _refusal("stage_twice", f"{path}.nodes", len(old.nodes), len(new.nodes), "Two stages share one name")
+        yield _refusal("stage_twice", f"{path}.nodes", len(old.nodes), len(new.nodes), "stage_twice")
     for name in after.keys() - before.keys():
-        yield _refusal("stage_added", f"{path}.nodes.{name}", "", name, "Nothing accepted it could be compared with")
+        yield _refusal("stage_added", f"{path}.nodes.{name}", "", name, "nothing_to_compare_with")
     for name, node in before.items():
         if name not in after:
-            yield _refusal("stage_dropped", f"{path}.nodes.{name}", name, "", "A stage would no longer be verified")
+            yield _refusal("stage_dropped", f"{path}.nodes.{name}", name, "", "stage_dropped")
         else:
             yield from _node(f"{path}.nodes.{name}", node, after[name])
 
@@ -64,24 +65,29 @@ def loosened_template(old: TaskTemplate, new: TaskTemplate) -> Iterator[Refusal]
 def _node(path: str, old: Tree, new: Tree) -> Iterator[Refusal]:
     if misshapen := [name for name, value in new.items() if not _shaped(name, value)]:
         for name in misshapen:
-            yield _refusal("wrong_type", f"{path}.{name}", old.get(name), new[name], "It has another type here")
+            yield _refusal("wrong_type", f"{path}.{name}", old.get(name), new[name], "another_type")
         return
     yield from _unknown_keys(path, new, set(Node.__struct_fields__))
     for field in ("subgoal", "capabilities", "resources", "runs_after_failure"):
         yield from _same(f"{path}.{field}", _of(old, field), _of(new, field))
     if bool(_of(old, "required")) and _of(new, "required") is not True:
-        yield _refusal(
-            "required_flag", f"{path}.required", True, _of(new, "required"), "A required stage could be skipped"
-        )
+        yield _refusal("required_flag", f"{path}.required", True, _of(new, "required"), "required_flag")
     was, would = _of(old, "risk"), _of(new, "risk")
     if would not in RISKS or RISKS.index(would) < RISKS.index(was):
-        yield _refusal("risk_class", f"{path}.risk", was, would, "Its risk would be rated lower")
+        yield _refusal("risk_class", f"{path}.risk", was, would, "risk_class")
     if missing := [name for name in _of(old, "depends_on") if name not in _of(new, "depends_on")]:
-        yield _refusal("dependency", f"{path}.depends_on", missing, "", "It could begin before what it rests on")
+        yield _refusal("dependency", f"{path}.depends_on", missing, "", "dependency")
     timeout_s = new.get("timeout_s")
     was_s = old.get("timeout_s")
     if timeout_s != was_s and not (_number(timeout_s) and 0 < float(str(timeout_s)) <= TIMEOUT_CEILING_S):
-        yield _refusal("timeout_ceiling", f"{path}.timeout_s", was_s, timeout_s, f"At most {TIMEOUT_CEILING_S:g} s")
+        yield _refusal(
+            "timeout_ceiling",
+            f"{path}.timeout_s",
+            was_s,
+            timeout_s,
+            "at_most_seconds",
+            limit_s=TIMEOUT_CEILING_S,
+        )
     yield from _budgets(f"{path}.recovery", old.get("recovery", {}), new.get("recovery", {}))
     yield from _parameters(f"{path}.parameters", old.get("parameters", {}), new.get("parameters", {}))
     yield from _evidence(f"{path}.evidence", old.get("evidence", {}), new.get("evidence", {}))
@@ -97,7 +103,14 @@ def _budgets(path: str, old: Tree, new: Tree) -> Iterator[Refusal]:
         would = new.get(action)
         kept = would == old.get(action) and type(would) is int
         if not kept and not (type(would) is int and 0 <= would <= ceiling):
-            yield _refusal("budget_ceiling", f"{path}.{action}", old.get(action), would, f"At most {ceiling} per stage")
+            yield _refusal(
+                "budget_ceiling",
+                f"{path}.{action}",
+                old.get(action),
+                would,
+                "at_most_per_stage",
+                limit=ceiling,
+            )
 
 
 def _parameters(path: str, old: Tree, new: Tree) -> Iterator[Refusal]:
@@ -113,11 +126,9 @@ def _evidence(path: str, old: Tree, new: Tree) -> Iterator[Refusal]:
     yield from _unknown_keys(path, new, set(EvidencePolicy.__struct_fields__))
     before, after = {**_POLICY, **old}, {**_POLICY, **new}
     if missing := [name for name in before["mandatory"] if name not in after["mandatory"]]:
-        yield _refusal("evidence_policy", f"{path}.mandatory", missing, "", "Evidence would no longer be needed")
+        yield _refusal("evidence_policy", f"{path}.mandatory", missing, "", "evidence_not_needed")
     if after["attestation"] is not False and before["attestation"] is False:
-        yield _refusal(
-            "evidence_policy", f"{path}.attestation", False, after["attestation"], "A word could stand for evidence"
-        )
+        yield _refusal("evidence_policy", f"{path}.attestation", False, after["attestation"], "word_for_evidence")
     for name in ("pose_age_s", "image_age_s"):
         yield from _tightened(f"{path}.{name}", name, before[name], after[name], rule="freshness")
     name = "minimum_confidence"
@@ -128,7 +139,7 @@ def _preconditions(path: str, old: Any, new: Any) -> Iterator[Refusal]:
     for was in old:
         held = [one for one in new if one.get("predicate") == was["predicate"]]
         if not held:
-            yield _refusal("precondition_dropped", f"{path}.{was['predicate']}", was, "", "It would begin unchecked")
+            yield _refusal("precondition_dropped", f"{path}.{was['predicate']}", was, "", "precondition_dropped")
         for would in held:
             for key in was.keys() | would.keys():
                 where = f"{path}.{was['predicate']}.{key}"
@@ -139,10 +150,10 @@ def _conditions(path: str, old: Any, new: Any, *, risk: str = "") -> Iterator[Re
     """Each condition is still there under its name and as strict; further ones only tighten."""
     before, after = _named(old, "condition_id"), _named(new, "condition_id")
     if len(after) != len(new):
-        yield _refusal("condition_twice", path, len(old), len(new), "Two conditions share one name")
+        yield _refusal("condition_twice", path, len(old), len(new), "condition_twice")
     for name, was in before.items():
         if name not in after:
-            yield _refusal("condition_dropped", f"{path}.{name}", name, "", "It would no longer be tested")
+            yield _refusal("condition_dropped", f"{path}.{name}", name, "", "condition_dropped")
             continue
         would = after[name]
         yield from _unknown_keys(f"{path}.{name}", would, {"condition_id", "text", "effect", "fact", "independence"})
@@ -159,7 +170,7 @@ def _independence(path: str, was: Any, would: Any, risk: str) -> Iterator[Refusa
         return
     needed = was if was is not None else RISKS.index(risk) if risk in RISKS else len(RISKS)
     if not isinstance(would, int) or would < needed:
-        yield _refusal("independence", path, was, would, "Fewer independent sources would do")
+        yield _refusal("independence", path, was, would, "independence")
 
 
 def _effect(path: str, old: Any, new: Any) -> Iterator[Refusal]:
@@ -176,13 +187,13 @@ def _effect(path: str, old: Any, new: Any) -> Iterator[Refusal]:
 
 def _constraints(path: str, old: Tree, new: Tree) -> Iterator[Refusal]:
     if not _texts(new.get("keep_out", [])) or not _texts(new.get("resources", [])):
-        yield _refusal("wrong_type", path, old, new, "Places and resources are lists of names")
+        yield _refusal("wrong_type", path, old, new, "not_lists_of_names")
         return
     yield from _unknown_keys(path, new, {"speed_cap_mps", "keep_out", "resources", "minimum_charge"})
     for name in ("speed_cap_mps", "minimum_charge"):
         yield from _tightened(f"{path}.{name}", name, old.get(name), new.get(name), rule="constraint")
     if lost := [place for place in old.get("keep_out", []) if place not in new.get("keep_out", [])]:
-        yield _refusal("constraint", f"{path}.keep_out", lost, "", "It could go where it must not")
+        yield _refusal("constraint", f"{path}.keep_out", lost, "", "keep_out_lost")
     yield from _same(f"{path}.resources", sorted(old.get("resources", [])), sorted(new.get("resources", [])))
 
 
@@ -193,20 +204,20 @@ def _tightened(path: str, name: str, was: Any, would: Any, *, rule: str) -> Iter
     if _number(was) and _number(would):
         if (name in LOWER and 0 <= would <= was) or (name in HIGHER and would >= was):
             return
-        words = "may only fall" if name in LOWER else "may only rise" if name in HIGHER else "is fixed"
-        yield _refusal(rule, path, was, would, f"{name} {words}")
+        code = "may_only_fall" if name in LOWER else "may_only_rise" if name in HIGHER else "value_fixed"
+        yield _refusal(rule, path, was, would, code, field=name)
         return
-    yield _refusal(rule, path, was, would, f"{name} is fixed")
+    yield _refusal(rule, path, was, would, "value_fixed", field=name)
 
 
 def _same(path: str, was: Any, would: Any) -> Iterator[Refusal]:
     if encode(was) != encode(would):
-        yield _refusal("fixed", path, was, would, "A candidate does not change this")
+        yield _refusal("fixed", path, was, would, "fixed")
 
 
 def _unknown_keys(path: str, tree: Any, known: set[str]) -> Iterator[Refusal]:
     for key in sorted(set(tree) - known) if isinstance(tree, Mapping) else ():
-        yield _refusal("unknown_key", f"{path}.{key}", "", key, "No such field")
+        yield _refusal("unknown_key", f"{path}.{key}", "", key, "unknown_key")
 
 
 def _shaped(name: str, value: Any) -> bool:
@@ -233,8 +244,8 @@ def _number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
 
 
-def _refusal(rule: str, path: str, old: Any, new: Any, message: str) -> Refusal:
-    return Refusal(rule=rule, path=path, old=shown(old), new=shown(new), message=f"{message}.")
+def _refusal(rule: str, path: str, old: Any, new: Any, code: str, **facts: Fact) -> Refusal:
+    return Refusal(rule=rule, path=path, old=shown(old), new=shown(new), reason=because(code, **facts))
 
 
 def shown(value: Any) -> str:

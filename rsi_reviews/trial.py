@@ -7,6 +7,7 @@ import msgspec
 
 from harness.contracts.configuration import Configuration
 from harness.contracts.errors import ContractInvalid
+from harness.contracts.simulation import Simulator
 from harness.contracts.values import digest
 from rsi_reviews.acceptance import Evaluation, accepted, predicate_digest
 from rsi_reviews.contracts import AcceptanceReport, Candidate, CaseResult, EvaluationTerms, HeldOutAnswer, ResultSet
@@ -67,10 +68,11 @@ def prepared(
     suites: tuple[Suite, Suite],
     *,
     launched_by: tuple[str, ...],
+    simulator: Simulator,
     suite_edited_by: tuple[str, ...] = (),
     most: int | None = None,
 ) -> Trial:
-    """The trial of a candidate on the regression and the safety suite.
+    """The trial of a candidate on the regression and the safety suite, whose cases will run on this simulator.
 
     `most` cases of each give a quick look, whose report can never pass. Raises ContractInvalid for another baseline.
     """
@@ -93,7 +95,7 @@ def prepared(
         suite=digest([suite.suite_id for suite in suites]),
         suite_version=", ".join(f"{suite.name} {suite.version}" for suite in suites),
         seeds=seeds_digest(cases),
-        evaluator=evaluator_version(),
+        evaluator=evaluator_version(simulator.sources()),
         cases=len(cases),
         launched_by=launched_by,
         suite_edited_by=suite_edited_by,

@@ -14,7 +14,7 @@ import yaml
 from app.settings import ROOT
 from harness.contracts.fields import fields
 
-SPEAKERS = ("harness", "rsi_reviews", "app")
+SPEAKERS = ("harness", "simulator", "rsi_reviews", "app")
 FIELDS = "fields of a configuration"
 HEARD = (
     "harness/verification", "harness/recovery", "harness/routing", "harness/baseline/templates",

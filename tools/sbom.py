@@ -1,111 +1,78 @@
 """`make sbom`: the software bill of materials, CycloneDX 1.6 JSON: what requirements.lock names and what lies vendored.
 
-Versions, hashes and who needs whom come from the lock; licences from the metadata of the installed packages. The same
-lock and the same environment give the same bytes: no clock, no chance, no address of an index.
+cyclonedx-py reads the lock (versions, hashes) and the environment (licences, who needs whom); here both are joined and
+the vendored files added. The same lock and the same environment give the same bytes: no clock, no chance, no address of
+an index.
 """
 
 import argparse
 import json
 import re
+import subprocess
 import sys
-import tomllib
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
-from importlib import metadata
+import tempfile
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
-from uuid import NAMESPACE_URL, uuid5
+
+from cyclonedx.schema import SchemaVersion
+from cyclonedx.validation.json import JsonStrictValidator
+from packaging.requirements import Requirement
 
 ROOT = Path(__file__).resolve().parent.parent
 TARGET = ROOT / "build" / "regenharness.cdx.json"
-PIN = re.compile(r"^(?P<name>[A-Za-z0-9][\w.-]*)==(?P<version>[^\s;\\]+)(?: *; *(?P<marker>[^\\]+?))? *\\?$")
-HASH = re.compile(r"^ +--hash=sha256:(?P<digest>[0-9a-f]{64}) *\\?$")
-WANTED_BY = re.compile(r"^ +# +(?:via +)?(?P<name>[A-Za-z0-9][\w.-]*)(?:\[[^]]*\])?(?: \(.*\))?$")
 SUM = re.compile(r"^(?P<digest>[0-9a-f]{64})  (?P<file>\S+)$", re.MULTILINE)
 VENDORED = re.compile(r"^(?P<name>.+)-(?P<version>[\d.]+)$")
-FREE_TEXT = 64
-"""A licence field longer than this is the licence's whole text, not its name."""
-OSI = re.compile(r"^License :: (?:OSI Approved :: )?(?P<name>.+)$")
+PINNED = re.compile(r"^requirements line \d+: (?P<pin>.+?)\s+--hash=")
 VENDOR_LICENCES = {"htmx": "0BSD", "dejavu": "Bitstream-Vera", "droid-fallback": "Apache-2.0"}
+OWN = "root-component"
+"""What cyclonedx-py calls the project itself."""
 Component = dict[str, Any]
 
 
-@dataclass(frozen=True)
-class Pinned:
-    """One line of the lock: a package, the files it may be, for which machines, and who wants it."""
-
-    name: str
-    version: str
-    marker: str
-    hashes: tuple[str, ...]
-    wanted_by: tuple[str, ...]
-
-    @property
-    def purl(self) -> str:
-        return f"pkg:pypi/{re.sub(r'[-_.]+', '-', self.name).lower()}@{quote(self.version)}"
+def generated(*arguments: str) -> dict[str, Any]:
+    """What cyclonedx-py writes of the project, not yet validated. Raises ValueError with its words if it fails."""
+    options = ("--pyproject", str(ROOT / "pyproject.toml"), "--output-reproducible", "--no-validate", "--sv", "1.6")
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "bill.json"
+        command = [sys.executable, "-m", "cyclonedx_py", *arguments, *options, "--of", "JSON", "-o", str(file)]
+        answer = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+        if answer.returncode or not file.is_file():
+            raise ValueError(f"cyclonedx-py cannot read it: {answer.stderr.strip()[-500:]}")
+        made: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+        return made
 
 
-def pins(lock: str) -> tuple[Pinned, ...]:
-    """What a lock with hashes names, in its order. Raises ValueError for a line that is none of a lock's."""
-    found: list[Pinned] = []
-    for number, line in enumerate(lock.splitlines(), start=1):
-        if pin := PIN.match(line):
-            found.append(Pinned(pin["name"], pin["version"], (pin["marker"] or "").strip(), (), ()))
-        elif (one := HASH.match(line)) and found:
-            found[-1] = replace(found[-1], hashes=(*found[-1].hashes, one["digest"]))
-        elif line.strip() in ("", "# via"):
-            continue
-        elif (one := WANTED_BY.match(line)) and found:
-            found[-1] = replace(found[-1], wanted_by=(*found[-1].wanted_by, one["name"]))
-        else:
-            raise ValueError(f"line {number} of the lock is none that `make lock` writes: {line[:80]!r}")
-    bare = [one.name for one in found if not one.hashes]
-    if bare or not found:
+def locked(lock: Mapping[str, Any]) -> tuple[Component, ...]:
+    """The packages of a lock, each with its package URL as reference. Raises ValueError for one without any hash.
+
+    A lock names every file a package may be, so the hashes stand with the distribution; the index that cyclonedx-py
+    assumes is left out. What is for some machines only is optional and says for which.
+    """
+    bare = [one["name"] for one in lock.get("components", ()) if not _pin(one)]
+    if bare or not lock.get("components"):
         raise ValueError(f"the lock has no hash for {', '.join(bare) or 'anything'}; make it anew with `make lock`")
-    return tuple(found)
+    return tuple(_package(one) for one in lock["components"])
 
 
-def licence_of(name: str, version: str) -> list[dict[str, Any]]:
-    """What this very version says of its own licence, as CycloneDX writes it; empty if it is not here or silent."""
-    try:
-        told = metadata.distribution(name)
-    except metadata.PackageNotFoundError:
-        return []
-    if told.version != version:
-        return []
-    fields = told.metadata.json
-    if expression := fields.get("license_expression"):
-        return [{"expression": expression}]
-    named = str(fields.get("license", "")).strip()
-    if named and len(named) <= FREE_TEXT and "\n" not in named:
-        return [{"license": {"name": named}}]
-    classified = (OSI.match(one) for one in fields.get("classifier", ()))
-    return [{"license": {"name": one["name"]}} for one in classified if one]
+def _pin(component: Component) -> str:
+    """The line of the lock without its hashes; empty if it has no hash."""
+    found = PINNED.match(component["description"])
+    return found["pin"] if found else ""
 
 
-def component(pinned: Pinned, licences: list[dict[str, Any]]) -> Component:
-    """One package. A lock names every file a package may be, so its hashes stand with the distribution, not with it."""
-    made: Component = {
-        "type": "library",
-        "bom-ref": pinned.purl,
-        "name": pinned.name,
-        "version": pinned.version,
-        "purl": pinned.purl,
-        "scope": "optional" if pinned.marker else "required",
+def _package(component: Component) -> Component:
+    [distribution] = [one for one in component["externalReferences"] if one["type"] == "distribution"]
+    marker = Requirement(_pin(component)).marker
+    made = {name: component[name] for name in ("type", "name", "version", "purl")} | {
+        "bom-ref": component["purl"],
+        "scope": "optional" if marker else "required",
         "externalReferences": [
-            {
-                "type": "distribution",
-                "url": pinned.purl,
-                "comment": "one of these files is installed",
-                "hashes": [{"alg": "SHA-256", "content": one} for one in pinned.hashes],
-            }
+            {**distribution, "url": component["purl"], "comment": "one of these files is installed"},
         ],
     }
-    if licences:
-        made["licenses"] = licences
-    if pinned.marker:
-        made["properties"] = [{"name": "regenharness:environment-marker", "value": pinned.marker}]
+    if marker:
+        made["properties"] = [{"name": "regenharness:environment-marker", "value": str(marker)}]
     return made
 
 
@@ -127,49 +94,38 @@ def vendored(folder: Path) -> Iterator[Component]:
                 }
 
 
-def bill(
-    project: Mapping[str, Any],
-    packages: tuple[Pinned, ...],
-    files: tuple[Component, ...],
-    licences: Callable[[str, str], list[dict[str, Any]]],
-) -> dict[str, Any]:
-    """The whole document; its serial number follows from what it says."""
-    own: Component = {
-        "type": "application",
-        "bom-ref": f"pkg:pypi/{project['name']}@{project['version']}",
-        "name": project["name"],
-        "version": project["version"],
-        "description": project["description"],
-        "licenses": [{"license": {"id": project["license"]}}],
-    }
-    body: dict[str, Any] = {
-        "metadata": {"component": own, "tools": {"components": [{"type": "application", "name": "tools/sbom.py"}]}},
-        "components": [*(component(one, licences(one.name, one.version)) for one in packages), *files],
-        "dependencies": _needs(own, packages, files),
-    }
-    serial = uuid5(NAMESPACE_URL, json.dumps(body, sort_keys=True))
+def bill(lock: Mapping[str, Any], installed: Mapping[str, Any], files: tuple[Component, ...]) -> dict[str, Any]:
+    """The whole document. Licences and needs are those of the very versions that the lock names, where installed."""
+    packages = locked(lock)
+    names = {one["purl"] for one in packages}
+    same = {_normal(one): one for one in names}
+    found = {one["bom-ref"]: same.get(_normal(one.get("purl", ""))) for one in installed.get("components", ())}
+    refs = {ref: purl for ref, purl in found.items() if purl}
+    licences = {refs[one["bom-ref"]]: one.get("licenses") for one in installed["components"] if one["bom-ref"] in refs}
+    needs: dict[str, set[str]] = {ref: set() for ref in (OWN, *sorted(names), *(one["bom-ref"] for one in files))}
+    for one in installed.get("dependencies", ()):
+        if one["ref"] == OWN or one["ref"] in refs:
+            wanted = {refs[ref] for ref in one.get("dependsOn", ()) if ref in refs}
+            needs[refs.get(one["ref"], OWN)] |= wanted
+    needs[OWN] |= {one["bom-ref"] for one in files}
+    components = [one | ({"licenses": told} if (told := licences.get(one["purl"])) else {}) for one in packages]
     return {
-        "$schema": "http://cyclonedx.org/schema/bom-1.6.schema.json",
-        "bomFormat": "CycloneDX",
-        "specVersion": "1.6",
-        "serialNumber": f"urn:uuid:{serial}",
-        "version": 1,
-        **body,
+        **lock,
+        "components": [*components, *files],
+        "dependencies": [{"ref": ref, "dependsOn": sorted(wanted)} for ref, wanted in sorted(needs.items())],
     }
 
 
-def _needs(own: Component, packages: tuple[Pinned, ...], files: tuple[Component, ...]) -> list[dict[str, Any]]:
-    """Who needs whom: the lock says it the other way round."""
-    refs: dict[str, set[str]] = {own["name"]: {own["bom-ref"]}}
-    for one in packages:
-        refs.setdefault(one.name, set()).add(one.purl)
-    wants: dict[str, set[str]] = {ref: set() for these in refs.values() for ref in these}
-    wants[own["bom-ref"]].update(one["bom-ref"] for one in files)
-    for one in packages:
-        for name in one.wanted_by:
-            for ref in refs[name]:
-                wants[ref].add(one.purl)
-    return [{"ref": ref, "dependsOn": sorted(wanted)} for ref, wanted in sorted(wants.items())]
+def _normal(purl: str) -> str:
+    """A package URL as it compares: PyPI takes runs of hyphens, dots and underscores in a name for one hyphen."""
+    name, _, version = purl.partition("@")
+    return f"{re.sub('[-_.]+', '-', name).lower()}@{version}"
+
+
+def invalid(document: str) -> str:
+    """What the CycloneDX schema has against a document; empty if nothing."""
+    found = JsonStrictValidator(SchemaVersion.V1_6).validate_str(document)
+    return str(found) if found else ""
 
 
 def main() -> None:
@@ -178,16 +134,18 @@ def main() -> None:
     asked.add_argument("--lock", type=Path, default=ROOT / "requirements.lock")
     asked.add_argument("--to", type=Path, default=TARGET)
     options = asked.parse_args()
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     try:
-        packages = pins(options.lock.read_text(encoding="utf-8"))
-        made = bill(project, packages, tuple(vendored(ROOT / "static" / "vendor")), licence_of)
+        lock, installed = generated("requirements", str(options.lock)), generated("environment", sys.executable)
+        made = bill(lock, installed, tuple(vendored(ROOT / "static" / "vendor")))
+        document = json.dumps(made, indent=2, ensure_ascii=False, sort_keys=True) + "\n"
+        if wrong := invalid(document):
+            raise ValueError(wrong)
     except (OSError, ValueError) as error:
         raise SystemExit(f"No bill of materials: {error}") from error
     options.to.parent.mkdir(parents=True, exist_ok=True)
-    options.to.write_text(json.dumps(made, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    options.to.write_text(document, encoding="utf-8")
     silent = [one["name"] for one in made["components"] if "licenses" not in one]
-    print(f"{options.to}: {len(made['components'])} components, {len(packages)} of them from {options.lock.name}")
+    print(f"{options.to}: {len(made['components'])} components, most of them from {options.lock.name}")
     if silent:
         print(f"No licence is known of: {', '.join(silent)} (not installed here, or silent about it)", file=sys.stderr)
 

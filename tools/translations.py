@@ -46,7 +46,7 @@ from rsi_reviews.evaluation.missions import CONDITIONS
 from tools import machine_words
 
 VIEWS = (
-    "app/views", "app/routes", "app/errors.py", "app/permissions.py", "app/filters.py", "app/evaluated.py",
+    "app/views", "app/acts", "app/routes", "app/errors.py", "app/permissions.py", "app/filters.py", "app/evaluated.py",
     "app/scene_feed.py", "app/scene.py", "app/report_pdf.py",
 )  # fmt: skip
 """Where constants that persons read are kept, beside the templates."""
@@ -64,7 +64,7 @@ VOCABULARY = (
 )  # fmt: skip
 PUBLISHED = (*NAMES.values(), *(one.text for one in ARMS), *(one.text for one in CONDITIONS))
 """What tables and published documents say in words of their own."""
-MACHINE = ("harness", "rsi_reviews")
+MACHINE = ("harness", "simulator", "rsi_reviews")
 """Whose identifiers may be shown as words: names of quantities, of fields, of kinds."""
 HOLE = re.compile(r"\{([\w:.+,%-]*)\}")
 _SENTENCE = re.compile(r"[A-Za-z“](?:[^{}<>/_\\=$:\n]|:(?=\s|\Z))*")

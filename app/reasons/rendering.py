@@ -14,12 +14,16 @@ from msgspec import Struct, structs, to_builtins
 from app.catalogues import ENGLISH, translated
 from app.reasons import (
     alerts,
+    console,
     contexts,
     execution,
+    gate,
     outcomes,
     planning,
     proposals,
     recovery,
+    restrictions,
+    reviews,
     routing,
     supervision,
     verification,
@@ -30,12 +34,16 @@ SENTENCES: Mapping[str, str] = {
     RECORDED: "{text}",
     SEVERAL: "{reasons}",
     **alerts.SENTENCES,
+    **console.SENTENCES,
     **contexts.SENTENCES,
     **execution.SENTENCES,
+    **gate.SENTENCES,
     **outcomes.SENTENCES,
     **planning.SENTENCES,
     **proposals.SENTENCES,
     **recovery.SENTENCES,
+    **restrictions.SENTENCES,
+    **reviews.SENTENCES,
     **routing.SENTENCES,
     **supervision.SENTENCES,
     **verification.SENTENCES,
@@ -89,6 +97,8 @@ def stating(value: Any) -> Any:
             return found
         case list() | tuple():
             return [stating(one) for one in value]
+        case str():
+            return str(value)
         case _:
             return to_builtins(value)
 

@@ -1,25 +1,21 @@
 """/alerts: what a person should know, one row per cause, and what people do about it."""
 
+from collections.abc import Callable
 from math import isfinite
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Query
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from app.acts.alerts import ACTS
+from app.acts.base import Act
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.rendering import render
-from app.views import alerts, forms
+from app.views import alerts
 from app.views.alerts import AlertPage, AlertsPage, Asked, Deed
 from app.views.saying import reasoned
 from harness.contracts.actors import Actor
-from harness.contracts.alert_commands import (
-    AcknowledgeAlert,
-    AlertPersonCommand,
-    AssignAlert,
-    RestoreAlert,
-    ShelveAlert,
-    SuppressAlert,
-)
+from harness.contracts.alert_commands import AlertPersonCommand
 from harness.contracts.alert_events import AlertEvent, alert_stream
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.decider import Codec
@@ -67,46 +63,23 @@ def show(console: ConsoleDep, actor: ActorDep, alert_id: str) -> HTMLResponse:
     return render("alerts/detail.html", page_of(console, actor, alert_id))
 
 
-@router.post("/{alert_id}/acknowledge")
-def acknowledge(console: ConsoleDep, actor: ActorDep, alert_id: str, typed: FormDep) -> Response:
-    seen = typed.get("seen", "")
-    command = AcknowledgeAlert(
-        actor=actor,
-        seen=int(seen) if seen.isdecimal() and len(seen) < 10 else 0,
-        note=typed.get("note", "").strip()[:LONGEST],
-    )
-    return _said(console, actor, alert_id, command)
+def _route(kind: type[Act]) -> Callable[..., Response]:
+    """The handler of one act of app/acts/alerts.py: 303, 422 not well said, 409 refused and why."""
+
+    def act(console: ConsoleDep, actor: ActorDep, alert_id: str, typed: FormDep) -> Response:
+        said = kind.from_form(typed)
+        if isinstance(said, tuple):
+            return _again(console, actor, alert_id, tuple(one.text for one in said), status=422)
+        decision = told(console, alert_id, said.to_command(actor))
+        if isinstance(decision, Refused):
+            return _again(console, actor, alert_id, (reasoned(decision.reason),), status=409)
+        return RedirectResponse(f"/alerts/{alert_id}", status_code=303)
+
+    return act
 
 
-@router.post("/{alert_id}/shelve")
-def shelve(console: ConsoleDep, actor: ActorDep, alert_id: str, typed: FormDep) -> Response:
-    given = typed.get("for_s", "")
-    wrong = forms.wrong_reason(typed.get("reason", ""))
-    if given not in {str(seconds) for seconds, _ in alerts.SHELF}:
-        wrong.append("Choose how long it is shelved for.")
-    if wrong:
-        return _again(console, actor, alert_id, tuple(wrong), status=422)
-    command = ShelveAlert(actor=actor, reason=typed["reason"].strip(), for_s=float(given))
-    return _said(console, actor, alert_id, command)
-
-
-@router.post("/{alert_id}/suppress")
-def suppress(console: ConsoleDep, actor: ActorDep, alert_id: str, typed: FormDep) -> Response:
-    wrong = tuple(forms.wrong_reason(typed.get("reason", "")))
-    if wrong:
-        return _again(console, actor, alert_id, wrong, status=422)
-    return _said(console, actor, alert_id, SuppressAlert(actor=actor, reason=typed["reason"].strip()))
-
-
-@router.post("/{alert_id}/restore")
-def restore(console: ConsoleDep, actor: ActorDep, alert_id: str) -> Response:
-    return _said(console, actor, alert_id, RestoreAlert(actor=actor))
-
-
-@router.post("/{alert_id}/assign")
-def assign(console: ConsoleDep, actor: ActorDep, alert_id: str, typed: FormDep) -> Response:
-    command = AssignAlert(actor=actor, assignee=typed.get("assignee", "").strip()[:LONGEST])
-    return _said(console, actor, alert_id, command)
+for word, kind in ACTS.items():
+    router.post(f"/{{alert_id}}/{word}", name=word)(_route(kind))
 
 
 def told(console: Console, alert_id: str, command: AlertPersonCommand) -> Accepted[AnyEvent] | Refused:
@@ -135,13 +108,6 @@ def page_of(console: Console, actor: Actor, alert_id: str, errors: tuple[str, ..
         shelves=alerts.shelves(),
         errors=errors,
     )
-
-
-def _said(console: Console, actor: Actor, alert_id: str, command: AlertPersonCommand) -> Response:
-    decision = told(console, alert_id, command)
-    if isinstance(decision, Refused):
-        return _again(console, actor, alert_id, (reasoned(decision.message),), status=409)
-    return RedirectResponse(f"/alerts/{alert_id}", status_code=303)
 
 
 def _again(console: Console, actor: Actor, alert_id: str, wrong: tuple[str, ...], *, status: int) -> HTMLResponse:

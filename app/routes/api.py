@@ -5,7 +5,17 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Response
 from starlette.responses import JSONResponse
 
+from app.acts.base import Act
+from app.acts.missions import (
+    DisputeCompletionAct,
+    PauseMissionAct,
+    ResumeMissionAct,
+    StartMissionAct,
+    StopMissionAct,
+    WithdrawMissionAct,
+)
 from app.console import ActorDep, Console, ConsoleDep
+from app.routes import api_schemas as schemas
 from app.routes.api_words import (
     CHECKED,
     PROBLEMS,
@@ -14,7 +24,6 @@ from app.routes.api_words import (
     Limit,
     Order,
     ReasonBody,
-    StartBody,
     Words,
     answers,
     linked,
@@ -27,12 +36,10 @@ from app.security import VisitorDep
 from app.views.outcome import mission_outcome
 from app.views.preview import preview as previewed
 from harness.contracts.actors import Actor
-from harness.contracts.commands import PauseMission, ResumeMission, StopMission
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import UnknownName
-from harness.contracts.ids import ConditionId, MissionId, RobotId
+from harness.contracts.ids import MissionId
 from harness.contracts.read_models import ListQuery, MissionItem
-from harness.contracts.revision_commands import DisputeCompletion, WithdrawMission
 from harness.further import draft
 from harness.runtime import Start
 
@@ -41,7 +48,7 @@ router = APIRouter(
 )
 
 
-@router.get("/missions", responses=answers("MissionSummary", many=True))
+@router.get("/missions", responses=answers(schemas.MissionSummary, many=True))
 def missions(
     console: ConsoleDep,
     response: Response,
@@ -65,23 +72,23 @@ def missions(
     )
     found = console.lists.missions(query)
     linked(response, "/api/v1/missions", found, q=q, order=order, limit=str(limit), **facets)
-    return [summary(one) for one in found.items]
+    return plain([summary(one) for one in found.items])
 
 
-@router.get("/missions/{mission_id}", responses=answers("MissionOutcome"))
+@router.get("/missions/{mission_id}", responses=answers(schemas.MissionOutcome))
 def mission(console: ConsoleDep, mission_id: MissionId) -> Any:
     """The object that `regen mission run --json` prints."""
     return outcome(console, mission_id)
 
 
-@router.post("/missions", status_code=201, responses=answers("MissionOutcome", status=201))
-def start(console: ConsoleDep, actor: ActorDep, body: StartBody) -> Any:
+@router.post("/missions", status_code=201, responses=answers(schemas.MissionOutcome, status=201))
+def start(console: ConsoleDep, actor: ActorDep, body: StartMissionAct) -> Any:
     """Compile the goal to a contract and start it; nothing is written if that fails."""
     return outcome(console, started(console, ordered(console, actor, body)))
 
 
-@router.post("/missions/preview", responses=answers("MissionPreview"))
-def preview(console: ConsoleDep, visitor: VisitorDep, body: StartBody) -> Any:
+@router.post("/missions/preview", responses=answers(schemas.MissionPreview))
+def preview(console: ConsoleDep, visitor: VisitorDep, body: StartMissionAct) -> Any:
     """The contract that the same request would start, with its configuration, highest risk and longest time.
 
     Nothing is written; what could not be started fails as starting it would.
@@ -89,48 +96,48 @@ def preview(console: ConsoleDep, visitor: VisitorDep, body: StartBody) -> Any:
     order = ordered(console, visitor.acting("drive"), body)
     contract = draft(console.runtime, order)
     shown = previewed(contract, console.runtime.site)
-    return {
-        "robot_id": order.robot_id,
-        "configuration": console.runtime.current_configuration_id(order.robot_id),
-        "highest_risk": shown.highest_risk,
-        "longest_s": shown.longest_s,
-        "stages": [one.node_id for one in shown.stages],
-        "contract": plain(contract),
-    }
+    found = schemas.MissionPreview(
+        robot_id=order.robot_id,
+        configuration=console.runtime.current_configuration_id(order.robot_id),
+        highest_risk=shown.highest_risk,
+        longest_s=shown.longest_s,
+        stages=tuple(one.node_id for one in shown.stages),
+        contract=contract,
+    )
+    return plain(found)
 
 
-@router.post("/missions/{mission_id}/stop", responses=answers("MissionOutcome"))
-def stop(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: ReasonBody) -> Any:
+@router.post("/missions/{mission_id}/stop", responses=answers(schemas.MissionOutcome))
+def stop(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: StopMissionAct) -> Any:
     """Ask for standstill: the status is `stopping` until it is acknowledged and the body is static."""
-    return _told(console, mission_id, StopMission(actor=actor, reason=body.reason))
+    return _told(console, actor, mission_id, body)
 
 
-@router.post("/missions/{mission_id}/withdraw", responses=answers("MissionOutcome"))
-def withdraw(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: ReasonBody) -> Any:
+@router.post("/missions/{mission_id}/withdraw", responses=answers(schemas.MissionOutcome))
+def withdraw(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: WithdrawMissionAct) -> Any:
     """Take back a mission that waits for its robot: it ends cancelled at once. Refused once it has begun."""
-    return _told(console, mission_id, WithdrawMission(actor=actor, reason=body.reason))
+    return _told(console, actor, mission_id, body)
 
 
-@router.post("/missions/{mission_id}/pause", responses=answers("MissionOutcome"))
-def pause(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: ReasonBody) -> Any:
+@router.post("/missions/{mission_id}/pause", responses=answers(schemas.MissionOutcome))
+def pause(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: PauseMissionAct) -> Any:
     """Dispatch nothing more until it is resumed."""
-    return _told(console, mission_id, PauseMission(actor=actor, reason=body.reason))
+    return _told(console, actor, mission_id, body)
 
 
-@router.post("/missions/{mission_id}/resume", responses=answers("MissionOutcome"))
-def resume(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: ReasonBody) -> Any:
+@router.post("/missions/{mission_id}/resume", responses=answers(schemas.MissionOutcome))
+def resume(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: ResumeMissionAct) -> Any:
     """Go on after a pause."""
-    return _told(console, mission_id, ResumeMission(actor=actor, reason=body.reason))
+    return _told(console, actor, mission_id, body)
 
 
-@router.post("/missions/{mission_id}/facts/{condition_id}/dispute", responses=answers("MissionOutcome"))
+@router.post("/missions/{mission_id}/facts/{condition_id}/dispute", responses=answers(schemas.MissionOutcome))
 def dispute(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, condition_id: str, body: ReasonBody) -> Any:
     """Say that an accepted completion is wrong: it counts as false, and nothing is deleted."""
-    asked = DisputeCompletion(condition_id=ConditionId(condition_id), actor=actor, reason=body.reason)
-    return _told(console, mission_id, asked)
+    return _told(console, actor, mission_id, DisputeCompletionAct.of(condition_id=condition_id, reason=body.reason))
 
 
-@router.get("/missions/{mission_id}/events", responses=answers("LogEvent", many=True))
+@router.get("/missions/{mission_id}/events", responses=answers(schemas.LogEvent, many=True))
 def events(
     console: ConsoleDep,
     mission_id: MissionId,
@@ -139,53 +146,32 @@ def events(
 ) -> Any:
     """Events after a position, in order, with their places in the hash chain."""
     later = [entry for entry in console.histories.of(mission_id) if entry.position > after]
-    return [
-        {
-            "position": entry.position,
-            "version": entry.version,
-            "kind": entry.kind,
-            "mission_s": entry.mission_s,
-            "recorded_s": entry.recorded_s,
-            "previous": entry.previous,
-            "digest": entry.digest,
-            "event": plain(entry.event),
-        }
-        for entry in later[:limit]
-    ]
+    return plain(later[:limit])
 
 
-def ordered(console: Console, actor: Actor, body: StartBody) -> Start:
+def ordered(console: Console, actor: Actor, body: StartMissionAct) -> Start:
     """What is asked for; raises UnknownName for a robot that this console does not have."""
     robot_id = body.robot_id or console.settings.robots[0]
     if robot_id not in console.settings.robots:
         raise UnknownName(f"There is no robot {robot_id[:40]}", do=f"choose from {', '.join(console.settings.robots)}")
-    return Start(
-        actor=actor,
-        robot_id=RobotId(robot_id),
-        template=body.template,
-        goal=body.goal,
-        arguments=dict(body.arguments),
-        seed=body.seed,
-        autonomy=body.autonomy,
-        labels=dict(body.labels),
+    return body.model_copy(update={"robot_id": robot_id}).to_command(actor)
+
+
+def summary(one: MissionItem) -> schemas.MissionSummary:
+    return schemas.MissionSummary(
+        mission_id=one.mission_id,
+        robot_id=one.robot_id,
+        goal=one.goal,
+        template=one.template,
+        status=one.status,
+        stage=one.stage,
+        goal_verdict=one.verdict or None,
+        state_version=one.k,
+        handoff_id=one.handoff_id or None,
+        began_s=one.began_s,
+        ended_s=one.ended_s,
+        recovery=schemas.Recovery(spent=one.spent, remaining=max(one.budget - one.spent, 0)),
     )
-
-
-def summary(one: MissionItem) -> dict[str, Any]:
-    return {
-        "mission_id": one.mission_id,
-        "robot_id": one.robot_id,
-        "goal": one.goal,
-        "template": one.template,
-        "status": one.status,
-        "stage": one.stage,
-        "goal_verdict": one.verdict or None,
-        "state_version": one.k,
-        "handoff_id": one.handoff_id or None,
-        "began_s": one.began_s,
-        "ended_s": one.ended_s,
-        "recovery": {"spent": one.spent, "remaining": max(one.budget - one.spent, 0)},
-    }
 
 
 def outcome(console: Console, mission_id: MissionId) -> dict[str, Any]:
@@ -195,10 +181,6 @@ def outcome(console: Console, mission_id: MissionId) -> dict[str, Any]:
     )
 
 
-def _told(
-    console: Console,
-    mission_id: MissionId,
-    command: StopMission | PauseMission | ResumeMission | WithdrawMission | DisputeCompletion,
-) -> Any:
-    decision = console.runtime.submit(mission_id, command)
+def _told(console: Console, actor: Actor, mission_id: MissionId, said: Act) -> Any:
+    decision = console.runtime.submit(mission_id, said.to_command(actor))
     return refusal(decision) if isinstance(decision, Refused) else outcome(console, mission_id)

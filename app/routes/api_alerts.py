@@ -3,23 +3,16 @@
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
-from pydantic import Field, StringConstraints
 from starlette.responses import JSONResponse
 
+from app.acts import alerts as acts
 from app.console import ActorDep, Console, ConsoleDep
+from app.routes import api_schemas as schemas
 from app.routes.alerts import history_of, told
-from app.routes.api_words import CHECKED, PROBLEMS, Body, Facet, Reason, Words, answers, refusal
+from app.routes.api_words import CHECKED, PROBLEMS, Facet, Words, answers, plain, refusal
 from app.views import alerts
 from app.views.alerts import AlertRow, Asked
-from harness.contracts.alert_commands import (
-    AcknowledgeAlert,
-    AlertPersonCommand,
-    AssignAlert,
-    RestoreAlert,
-    ShelveAlert,
-    SuppressAlert,
-)
-from harness.contracts.alert_events import LONGEST_SHELF_S
+from harness.contracts.alert_commands import AlertPersonCommand
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import UnknownName
 
@@ -28,39 +21,7 @@ router = APIRouter(
 )
 
 
-class AcknowledgeBody(Body):
-    """`seen` is the `total` that was shown: what happened since is not acknowledged with it."""
-
-    seen: Annotated[int, Field(ge=0, le=2**53)]
-    note: Annotated[str, StringConstraints(max_length=200)] = ""
-
-
-class ShelveBody(Body):
-    """For how long, and why."""
-
-    reason: Reason
-    for_s: Annotated[float, Field(gt=0, le=LONGEST_SHELF_S)]
-
-
-class SuppressBody(Body):
-    """Why."""
-
-    reason: Reason
-
-
-class RestoreBody(Body):
-    """Why, if there is something to say."""
-
-    reason: Annotated[str, StringConstraints(max_length=200)] = ""
-
-
-class AssignBody(Body):
-    """Who looks after it; empty: nobody."""
-
-    assignee: Annotated[str, StringConstraints(max_length=200)]
-
-
-@router.get("/alerts", responses=answers("AlertSummary", many=True))
+@router.get("/alerts", responses=answers(schemas.AlertSummary, many=True))
 def listed(
     console: ConsoleDep,
     q: Words = "",
@@ -75,43 +36,44 @@ def listed(
             f"There is no group of alerts called {status[:40]}", do="use all, active, shelved, suppressed"
         )
     asked = Asked(group=status, words=q, priority=priority, robot=robot)
-    return [_summary(one) for one in alerts.chosen(console.alerts.all(), asked, now_s=console.clock())[:limit]]
+    found = alerts.chosen(console.alerts.all(), asked, now_s=console.clock())[:limit]
+    return plain([schemas.AlertSummary(**_summary(one)) for one in found])
 
 
-@router.get("/alerts/{alert_id}", responses=answers("Alert"))
+@router.get("/alerts/{alert_id}", responses=answers(schemas.Alert))
 def show(console: ConsoleDep, alert_id: str) -> Any:
     """One alert with its history."""
     return _shown(console, alert_id)
 
 
-@router.post("/alerts/{alert_id}/acknowledge", responses=answers("Alert"))
-def acknowledge(console: ConsoleDep, actor: ActorDep, alert_id: str, body: AcknowledgeBody) -> Any:
+@router.post("/alerts/{alert_id}/acknowledge", responses=answers(schemas.Alert))
+def acknowledge(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.AcknowledgeAlertAct) -> Any:
     """A person has seen it."""
-    return _said(console, alert_id, AcknowledgeAlert(actor=actor, seen=body.seen, note=body.note))
+    return _said(console, alert_id, body.to_command(actor))
 
 
-@router.post("/alerts/{alert_id}/shelve", responses=answers("Alert"))
-def shelve(console: ConsoleDep, actor: ActorDep, alert_id: str, body: ShelveBody) -> Any:
+@router.post("/alerts/{alert_id}/shelve", responses=answers(schemas.Alert))
+def shelve(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.ShelveAlertAct) -> Any:
     """Out of the way for a while; it comes back by itself."""
-    return _said(console, alert_id, ShelveAlert(actor=actor, reason=body.reason, for_s=body.for_s))
+    return _said(console, alert_id, body.to_command(actor))
 
 
-@router.post("/alerts/{alert_id}/suppress", responses=answers("Alert"))
-def suppress(console: ConsoleDep, actor: ActorDep, alert_id: str, body: SuppressBody) -> Any:
+@router.post("/alerts/{alert_id}/suppress", responses=answers(schemas.Alert))
+def suppress(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.SuppressAlertAct) -> Any:
     """Out of the way until somebody restores it."""
-    return _said(console, alert_id, SuppressAlert(actor=actor, reason=body.reason))
+    return _said(console, alert_id, body.to_command(actor))
 
 
-@router.post("/alerts/{alert_id}/restore", responses=answers("Alert"))
-def restore(console: ConsoleDep, actor: ActorDep, alert_id: str, body: RestoreBody) -> Any:
+@router.post("/alerts/{alert_id}/restore", responses=answers(schemas.Alert))
+def restore(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.RestoreAlertAct) -> Any:
     """Back from the shelf or from suppression."""
-    return _said(console, alert_id, RestoreAlert(actor=actor, reason=body.reason))
+    return _said(console, alert_id, body.to_command(actor))
 
 
-@router.post("/alerts/{alert_id}/assign", responses=answers("Alert"))
-def assign(console: ConsoleDep, actor: ActorDep, alert_id: str, body: AssignBody) -> Any:
+@router.post("/alerts/{alert_id}/assign", responses=answers(schemas.Alert))
+def assign(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.AssignAlertAct) -> Any:
     """Somebody is to look after it."""
-    return _said(console, alert_id, AssignAlert(actor=actor, assignee=body.assignee))
+    return _said(console, alert_id, body.to_command(actor))
 
 
 def _said(console: Console, alert_id: str, command: AlertPersonCommand) -> Any:
@@ -119,27 +81,16 @@ def _said(console: Console, alert_id: str, command: AlertPersonCommand) -> Any:
     return refusal(decision) if isinstance(decision, Refused) else _shown(console, alert_id)
 
 
-def _shown(console: Console, alert_id: str) -> dict[str, Any]:
+def _shown(console: Console, alert_id: str) -> Any:
     alert = console.alerts.one(alert_id)
     summary = _summary(alerts.row(alert_id, alert, now_s=console.clock()))
-    history = [{"at_s": one.at_s, "text": one.text, "position": one.position} for one in history_of(console, alert_id)]
-    return summary | {"conditions": list(alert.standing), "history": history}
+    history = tuple(
+        schemas.AlertLine(at_s=one.at_s, text=one.text, position=one.position) for one in history_of(console, alert_id)
+    )
+    return plain(schemas.Alert(**summary, conditions=tuple(alert.standing), history=history))
 
 
 def _summary(one: AlertRow) -> dict[str, Any]:
-    return {
-        "alert_id": one.alert_id,
-        "title": one.title,
-        "text": one.text,
-        "kind": one.kind,
-        "state": one.state,
-        "priority": one.priority,
-        "count": one.count,
-        "total": one.total,
-        "first_s": one.first_s,
-        "last_s": one.last_s,
-        "assignee": one.assignee,
-        "put_away": one.put_away,
-        "shelved_until_s": one.until_s or None,
-        "link": one.link,
-    }
+    """What both shapes of an alert share."""
+    same = (name for name in schemas.AlertSummary.__struct_fields__ if name != "shelved_until_s")
+    return {**{name: getattr(one, name) for name in same}, "shelved_until_s": one.until_s or None}

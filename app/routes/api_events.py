@@ -11,6 +11,7 @@ from starlette.responses import StreamingResponse
 from app.console import Console, ConsoleDep
 from app.routes.api_words import CHECKED, PROBLEMS
 from harness.contracts.ports import StoredEvent
+from harness.contracts.upcasting import name_of
 
 router = APIRouter(prefix="/api/v1", responses=PROBLEMS, dependencies=CHECKED, tags=["events"])
 BATCH = 500
@@ -77,4 +78,4 @@ def frame(stored: StoredEvent) -> str:
             "event": msgspec.Raw(stored.body),
         }
     ).decode()
-    return f"id: {stored.position}\nevent: {stored.kind}\ndata: {body}\n\n"
+    return f"id: {stored.position}\nevent: {name_of(stored.kind)}\ndata: {body}\n\n"

@@ -25,7 +25,7 @@ class CloudBody(Body):
     reason: Reason
 
 
-@router.get("/{map_version}/cloud", responses=answers("MapCloud"))
+@router.get("/{map_version}/cloud", responses=answers(MapCloud))
 def cloud(console: ConsoleDep, map_version: str) -> Any:
     """The newest cloud of a map version."""
     found: MapCloud | None = console.runtime.fold(map_stream(map_version)).cloud
@@ -34,7 +34,7 @@ def cloud(console: ConsoleDep, map_version: str) -> Any:
     return plain(found)
 
 
-@router.post("/{map_version}/cloud", responses=answers("MapCloud"))
+@router.post("/{map_version}/cloud", responses=answers(MapCloud))
 def attach(console: ConsoleDep, actor: ActorDep, map_version: str, body: CloudBody) -> Any:
     """Attach a cloud whose chunks are stored; views of that map version show it from now on."""
     try:

@@ -15,7 +15,7 @@ from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import PlaceId
 from harness.contracts.place_events import PlaceCommand, RemovePlace, SavePlace, Verification
-from harness.contracts.places import Place
+from harness.contracts.places import Place, Site
 
 router = APIRouter(
     prefix="/api/v1", default_response_class=JSONResponse, responses=PROBLEMS, dependencies=CHECKED, tags=["places"]
@@ -47,7 +47,7 @@ class RemoveBody(Body):
     reason: Reason
 
 
-@router.post("/places/{place_id}", responses=answers("Site"))
+@router.post("/places/{place_id}", responses=answers(Site))
 def save(console: ConsoleDep, actor: ActorDep, place_id: PlacePath, body: PlaceBody) -> Any:
     """Add a place or change one; the answer is the site as new missions will know it."""
     site = console.runtime.site
@@ -69,7 +69,7 @@ def save(console: ConsoleDep, actor: ActorDep, place_id: PlacePath, body: PlaceB
     return _told(console, SavePlace(place=place, basis=body.basis, actor=actor, reason=body.reason))
 
 
-@router.post("/places/{place_id}/remove", responses=answers("Site"))
+@router.post("/places/{place_id}/remove", responses=answers(Site))
 def remove(console: ConsoleDep, actor: ActorDep, place_id: PlacePath, body: RemoveBody) -> Any:
     """New missions cannot name it any more."""
     if all(one.place_id != place_id for one in console.runtime.site.places):

@@ -6,14 +6,19 @@ from fastapi import APIRouter, Path, Query, Response
 from starlette.responses import JSONResponse
 
 from app.console import ConsoleDep
+from app.routes import api_schemas as schemas
 from app.routes.api_words import CHECKED, PROBLEMS, After, Facet, Limit, Order, Words, answers, linked, place, plain
 from app.routes.audit import Before, Filter, newest_first
 from app.routes.evidence import show as verified_blob
 from app.security import VisitorDep
-from app.views.audit import Wanted
+from app.views.audit import Deed, Wanted
+from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.ids import MissionId, RobotId
 from harness.contracts.memory import KnownCard
-from harness.contracts.read_models import ListQuery
+from harness.contracts.places import Site
+from harness.contracts.ports import Head
+from harness.contracts.read_models import EvidenceItem, ListQuery
+from harness.contracts.tasks import TaskTemplate
 from harness.further import offered
 from harness.projections import exploration as explorations
 
@@ -31,22 +36,24 @@ BLOB: dict[int | str, dict[str, Any]] = {
 }
 
 
-@router.get("/missions/{mission_id}/exploration", responses=answers("ExplorationChoice", many=True))
+@router.get("/missions/{mission_id}/exploration", responses=answers(schemas.ExplorationChoice, many=True))
 def exploration(console: ConsoleDep, mission_id: MissionId) -> Any:
     """Every target that an exploring mission chose, oldest first, with what the proposer was asked and answered."""
     mission = console.runtime.mission(mission_id)
     made = explorations.decisions(mission) if mission.contract else ()
     return [
-        {
-            "decision": plain(one),
-            "question": plain(console.target_question(one.question)),
-            "answer": plain(console.target_answer(one.answer)),
-        }
+        plain(
+            schemas.ExplorationChoice(
+                decision=one,
+                question=console.target_question(one.question),
+                answer=console.target_answer(one.answer),
+            )
+        )
         for one in made
     ]
 
 
-@router.get("/evidence", responses=answers("EvidenceItem", many=True))
+@router.get("/evidence", responses=answers(EvidenceItem, many=True))
 def evidence(
     console: ConsoleDep,
     response: Response,
@@ -79,19 +86,19 @@ def blob(console: ConsoleDep, digest: Annotated[str, Path(pattern="^[0-9a-f]{64}
     return verified_blob(console, digest)
 
 
-@router.get("/places", responses=answers("Site"))
+@router.get("/places", responses=answers(Site))
 def places(console: ConsoleDep) -> Any:
     """Places, reference routes, passages and zones of the site."""
     return plain(console.runtime.site)
 
 
-@router.get("/templates", responses=answers("TaskTemplate", many=True))
+@router.get("/templates", responses=answers(TaskTemplate, many=True))
 def templates(console: ConsoleDep, robot_id: RobotId | None = None) -> Any:
     """Task templates that a new mission of this robot can have: its configuration's, then those beside H_0."""
     return [plain(one) for one in offered(console.runtime, robot_id or RobotId(console.settings.robots[0]))]
 
 
-@router.get("/providers", responses=answers("CapabilityCard", many=True))
+@router.get("/providers", responses=answers(CapabilityCard, many=True))
 def providers(console: ConsoleDep) -> Any:
     """Capability cards as missions were shown them; a provider that no mission was offered yet is not here."""
     console.runtime.memory.catch_up()
@@ -100,19 +107,19 @@ def providers(console: ConsoleDep) -> Any:
     return [plain(cards[name]) for name in sorted(cards)]
 
 
-@router.get("/audit/head", responses=answers("Head"))
+@router.get("/audit/head", responses=answers(Head))
 def head(console: ConsoleDep) -> Any:
     """The end of the log: keep it elsewhere, and the log is tamper-evident up to there."""
     return plain(console.head())
 
 
-@router.get("/audit/verify", responses=answers("Head"))
+@router.get("/audit/verify", responses=answers(Head))
 def verify(console: ConsoleDep) -> Any:
     """Every hash computed again; 500 with `log_damaged` names the first position that does not verify."""
     return plain(console.runtime.verify())
 
 
-@router.get("/audit/decisions", responses=answers("Deed", many=True))
+@router.get("/audit/decisions", responses=answers(Deed, many=True))
 def decisions(
     console: ConsoleDep,
     response: Response,
@@ -126,10 +133,10 @@ def decisions(
     deeds, scanned = newest_first(console, Wanted(actor, kind, everything), before=before, shown=limit)
     if scanned > 1:
         response.headers["Link"] = f'</api/v1/audit/decisions?before={scanned}&limit={limit}>; rel="next"'
-    return [vars(one) for one in deeds]
+    return plain(deeds)
 
 
-@router.get("/audit/access", responses=answers("TrailEntry", many=True))
+@router.get("/audit/access", responses=answers(schemas.TrailEntry, many=True))
 def access(
     console: ConsoleDep,
     visitor: VisitorDep,

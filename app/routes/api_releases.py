@@ -7,7 +7,8 @@ from pydantic import Field, StringConstraints
 from starlette.responses import JSONResponse, Response
 
 from app.console import ActorDep, ConsoleDep
-from app.errors import problem
+from app.reasons.rendering import sentence
+from app.routes import api_schemas as schemas
 from app.routes.api_words import (
     CHECKED,
     PROBLEMS,
@@ -29,14 +30,16 @@ from app.routes.releases import instant_of, saved
 from app.security import VisitorDep
 from app.sheets import row, sheet
 from app.views import candidates as board
-from app.views.review_results import CaseRow
-from app.views.saying import reasoned
+from app.views.review_replay import Decided
+from app.views.review_results import FamilyRow
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import Digest, MissionId, RobotId
 from rsi_reviews.candidates import LARGEST_BYTES, read_candidate
 from rsi_reviews.contracts import Finding, ReleasePolicy
 from rsi_reviews.desk import Say, Seen
+from rsi_reviews.difference import Difference
+from rsi_reviews.growth import CaseAdded
 
 router = APIRouter(
     prefix="/api/v1", default_response_class=JSONResponse, responses=PROBLEMS, dependencies=CHECKED, tags=["candidates"]
@@ -85,7 +88,7 @@ class PolicyBody(Body):
     reason: Reason
 
 
-@router.get("/candidates", responses=answers("CandidateSummary", many=True))
+@router.get("/candidates", responses=answers(schemas.CandidateSummary, many=True))
 def listed(
     console: ConsoleDep, q: Words = "", status: Group = "", limit: Annotated[int, Query(ge=1, le=500)] = 200
 ) -> Any:
@@ -94,7 +97,7 @@ def listed(
     return [row(one) for one in board.chosen(console.desk.reviews(), asked)][:limit]
 
 
-@router.post("/candidates", responses=answers("Candidate"))
+@router.post("/candidates", responses=answers(schemas.Candidate))
 def propose(console: ConsoleDep, actor: ActorDep, body: CandidateBody) -> Any:
     """Put a candidate on record. What loosens anything is refused with every rule it breaks, before anything runs."""
     candidate = read_candidate(body.configuration.encode(), body.manifest.encode())
@@ -103,25 +106,29 @@ def propose(console: ConsoleDep, actor: ActorDep, body: CandidateBody) -> Any:
     say = Say(actor, candidate.manifest.reason, f"propose:{candidate.candidate_id}")
     decision = desk.propose(candidate, say, supersedes=supersedes)
     if isinstance(decision, Refused):
-        return _refused(decision, [f"{one.rule}: {one.path}: {one.message}" for one in desk.refusals(candidate)])
+        return _refused(
+            decision, [f"{one.rule}: {one.path}: {sentence(one.reason)}" for one in desk.refusals(candidate)]
+        )
     return sheet(desk, candidate.candidate_id)
 
 
-@router.post("/candidates/check", responses=answers("CandidateCheck"))
+@router.post("/candidates/check", responses=answers(schemas.CandidateCheck))
 def check(console: ConsoleDep, visitor: VisitorDep, body: CheckBody) -> Any:
     """Every rule that a candidate breaks, and what it would change against what is current. Nothing is written."""
     visitor.acting("propose")
     candidate = read_candidate(body.configuration.encode(), body.manifest.encode())
     found = checked(console, candidate)
-    return {
-        "candidate": candidate.candidate_id,
-        "holds": not found.refusals,
-        "refusals": plain(found.refusals),
-        "difference": plain(found.difference),
-    }
+    return plain(
+        schemas.CandidateCheck(
+            candidate=candidate.candidate_id,
+            holds=not found.refusals,
+            refusals=tuple(found.refusals),
+            difference=_difference(found.difference or Difference(changes=(), raw="")),
+        )
+    )
 
 
-@router.post("/missions/{mission_id}/case", responses=answers("CaseAdded"))
+@router.post("/missions/{mission_id}/case", responses=answers(CaseAdded))
 def add_case(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: ReasonBody) -> Any:
     """A disputed mission becomes a case of the regression suite: every later candidate is run on it too."""
     decision = console.desk.add_case(mission_id, Say(actor, body.reason, mission_id))
@@ -130,19 +137,19 @@ def add_case(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: 
     return plain(next(one for one in console.desk.growth().added if one.mission_id == mission_id))
 
 
-@router.get("/candidates/{candidate}", responses=answers("Candidate"))
+@router.get("/candidates/{candidate}", responses=answers(schemas.Candidate))
 def show(console: ConsoleDep, candidate: str) -> Any:
     """One candidate: manifest, clauses, what persons said, and the digest that a decision must name."""
     return sheet(console.desk, _named(candidate))
 
 
-@router.get("/candidates/{candidate}/difference", responses=answers("ConfigurationDifference"))
+@router.get("/candidates/{candidate}/difference", responses=answers(schemas.ConfigurationDifference))
 def difference(console: ConsoleDep, candidate: str) -> Any:
     """What it changes against its baseline: by component, and raw."""
-    return plain(console.desk.diff(_named(candidate)))
+    return plain(_difference(console.desk.diff(_named(candidate))))
 
 
-@router.get("/candidates/{candidate}/results", responses=answers("Results"))
+@router.get("/candidates/{candidate}/results", responses=answers(schemas.Results))
 def results(console: ConsoleDep, candidate: str) -> Any:
     """Flips, paired differences with intervals, and the held-out answer with its look."""
     name = console.desk.review(_named(candidate)).candidate
@@ -150,36 +157,33 @@ def results(console: ConsoleDep, candidate: str) -> Any:
     if found is None:
         raise UnknownName("No case of this candidate was measured yet", do="wait for its evaluation")
     whole, shown = found
-    return {
-        "pairs": shown.pairs,
-        "safety_pairs": shown.safety_pairs,
-        "pass_to_fail": [_case(one) for one in shown.worse],
-        "pass_to_fail_total": shown.worse_total,
-        "fail_to_pass": [_case(one) for one in shown.better],
-        "fail_to_pass_total": shown.better_total,
-        "families": [
-            {"family": one.name, "n": one.n, "baseline": one.before, "candidate": one.after, "better_by": one.gain,
-             "low": one.low, "high": one.high} for one in shown.families
-        ],
-        "held_out": plain(whole.held_out),
-        "seconds": whole.seconds,
-    }  # fmt: skip
+    return plain(
+        schemas.Results(
+            pairs=shown.pairs,
+            safety_pairs=shown.safety_pairs,
+            pass_to_fail=tuple(schemas.Case(**vars(one)) for one in shown.worse),
+            pass_to_fail_total=shown.worse_total,
+            fail_to_pass=tuple(schemas.Case(**vars(one)) for one in shown.better),
+            fail_to_pass_total=shown.better_total,
+            families=tuple(_family(one) for one in shown.families),
+            held_out=whole.held_out,
+            seconds=whole.seconds,
+        )
+    )
 
 
-@router.get("/candidates/{candidate}/replay", responses=answers("Replay"))
+@router.get("/candidates/{candidate}/replay", responses=answers(schemas.Replay))
 def replay(console: ConsoleDep, actor: ActorDep, candidate: str) -> Any:
     """Which decisions of the newest stored missions would have come out otherwise. No robot is touched."""
     found = replayed(console, actor, _named(candidate))
-    return {
-        "missions": found.looked,
-        "decisions": found.decisions,
-        "differing": [
-            {"mission_id": one.mission_id, "differences": [vars(each) for each in one.rows]} for one in found.differing
-        ],
-    }
+    differing = tuple(
+        schemas.ReplayedMission(mission_id=one.mission_id, differences=tuple(map(_decision, one.rows)))
+        for one in found.differing
+    )
+    return plain(schemas.Replay(missions=found.looked, decisions=found.decisions, differing=differing))
 
 
-@router.post("/candidates/{candidate}/{word}", responses=answers("Candidate"))
+@router.post("/candidates/{candidate}/{word}", responses=answers(schemas.Candidate))
 def say(console: ConsoleDep, actor: ActorDep, candidate: str, word: Said, body: WordBody) -> Any:
     """One word, with the reason kept; refused with 409 and why."""
     name = console.desk.review(_named(candidate)).candidate
@@ -190,7 +194,7 @@ def say(console: ConsoleDep, actor: ActorDep, candidate: str, word: Said, body: 
     return refusal(decision) if isinstance(decision, Refused) else sheet(console.desk, name)
 
 
-@router.get("/releases", responses=answers("Releases"))
+@router.get("/releases", responses=answers(schemas.Releases))
 def releases(
     console: ConsoleDep,
     at: Annotated[str, Query(max_length=40, description="An instant: what was current then is `current_at`.")] = "",
@@ -203,23 +207,25 @@ def releases(
     if at and instant_s is None:
         raise ContractInvalid(f"{at!r} is no instant", where="at", do="write it as 2026-11-20T09:30:00Z")
     then = desk.current_at(instant_s, robot_id=RobotId(robot) if robot else None) if instant_s is not None else None
-    return {
-        "revision": pointer.revision,
-        "configuration": desk.current(),
-        "canary": pointer.canary,
-        "canary_robot": pointer.robot_id,
-        "current_at": then,
-        "history": plain(pointer.history),
-        "versions": plain(desk.versions()),
-        "pins": plain(desk.pins()),
-        "quarantined": plain(list(pointer.quarantined.values())),
-        "looks": plain(pointer.looks),
-        "uptakes": plain(pointer.uptakes),
-        "policy": plain(pointer.policy),
-    }
+    return plain(
+        schemas.Releases(
+            revision=pointer.revision,
+            configuration=desk.current(),
+            canary=pointer.canary,
+            canary_robot=pointer.robot_id,
+            current_at=then,
+            history=pointer.history,
+            versions=desk.versions(),
+            pins=desk.pins(),
+            quarantined=tuple(pointer.quarantined.values()),
+            looks=pointer.looks,
+            uptakes=pointer.uptakes,
+            policy=pointer.policy,
+        )
+    )
 
 
-@router.post("/releases/policy", responses=answers("ReleasePolicy"))
+@router.post("/releases/policy", responses=answers(ReleasePolicy))
 def policy(console: ConsoleDep, actor: ActorDep, body: PolicyBody) -> Any:
     """Say who must agree before a release. One that nobody could meet is refused now."""
     chosen = ReleasePolicy(kind=body.kind, quorum=body.quorum, cooling_off_s=body.cooling_off_s)
@@ -235,14 +241,26 @@ def _named(candidate: str) -> str:
 
 
 def _refused(decision: Refused, found: list[str]) -> Response:
-    return problem(
-        409,
-        code=decision.rule,
-        title="Refused",
-        detail=reasoned(decision.message),
-        do="; ".join(found[:20]) or "see the message",
+    return refusal(decision, do="; ".join(found[:20]) or "see the message")
+
+
+def _difference(found: Difference) -> schemas.ConfigurationDifference:
+    return schemas.ConfigurationDifference(changes=found.changes, raw=found.raw)
+
+
+def _family(row: FamilyRow) -> schemas.Family:
+    return schemas.Family(
+        family=row.name,
+        n=row.n,
+        baseline=row.before,
+        candidate=row.after,
+        better_by=row.gain,
+        low=row.low,
+        high=row.high,
     )
 
 
-def _case(case: CaseRow) -> dict[str, Any]:
-    return dict(vars(case))
+def _decision(found: Decided) -> schemas.ReplayedDecision:
+    return schemas.ReplayedDecision(
+        position=found.position, kind=found.kind, node_id=found.node_id, before=found.before, after=found.after
+    )

@@ -5,28 +5,23 @@ from typing import Any, Literal
 from fastapi import APIRouter, Response
 from starlette.responses import JSONResponse
 
+from app.acts.missions import LimitAutonomyAct, SetAutonomyAct
 from app.console import ActorDep, Console, ConsoleDep
+from app.routes import api_schemas as schemas
 from app.routes.api_words import CHECKED, PROBLEMS, Body, Reason, ReasonBody, Text, answers, plain, refusal
 from app.routes.driving import Turn, turned
 from app.routes.robot_acts import all_made_safe, limited, made_safe, posed, signed, stopped_all, wheel_returned
 from app.routes.robots import RobotPath, card, newest_picture
 from app.security import VisitorDep
 from harness.contracts.any_events import AnyEvent
-from harness.contracts.control import Autonomy, SetAutonomy
 from harness.contracts.decisions import Decision, Refused
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import MissionId, RobotId
+from harness.contracts.protocol import DriveReport
 
 router = APIRouter(
     prefix="/api/v1", default_response_class=JSONResponse, responses=PROBLEMS, dependencies=CHECKED, tags=["robots"]
 )
-
-
-class AutonomyBody(Body):
-    """A level, and why; the reason stands in the log."""
-
-    autonomy: Autonomy
-    reason: Reason
 
 
 class WheelBody(Body):
@@ -50,35 +45,35 @@ class PostureBody(Body):
     reason: Reason
 
 
-@router.get("/robots", responses=answers("Robot", many=True))
+@router.get("/robots", responses=answers(schemas.Robot, many=True))
 def robots(console: ConsoleDep) -> Any:
     """Every robot of this console."""
     return [_row(console, name) for name in console.fleet.names]
 
 
-@router.get("/control", responses=answers("HouseControl"))
+@router.get("/control", responses=answers(schemas.HouseControl))
 def control(console: ConsoleDep) -> Any:
     """The limit of autonomy that holds for every mission."""
     return _control(console)
 
 
-@router.post("/control/autonomy", responses=answers("HouseControl"))
-def limit(console: ConsoleDep, visitor: VisitorDep, body: AutonomyBody) -> Any:
+@router.post("/control/autonomy", responses=answers(schemas.HouseControl))
+def limit(console: ConsoleDep, visitor: VisitorDep, body: LimitAutonomyAct) -> Any:
     """Set the limit: it binds every mission from its next dispatch on."""
-    limited(console, visitor, body.autonomy, body.reason)
+    limited(console, visitor, body)
     return _control(console)
 
 
-@router.post("/robots/stop", responses=answers("StopsAsked"))
+@router.post("/robots/stop", responses=answers(schemas.StopsAsked))
 def stop_all(console: ConsoleDep, visitor: VisitorDep, body: StopBody) -> Any:
     """Ask every open mission of every robot to stop, and return every wheel; `safe`: then send each to safety."""
     asked, refused = stopped_all(console, visitor, body.reason)
     if body.safe:
         refused = (*refused, *all_made_safe(console, visitor, body.reason))
-    return {"asked": list(asked), "refused": list(refused)}
+    return plain(schemas.StopsAsked(asked=tuple(asked), refused=tuple(refused)))
 
 
-@router.get("/robots/{robot_id}", responses=answers("Robot"))
+@router.get("/robots/{robot_id}", responses=answers(schemas.Robot))
 def robot(console: ConsoleDep, robot_id: RobotPath) -> Any:
     """One robot."""
     return _row(console, robot_id)
@@ -90,26 +85,26 @@ def camera(console: ConsoleDep, robot_id: RobotPath) -> Response:
     return newest_picture(console, robot_id)
 
 
-@router.post("/missions/{mission_id}/autonomy", responses=answers("Robot"))
-def autonomy(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: AutonomyBody) -> Any:
+@router.post("/missions/{mission_id}/autonomy", responses=answers(schemas.Robot))
+def autonomy(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: SetAutonomyAct) -> Any:
     """Set the level of one mission, from its next dispatch on."""
-    asked = SetAutonomy(autonomy=body.autonomy, actor=actor, reason=body.reason)
-    return _answered(console, console.runtime.mission(mission_id).robot_id, console.runtime.submit(mission_id, asked))
+    robot_id = console.runtime.mission(mission_id).robot_id
+    return _answered(console, robot_id, console.runtime.submit(mission_id, body.to_command(actor)))
 
 
-@router.post("/robots/{robot_id}/safe", responses=answers("Robot"))
+@router.post("/robots/{robot_id}/safe", responses=answers(schemas.Robot))
 def safe(console: ConsoleDep, visitor: VisitorDep, robot_id: RobotPath, body: ReasonBody) -> Any:
     """Stop what it does, then send it to the safe place of its zone; without one, or without `drive`, it lies down."""
     return _answered(console, robot_id, made_safe(console, visitor, robot_id, body.reason))
 
 
-@router.post("/robots/{robot_id}/posture", responses=answers("Robot"))
+@router.post("/robots/{robot_id}/posture", responses=answers(schemas.Robot))
 def posture(console: ConsoleDep, visitor: VisitorDep, robot_id: RobotPath, body: PostureBody) -> Any:
     """Lie down or stand up, where no mission acts."""
     return _answered(console, robot_id, posed(console, visitor, robot_id, body.posture, body.reason))
 
 
-@router.post("/robots/{robot_id}/wheel", responses=answers("WheelSession"))
+@router.post("/robots/{robot_id}/wheel", responses=answers(schemas.WheelSession))
 def take(console: ConsoleDep, visitor: VisitorDep, robot_id: RobotPath, body: WheelBody) -> Any:
     """Drive by hand: refused while a mission may move the robot."""
     device = body.device or "a program"
@@ -122,17 +117,19 @@ def take(console: ConsoleDep, visitor: VisitorDep, robot_id: RobotPath, body: Wh
     if isinstance(decision, Refused):
         return refusal(decision)
     held = console.control().wheels[robot_id]
-    return {"robot_id": robot_id, "session": held.session, "driver": held.actor.name, "device": held.device}
+    return plain(
+        schemas.WheelSession(robot_id=robot_id, session=held.session, driver=held.actor.name, device=held.device)
+    )
 
 
-@router.post("/robots/{robot_id}/wheel/turn", responses=answers("DriveReport"))
+@router.post("/robots/{robot_id}/wheel/turn", responses=answers(DriveReport))
 def turn(console: ConsoleDep, visitor: VisitorDep, robot_id: RobotPath, body: Turn) -> Any:
     """Hold this velocity until the next call, for 0.8 s of the robot's time at most."""
     report = turned(console, visitor, robot_id, body)
     return refusal(report) if isinstance(report, Refused) else plain(report)
 
 
-@router.post("/robots/{robot_id}/wheel/return", responses=answers("Robot"))
+@router.post("/robots/{robot_id}/wheel/return", responses=answers(schemas.Robot))
 def give_back(console: ConsoleDep, visitor: VisitorDep, robot_id: RobotPath, body: ReasonBody) -> Any:
     """End driving by hand; the base is free once the body is shown at rest."""
     return _answered(console, robot_id, wheel_returned(console, visitor, robot_id, body.reason))
@@ -142,27 +139,29 @@ def _answered(console: Console, robot_id: RobotId, decision: Decision[AnyEvent])
     return refusal(decision) if isinstance(decision, Refused) else _row(console, robot_id)
 
 
-def _control(console: Console) -> dict[str, Any]:
+def _control(console: Console) -> Any:
     stands = console.control()
     limited_by = stands.limited_by.name if stands.limited_by else None
-    return {"autonomy": stands.autonomy, "limited_by": limited_by, "reason": stands.limit_reason}
+    return plain(schemas.HouseControl(autonomy=stands.autonomy, limited_by=limited_by, reason=stands.limit_reason))
 
 
-def _row(console: Console, robot_id: RobotId) -> dict[str, Any]:
+def _row(console: Console, robot_id: RobotId) -> Any:
     if robot_id not in console.fleet.names:
         raise UnknownName(f"There is no robot {robot_id} here", do=f"choose from {', '.join(console.fleet.names)}")
     said, word = card(console, robot_id), console.fleet.word(robot_id)
     mission = said.mission
-    return {
-        "robot_id": robot_id,
-        "status": plain(word.status) if word.status else None,
-        "link_age_s": said.word.link_age_s if said.word.heard else None,
-        "trouble": word.trouble,
-        "mission_id": mission.mission_id if mission else None,
-        "mission_status": mission.status if mission else None,
-        "handoff_id": mission.handoff_id or None if mission else None,
-        "autonomy": mission.autonomy if mission else None,
-        "queued": said.queued,
-        "driver": said.driver or None,
-        "watchers": list(said.watchers),
-    }
+    return plain(
+        schemas.Robot(
+            robot_id=robot_id,
+            status=word.status,
+            link_age_s=said.word.link_age_s if said.word.heard else None,
+            trouble=word.trouble,
+            mission_id=mission.mission_id if mission else None,
+            mission_status=mission.status if mission else None,
+            handoff_id=mission.handoff_id if mission else None,
+            autonomy=mission.autonomy if mission else None,
+            queued=said.queued,
+            driver=said.driver or None,
+            watchers=said.watchers,
+        )
+    )

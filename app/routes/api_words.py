@@ -1,20 +1,22 @@
 """What every part of the API shares: bodies it takes, how lists are paged, how failures and answers are described."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 from urllib.parse import urlencode
 
+import msgspec
 from fastapi import Depends, Query, Request, Response
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+from pydantic import BaseModel, ConfigDict, StringConstraints
 
 from app.errors import problem
+from app.languages import CHOICE
 from app.lists import Slice
 from app.reasons import rendering as reasons
+from app.routes.api_schemas import Problem
 from app.routes.listing import bookmark
-from app.views.saying import reasoned
-from harness.contracts.control import Autonomy
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.read_models import Bookmark, ListOrder
+from harness.contracts.reasons import Reason as TypedReason
 
 Text = Annotated[str, StringConstraints(max_length=200)]
 Slug = Annotated[str, StringConstraints(min_length=1, max_length=200)]
@@ -48,34 +50,10 @@ class Body(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class StartBody(Body):
-    """A mission to start: a template by name, or a goal that one matches. No robot named: the console's first."""
-
-    robot_id: Text = ""
-    template: Text = ""
-    goal: Annotated[str, Field(max_length=2000)] = ""
-    arguments: dict[Slug, Annotated[str, Field(max_length=2000)] | float] = {}
-    seed: Annotated[int, Field(ge=0, le=2**53)] = 0
-    autonomy: Autonomy = "autonomous"
-    labels: dict[Slug, Text] = {}
-
-
 class ReasonBody(Body):
     """Why; it stands in the log."""
 
     reason: Reason
-
-
-class DecisionBody(Body):
-    """An answer bound to what was seen: the digests come from the handoff as it was shown."""
-
-    decision: Literal["approve", "reject"]
-    reason: Reason
-    key: Slug
-    cycle: Annotated[int, Field(ge=0, le=2**53)]
-    subject: Sha256
-    evidence: Sha256
-    claim: Text = ""
 
 
 def known_parameters(request: Request) -> None:
@@ -94,9 +72,14 @@ def known_parameters(request: Request) -> None:
 CHECKED = [Depends(known_parameters)]
 
 
-def answers(name: str, *, status: int = 200, many: bool = False) -> dict[int | str, dict[str, Any]]:
-    """For `responses=`: the answer has the shape of this component, or is a list of them."""
-    one = {"$ref": f"#/components/schemas/{name}"}
+ANSWERED: set[type] = {Problem}
+"""Every struct that an operation answers with, or fails with: the description is derived from them."""
+
+
+def answers(kind: type, *, status: int = 200, many: bool = False) -> dict[int | str, dict[str, Any]]:
+    """For `responses=`: the answer has the shape of this struct, or is a list of them."""
+    ANSWERED.add(kind)
+    one = {"$ref": f"#/components/schemas/{kind.__name__}"}
     schema = {"type": "array", "items": one} if many else one
     return {status: {"description": "Done.", "content": {"application/json": {"schema": schema}}}}
 
@@ -116,11 +99,17 @@ def linked(response: Response, path: str, found: Slice[Any], **asked: str) -> No
 
 
 def plain(value: Any) -> Any:
-    """A contract's value as JSON."""
+    """A contract's value or an answer as JSON; a sentence that could be told in another language is told in English."""
     return reasons.stating(value)
 
 
-def refusal(decision: Refused) -> Response:
-    return problem(
-        409, code=decision.rule, title="Refused", detail=reasoned(decision.message), do="look at it again, then decide"
-    )
+def in_words(reason: TypedReason) -> str:
+    """A reason as a sentence in the language of the caller."""
+    return reasons.sentence(reason, CHOICE.get().language)
+
+
+def refusal(decision: Refused, *, do: str = "look at it again, then decide") -> Response:
+    """A problem whose `code` and `rule` are the gate's rule; `reason` is code and facts, `detail` says it in words."""
+    detail = in_words(decision.reason)
+    more = {"rule": decision.rule, "reason": msgspec.to_builtins(decision.reason)}
+    return problem(409, code=decision.rule, title="Refused", detail=detail, do=do, more=more)

@@ -8,9 +8,10 @@ from starlette.responses import HTMLResponse, PlainTextResponse
 from app.console import Console, ConsoleDep
 from app.rendering import render
 from app.security import VisitorDep
-from app.views.audit import AccessPage, Deed, Sum, TrailRow, Wanted, audit_page, deed
-from app.views.saying import listed, said
+from app.views.audit import AccessPage, AuditPage, Deed, Sum, TrailRow, Wanted, deed
+from app.views.saying import said
 from harness.contracts.errors import LogDamaged
+from harness.contracts.stored_commands import command_of
 
 router = APIRouter(prefix="/audit")
 SHOWN, WINDOW, SCANNED = 50, 500, 5000
@@ -31,14 +32,14 @@ def show(
     wanted = Wanted(actor=actor.strip(), kind=kind.strip(), everything=everything)
     deeds, scanned_from = newest_first(console, wanted, before=before)
     shell = console.shell("Audit", "audit", visitor.actor)
-    page = audit_page(
-        shell,
-        console.head(),
-        deeds,
-        wanted,
+    page = AuditPage(
+        shell=shell,
+        head=console.head(),
+        deeds=tuple(deeds),
+        wanted=wanted,
         scanned_from=scanned_from,
-        keeps_trail=visitor.may("trail"),
         found=_log_sum(console) if verify else Sum(),
+        keeps_trail=visitor.may("trail"),
     )
     return render("audit/index.html", page)
 
@@ -65,18 +66,12 @@ def access(
     visitor.acting("trail")
     store = console.doors.accounts.store
     entries = store.trail(before=before or None, kind=kind.strip(), actor=actor.strip(), limit=SHOWN)
-    found = _trail_sum(console) if verify else Sum()
     page = AccessPage(
         shell=console.shell("Access", "audit", visitor.actor),
-        rows=tuple(
-            TrailRow(e.number, e.at_s, e.kind, e.actor, listed(e.role.split("+")), e.subject, e.detail, e.source)
-            for e in entries
-        ),
-        actor=actor,
-        kind=kind,
+        rows=tuple(TrailRow(e.number, e.at_s, e.kind, e.actor, e.role, e.subject, e.detail, e.source) for e in entries),
+        wanted=Wanted(actor=actor, kind=kind),
         older=entries[-1].number if len(entries) == SHOWN else 0,
-        verified=found.verified,
-        damage=found.damage,
+        found=_trail_sum(console) if verify else Sum(),
     )
     return render("audit/access.html", page)
 
@@ -106,7 +101,25 @@ def _log_sum(console: Console) -> Sum:
     return Sum(
         verified=said(
             "Every hash of the log and of its records was computed again: {count} events, intact.", count=head.position
-        )
+        ),
+        note=_before_commands(console),
+    )
+
+
+def _before_commands(console: Console) -> str:
+    """What an auditor must know of a log that began before commands were stored; empty for any other."""
+    upto = 0
+    while events := console.runtime.log(upto, WINDOW):
+        first = next((one.position for one in events if command_of(one) is not None), None)
+        upto = events[-1].position if first is None else first - 1
+        if first is not None:
+            break
+    if not upto:
+        return ""
+    return said(
+        "The first {count} events are a log from before commands were stored: replay uses commands reconstructed "
+        "from events there.",
+        count=upto,
     )
 
 

@@ -13,6 +13,7 @@ from app.views.saying import reasoned, said
 from harness.contracts.actors import Actor
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Refused
+from harness.contracts.reasons import recorded
 from rsi_reviews.contracts import Candidate, Refusal
 from rsi_reviews.desk import Say
 from rsi_reviews.difference import difference
@@ -49,7 +50,7 @@ def propose(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
     say = Say(actor, candidate.manifest.reason, f"propose:{name}")
     decision = console.desk.propose(candidate, say, supersedes=supersedes)
     if isinstance(decision, Refused):
-        again = page_of(console, actor, typed, Found(errors=(reasoned(decision.message),)))
+        again = page_of(console, actor, typed, Found(errors=(reasoned(decision.reason),)))
         return render("candidates/new.html", again, status=409)
     return RedirectResponse(f"/candidates/{name}", status_code=303)
 
@@ -61,7 +62,7 @@ def read(console: Console, actor: Actor, typed: Mapping[str, str]) -> tuple[Cand
     try:
         made = edited(text, current, _intention(typed), who=actor.name)
     except CandidateInvalid as error:
-        refusal = Refusal(rule=error.rule, path=error.where or "edit", message=f"{error.what}; {error.do}.")
+        refusal = Refusal(rule=error.rule, path=error.where or "edit", reason=recorded(f"{error.what}; {error.do}."))
         return None, Found(errors=(f"{error.what}; {error.do}.",), refusals=(refusal,))
     except msgspec.ValidationError as error:
         return None, Found(errors=(said("The manifest does not stand: {error}.", error=str(error)),))

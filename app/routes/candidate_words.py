@@ -3,18 +3,19 @@
 from collections.abc import Callable, Mapping
 from typing import Any, get_args
 
+from app.reviewing import GuardedDesk
 from harness.contracts.actors import Actor
 from harness.contracts.decider import Codec
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import Digest, MissionId, RobotId
 from rsi_reviews.contracts import Finding, Subject
-from rsi_reviews.desk import Desk, Say, Seen
+from rsi_reviews.desk import Say, Seen
 from rsi_reviews.events import CandidateEvent, ReviewOpened
 
 Typed = Mapping[str, str]
 Answered = Accepted[Any] | Refused
-Said = Callable[[Desk, Digest, Say, Seen, Typed], Answered]
+Said = Callable[[GuardedDesk, Digest, Say, Seen, Typed], Answered]
 CODEC: Codec[CandidateEvent] = Codec(CandidateEvent)
 LONGEST_KEY = 200
 
@@ -52,7 +53,7 @@ def finding_of(text: str) -> Finding:
     )
 
 
-def subject_in(desk: Desk, candidate: str, digest: str) -> Subject | None:
+def subject_in(desk: GuardedDesk, candidate: str, digest: str) -> Subject | None:
     """The subject that a form was shown with, as it stood when its review was opened."""
     opened = (CODEC.decode(stored) for stored in desk.events(candidate))
     return next((one.subject for one in opened if isinstance(one, ReviewOpened) and one.subject_digest == digest), None)

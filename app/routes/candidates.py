@@ -95,7 +95,7 @@ def say(console: ConsoleDep, actor: ActorDep, candidate: str, word: str, typed: 
         return _again(console, actor, name, word, typed, refused=" ".join(wrong), status=422)
     decision = WORDS[word](console.desk, name, say_of(actor, typed, word), seen_of(typed), typed)
     if isinstance(decision, Refused):
-        return _again(console, actor, name, word, typed, refused=reasoned(decision.message), status=409)
+        return _again(console, actor, name, word, typed, refused=reasoned(decision.reason), status=409)
     return RedirectResponse(f"/candidates/{name}", status_code=303)
 
 

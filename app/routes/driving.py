@@ -16,10 +16,11 @@ from app.views import forms
 from app.views.driving import DrivePage, TakenOver, taken_over
 from app.views.saying import reasoned, said
 from harness.contracts.actors import Actor
-from harness.contracts.decisions import Refused
+from harness.contracts.decisions import Refused, refused
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import RequestId, RobotId
 from harness.contracts.protocol import DriveReport
+from harness.contracts.reasons import because, recorded
 
 router = APIRouter(prefix="/robots/{robot_id}")
 
@@ -55,7 +56,7 @@ def take(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: Ro
         lambda wheel, who: wheel.take(robot_id, actor=who, device=device, reason=typed["reason"].strip()),
     )
     if isinstance(decision, Refused):
-        return _pad(console, actor, robot_id, errors=[reasoned(decision.message)], status=409)
+        return _pad(console, actor, robot_id, errors=[reasoned(decision.reason)], status=409)
     return RedirectResponse(f"/robots/{robot_id}/drive", status_code=303)
 
 
@@ -64,7 +65,7 @@ def turn(console: ConsoleDep, visitor: VisitorDep, robot_id: RobotPath, body: An
     """Hold this velocity until the next call, for 0.8 s of the robot's time at most."""
     report = turned(console, visitor, robot_id, body)
     if isinstance(report, Refused):
-        return JSONResponse({"status": "ended", "reason": report.message}, status_code=409)
+        return JSONResponse({"status": "ended", "reason": reasoned(report.reason)}, status_code=409)
     return JSONResponse(
         {"status": report.status, "v_mps": report.v_mps, "w_radps": report.w_radps, "reason": report.reason}
     )
@@ -75,7 +76,7 @@ def give_back(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_i
     """Back to the question if the robot was taken over for one. A wheel that went back by itself is no mistake."""
     decision = wheel_returned(console, visitor, robot_id, "returned by a person")
     if isinstance(decision, Refused) and decision.rule != "not_at_the_wheel":
-        return _pad(console, actor, robot_id, errors=[reasoned(decision.message)], status=409)
+        return _pad(console, actor, robot_id, errors=[reasoned(decision.reason)], status=409)
     taken = _taken(console, actor, robot_id)
     return RedirectResponse(f"/handoffs/{taken.handoff_id}" if taken else f"/robots/{robot_id}", status_code=303)
 
@@ -84,13 +85,13 @@ def turned(console: Console, visitor: Visitor, robot_id: RobotId, order: Turn) -
     """Refused where nobody has the wheel or the robot does not take it; raises NotPermitted for anybody else."""
     actor, held = visitor.acting("drive"), console.control().wheels.get(robot_id)
     if held is None or console.wheel is None:
-        return Refused("not_at_the_wheel", f"Nobody has the wheel of {robot_id}: take it first.")
+        return refused("not_at_the_wheel", because("wheel_not_taken", robot_id=robot_id))
     if held.actor.name != actor.name:
         raise NotPermitted(f"{held.actor.name} has the wheel", where=robot_id, do="ask them to return it")
     try:
         return console.wheel.turn(robot_id, RequestId(order.session), v_mps=order.v_mps, w_radps=order.w_radps)
     except ProviderFailed as error:
-        return Refused(error.code, error.what)
+        return refused(error.code, recorded(error.what))
 
 
 def _taken(console: Console, actor: Actor, robot_id: RobotId) -> TakenOver | None:

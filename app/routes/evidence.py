@@ -35,7 +35,7 @@ def index(console: ConsoleDep, actor: ActorDep, sought: SoughtDep) -> HTMLRespon
     page = evidence_list.evidence_page(
         console.shell("Evidence", "evidence", actor),
         sought,
-        [evidence_list.row(one) for one in found.items],
+        found.items,
         found.following,
         found=console.lists.found(sought.query, found),
         tallies=console.lists.tallies("evidence"),
@@ -47,7 +47,7 @@ def index(console: ConsoleDep, actor: ActorDep, sought: SoughtDep) -> HTMLRespon
 def about(console: ConsoleDep, actor: ActorDep, digest: DigestPath) -> HTMLResponse:
     """The blob read and hashed now, and every packet that refers to it. 404 for one that nothing refers to."""
     uses = ListQuery(listing="evidence", words=(digest[:BLOB_SIGNS],), limit=USES)
-    rows = [evidence_list.row(one) for one in console.lists.evidence(uses).items if one.blob == digest]
+    rows = [one for one in console.lists.evidence(uses).items if one.blob == digest]
     if not rows:
         raise UnknownName(f"No evidence refers to blob {digest[:16]}…", do="choose one from the list of evidence")
     try:

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from app.acts.base import Act
+from app.acts.handoffs import ApproveHandoffAct
 from app.console import Console
 from app.rendering import render
 from app.routes.robots import camera_of
@@ -12,9 +14,10 @@ from app.views.handoffs import HandoffPage, Surface
 from app.views.places import site_map
 from app.views.robots import CameraView, RobotWord
 from harness.contracts.actors import Actor
+from harness.contracts.any_events import AnyEvent
 from harness.contracts.decider import Codec
+from harness.contracts.decisions import Decision, Refused, refused
 from harness.contracts.errors import UnknownName
-from harness.contracts.handoff_commands import DecideHandoff
 from harness.contracts.handoff_events import HandoffEvent, HandoffOpened
 from harness.contracts.ids import HandoffId, MissionId, RobotId, handoff_stream, sha256
 from harness.contracts.observations import Pose
@@ -69,22 +72,30 @@ def kept_question(console: Console, handoff_id: HandoffId) -> bytes:
     return _question(opened, console.runtime.mission(opened.mission_id))
 
 
-def unlike(console: Console, command: DecideHandoff) -> str:
-    """Why what this person saw is not what stands here now, as far as the gate could not tell; empty if it is.
+def answered(console: Console, actor: Actor, handoff_id: HandoffId, said: Act) -> Decision[AnyEvent]:
+    """A person's act at a handoff. An approval that names a page counts only if the page stands so now."""
+    if isinstance(said, ApproveHandoffAct) and said.shown is not None:
+        unseen = _unlike(console, handoff_id, said)
+        if unseen is not None:
+            return unseen
+    return console.runtime.answer(handoff_id, said.to_command(actor))
+
+
+def _unlike(console: Console, handoff_id: HandoffId, said: ApproveHandoffAct) -> Refused | None:
+    """Why what this person saw is not what stands here now, as far as the gate could not tell.
 
     What was seen is kept, so that an auditor sees it again.
     """
-    handoff = console.runtime.handoff(command.handoff_id)
+    handoff = console.runtime.handoff(handoff_id)
     opened = handoffs.required(handoff)
     mission = console.runtime.mission(opened.mission_id)
-    same = handoff.answerable and (command.cycle, mission.k) == (handoff.cycle, opened.k)
-    if command.shown is None or not same:
-        return ""
+    if not handoff.answerable or (said.cycle, mission.k) != (handoff.cycle, opened.k):
+        return None
     body = _question(opened, mission)
-    if sha256(body) != command.shown:
-        return "What stood on your screen is not what stands here now. Read it again, then decide."
+    if sha256(body) != said.shown:
+        return refused("unseen")
     console.runtime.keep(body)
-    return ""
+    return None
 
 
 def history_of(console: Console, handoff_id: HandoffId) -> Told:

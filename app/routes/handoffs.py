@@ -1,17 +1,18 @@
 """/handoffs: questions to a person, and their answers."""
 
+from collections.abc import Callable
 from typing import Annotated
 
 from fastapi import APIRouter, Depends
 from msgspec.structs import replace
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from app.acts import handoffs as handoff_acts
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.rendering import render
-from app.routes import handoff_words as words
-from app.routes.handoff_page import Left, kept_question, page_of, unlike
+from app.routes.handoff_page import Left, answered, kept_question, page_of
 from app.routes.listing import searching
-from app.views import forms, handoff_list
+from app.views import handoff_list
 from app.views.handoff_list import HandoffsPage
 from app.views.listing import Sought
 from app.views.missions import Counted
@@ -19,7 +20,6 @@ from app.views.saying import reasoned
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import UnknownName
-from harness.contracts.handoff_commands import LookAgain, PersonCommand
 from harness.contracts.ids import HandoffId
 
 router = APIRouter(prefix="/handoffs")
@@ -68,75 +68,23 @@ def shown(console: ConsoleDep, handoff_id: HandoffId) -> HTMLResponse:
     return HTMLResponse(kept_question(console, handoff_id))
 
 
-@router.post("/{handoff_id}/decision")
-def decide(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, typed: FormDep) -> Response:
-    command = words.decision_of(handoff_id, actor, typed)
-    unseen = unlike(console, command) if not forms.wrong_reason(command.reason) else ""
-    if unseen:
-        return _again(console, actor, handoff_id, typed, refused=unseen, status=409)
-    return _said(console, actor, command, typed, reason=command.reason)
+def _route(word: str) -> Callable[..., Response]:
+    """The handler of one act of app/acts/handoffs.py: 303, 422 not well said, 409 refused and why."""
+
+    def act(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, typed: FormDep) -> Response:
+        said = handoff_acts.act_of(word, typed).from_form(typed)
+        if isinstance(said, tuple):
+            return _again(console, actor, handoff_id, typed, refused=" ".join(one.text for one in said), status=422)
+        decision = answered(console, actor, handoff_id, said)
+        if isinstance(decision, Refused):
+            return _again(console, actor, handoff_id, typed, refused=reasoned(decision.reason), status=409)
+        return RedirectResponse(f"/handoffs/{handoff_id}", status_code=303)
+
+    return act
 
 
-@router.post("/{handoff_id}/look")
-def look_again(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, typed: FormDep) -> Response:
-    return _said(console, actor, LookAgain(handoff_id=handoff_id, actor=actor), typed)
-
-
-@router.post("/{handoff_id}/claim")
-def claim(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, typed: FormDep) -> Response:
-    return _said(console, actor, words.claim_of(handoff_id, actor, typed), typed)
-
-
-@router.post("/{handoff_id}/release")
-def release(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, typed: FormDep) -> Response:
-    return _said(console, actor, words.release_of(handoff_id, actor, typed), typed)
-
-
-@router.post("/{handoff_id}/on-my-way")
-def on_my_way(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, typed: FormDep) -> Response:
-    return _said(console, actor, words.on_my_way_of(handoff_id, actor, typed), typed)
-
-
-@router.post("/{handoff_id}/choose")
-def choose(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, typed: FormDep) -> Response:
-    return _said(console, actor, words.choice_of(handoff_id, actor, typed), typed)
-
-
-@router.post("/{handoff_id}/attest")
-def attest(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, typed: FormDep) -> Response:
-    command = words.attestation_of(handoff_id, actor, typed)
-    return _said(console, actor, command, typed, reason=command.statement)
-
-
-@router.post("/{handoff_id}/take-over")
-def take_over(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, typed: FormDep) -> Response:
-    command = words.take_over_of(handoff_id, actor, typed)
-    return _said(console, actor, command, typed, reason=command.reason)
-
-
-@router.post("/{handoff_id}/hand-back")
-def hand_back(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, typed: FormDep) -> Response:
-    command = words.hand_back_of(handoff_id, actor, typed)
-    return _said(console, actor, command, typed, reason=command.reason)
-
-
-@router.post("/{handoff_id}/close")
-def close(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, typed: FormDep) -> Response:
-    command = words.closing_of(handoff_id, actor, typed)
-    return _said(console, actor, command, typed, reason=command.reason)
-
-
-def _said(
-    console: Console, actor: Actor, command: PersonCommand, typed: dict[str, str], *, reason: str | None = None
-) -> Response:
-    """Refused with a reason and the question as it is now, or back to its page. `reason` is checked where given."""
-    wrong = forms.wrong_reason(reason) if reason is not None else ()
-    if wrong:
-        return _again(console, actor, command.handoff_id, typed, refused=" ".join(wrong), status=422)
-    decision = console.runtime.answer(command)
-    if isinstance(decision, Refused):
-        return _again(console, actor, command.handoff_id, typed, refused=reasoned(decision.message), status=409)
-    return RedirectResponse(f"/handoffs/{command.handoff_id}", status_code=303)
+for word in ("decision", *handoff_acts.ACTS):
+    router.post(f"/{{handoff_id}}/{word}", name=word)(_route(word))
 
 
 def _again(

@@ -7,6 +7,7 @@ from fastapi import APIRouter, Depends, Request
 from msgspec.structs import replace
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from app.acts.missions import StopMissionAct
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.rendering import render
 from app.routes.handoff_page import word_of
@@ -20,7 +21,6 @@ from app.views.missions import Counted, MissionsPage
 from app.views.preview import Preview
 from app.views.saying import reasoned, said
 from harness.contracts.actors import Actor
-from harness.contracts.commands import StopMission
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.events import MissionCreated
@@ -60,8 +60,9 @@ def listed(console: Console, actor: Actor, sought: Sought) -> MissionsPage:
     found = console.lists.missions(queries[group])
     tallies = console.lists.tallies("mission")
     counted = Counted(groups={value: console.lists.count(one) for value, one in queries.items()}, tallies=tallies)
-    rows = [missions.row(one, now_s=console.clock()) for one in found.items]
-    return missions.missions_page(console.shell("Missions", "missions", actor), sought, rows, found.following, counted)
+    return missions.missions_page(
+        console.shell("Missions", "missions", actor), sought, found.items, found.following, counted
+    )
 
 
 @router.get("/new")
@@ -102,7 +103,7 @@ def started(console: Console, order: Start) -> MissionId:
     """The new mission's id; raises UnknownName, ContractInvalid or StartRefused."""
     decision = begin(console.runtime, order)
     if isinstance(decision, Refused):
-        raise StartRefused(reasoned(decision.message), where=decision.rule)
+        raise StartRefused(reasoned(decision.reason), where=decision.rule)
     return next(event.mission_id for event in decision.events if isinstance(event, MissionCreated))
 
 
@@ -113,13 +114,13 @@ def stopping(console: ConsoleDep, actor: ActorDep, mission_id: MissionId) -> HTM
 
 @router.post("/{mission_id}/stop")
 def stop(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, typed: FormDep) -> Response:
-    reason = (typed.get("quick") or typed.get("reason", "")).strip()
-    wrong = forms.wrong_reason(reason)
-    if wrong:
-        return render("missions/stop.html", _stop_page(console, actor, mission_id, errors=tuple(wrong)), status=422)
-    decision = console.runtime.submit(mission_id, StopMission(actor=actor, reason=reason))
+    said = StopMissionAct.from_form(typed | {"reason": typed.get("quick") or typed.get("reason", "")})
+    if isinstance(said, tuple):
+        errors = tuple(one.text for one in said)
+        return render("missions/stop.html", _stop_page(console, actor, mission_id, errors=errors), status=422)
+    decision = console.runtime.submit(mission_id, said.to_command(actor))
     if isinstance(decision, Refused):
-        page = _stop_page(console, actor, mission_id, errors=(reasoned(decision.message),))
+        page = _stop_page(console, actor, mission_id, errors=(reasoned(decision.reason),))
         return render("missions/stop.html", page, status=409)
     return RedirectResponse(f"/missions/{mission_id}", status_code=303)
 

@@ -5,10 +5,10 @@ from starlette.responses import HTMLResponse
 
 from app.console import ActorDep, Console, ConsoleDep
 from app.rendering import render
-from app.views import handoffs, missions
+from app.views import missions
 from app.views.overview import RECENT, OverviewPage, OverviewRegions, overview
 from app.views.shell import Frame
-from harness.contracts.ids import HandoffId, MissionId
+from harness.contracts.ids import MissionId
 from harness.contracts.read_models import ListQuery
 
 router = APIRouter()
@@ -16,17 +16,16 @@ router = APIRouter()
 
 def regions(console: Console) -> OverviewRegions:
     """What is open, and the last few that ended: the rest of the history is not read."""
-    now_s = console.clock()
     running = console.lists.open_missions()
     ended = console.lists.missions(ListQuery(listing="mission", facets={"open": "no"}, limit=RECENT)).items
-    waiting = [console.runtime.handoff(HandoffId(one.handoff_id)) for one in console.lists.open_handoffs()]
     heard = [console.runtime.observations(MissionId(one.mission_id)) for one in running]
     strips = [missions.robot_strip(live.status, live.at_s) for live in heard if live is not None]
     return overview(
-        [missions.row(one, now_s=now_s) for one in (*running, *ended)],
-        [handoffs.row(one, console.mission_of(one)) for one in waiting],
+        (*running, *ended),
+        console.lists.open_handoffs(),
         [strip for strip in strips if strip is not None],
         robots=console.settings.robots,
+        now_s=console.clock(),
     )
 
 

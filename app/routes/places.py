@@ -10,7 +10,7 @@ from app.rendering import render
 from app.views import place_editor
 from app.views.forms import Wrong, wrong_reason
 from app.views.place_editor import PlaceForm, Version
-from app.views.places import places_page
+from app.views.places import PlacesPage, site_map
 from app.views.saying import reasoned, said
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
@@ -35,7 +35,14 @@ EVENTS: Codec[PlaceEvent] = Codec(PlaceEvent)
 
 @router.get("")
 def index(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
-    return render("places/index.html", places_page(console.shell("Places", "places", actor), console.runtime.site))
+    return render(
+        "places/index.html",
+        PlacesPage(
+            shell=console.shell("Places", "places", actor),
+            site=console.runtime.site,
+            map=site_map(console.runtime.site),
+        ),
+    )
 
 
 @router.get("/new")
@@ -71,9 +78,8 @@ def remove(console: ConsoleDep, actor: ActorDep, place_id: PlaceId, typed: FormD
     command = RemovePlace(place_id=place_id, basis=_basis(typed), actor=actor, reason=typed["reason"].strip())
     decision = told(console, command)
     if isinstance(decision, Refused):
-        return render(
-            "places/edit.html", _form(console, actor, shown, [Wrong("", reasoned(decision.message))]), status=409
-        )
+        page = _form(console, actor, shown, [Wrong("", reasoned(decision.reason))])
+        return render("places/edit.html", page, status=409)
     return RedirectResponse("/places", status_code=303)
 
 
@@ -91,7 +97,7 @@ def _save(console: Console, actor: Actor, typed: dict[str, str], wrong: list[Wro
     basis = console.runtime.places().revision(place.place_id) if new else _basis(typed)
     decision = told(console, SavePlace(place=place, basis=basis, actor=actor, reason=typed["reason"].strip()))
     if isinstance(decision, Refused):
-        page = _form(console, actor, typed, [Wrong("", reasoned(decision.message))], new=new)
+        page = _form(console, actor, typed, [Wrong("", reasoned(decision.reason))], new=new)
         return render("places/edit.html", page, status=409)
     return RedirectResponse(f"/places#{place.place_id}", status_code=303)
 

@@ -12,7 +12,7 @@ from app.views.providers import providers_page
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.ids import ProviderId
 from harness.contracts.memory import KnownCard, MemoryQuery, MemoryRecord
-from harness.runtime import Runtime
+from harness.memory.fabric import MemoryFabric
 
 router = APIRouter(prefix="/providers")
 COUNTED = 10_000
@@ -21,7 +21,7 @@ COUNTED = 10_000
 @router.get("")
 def index(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
     """The cards of the robots that run here, and those of memory for everybody else who ever acted."""
-    cards = {card.provider_id: card for card in (*remembered(console.runtime), *console.cards())}.values()
+    cards = {card.provider_id: card for card in (*remembered(console.runtime.memory), *console.cards())}.values()
     claims = {card.provider_id: claimed(card.provider_id) for card in cards}
     history: dict[ProviderId, Sequence[MemoryRecord]] = {
         card.provider_id: [
@@ -41,9 +41,9 @@ def index(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
     return render("providers/index.html", page)
 
 
-def remembered(runtime: Runtime) -> tuple[CapabilityCard, ...]:
+def remembered(memory: MemoryFabric) -> tuple[CapabilityCard, ...]:
     """Cards that roles were shown, the newest of each provider."""
-    known = [one.record.knowledge for one in runtime.memory.find(MemoryQuery(kinds=("card",), limit=COUNTED))]
+    known = [one.record.knowledge for one in memory.find(MemoryQuery(kinds=("card",), limit=COUNTED))]
     newest: dict[str, CapabilityCard] = {}
     for said in known:
         if isinstance(said, KnownCard):

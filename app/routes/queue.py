@@ -5,16 +5,15 @@ from collections.abc import Sequence
 from fastapi import APIRouter
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from app.acts.missions import WithdrawMissionAct
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.rendering import render
 from app.routes.missions import waiting_line
-from app.views import forms
 from app.views.queue import QueuePage, queue_page
 from app.views.saying import reasoned
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.ids import MissionId
-from harness.contracts.revision_commands import WithdrawMission
 
 router = APIRouter(prefix="/queue")
 
@@ -31,12 +30,12 @@ def lines(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
 
 @router.post("/{mission_id}/withdraw")
 def withdraw(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, typed: FormDep) -> Response:
-    wrong = tuple(forms.wrong_reason(typed.get("reason", "")))
-    if wrong:
-        return render("queue/index.html", page_of(console, actor, wrong), status=422)
-    decision = console.runtime.submit(mission_id, WithdrawMission(actor=actor, reason=typed["reason"].strip()))
+    said = WithdrawMissionAct.from_form(typed)
+    if isinstance(said, tuple):
+        return render("queue/index.html", page_of(console, actor, [one.text for one in said]), status=422)
+    decision = console.runtime.submit(mission_id, said.to_command(actor))
     if isinstance(decision, Refused):
-        return render("queue/index.html", page_of(console, actor, (reasoned(decision.message),)), status=409)
+        return render("queue/index.html", page_of(console, actor, (reasoned(decision.reason),)), status=409)
     return RedirectResponse("/queue", status_code=303)
 
 

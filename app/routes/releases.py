@@ -45,7 +45,7 @@ def save_policy(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Respons
         return _again(console, actor, typed, refused=f"{error.what}; {error.do}.", status=422)
     decision = saved(console, policy, say_of(actor, typed, "policy"))
     if isinstance(decision, Refused):
-        return _again(console, actor, typed, refused=reasoned(decision.message), status=409)
+        return _again(console, actor, typed, refused=reasoned(decision.reason), status=409)
     return RedirectResponse("/releases#policy", status_code=303)
 
 

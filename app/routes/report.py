@@ -11,12 +11,13 @@ from fastapi import APIRouter, Query
 from starlette.background import BackgroundTask
 from starlette.responses import FileResponse, HTMLResponse, JSONResponse, RedirectResponse, Response
 
+from app.acts.missions import DisputeCompletionAct
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.languages import CHOICE
 from app.rendering import render
 from app.report_pdf import report_pdf
 from app.security import VisitorDep
-from app.views import events, facts, forms, report
+from app.views import events, facts, report
 from app.views.facts import FactPage
 from app.views.outcome import mission_outcome, no_answer_outcome
 from app.views.report import Journal, ReportPage
@@ -28,7 +29,7 @@ from harness.contracts.decisions import Refused
 from harness.contracts.errors import HarnessError, UnknownName
 from harness.contracts.events import HandoffAnswered
 from harness.contracts.handoff_events import HandoffEvent, HandoffOpened, NoAnswerTaken
-from harness.contracts.ids import ConditionId, Digest, HandoffId, MissionId, handoff_stream
+from harness.contracts.ids import Digest, HandoffId, MissionId, handoff_stream
 from harness.contracts.retreat_events import RetreatEnded, RetreatEvent, RetreatIntended, RetreatStopping
 from harness.contracts.revision_commands import DisputeCompletion
 from harness.projections.handoffs import Unanswered
@@ -129,7 +130,7 @@ def case(console: ConsoleDep, visitor: VisitorDep, mission_id: MissionId) -> Res
     reason = reasoned(disputes[-1].reason) if disputes else "none"
     decision = console.desk.add_case(mission_id, Say(actor=visitor.acting("dispute"), reason=reason, key=mission_id))
     if isinstance(decision, Refused):
-        page = page_of(console, visitor.actor, mission_id, (reasoned(decision.message),))
+        page = page_of(console, visitor.actor, mission_id, (reasoned(decision.reason),))
         return render("missions/report.html", page, status=409)
     return RedirectResponse(f"/missions/{mission_id}/report#case", status_code=303)
 
@@ -139,14 +140,12 @@ def dispute(
     console: ConsoleDep, visitor: VisitorDep, mission_id: MissionId, packet_id: str, condition_id: str, typed: FormDep
 ) -> Response:
     """Say that this acceptance is wrong (D21). `from` says which page it was said on, to go back to it."""
-    asked = DisputeCompletion(
-        condition_id=ConditionId(condition_id),
-        actor=visitor.acting("dispute"),
-        reason=typed.get("reason", "").strip()[: forms.REASON_SIGNS] or "none",
-    )
-    wrong, status = tuple(forms.wrong_reason(typed.get("reason", ""))), 422
-    if not wrong:
-        wrong, status = _disputed(console, mission_id, packet_id, asked), 409
+    actor = visitor.acting("dispute")
+    said = DisputeCompletionAct.from_form(typed | {"condition_id": condition_id})
+    if isinstance(said, tuple):
+        wrong, status = tuple(one.text for one in said), 422
+    else:
+        wrong, status = _disputed(console, mission_id, packet_id, said.to_command(actor)), 409
     reported = typed.get("from") == "report"
     if wrong and reported:
         return render("missions/report.html", page_of(console, visitor.actor, mission_id, wrong), status=status)
@@ -163,7 +162,7 @@ def _disputed(console: Console, mission_id: MissionId, packet_id: str, asked: Di
     if (packet_id, asked.condition_id) not in standing:
         return ("This acceptance does not stand: it was never made, or the stage was opened again since.",)
     decision = console.runtime.submit(mission_id, asked)
-    return (reasoned(decision.message),) if isinstance(decision, Refused) else ()
+    return (reasoned(decision.reason),) if isinstance(decision, Refused) else ()
 
 
 def _fact(

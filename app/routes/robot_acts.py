@@ -2,16 +2,18 @@
 
 from collections.abc import Callable
 
+from app.acts.missions import LimitAutonomyAct
 from app.console import Console, Wheel
 from app.permissions import NotPermitted, Permission, Visitor
-from app.views.saying import reasoned
+from app.views.saying import reasoned, said
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import StopMission
-from harness.contracts.control import CONTROL, LEVELS, Autonomy, LimitAutonomy, Posture, SetAutonomy
-from harness.contracts.decisions import Accepted, Decision, Refused
-from harness.contracts.errors import ContractInvalid, ProviderFailed
+from harness.contracts.control import CONTROL, Posture, SetAutonomy
+from harness.contracts.decisions import Accepted, Decision, Refused, refused
+from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import MissionId, RobotId, mission_stream
+from harness.contracts.reasons import because, recorded
 
 
 def stopped_all(console: Console, visitor: Visitor, reason: str) -> tuple[tuple[MissionId, ...], tuple[str, ...]]:
@@ -20,10 +22,10 @@ def stopped_all(console: Console, visitor: Visitor, reason: str) -> tuple[tuple[
     Robots outside every mission are stopped first: wheels are returned, and those on their way to a safe place stand.
     """
     asked, left = [], []
-    left += [f"{name}: {said}" for name, said in wheels_returned(console, visitor, reason)]
+    left += [said("{who}: {reason}", who=name, reason=why) for name, why in wheels_returned(console, visitor, reason)]
     for robot_id in on_their_way(console):
         stopped = retreat_stopped(console, visitor, robot_id, reason)
-        left += [f"{robot_id}: {reasoned(stopped.message)}"] if isinstance(stopped, Refused) else []
+        left += [said("{who}: {reason}", who=robot_id, reason=stopped.reason)] if isinstance(stopped, Refused) else []
     for mission in console.open_missions():
         if mission.replay or mission.status == "stopping":
             continue
@@ -31,7 +33,8 @@ def stopped_all(console: Console, visitor: Visitor, reason: str) -> tuple[tuple[
         if isinstance(decision, Accepted):
             asked.append(mission.mission_id)
         elif not console.runtime.mission(mission.mission_id).ended:
-            left.append(f"{mission.robot_id}, {mission.mission_id}: {reasoned(decision.message)}")
+            who = f"{mission.robot_id}, {mission.mission_id}"
+            left.append(said("{who}: {reason}", who=who, reason=decision.reason))
     return tuple(asked), tuple(left)
 
 
@@ -47,7 +50,7 @@ def wheels_returned(console: Console, visitor: Visitor, reason: str) -> list[tup
     for robot_id in console.control().wheels:
         decision = wheel_returned(console, visitor, robot_id, reason)
         if isinstance(decision, Refused):
-            left.append((robot_id, reasoned(decision.message)))
+            left.append((robot_id, reasoned(decision.reason)))
     return left
 
 
@@ -61,25 +64,16 @@ def wheel_returned(console: Console, visitor: Visitor, robot_id: RobotId, reason
     )
 
 
-def limited(console: Console, visitor: Visitor, level: Autonomy, reason: str) -> None:
+def limited(console: Console, visitor: Visitor, said: LimitAutonomyAct) -> None:
     """Set the limit of the whole house. Raises NotPermitted for a token that is bound to one robot."""
     if visitor.robot_id:
         raise NotPermitted(
             f"This token is for {visitor.robot_id} alone", where=f"token {visitor.name}", do="sign in to set the limit"
         )
-    command = LimitAutonomy(autonomy=level, actor=visitor.actor, reason=reason)
-    console.runtime.decide([(CONTROL, command)])
+    console.runtime.decide([(CONTROL, said.to_command(visitor.actor))])
     for mission in console.open_missions():
-        told = SetAutonomy(autonomy=level, actor=visitor.actor, reason=reason, scope="house")
+        told = SetAutonomy(autonomy=said.autonomy, actor=visitor.actor, reason=said.reason, scope="house")
         console.runtime.decide([(mission_stream(mission.mission_id), told)])
-
-
-def level_of(text: str) -> Autonomy:
-    """Raises ContractInvalid for a level that does not exist."""
-    found = next((one for one in LEVELS if one == text), None)
-    if found is None:
-        raise ContractInvalid(f"There is no autonomy level {text[:40]!r}", do=f"choose from {', '.join(LEVELS)}")
-    return found
 
 
 def made_safe(console: Console, visitor: Visitor, robot_id: RobotId, reason: str) -> Decision[AnyEvent]:
@@ -109,7 +103,11 @@ def all_made_safe(console: Console, visitor: Visitor, reason: str) -> tuple[str,
     """Send every connected robot to safety, each for itself; why it could not be done for some of them."""
     busy = on_their_way(console)
     made = [(name, made_safe(console, visitor, name, reason)) for name in console.fleet.names if name not in busy]
-    return tuple(f"{name}: {reasoned(decision.message)}" for name, decision in made if isinstance(decision, Refused))
+    return tuple(
+        said("{who}: {reason}", who=name, reason=decision.reason)
+        for name, decision in made
+        if isinstance(decision, Refused)
+    )
 
 
 def retreat_stopped(console: Console, visitor: Visitor, robot_id: RobotId, reason: str) -> Decision[AnyEvent]:
@@ -145,11 +143,11 @@ def signed(
     if visitor.robot_id not in ("", robot_id):
         raise NotPermitted(f"This token is for {visitor.robot_id}", where=f"token {visitor.name}", do="use another one")
     if wheel is None:
-        return Refused("no_supervisor", "No supervisor runs here, so no robot can be reached.")
+        return refused("no_supervisor", because("no_supervisor_here"))
     try:
         decision = act(wheel, actor)
     except ProviderFailed as error:
-        decision = Refused(error.code, error.what)
+        decision = refused(error.code, recorded(error.what))
     outcome = f"refused: {decision.rule}" if isinstance(decision, Refused) else "accepted"
     if robot_id in console.fleet.names:
         console.fleet.hear(robot_id)

@@ -5,9 +5,11 @@ from typing import Annotated
 from fastapi import APIRouter, Path
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from app.acts.base import Act
+from app.acts.missions import LimitAutonomyAct, PauseMissionAct, ResumeMissionAct, SetAutonomyAct
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.rendering import render
-from app.routes.robot_acts import all_made_safe, level_of, limited, made_safe, on_their_way, posed, stopped_all
+from app.routes.robot_acts import all_made_safe, limited, made_safe, on_their_way, posed, stopped_all
 from app.security import VisitorDep
 from app.views import forms, robots
 from app.views.retreats import LastRetreat, last_retreat
@@ -15,8 +17,7 @@ from app.views.robots import CameraRegion, CameraView, RobotCard, RobotPage, Rob
 from app.views.saying import reasoned
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
-from harness.contracts.commands import MissionCommand, PauseMission, ResumeMission
-from harness.contracts.control import CONTROL, SetAutonomy
+from harness.contracts.control import CONTROL
 from harness.contracts.decisions import Decision, Refused
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import MissionId, RobotId
@@ -64,10 +65,10 @@ def stop_all(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, typed: F
 
 @router.post("/autonomy")
 def limit(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, typed: FormDep) -> Response:
-    wrong = forms.wrong_reason(typed.get("reason", ""))
-    if wrong:
-        return _index(console, actor, errors=wrong, status=422)
-    limited(console, visitor, level_of(typed.get("autonomy", "")), typed["reason"].strip())
+    said = LimitAutonomyAct.from_form(typed)
+    if isinstance(said, tuple):
+        return _index(console, actor, errors=[one.text for one in said], status=422)
+    limited(console, visitor, said)
     return RedirectResponse("/robots", status_code=303)
 
 
@@ -111,21 +112,19 @@ def autonomy(
     console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: RobotPath, typed: FormDep
 ) -> Response:
     visitor.acting("drive")
-    level = level_of(typed.get("autonomy", ""))
-    asked = SetAutonomy(autonomy=level, actor=actor, reason=reason_of(typed))
-    return _told(console, actor, robot_id, typed, asked)
+    return _told(console, actor, robot_id, typed, SetAutonomyAct)
 
 
 @router.post("/{robot_id}/pause")
 def pause(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: RobotPath, typed: FormDep) -> Response:
     visitor.acting("stop")
-    return _told(console, actor, robot_id, typed, PauseMission(actor=actor, reason=reason_of(typed)))
+    return _told(console, actor, robot_id, typed, PauseMissionAct)
 
 
 @router.post("/{robot_id}/resume")
 def resume(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: RobotPath, typed: FormDep) -> Response:
     visitor.acting("drive")
-    return _told(console, actor, robot_id, typed, ResumeMission(actor=actor, reason=reason_of(typed)))
+    return _told(console, actor, robot_id, typed, ResumeMissionAct)
 
 
 @router.post("/{robot_id}/safe")
@@ -150,11 +149,6 @@ def stand(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: R
     if wrong:
         return _one(console, actor, robot_id, errors=wrong, status=422)
     return _after(console, actor, robot_id, posed(console, visitor, robot_id, "standing", typed["reason"].strip()))
-
-
-def reason_of(typed: dict[str, str]) -> str:
-    """As typed; a command needs some reason to be built, and an empty one is refused before it is given."""
-    return typed.get("reason", "").strip() or "none"
 
 
 def cards(console: Console) -> tuple[RobotCard, ...]:
@@ -217,23 +211,22 @@ def _one(
     return render("robots/detail.html", page, status=status)
 
 
-def _told(
-    console: Console, actor: Actor, robot_id: RobotId, typed: dict[str, str], command: MissionCommand
-) -> Response:
-    """A command for the mission of this robot, with the reason that the person typed."""
-    wrong = forms.wrong_reason(typed.get("reason", ""))
+def _told(console: Console, actor: Actor, robot_id: RobotId, typed: dict[str, str], kind: type[Act]) -> Response:
+    """An act on the mission of this robot."""
+    said = kind.from_form(typed)
     found = card(console, robot_id)
-    if wrong:
-        return _one(console, actor, robot_id, errors=wrong, status=422)
+    if isinstance(said, tuple):
+        return _one(console, actor, robot_id, errors=[one.text for one in said], status=422)
     if found.mission is None or found.mission.mission_id != typed.get("mission_id"):
         wrong = ["The robot works on another mission by now: look again, then decide."]
         return _one(console, actor, robot_id, errors=wrong, status=409)
-    return _after(console, actor, robot_id, console.runtime.submit(MissionId(found.mission.mission_id), command))
+    decision = console.runtime.submit(MissionId(found.mission.mission_id), said.to_command(actor))
+    return _after(console, actor, robot_id, decision)
 
 
 def _after(console: Console, actor: Actor, robot_id: RobotId, decision: Decision[AnyEvent]) -> Response:
     if isinstance(decision, Refused):
-        return _one(console, actor, robot_id, errors=[reasoned(decision.message)], status=409)
+        return _one(console, actor, robot_id, errors=[reasoned(decision.reason)], status=409)
     return RedirectResponse(f"/robots/{robot_id}", status_code=303)
 
 

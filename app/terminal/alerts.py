@@ -1,31 +1,19 @@
 """regen alert: what a person should know, and acknowledge, shelve, suppress, restore, assign."""
 
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from app.acts import alerts as acts
+from app.acts.base import Act
 from app.alerts import Alerts
 from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show, table
-from app.terminal.missions import me
+from app.terminal.client import Api
+from app.terminal.local import api_without_robots
 from app.terminal.owner import owner_api
 from app.views import alerts
-from app.views.alerts import AlertRow
-from app.views.saying import reasoned
 from harness.adapters.clock import SystemClock
-from harness.bootstrap import edit_harness, read_harness
-from harness.contracts.alert_commands import (
-    AcknowledgeAlert,
-    AlertPersonCommand,
-    AssignAlert,
-    RestoreAlert,
-    ShelveAlert,
-    SuppressAlert,
-)
-from harness.contracts.alert_events import alert_stream
-from harness.contracts.decisions import Refused
-from harness.contracts.errors import HarnessError
-from harness.runtime import Runtime
+from harness.bootstrap import read_harness
 
 app = typer.Typer(no_args_is_help=True, help="See what went wrong, one row per cause, and look after it.")
 Reason = Annotated[str, typer.Option(help="Why; it stands in the log.")]
@@ -65,9 +53,9 @@ def ack(
     as_json: Json = False,
 ) -> None:
     """Say that you have seen it."""
-    seen = int(_one(data, alert_id)["total"])
-    command = AcknowledgeAlert(actor=me(), seen=seen, note=note)
-    _say(data, alert_id, ("acknowledge", {"seen": seen, "note": note}), command, as_json=as_json)
+    with api_without_robots(data) as api:
+        seen = api.get(f"/alerts/{alert_id}")["total"]
+        _say(api, alert_id, "acknowledge", acts.AcknowledgeAlertAct.of(seen=seen, note=note), as_json=as_json)
 
 
 @app.command()
@@ -79,21 +67,22 @@ def shelve(
     as_json: Json = False,
 ) -> None:
     """Put it out of the way for a while; it comes back by itself."""
-    command = ShelveAlert(actor=me(), reason=reason, for_s=minutes * 60)
-    _say(data, alert_id, ("shelve", {"reason": reason, "for_s": minutes * 60}), command, as_json=as_json)
+    with api_without_robots(data) as api:
+        _say(api, alert_id, "shelve", acts.ShelveAlertAct.of(reason=reason, for_s=minutes * 60), as_json=as_json)
 
 
 @app.command()
 def suppress(alert_id: AlertArgument, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
     """Put it out of the way until somebody restores it."""
-    command = SuppressAlert(actor=me(), reason=reason)
-    _say(data, alert_id, ("suppress", {"reason": reason}), command, as_json=as_json)
+    with api_without_robots(data) as api:
+        _say(api, alert_id, "suppress", acts.SuppressAlertAct.of(reason=reason), as_json=as_json)
 
 
 @app.command()
 def restore(alert_id: AlertArgument, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
     """Bring it back from the shelf or from suppression."""
-    _say(data, alert_id, ("restore", {}), RestoreAlert(actor=me()), as_json=as_json)
+    with api_without_robots(data) as api:
+        _say(api, alert_id, "restore", acts.RestoreAlertAct.of(), as_json=as_json)
 
 
 @app.command()
@@ -104,36 +93,11 @@ def assign(
     as_json: Json = False,
 ) -> None:
     """Say who looks after it."""
-    command = AssignAlert(actor=me(), assignee=to)
-    _say(data, alert_id, ("assign", {"assignee": to}), command, as_json=as_json)
+    with api_without_robots(data) as api:
+        _say(api, alert_id, "assign", acts.AssignAlertAct.of(assignee=to), as_json=as_json)
 
 
-def _one(data: Path, alert_id: str) -> dict[str, Any]:
-    """Raises UnknownName."""
-    api = owner_api(data)
-    if api is not None:
-        found: dict[str, Any] = api.get(f"/alerts/{alert_id}")
-        return found
-    with read_harness(settings(data_folder=data)) as runtime:
-        return vars(_row(runtime, alert_id))
-
-
-def _row(runtime: Runtime, alert_id: str) -> AlertRow:
-    return alerts.row(alert_id, Alerts(runtime).one(alert_id), now_s=SystemClock().now().wall_s)
-
-
-def _say(
-    data: Path, alert_id: str, word: tuple[str, dict[str, Any]], command: AlertPersonCommand, *, as_json: bool
-) -> None:
-    """By the owner's API, or as the folder's one owner. Raises UnknownName, and HarnessError where it is refused."""
-    api = owner_api(data)
-    if api is not None:
-        found: dict[str, Any] = api.post(f"/alerts/{alert_id}/{word[0]}", word[1])
-    else:
-        with edit_harness(settings(data_folder=data)) as runtime:
-            Alerts(runtime).one(alert_id)
-            decision = runtime.decide([(alert_stream(alert_id), command)])
-            if isinstance(decision, Refused):
-                raise HarnessError(reasoned(decision.message), where=alert_id, do="see `regen alert list --all`")
-            found = vars(_row(runtime, alert_id))
+def _say(api: Api, alert_id: str, word: str, said: Act, *, as_json: bool) -> None:
+    """Post the act and print the alert after it. Raises UnknownName, and HarnessError where it is refused."""
+    found: dict[str, Any] = api.post(f"/alerts/{alert_id}/{word}", said.body())
     show(found, as_json=as_json, lines=[f"{alert_id} is {found['state']}: {found['title']}"])

@@ -6,7 +6,7 @@ import msgspec
 import typer
 
 from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show
-from harness.auditing.replay import ReplayReport, replay_all, replay_mission
+from harness.auditing.replay import RECONSTRUCTED, ReplayReport, replay_all, replay_mission
 from harness.bootstrap import read_harness
 from harness.contracts.ids import MissionId
 
@@ -58,6 +58,8 @@ def _lines(report: ReplayReport) -> list[str]:
         f"{report.goals} goal verdicts and {report.recoveries} recovery steps derived again"
     )
     gate = f"{report.decisions + report.leases + report.handoffs} gate decisions made again"
+    if report.reconstructed:
+        gate += f", {report.reconstructed} of them with {RECONSTRUCTED}"
     counted = f"{len(report.differences)} differences" if report.differences else "no difference"
     return [
         f"{report.mission_id}: {report.events} events; {derived}; {gate}; state version {report.k}, "

@@ -10,6 +10,7 @@ from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show
 from app.terminal.missions import me
 from harness.auditing.dossier import DossierVerdict
 from harness.auditing.places import PlaceChange
+from harness.auditing.replay import RECONSTRUCTED
 from harness.bootstrap import read_harness
 from harness.contracts.ids import MissionId
 from harness.dossiers import export_dossier, verify_dossier
@@ -54,5 +55,6 @@ def _lines(found: DossierVerdict) -> list[str]:
         f"Taken when the log stood at {found.head_position}, {found.head_digest}.",
         *(f"Evidence {digest} was already missing when it was exported." for digest in found.absent),
         *(_place(one) for one in found.places if one.during),
+        *([f"{found.reconstructed} decisions derived again with {RECONSTRUCTED}."] if found.reconstructed else []),
         *(found.differences or ("Every decision derived again; no difference.",)),
     ]

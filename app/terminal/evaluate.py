@@ -21,6 +21,7 @@ from rsi_reviews.evaluation.protocol import ROOT, Ask, code, rows
 from rsi_reviews.evaluation.report import Evaluation, evaluation, save, shown, with_figures
 from rsi_reviews.evaluation.roles import Model, RoleReport, adversarial, asked
 from rsi_reviews.evaluation.suites import checks
+from simulator.in_process import SIMULATOR
 
 RESULTS = ROOT / "docs" / "results" / "evaluation.json"
 PAGE = ROOT / "docs" / "evaluation.md"
@@ -63,9 +64,9 @@ def evaluate(
         def told(done: int, of: int) -> None:
             progress.update(task, completed=done, total=of)
 
-        judged = rows(ask, processes=processes, kept=kept, told=told)
+        judged = rows(ask, SIMULATOR, processes=processes, kept=kept, told=told)
         roles = _roles(progress, model=model, url=model_url)
-        found = evaluation(judged, ask, code=code(), roles=roles, suites=checks(seed))
+        found = evaluation(judged, ask, code=code(SIMULATOR), roles=roles, suites=checks(seed, SIMULATOR))
     if output is not None:
         save(found, output)
     if publish:
@@ -91,7 +92,7 @@ def _progress() -> Progress:
 def _roles(progress: Progress, *, model: str, url: str) -> RoleReport:
     if not model:
         return RoleReport(tested=False)
-    trials = adversarial()
+    trials = adversarial(SIMULATOR)
     task = progress.add_task(f"{model} as verifier", total=len(trials))
     with httpx.Client(timeout=MODEL_S) as client:
         return asked(

@@ -1,38 +1,28 @@
 """regen handoff: everything a person can say to a question. `list` observes again, so that its digest is of now."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
+import msgspec
 import typer
 from msgspec import to_builtins
 
+from app.acts import handoffs as acts
+from app.acts.base import Act
 from app.reasons import rendering as reasons
-from app.terminal.answers import DEFAULT_DATA, Data, Json, show, table
-from app.terminal.handoff_words import Word, ended_as, looked_at, said, said_and_followed
-from app.terminal.handoff_words import shown as as_it_stands
-from app.terminal.missions import me
-from app.views.handoff_shown import action_of
-from harness.contracts.handoff_commands import (
-    AttestCondition,
-    ChooseAction,
-    ClaimHandoff,
-    CloseHandoff,
-    DecideHandoff,
-    HandBack,
-    LookAgain,
-    OnMyWay,
-    PersonCommand,
-    ReleaseHandoff,
-    TakeOver,
-)
-from harness.contracts.ids import ConditionId, Digest
+from app.terminal.answers import DEFAULT_DATA, Data, Json, exit_code, show, table
+from app.terminal.client import Api
+from app.terminal.local import api_with_robots
+from harness.contracts.errors import UnknownName
 from harness.contracts.values import encode
 from harness.projections.handoffs import Handoff
 
 app = typer.Typer(no_args_is_help=True, help="Answer the questions that missions ask people.")
 Reason = Annotated[str, typer.Option(help="Why; it stands in the log.")]
 Claim = Annotated[str, typer.Option("--claim", help="Your token: any word; name it again to act on your claim.")]
+Claimed = Annotated[str, typer.Option("--claim", help="Your token, if you claimed it.")]
+Said = Callable[[Handoff], Act]
 
 
 @app.command("list")
@@ -42,7 +32,12 @@ def list_handoffs(
     everything: Annotated[bool, typer.Option("--all", help="Answered ones too.")] = False,
 ) -> None:
     """Handoffs that wait, each observed again, with the digest that an approval must name."""
-    rows = [_row(handoff) for handoff in looked_at(data) if everything or handoff.waits]
+    with api_with_robots(data) as api:
+        for handoff in api.handoffs():
+            if handoff.status == "open":
+                api.observe(_mission_of(handoff))
+                api.post(f"/handoffs/{handoff.handoff_id}/look", acts.LookAgainAct().body())
+        rows = [_row(handoff) for handoff in api.handoffs() if everything or handoff.waits]
     lines = table([[r["handoff_id"], r["status"], r["mission_id"], r["node_id"], r["digest"]] for r in rows])
     lines += [f"{row['handoff_id']}: {row['reason']}" for row in rows]
     show({"handoffs": rows}, as_json=as_json, lines=lines or ["No mission waits for a person."])
@@ -51,7 +46,8 @@ def list_handoffs(
 @app.command("show")
 def show_one(handoff_id: str, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
     """One question as it stands: what would run, what else could, who has it, how long it waits."""
-    handoff = as_it_stands(data, handoff_id)
+    with api_with_robots(data) as api:
+        handoff = _handoff(api, handoff_id)
     row = _row(handoff)
     lines = [f"{name.replace('_', ' ')}: {value}" for name, value in row.items() if value not in ("", None, [])]
     proposal = handoff.opened.proposal if handoff.opened else None
@@ -62,41 +58,26 @@ def show_one(handoff_id: str, data: Data = DEFAULT_DATA, as_json: Json = False) 
 @app.command()
 def claim(handoff_id: str, data: Data = DEFAULT_DATA, as_json: Json = False, token: Claim = "terminal") -> None:
     """Yours to answer for a minute; the same token again renews it."""
-
-    def command(handoff: Handoff) -> PersonCommand:
-        return ClaimHandoff(handoff_id=handoff.handoff_id, actor=me(), claim=token)
-
-    _say(data, handoff_id, Word("claim", lambda _: {"claim": token}, command), as_json=as_json)
+    _say(data, handoff_id, "claim", lambda _: acts.ClaimHandoffAct.of(claim=token), as_json=as_json)
 
 
 @app.command()
 def release(handoff_id: str, data: Data = DEFAULT_DATA, as_json: Json = False, token: Claim = "terminal") -> None:
     """Somebody else may answer it."""
-
-    def command(handoff: Handoff) -> PersonCommand:
-        return ReleaseHandoff(handoff_id=handoff.handoff_id, actor=me(), claim=token)
-
-    _say(data, handoff_id, Word("release", lambda _: {"claim": token}, command), as_json=as_json)
+    _say(data, handoff_id, "release", lambda _: acts.ReleaseHandoffAct.of(claim=token), as_json=as_json)
 
 
 @app.command()
 def look(handoff_id: str, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
     """Observe again without motion."""
-
-    def command(handoff: Handoff) -> PersonCommand:
-        return LookAgain(handoff_id=handoff.handoff_id, actor=me())
-
-    _say(data, handoff_id, Word("look", lambda _: {}, command), as_json=as_json)
+    _say(data, handoff_id, "look", lambda _: acts.LookAgainAct(), as_json=as_json)
 
 
-@app.command("on-my-way")
-def on_my_way(handoff_id: str, data: Data = DEFAULT_DATA, as_json: Json = False, reason: Reason = "on my way") -> None:
+@app.command("extend")
+@app.command("on-my-way", hidden=True)
+def extend(handoff_id: str, data: Data = DEFAULT_DATA, as_json: Json = False, reason: Reason = "on my way") -> None:
     """Let it wait longer: once, as long as the zone allows."""
-
-    def command(handoff: Handoff) -> PersonCommand:
-        return OnMyWay(handoff_id=handoff.handoff_id, actor=me(), reason=reason)
-
-    _say(data, handoff_id, Word("on-my-way", lambda _: {"reason": reason}, command), as_json=as_json)
+    _say(data, handoff_id, "on-my-way", lambda _: acts.ExtendDeadlineAct.of(reason=reason), as_json=as_json)
 
 
 @app.command()
@@ -105,18 +86,14 @@ def choose(
     action: Annotated[str, typer.Option(help="Another action of the ladder; `show` lists them as choices.")],
     data: Data = DEFAULT_DATA,
     as_json: Json = False,
-    token: Annotated[str, typer.Option("--claim", help="Your token, if you claimed it.")] = "",
+    token: Claimed = "",
 ) -> None:
     """Ask anew with another action. Nothing runs until its own digest is approved."""
 
-    def body(handoff: Handoff) -> dict[str, Any]:
-        return {"action": action, "cycle": handoff.cycle, "claim": token}
+    def said(handoff: Handoff) -> Act:
+        return acts.ChooseActionAct.of(action=action, cycle=handoff.cycle, claim=token)
 
-    def command(handoff: Handoff) -> PersonCommand:
-        wanted = action_of(action)
-        return ChooseAction(handoff_id=handoff.handoff_id, actor=me(), action=wanted, cycle=handoff.cycle, claim=token)
-
-    _say(data, handoff_id, Word("choose", body, command), as_json=as_json)
+    _say(data, handoff_id, "choose", said, as_json=as_json)
 
 
 @app.command()
@@ -126,11 +103,16 @@ def approve(
     reason: Reason,
     data: Data = DEFAULT_DATA,
     as_json: Json = False,
-    token: Annotated[str, typer.Option("--claim", help="Your token, if you claimed it.")] = "",
+    token: Claimed = "",
 ) -> None:
     """Let the proposed action run once, and follow the mission. It is verified like any other attempt."""
-    outcome = said_and_followed(data, handoff_id, _decision("approve", digest=digest, reason=reason, token=token))
-    _end(outcome, as_json=as_json)
+
+    def said(handoff: Handoff) -> Act:
+        shown = _shown(handoff) | {"subject": digest}
+        key = _key(handoff_id, "approve", reason)
+        return acts.ApproveHandoffAct.of(decision="approve", reason=reason, key=key, claim=token, **shown)
+
+    _end(data, handoff_id, "decision", said, as_json=as_json, wanted="succeeded")
 
 
 @app.command()
@@ -139,15 +121,20 @@ def reject(
     reason: Reason,
     data: Data = DEFAULT_DATA,
     as_json: Json = False,
-    token: Annotated[str, typer.Option("--claim", help="Your token, if you claimed it.")] = "",
+    token: Claimed = "",
 ) -> None:
     """Refuse: the mission ends safely stopped."""
-    outcome = said_and_followed(data, handoff_id, _decision("reject", digest="", reason=reason, token=token))
-    _end(outcome, as_json=as_json, wanted="safe_stopped")
+
+    def said(handoff: Handoff) -> Act:
+        key = _key(handoff_id, "reject", reason)
+        return acts.RejectHandoffAct.of(decision="reject", reason=reason, key=key, claim=token, **_shown(handoff))
+
+    _end(data, handoff_id, "decision", said, as_json=as_json, wanted="safe_stopped")
 
 
-@app.command("take-over")
-def take_over(
+@app.command("take-control")
+@app.command("take-over", hidden=True)
+def take_control(
     handoff_id: str,
     device: Annotated[str, typer.Option(help="What you drive it from; everybody sees it.")],
     reason: Reason,
@@ -156,13 +143,12 @@ def take_over(
     token: Claim = "terminal",
 ) -> None:
     """Drive it yourself; claim it first. The deadline pauses as long as the claim is renewed."""
-    key = _key(handoff_id, "take-over", reason)
 
-    def command(handoff: Handoff) -> PersonCommand:
-        return TakeOver(handoff_id=handoff.handoff_id, actor=me(), claim=token, device=device, key=key, reason=reason)
+    def said(_: Handoff) -> Act:
+        key = _key(handoff_id, "take-over", reason)
+        return acts.TakeControlAct.of(claim=token, device=device, key=key, reason=reason)
 
-    body = {"claim": token, "device": device, "key": key, "reason": reason}
-    _say(data, handoff_id, Word("take-over", lambda _: body, command), as_json=as_json)
+    _say(data, handoff_id, "take-over", said, as_json=as_json)
 
 
 @app.command("hand-back")
@@ -170,13 +156,11 @@ def hand_back(
     handoff_id: str, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False, token: Claim = "terminal"
 ) -> None:
     """Give the robot back; the harness looks afresh, without motion, and the mission goes on from what it finds."""
-    key = _key(handoff_id, "hand-back", reason)
 
-    def command(handoff: Handoff) -> PersonCommand:
-        return HandBack(handoff_id=handoff.handoff_id, actor=me(), claim=token, key=key, reason=reason)
+    def said(_: Handoff) -> Act:
+        return acts.HandBackAct.of(claim=token, key=_key(handoff_id, "hand-back", reason), reason=reason)
 
-    body = {"claim": token, "key": key, "reason": reason}
-    _end(said_and_followed(data, handoff_id, Word("hand-back", lambda _: body, command)), as_json=as_json)
+    _end(data, handoff_id, "hand-back", said, as_json=as_json, wanted="succeeded")
 
 
 @app.command()
@@ -184,14 +168,11 @@ def close(
     handoff_id: str, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False, token: Claim = "terminal"
 ) -> None:
     """Keep the robot: the mission ends handed off."""
-    key = _key(handoff_id, "close", reason)
 
-    def command(handoff: Handoff) -> PersonCommand:
-        return CloseHandoff(handoff_id=handoff.handoff_id, actor=me(), claim=token, key=key, reason=reason)
+    def said(_: Handoff) -> Act:
+        return acts.CloseHandoffAct.of(claim=token, key=_key(handoff_id, "close", reason), reason=reason)
 
-    body = {"claim": token, "key": key, "reason": reason}
-    outcome = said_and_followed(data, handoff_id, Word("close", lambda _: body, command))
-    _end(outcome, as_json=as_json, wanted="handed_off")
+    _end(data, handoff_id, "close", said, as_json=as_json, wanted="handed_off")
 
 
 @app.command()
@@ -201,64 +182,62 @@ def attest(
     statement: Annotated[str, typer.Option(help="What you saw; it is kept as evidence.")],
     data: Data = DEFAULT_DATA,
     as_json: Json = False,
-    token: Annotated[str, typer.Option("--claim", help="Your token, if you claimed it.")] = "",
+    token: Claimed = "",
 ) -> None:
     """Say what you saw. It opens one look without motion and satisfies nothing by itself."""
-    key = _key(handoff_id, "attest", statement)
 
-    def body(handoff: Handoff) -> dict[str, Any]:
-        words = {"condition_id": condition, "statement": statement, "key": key}
-        return words | {"cycle": handoff.cycle, "claim": token}
-
-    def command(handoff: Handoff) -> PersonCommand:
-        return AttestCondition(
-            handoff_id=handoff.handoff_id,
-            condition_id=ConditionId(condition),
-            actor=me(),
+    def said(handoff: Handoff) -> Act:
+        return acts.AttestHandoffAct.of(
+            condition_id=condition,
             statement=statement,
-            key=key,
+            key=_key(handoff_id, "attest", statement),
             cycle=handoff.cycle,
             claim=token,
         )
 
-    _end(said_and_followed(data, handoff_id, Word("attest", body, command)), as_json=as_json)
+    _end(data, handoff_id, "attest", said, as_json=as_json, wanted="succeeded")
 
 
-def _decision(decision: str, *, digest: str, reason: str, token: str) -> Word:
-    """Bound to the digest that was named, or to the one that stands there now."""
-
-    def command(handoff: Handoff) -> DecideHandoff:
-        opened = handoff.opened
-        return DecideHandoff(
-            handoff_id=handoff.handoff_id,
-            decision="approve" if decision == "approve" else "reject",
-            actor=me(),
-            reason=reason,
-            key=_key(handoff.handoff_id, decision, reason),
-            cycle=handoff.cycle,
-            subject=Digest(digest) if digest else opened.subject if opened else Digest(""),
-            evidence=opened.evidence if opened else Digest(""),
-            claim=token,
-        )
-
-    def body(handoff: Handoff) -> dict[str, Any]:
-        asked = command(handoff)
-        names = ("decision", "reason", "key", "cycle", "subject", "evidence", "claim")
-        return {name: getattr(asked, name) for name in names}
-
-    return Word("decision", body, command)
+def _shown(handoff: Handoff) -> dict[str, Any]:
+    """What stands there now: the cycle and the digests that a decision is bound to."""
+    opened = handoff.opened
+    shown = {"subject": opened.subject, "evidence": opened.evidence} if opened else {}
+    return {"cycle": handoff.cycle, **shown}
 
 
-def _say(data: Path, handoff_id: str, word: Word, *, as_json: bool) -> None:
-    row = _row(said(data, handoff_id, word))
+def _say(data: Path, handoff_id: str, word: str, said: Said, *, as_json: bool) -> None:
+    """Post the act and print the handoff after it."""
+    with api_with_robots(data) as api:
+        row = _row(_posted(api, handoff_id, word, said))
     held = f", claimed by {row['holder']}" if row["holder"] else ""
     show(row, as_json=as_json, lines=[f"{row['handoff_id']}  {row['status']}, cycle {row['cycle']}{held}"])
 
 
-def _end(outcome: Mapping[str, Any], *, as_json: bool, wanted: str = "succeeded") -> None:
+def _end(data: Path, handoff_id: str, word: str, said: Said, *, as_json: bool, wanted: str) -> NoReturn:
+    """Post the act and follow the mission until it is over or waits again: exit 0 where it ended as the act asks."""
+    with api_with_robots(data) as api:
+        outcome: Mapping[str, Any] = api.follow(_mission_of(_posted(api, handoff_id, word, said)))
     lines = [f"{outcome['mission_id']}  {outcome['status']}  {outcome.get('reason', '')}".rstrip()]
     show(outcome, as_json=as_json, lines=lines)
-    raise typer.Exit(ended_as(outcome, wanted=wanted))
+    raise typer.Exit(0 if outcome["status"] == wanted else exit_code(outcome["status"]))
+
+
+def _posted(api: Api, handoff_id: str, word: str, said: Said) -> Handoff:
+    """The handoff after the act. Raises UnknownName, or HarnessError with the rule that refused."""
+    handoff = _handoff(api, handoff_id)
+    if handoff.waits:
+        api.observe(_mission_of(handoff))
+    return msgspec.convert(api.post(f"/handoffs/{handoff_id}/{word}", said(handoff).body()), Handoff)
+
+
+def _handoff(api: Api, handoff_id: str) -> Handoff:
+    return msgspec.convert(api.get(f"/handoffs/{handoff_id}"), Handoff)
+
+
+def _mission_of(handoff: Handoff) -> str:
+    if handoff.opened is None:
+        raise UnknownName(f"There is no handoff {handoff.handoff_id}", do="list them with `regen handoff list`")
+    return handoff.opened.mission_id
 
 
 def _row(handoff: Handoff) -> dict[str, Any]:

@@ -6,8 +6,8 @@ from typing import Annotated, Any
 import typer
 
 from app.reasons import rendering as reasons
+from app.reasons.rendering import sentence
 from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show, table
-from app.views.saying import reasoned
 from harness.bootstrap import open_harness, owner_of, read_harness
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
@@ -70,7 +70,7 @@ def free(
         decision = harness.supervisor.free(ResourceId(resource), actor=actor, reason=reason)
         if isinstance(decision, Refused):
             raise HarnessError(
-                f"{reasoned(decision.message)} ({decision.rule})", where=resource, do="see `regen lease list`"
+                f"{sentence(decision.reason)} ({decision.rule})", where=resource, do="see `regen lease list`"
             )
         lease = _row(harness.runtime.lease(ResourceId(resource)))
     show(lease, as_json=as_json, lines=[f"{resource} is free, by {actor.name}: {reason}"])

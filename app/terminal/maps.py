@@ -6,10 +6,10 @@ from typing import Annotated, Any
 import msgspec
 import typer
 
+from app.reasons.rendering import sentence
 from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show, table
 from app.terminal.missions import me
 from app.terminal.owner import owner_api
-from app.views.saying import reasoned
 from harness.bootstrap import edit_harness, read_harness
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import CloudInvalid
@@ -62,4 +62,4 @@ def list_clouds(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
 def _attach(runtime: Runtime, command: AttachCloud) -> None:
     decision = runtime.decide([(map_stream(command.cloud.map_version), command)])
     if isinstance(decision, Refused):
-        raise CloudInvalid(f"{reasoned(decision.message)} ({decision.rule})", do="see `regen map list`")
+        raise CloudInvalid(f"{sentence(decision.reason)} ({decision.rule})", do="see `regen map list`")

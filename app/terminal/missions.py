@@ -7,25 +7,28 @@ from typing import Annotated, Any
 import msgspec
 import typer
 
+from app.acts.missions import DisputeCompletionAct, StartMissionAct, StopMissionAct, WithdrawMissionAct
 from app.history import Histories
 from app.reasons import rendering as reasons
+from app.reasons.rendering import sentence
 from app.terminal.answers import DEFAULT_DATA, Data, Json, Progress, exit_code, settings, show, table
+from app.terminal.local import api_with_robots
 from app.terminal.opening import running
 from app.terminal.owner import owner_api
 from app.views.outcome import mission_outcome
 from app.views.saying import reasoned
-from harness.bootstrap import Harness, check_faults, read_harness
+from harness.bootstrap import Harness, read_harness
 from harness.contracts.actors import Actor
-from harness.contracts.commands import StopMission
 from harness.contracts.decisions import Refused
-from harness.contracts.errors import ContractInvalid, UnknownName
-from harness.contracts.ids import ConditionId, MissionId, RobotId
-from harness.contracts.revision_commands import DisputeCompletion, WithdrawMission
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.ids import MissionId, RobotId
+from harness.contracts.upcasting import name_of
 from harness.further import begin, offered
 from harness.projections.exploration import ExplorationDecision, decisions
 from harness.projections.mission import Mission
 from harness.recordings import replayed, write_recording
 from harness.runtime import Start
+from simulator.in_process import SIMULATOR
 
 app = typer.Typer(no_args_is_help=True, help="Run and read missions.")
 
@@ -49,17 +52,17 @@ def run(
 ) -> None:
     """Run one mission and wait for its end. At speed 0 nothing waits for people: exit 3 at once."""
     faults = ",".join(fault or [])
-    check_faults(fault or [])
+    SIMULATOR.check_faults(fault or [])
     api = owner_api(data)
     if api is not None:
-        body = {
-            "template": "" if " " in template else template,
-            "goal": template if " " in template else "",
-            "arguments": _arguments(argument),
-            "seed": seed,
-            "labels": {"faults": faults} if faults else {},
-        }
-        outcome = api.follow(api.post("/missions", body)["mission_id"], lambda _: None)
+        said = StartMissionAct.of(
+            template="" if " " in template else template,
+            goal=template if " " in template else "",
+            arguments=_arguments(argument),
+            seed=seed,
+            labels={"faults": faults} if faults else {},
+        )
+        outcome = api.follow(api.post("/missions", said.body())["mission_id"])
     else:
         chosen = settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity)
         with running(chosen) as harness:
@@ -89,7 +92,7 @@ def _run(
     )
     decision = begin(harness.runtime, start)
     if isinstance(decision, Refused):
-        raise ContractInvalid(reasoned(decision.message))
+        raise ContractInvalid(sentence(decision.reason))
     mission_id: MissionId = decision.events[0].mission_id  # type: ignore[union-attr]
     mission = harness.supervisor.run(mission_id, watch=Progress())
     return _outcome(harness, mission)
@@ -106,7 +109,7 @@ def resume(
     """Go on with a mission that a crash or an exit left open."""
     api = owner_api(data)
     if api is not None:
-        outcome = api.follow(mission_id, lambda _: None)
+        outcome = api.follow(mission_id)
     else:
         with running(settings(data_folder=data, speed=speed, fidelity=fidelity)) as harness:
             mission = harness.supervisor.run(MissionId(mission_id), watch=Progress())
@@ -248,7 +251,7 @@ def events(mission_id: str, data: Data = DEFAULT_DATA, as_json: Json = False) ->
         {
             "position": event.position,
             "version": event.version,
-            "kind": event.kind,
+            "kind": name_of(event.kind),
             "mission_s": event.mission_s,
             "recorded_s": event.recorded_s,
             "body": msgspec.json.decode(event.body),
@@ -256,7 +259,7 @@ def events(mission_id: str, data: Data = DEFAULT_DATA, as_json: Json = False) ->
         for event in stored
     ]
     first_s = stored[0].mission_s
-    lines = [f"{e.position:>6}  {e.mission_s - first_s:>8.2f} s  {e.kind}" for e in stored]
+    lines = [f"{e.position:>6}  {e.mission_s - first_s:>8.2f} s  {name_of(e.kind)}" for e in stored]
     show({"mission_id": mission_id, "events": rows}, as_json=as_json, lines=lines)
 
 
@@ -268,20 +271,9 @@ def stop(
     as_json: Json = False,
 ) -> None:
     """Stop a mission: stopping until acknowledged, then static."""
-    api = owner_api(data)
-    if api is not None:
-        api.post(f"/missions/{mission_id}/stop", {"reason": reason})
-        outcome = api.follow(mission_id, lambda _: None)
-    else:
-        with running(settings(data_folder=data, speed=0.0)) as harness:
-            mission = harness.runtime.mission(MissionId(mission_id))
-            decision = harness.runtime.submit(mission.mission_id, StopMission(actor=me(), reason=reason))
-            if isinstance(decision, Refused):
-                raise ContractInvalid(reasoned(decision.message))
-            mission = harness.supervisor.run(mission.mission_id, watch=Progress())
-            outcome = mission_outcome(
-                mission, Histories(harness.runtime).of(mission.mission_id), harness.starts(mission.mission_id)
-            )
+    with api_with_robots(data) as api:
+        api.post(f"/missions/{mission_id}/stop", StopMissionAct.of(reason=reason).body())
+        outcome = api.follow(mission_id)
     show(outcome, as_json=as_json, lines=_summary(outcome))
 
 
@@ -293,15 +285,8 @@ def withdraw(
     as_json: Json = False,
 ) -> None:
     """Take back a mission that waits for its robot and has not begun."""
-    api = owner_api(data)
-    if api is not None:
-        outcome = api.post(f"/missions/{mission_id}/withdraw", {"reason": reason})
-    else:
-        with running(settings(data_folder=data, speed=0.0)) as harness:
-            decision = harness.runtime.submit(MissionId(mission_id), WithdrawMission(actor=me(), reason=reason))
-            if isinstance(decision, Refused):
-                raise ContractInvalid(reasoned(decision.message))
-            outcome = _outcome(harness, harness.runtime.mission(MissionId(mission_id)))
+    with api_with_robots(data) as api:
+        outcome = api.post(f"/missions/{mission_id}/withdraw", WithdrawMissionAct.of(reason=reason).body())
     show(outcome, as_json=as_json, lines=_summary(outcome))
 
 
@@ -314,15 +299,8 @@ def dispute(
     as_json: Json = False,
 ) -> None:
     """Say that an accepted completion is wrong. It counts as false; nothing is deleted."""
-    api = owner_api(data)
-    if api is not None:
-        outcome = api.post(f"/missions/{mission_id}/facts/{condition}/dispute", {"reason": reason})
-    else:
-        with running(settings(data_folder=data, speed=0.0)) as harness:
-            asked = DisputeCompletion(condition_id=ConditionId(condition), actor=me(), reason=reason)
-            decision = harness.runtime.submit(MissionId(mission_id), asked)
-            if isinstance(decision, Refused):
-                raise UnknownName(reasoned(decision.message), do="see `regen mission events` for what was accepted")
-            outcome = _outcome(harness, harness.runtime.mission(MissionId(mission_id)))
+    said = DisputeCompletionAct.of(condition_id=condition, reason=reason)
+    with api_with_robots(data) as api:
+        outcome = api.post(f"/missions/{mission_id}/facts/{condition}/dispute", said.body())
     line = f"{condition} of {mission_id} is disputed: {reason}"
     show(outcome, as_json=as_json, lines=[line])

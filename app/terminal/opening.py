@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from harness.bootstrap import Harness, edit_harness, open_harness
+from harness.contracts.decisions import Authority, unquestioned
 from harness.contracts.ids import MissionId
 from harness.projections.starts import repeated_starts
 from harness.settings import HarnessSettings
@@ -13,9 +14,9 @@ from rsi_reviews.shelf import on_trial, selected
 
 
 @contextmanager
-def running(settings: HarnessSettings) -> Iterator[Harness]:
+def running(settings: HarnessSettings, *, authority: Authority = unquestioned) -> Iterator[Harness]:
     """Robots and supervisor on this folder. Missions that ended while it was open are taken into the canary."""
-    with open_harness(settings, deciders=DECIDERS, select=selected, trial=on_trial) as harness:
+    with open_harness(settings, deciders=DECIDERS, authority=authority, select=selected, trial=on_trial) as harness:
         desk = Desk(harness.runtime)
         desk.take_up("terminal")
         yield harness

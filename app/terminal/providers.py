@@ -20,6 +20,7 @@ from harness.conformance.subject import Stand
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import ProviderId
+from simulator.in_process import SIMULATOR
 
 app = typer.Typer(no_args_is_help=True, help="See and check what can act.")
 Stands = dict[ProviderId, Stand]
@@ -29,7 +30,7 @@ Stands = dict[ProviderId, Stand]
 def list_providers(as_json: Json = False) -> None:
     """Installed providers, what they can do, and which rows of the conformance kit their files speak of."""
     with tempfile.TemporaryDirectory(prefix="regen-kit-") as folder:
-        cards = installed_cards(Path(folder))
+        cards = installed_cards(Path(folder), SIMULATOR)
     rows = [_listed(card) for card in cards]
     lines = table(
         [["provider", "version", "capability", "moves", "reattach", "resources", "meets", "exempt"]]
@@ -93,7 +94,7 @@ def check_provider(
 @app.command()
 def openapi() -> None:
     """The HTTP provider protocol as an OpenAPI document."""
-    sys.stdout.write(msgspec.json.format(msgspec.json.encode(protocol()), indent=2).decode() + "\n")
+    sys.stdout.write(msgspec.json.format(msgspec.json.encode(protocol(SIMULATOR)), indent=2).decode() + "\n")
 
 
 @contextmanager
@@ -106,8 +107,8 @@ def _stands(
         return
     with tempfile.TemporaryDirectory(prefix="regen-kit-") as folder:
         chosen = settings(speed=0.0, fidelity=fidelity)
-        with installed(Path(folder), chosen, recording=recording) as stands:
-            yield stands, installed_cards(Path(folder))
+        with installed(Path(folder), chosen, SIMULATOR, recording=recording) as stands:
+            yield stands, installed_cards(Path(folder), SIMULATOR)
 
 
 def _wanted(

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 from msgspec.structs import replace
 
+from app.reasons.rendering import sentence
 from app.sheets import sheet
 from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show
 from app.terminal.missions import me
@@ -15,7 +16,6 @@ from app.terminal.opening import deciding
 from app.terminal.owner import owner_api
 from app.terminal.rsi import CandidateName, reading, sheet_lines
 from app.terminal.rsi import app as app
-from app.views.saying import reasoned
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import HarnessError
 from harness.contracts.ids import Digest, MissionId, RobotId
@@ -173,7 +173,7 @@ def _word(what: str, candidate: str, word: Word, said: dict[str, str], *, data: 
 
 def _taken(decision: Accepted[Any] | Refused) -> None:
     if isinstance(decision, Refused):
-        raise HarnessError(f"{reasoned(decision.message)} ({decision.rule})", do="see `regen rsi show`")
+        raise HarnessError(f"{sentence(decision.reason)} ({decision.rule})", do="see `regen rsi show`")
 
 
 def _finding(text: str) -> Finding:

@@ -9,12 +9,12 @@ from typing import Annotated, Any
 import msgspec
 import typer
 
+from app.reasons.rendering import sentence
 from app.sheets import row, sheet
 from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show, table
 from app.terminal.missions import me
 from app.terminal.opening import deciding
 from app.terminal.owner import owner_api
-from app.views.saying import reasoned
 from harness.bootstrap import read_harness
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, HarnessError, UnknownName
@@ -51,8 +51,8 @@ def propose(
         key = f"propose:{candidate.candidate_id}"
         decision = desk.propose(candidate, Say(me(), candidate.manifest.reason, key), supersedes=earlier)
         if isinstance(decision, Refused):
-            found = [f"{one.rule}: {one.path}: {one.message}" for one in desk.refusals(candidate)]
-            raise ContractInvalid(f"{reasoned(decision.message)} ({decision.rule})", where="; ".join(found[:20]))
+            found = [f"{one.rule}: {one.path}: {sentence(one.reason)}" for one in desk.refusals(candidate)]
+            raise ContractInvalid(f"{sentence(decision.reason)} ({decision.rule})", where="; ".join(found[:20]))
         answer = sheet(desk, candidate.candidate_id)
     show(answer, as_json=as_json, lines=sheet_lines(answer))
 

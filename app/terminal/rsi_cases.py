@@ -5,11 +5,11 @@ from typing import Annotated
 import msgspec
 import typer
 
+from app.reasons.rendering import sentence
 from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show
 from app.terminal.missions import me
 from app.terminal.opening import deciding
 from app.terminal.owner import owner_api
-from app.views.saying import reasoned
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import MissionId
@@ -35,7 +35,7 @@ def case(
             decision = desk.add_case(MissionId(mission_id), Say(actor=me(), reason=reason, key=mission_id))
             if isinstance(decision, Refused):
                 raise ContractInvalid(
-                    f"{reasoned(decision.message)} ({decision.rule})", where=mission_id, do="see `regen rsi`"
+                    f"{sentence(decision.reason)} ({decision.rule})", where=mission_id, do="see `regen rsi`"
                 )
             added = next(one.case for one in desk.growth().added if one.mission_id == mission_id)
     under = f" under {', '.join(added.faults)}" if added.faults else ""

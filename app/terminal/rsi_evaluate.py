@@ -19,12 +19,12 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from app.reasons.rendering import sentence
 from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show
 from app.terminal.missions import me
 from app.terminal.opening import deciding
 from app.terminal.owner import owner_api
 from app.terminal.rsi import CandidateName
-from app.views.saying import reasoned
 from harness.bootstrap import read_harness
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ContractInvalid, HarnessError, StoreOwned
@@ -39,6 +39,7 @@ from rsi_reviews.regression.runner import Advance
 from rsi_reviews.regression.suite import shipped
 from rsi_reviews.shelf import Shelf, selected
 from rsi_reviews.trial import HeldOut, Means, Outcome, Trial, carried_out, judged_on, prepared
+from simulator.in_process import SIMULATOR
 
 EvaluatorFolder = Annotated[
     Path | None,
@@ -93,12 +94,12 @@ def evaluate(
 def executor(ray: str, processes: int) -> Executor:
     """Ray where an address is given, else local processes. Raises HarnessError if Ray is not installed."""
     if not ray:
-        return local(processes)
+        return local(processes, SIMULATOR)
     try:
         cluster = import_module("rsi_reviews.regression.on_ray")
     except ModuleNotFoundError as error:
         raise HarnessError("Ray is not installed", where="--ray", do="install the extra: regenharness[ray]") from error
-    chosen: Executor = cluster.RayCluster(ray, cpus=max(1, processes))
+    chosen: Executor = cluster.RayCluster(ray, SIMULATOR, cpus=max(1, processes))
     return chosen
 
 
@@ -124,11 +125,19 @@ def _trial(name: str, how: How) -> Trial:
         candidate, growth = shelf.candidate(name), shelf.growth()
         baseline = runtime.stored_configuration(candidate.baseline)
     suites = (with_growth(shipped("regression"), growth), shipped("safety"))
-    return prepared(candidate, baseline, suites, launched_by=(me().name,), suite_edited_by=growth.hands, most=how.cases)
+    return prepared(
+        candidate,
+        baseline,
+        suites,
+        launched_by=(me().name,),
+        simulator=SIMULATOR,
+        suite_edited_by=growth.hands,
+        most=how.cases,
+    )
 
 
 def _run(trial: Trial, how: How, executor: Executor) -> Outcome:
-    evaluator = evaluator_version()
+    evaluator = evaluator_version(SIMULATOR.sources())
     how.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     path = how.folder / f"results-{evaluator.rpartition('+')[2]}.jsonl"
     held_out = None
@@ -151,7 +160,7 @@ def _recorded(how: How, word: Callable[[Desk], Accepted[Any] | Refused]) -> None
     with deciding(settings(data_folder=how.data)) as desk:
         decision = word(desk)
     if isinstance(decision, Refused):
-        raise ContractInvalid(f"{reasoned(decision.message)} ({decision.rule})", do="see `regen rsi show`")
+        raise ContractInvalid(f"{sentence(decision.reason)} ({decision.rule})", do="see `regen rsi show`")
 
 
 def _say(trial: Trial, word: str) -> Say:

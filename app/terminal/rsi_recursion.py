@@ -31,6 +31,7 @@ from rsi_reviews.recursion.experiment import FleetOutcome, Terms
 from rsi_reviews.recursion.publish import WORDS, found, publish
 from rsi_reviews.recursion.run import blind_tasks, outcomes, tasks
 from rsi_reviews.shelf import Shelf, selected
+from simulator.in_process import SIMULATOR
 
 DOCS = ROOT / "docs"
 BLIND_EACH = 2
@@ -71,8 +72,8 @@ def recursion(
         def advance(outcome: FleetOutcome, done: int, of: int) -> None:
             progress.update(told, advance=1, description=f"fleet {outcome.task.fleet} at {outcome.task.site}")
 
-        every = outcomes(wanted, folder=folder, processes=processes, told=advance)
-        last = outcomes(final, folder=folder, processes=processes, told=advance)
+        every = outcomes(wanted, simulator=SIMULATOR, folder=folder, processes=processes, told=advance)
+        last = outcomes(final, simulator=SIMULATOR, folder=folder, processes=processes, told=advance)
     result = found(every, last, terms, fleets=fleets)
     if write:
         publish(result, docs=DOCS)

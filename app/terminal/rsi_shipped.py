@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from app.views.saying import reasoned
+from app.reasons.rendering import sentence
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ContractInvalid
@@ -51,4 +51,4 @@ def _say(word: str, reason: str) -> Say:
 
 def _taken(decision: Accepted[Any] | Refused) -> None:
     if isinstance(decision, Refused):
-        raise ContractInvalid(f"{reasoned(decision.message)} ({decision.rule})", where="the candidate that ships")
+        raise ContractInvalid(f"{sentence(decision.reason)} ({decision.rule})", where="the candidate that ships")

@@ -10,13 +10,15 @@ from typing import Annotated, Any
 import typer
 from pydantic import SecretStr
 
+from app.authority import authority
 from app.desk_watch import DeskWatch
 from app.evaluated import evaluator_folder
 from app.exposure import check_exposure
 from app.fleet import Fleet
 from app.issuer_setup import identity_provider
 from app.live import SignalBroker
-from app.main import bind, create_app, serve
+from app.main import bind, create_app, open_accounts, serve
+from app.reasons.rendering import sentence
 from app.scene import Scenes
 from app.settings import ConsoleSettings
 from app.starting import starting
@@ -25,8 +27,7 @@ from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show
 from app.terminal.identity import examine_issuer
 from app.terminal.opening import duplicate_starts
 from app.terminal.rsi_shipped import put_in_review
-from app.views.saying import reasoned
-from harness.bootstrap import Harness, check_faults, open_harness, owner_of, read_harness
+from harness.bootstrap import Harness, open_harness, owner_of, read_harness
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, HarnessError
@@ -35,6 +36,7 @@ from harness.runtime import Start
 from rsi_reviews.deciding import DECIDERS
 from rsi_reviews.desk import Desk
 from rsi_reviews.shelf import on_trial, selected
+from simulator.in_process import SIMULATOR
 
 
 def up(
@@ -66,6 +68,8 @@ def up(
         listener = stack.enter_context(bind(console.port, console.host))
         console = console.model_copy(update={"port": listener.getsockname()[1]})
         broker = SignalBroker()
+        accounts = open_accounts(console, chosen.data_folder)
+        stack.callback(accounts.store.close)
         sys.stderr.write(f"Opening {chosen.data_folder} and starting {', '.join(chosen.fleet)} ...\n")
         with starting(console, listener, chosen.fleet):
             harness = stack.enter_context(
@@ -74,6 +78,7 @@ def up(
                     signals=broker,
                     url=console.local_address,
                     deciders=DECIDERS,
+                    authority=authority(accounts),
                     select=selected,
                     trial=on_trial,
                 )
@@ -96,6 +101,8 @@ def up(
             console,
             broker,
             Scenes(harness.runtime),
+            accounts=accounts,
+            answer=harness.supervisor.answer,
             starts=harness.starts,
             cards=lambda: (one.card for robot in harness.robots.values() for one in robot.providers()),
             folder=chosen.data_folder,
@@ -117,7 +124,8 @@ def _watch_desk(stack: ExitStack, harness: Harness, evaluator: Path | None) -> N
     desk = Desk(harness.runtime)
     watch = DeskWatch(
         desk=desk,
-        position=lambda: harness.runtime.head().position,
+        head=harness.runtime.head,
+        read=harness.runtime.log,
         duplicate_starts=lambda mission_id: duplicate_starts(harness, mission_id),
         first=(lambda: put_in_review(desk, evaluator)) if evaluator is not None else None,
     )
@@ -140,7 +148,7 @@ def _begin(harness: Harness, template: str | None, *, seed: int, faults: Mapping
         )
         begun = begin(harness.runtime, start)
         if isinstance(begun, Refused):
-            raise ContractInvalid(reasoned(begun.message))
+            raise ContractInvalid(sentence(begun.reason))
 
 
 def _faults(given: Sequence[str], fleet: Sequence[str]) -> dict[str, str]:
@@ -152,7 +160,7 @@ def _faults(given: Sequence[str], fleet: Sequence[str]) -> dict[str, str]:
             raise typer.BadParameter(
                 f"{text!r} is not ROBOT=NAME with a robot of {', '.join(fleet)}", param_hint="--fault"
             )
-        check_faults([name])
+        SIMULATOR.check_faults([name])
         found.setdefault(robot_id, []).append(name)
     return {robot_id: ",".join(names) for robot_id, names in found.items()}
 

@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
-from app.views.saying import reasoned, word
+from app.views.saying import word
 from harness.contracts.configuration import SPENDING
 from harness.contracts.ids import NodeId
-from harness.projections.mission import Mission
+from harness.projections.mission import Mission, Spend
 
 
 @dataclass(frozen=True)
@@ -19,22 +19,12 @@ class Meter:
 
 
 @dataclass(frozen=True)
-class Try:
-    """One authorised rung and what it cost."""
-
-    action: str
-    after: str
-    reason: str
-    cost: int
-
-
-@dataclass(frozen=True)
 class Budget:
     """A stage's own budgets, the mission's total, and what was tried."""
 
     node_id: str
     meters: tuple[Meter, ...]
-    tries: tuple[Try, ...]
+    tries: tuple[Spend, ...]
 
 
 def budget(mission: Mission, node_id: str) -> Budget:
@@ -48,10 +38,7 @@ def budget(mission: Mission, node_id: str) -> Budget:
         _meter("this stage", state.spent_total, node.recovery.total),
         _meter("whole mission", mission.spent_total, contract.recovery_total),
     ]
-    tries = tuple(
-        Try(action=word(s.action), after=word(s.failure), reason=reasoned(s.reason), cost=s.cost) for s in state.spends
-    )
-    return Budget(node_id=node_id, meters=(*totals, *actions), tries=tries)
+    return Budget(node_id=node_id, meters=(*totals, *actions), tries=state.spends)
 
 
 def _meter(name: str, used: int, limit: int) -> Meter:

@@ -9,9 +9,9 @@ from harness.contracts.actors import Actor
 from rsi_reviews.canary import outcome
 from rsi_reviews.contracts import CanaryTest
 from rsi_reviews.pointers import Pointer
-from rsi_reviews.projections import CanaryEntry, Review
+from rsi_reviews.projections import Review
 
-FINDINGS = (
+FINDINGS: tuple[tuple[str, str], ...] = (
     ("sound", "nothing wrong"),
     ("false_completion", "false completion"),
     ("duplicate_start", "duplicate start"),
@@ -24,44 +24,17 @@ OUTCOMES = {
 
 
 @dataclass(frozen=True)
-class CanaryRow:
-    """One canary mission: what was measured of it, and what somebody who did not release it found."""
-
-    mission_id: str
-    status: str
-    exercised: bool
-    value: float
-    worse: bool
-    hard: str
-    finding: str
-    by: str
-    reason: str
-    at_s: float
-
-
-@dataclass(frozen=True)
 class CanaryPanel:
     """A canary. `evidence` of harm grows or shrinks mission by mission; reaching `limit` ends in a rollback.
 
     `why_not` says why this visitor cannot adjudicate; empty if they can.
     """
 
-    candidate: str
-    robot_id: str
-    exercised: int
-    needed: int
-    seen: int
-    window: int
+    review: Review
+    test: CanaryTest
     state: str
     metric: str
-    bound: float
-    bound_missions: int
     evidence: float
-    limit: float
-    rows: tuple[CanaryRow, ...]
-    findings: tuple[tuple[str, str], ...]
-    released_by: str
-    open: bool
     why_not: str
 
 
@@ -71,22 +44,11 @@ def canary_panel(review: Review, pointer: Pointer, actor: Actor) -> CanaryPanel:
         raise ValueError("a canary has a manifest")
     test = review.manifest.canary
     return CanaryPanel(
-        candidate=review.candidate,
-        robot_id=str(review.robot_id or ""),
-        exercised=len(review.exercised),
-        needed=test.missions,
-        seen=len(review.canary),
-        window=test.window,
+        review=review,
+        test=test,
         state=OUTCOMES[outcome(review)] if review.status == "canary" else word(review.status),
         metric=word(review.manifest.metric),
-        bound=review.bound,
-        bound_missions=review.bound_missions,
         evidence=evidence([one.measured.worse for one in review.exercised], test),
-        limit=1.0 / test.alpha,
-        rows=tuple(_row(one) for one in review.canary),
-        findings=FINDINGS,
-        released_by=review.released_by.actor.name if review.released_by else "",
-        open=review.status == "canary",
         why_not=_why_not(review, pointer, actor),
     )
 
@@ -96,21 +58,6 @@ def evidence(worse: Sequence[bool], test: CanaryTest) -> float:
     harmless = 1.0 - test.quantile
     up, down = log(test.harmful_share / harmless), log((1.0 - test.harmful_share) / (1.0 - harmless))
     return exp(sum(up if one else down for one in worse))
-
-
-def _row(entry: CanaryEntry) -> CanaryRow:
-    return CanaryRow(
-        mission_id=entry.measured.mission_id,
-        status=entry.measured.status,
-        exercised=entry.measured.exercised,
-        value=entry.measured.value,
-        worse=entry.measured.worse,
-        hard=word(entry.measured.hard),
-        finding=dict(FINDINGS).get(entry.finding or "", ""),
-        by=entry.by.actor.name if entry.by else "",
-        reason=entry.by.reason if entry.by else "",
-        at_s=entry.by.at_s if entry.by else 0.0,
-    )
 
 
 def _why_not(review: Review, pointer: Pointer, actor: Actor) -> str:

@@ -7,8 +7,7 @@ from typing import Any, get_args
 import msgspec
 
 from app.views.forms import Choice
-from app.views.review_rows import Component, component_rows
-from app.views.saying import said, word
+from app.views.saying import reasoned, said, word
 from app.views.shell import Shell
 from harness.contracts.configuration import Configuration, RecoveryAction
 from harness.contracts.fields import Field, fields
@@ -48,17 +47,6 @@ class EditSection:
 
 
 @dataclass(frozen=True)
-class Broken:
-    """One rule that the edit breaks, where, and from what to what."""
-
-    rule: str
-    path: str
-    message: str
-    old: str
-    new: str
-
-
-@dataclass(frozen=True)
 class Found:
     """What was found about an edit: sentences above the form, rules broken, and, if it holds, what it changes."""
 
@@ -82,15 +70,15 @@ class EditorPage:
     intended: str
     supersedes: str
     errors: tuple[str, ...]
-    broken: tuple[Broken, ...]
-    changes: tuple[Component, ...]
+    broken: tuple[Refusal, ...]
+    changes: Difference | None
 
 
 def editor_page(
     shell: Shell, current: Configuration, typed: Mapping[str, str], *, by_text: bool, found: Found
 ) -> EditorPage:
     chosen = typed.get("metric", "recovery_cost")
-    wrong = {_field_path(one.path): one.message for one in found.refusals}
+    wrong = {_field_path(one.path): reasoned(one.reason) for one in found.refusals}
     return EditorPage(
         shell=shell,
         baseline=current.configuration_id,
@@ -106,8 +94,8 @@ def editor_page(
         intended=typed.get("intended_effect", ""),
         supersedes=typed.get("supersedes", ""),
         errors=tuple(found.errors),
-        broken=tuple(Broken(one.rule, one.path, one.message, one.old, one.new) for one in found.refusals),
-        changes=component_rows(found.difference) if found.difference and not found.refusals else (),
+        broken=tuple(found.refusals),
+        changes=found.difference if not found.refusals else None,
     )
 
 

@@ -8,7 +8,7 @@ from app.views.listing import Filter, Option, address
 from app.views.saying import listed, said, word
 from app.views.shell import Shell
 from harness.contracts.ids import Digest
-from rsi_reviews.contracts import ClauseAnswer
+from rsi_reviews.contracts import ClauseAnswer, Manifest
 from rsi_reviews.difference import NAMES
 from rsi_reviews.pointers import Pointer
 from rsi_reviews.projections import Review
@@ -33,17 +33,10 @@ TONES = {"in_review": "warn", "authorised": "warn", "rejected": "bad", "rolled_b
 class CandidateRow:
     """One candidate in the list. `stale`: its baseline is no longer current, so nobody can approve it."""
 
-    candidate: str
-    title: str
-    reason: str
-    status: str
-    tone: str
-    component: str
-    metric: str
-    authors: str
+    review: Review
+    manifest: Manifest
     note: str
     stale: bool
-    proposed_s: float
 
 
 @dataclass(frozen=True)
@@ -100,7 +93,16 @@ def board_page(
     return BoardPage(
         shell=shell,
         tabs=tuple(_tab(asked, value, title, statuses) for value, title, _ in GROUPS),
-        rows=tuple(candidate_row(one, pointer, progress.get(one.candidate, "")) for one in shown),
+        rows=tuple(
+            CandidateRow(
+                review=one,
+                manifest=one.manifest,
+                note=progress.get(one.candidate) or note_of(one),
+                stale=stale(one, pointer),
+            )
+            for one in shown
+            if one.manifest is not None
+        ),
         words=asked.words,
         group=asked.group,
         filters=_filters(known, asked),
@@ -117,26 +119,18 @@ def chosen(reviews: Sequence[Review], asked: Asked) -> list[Review]:
     return [one for one in reviews if one.status in wanted and _like(one, asked)]
 
 
-def candidate_row(review: Review, pointer: Pointer, progress: str = "") -> CandidateRow:
-    manifest = review.manifest
-    return CandidateRow(
-        candidate=review.candidate,
-        title=title_of(review),
-        reason=manifest.reason if manifest else "",
-        status=review.status,
-        tone=TONES.get(review.status, "plain"),
-        component=NAMES[manifest.component] if manifest else "",
-        metric=listed((word(manifest.metric), manifest.direction)) if manifest else "",
-        authors=", ".join(sorted(review.authors)),
-        note=progress or note_of(review),
-        stale=stale(review, pointer),
-        proposed_s=review.said[0].by.at_s if review.said else 0.0,
-    )
-
-
 def title_of(review: Review) -> str:
     """What it is meant to do, as its manifest says; the digest where it says nothing."""
     return review.manifest.intended_effect.strip().rstrip(".") if review.manifest else review.candidate[:12]
+
+
+def tone(status: str) -> str:
+    return TONES.get(status, "plain")
+
+
+def metric(manifest: Manifest) -> str:
+    """What must get better, and which way."""
+    return listed((word(manifest.metric), manifest.direction))
 
 
 def stale(review: Review, pointer: Pointer) -> bool:

@@ -2,11 +2,10 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
-from app.views.saying import reasoned, said, word
+from app.views.saying import said, word
 from app.views.timeline import Entry
-from harness.contracts.contexts import Context, ContextRecord, Role
+from harness.contracts.contexts import Context, Role
 from harness.contracts.events import DispatchIntended, GoalVerified, NodePlanned, RecoveryAuthorised, VerdictRecorded
 from harness.contracts.ids import Digest
 from harness.contracts.proposals import CandidateSet
@@ -17,69 +16,22 @@ ROLES = {"planner": "C1 planner", "skill": "C2 skill", "verifier": "C3 verifier"
 
 
 @dataclass(frozen=True)
-class Item:
-    """One record of a context, as the role saw it."""
-
-    kind: str
-    origin: str
-    source: str
-    age_s: float
-    confidence: float
-    mandatory: bool
-    value: Any
-
-
-@dataclass(frozen=True)
-class Kept:
-    """What the compiler kept out, and why."""
-
-    kind: str
-    source: str
-    reason: str
-    detail: str
-
-
-@dataclass(frozen=True)
 class ContextView:
-    """One stored context. `missing` is true when the log names it but holds no record of it."""
+    """One context that a role was shown, and what it decided. `context` is None where the log holds no record of it."""
 
     role: str
     decision: str
     position: int
     digest: str
-    k: int
-    items: tuple[Item, ...]
-    withheld: tuple[Kept, ...]
-    missing: bool
-
-
-@dataclass(frozen=True)
-class Scored:
-    """One provider that passed the filter, with its score term by term."""
-
-    provider: str
-    score: float
-    terms: tuple[tuple[str, float], ...]
-    chosen: bool
-
-
-@dataclass(frozen=True)
-class Filtered:
-    """One provider that the hard filter refused, and why."""
-
-    provider: str
-    refused_by: str
-    reason: str
+    context: Context | None
 
 
 @dataclass(frozen=True)
 class Choice:
-    """One candidate set, best first."""
+    """One candidate set, best first: those that passed the hard filter with their scores, and those it refused."""
 
     position: int
-    k: int
-    scored: tuple[Scored, ...]
-    refused: tuple[Filtered, ...]
+    found: CandidateSet
 
 
 @dataclass(frozen=True)
@@ -104,7 +56,7 @@ def contexts(entries: Sequence[Entry], *, node_id: str, read: ReadContext, candi
             continue
         shown.append(_context(entry.position, cited, read=read))
         if isinstance(entry.event, NodePlanned) and (found := candidates(entry.event.candidates)):
-            choices.append(_choice(entry.position, found))
+            choices.append(Choice(position=entry.position, found=found))
     return ContextsView(node_id=node_id, contexts=tuple(reversed(shown)), choices=tuple(reversed(choices)))
 
 
@@ -161,46 +113,5 @@ def _context(position: int, cited: _Cited, *, read: ReadContext) -> ContextView:
         decision=cited.decision,
         position=position,
         digest=cited.digest,
-        k=context.k if context else 0,
-        items=tuple(_item(record, context.at_s) for record in context.records) if context else (),
-        withheld=tuple(Kept(w.kind, w.source, w.reason, reasoned(w.detail)) for w in context.withheld)
-        if context
-        else (),
-        missing=context is None,
-    )
-
-
-def _item(record: ContextRecord, at_s: float) -> Item:
-    return Item(
-        kind=record.kind,
-        origin=record.origin,
-        source=record.source,
-        age_s=max(at_s - record.at_s, 0.0),
-        confidence=record.confidence,
-        mandatory=record.mandatory,
-        value=record.value,
-    )
-
-
-def _choice(position: int, found: CandidateSet) -> Choice:
-    return Choice(
-        position=position,
-        k=found.k,
-        scored=tuple(
-            Scored(
-                provider=f"{one.provider_id} {one.version}",
-                score=one.score,
-                terms=tuple(one.terms.items()),
-                chosen=one.provider_id == found.chosen,
-            )
-            for one in found.candidates
-            if one.score is not None
-        ),
-        refused=tuple(
-            Filtered(
-                provider=f"{one.provider_id} {one.version}", refused_by=one.refused_by, reason=reasoned(one.reason)
-            )
-            for one in found.candidates
-            if one.score is None
-        ),
+        context=context,
     )

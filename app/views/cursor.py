@@ -11,17 +11,6 @@ WIDTH = 99.0
 
 
 @dataclass(frozen=True)
-class Standing:
-    """The cursor as a page shows it: percent of the axis, seconds, and which event of how many."""
-
-    left: float
-    elapsed_s: float
-    total_s: float
-    place: int
-    count: int
-
-
-@dataclass(frozen=True)
 class Cursor:
     """`position`: the newest event at the instant, None while it follows the head. Seconds of mission time.
 
@@ -41,14 +30,13 @@ class Cursor:
         return self.end_s - self.begin_s
 
     @property
-    def standing(self) -> Standing:
-        return Standing(
-            left=self.left_of(self.at_s),
-            elapsed_s=self.at_s - self.begin_s,
-            total_s=self.total_s,
-            place=self.place,
-            count=self.count,
-        )
+    def left(self) -> float:
+        """Where the cursor stands on an axis, in percent."""
+        return self.left_of(self.at_s)
+
+    @property
+    def elapsed_s(self) -> float:
+        return self.at_s - self.begin_s
 
     def left_of(self, at_s: float) -> float:
         """Where an instant stands on an axis, in percent."""

@@ -56,17 +56,6 @@ class Condition:
 
 
 @dataclass(frozen=True)
-class CheckRow:
-    """One check of the two suites of the ledger."""
-
-    suite: str
-    name: str
-    text: str
-    seen: str
-    holds: bool
-
-
-@dataclass(frozen=True)
 class MeasureTab:
     """One measure that may be shown."""
 
@@ -86,7 +75,7 @@ class EvaluationView:
     tabs: tuple[MeasureTab, ...]
     arms: tuple[tuple[str, str], ...]
     conditions: tuple[Condition, ...]
-    checks: tuple[CheckRow, ...]
+    checks: tuple[Document, ...]
     worst: tuple[str, ...]
     width: float
 
@@ -171,7 +160,7 @@ def evaluation_view(found: Document, measure: str) -> EvaluationView:
         ),
         arms=tuple((word(one["name"].replace("-", "_")), one["text"]) for one in found.get("arms", ())),
         conditions=tuple(_condition(found, one, measure) for one in found.get("conditions", ())),
-        checks=tuple(_check(one) for one in found.get("suites", ())),
+        checks=tuple(found.get("suites", ())),
         worst=tuple(str(one) for one in found.get("worst", ())[:10]),
         width=BAR_WIDTH,
     )
@@ -212,13 +201,6 @@ def _condition(found: Document, condition: Document, measure: str) -> Condition:
     return Condition(
         name=word(condition["name"].replace("-", "_")), text=condition["text"], rows=rows, height=BAR_ROW * len(rows)
     )
-
-
-def _check(check: Document) -> CheckRow:
-    return CheckRow(
-        suite=str(check["suite"]), name=str(check["name"]), text=str(check["text"]), seen=str(check["seen"]),
-        holds=bool(check["holds"]),
-    )  # fmt: skip
 
 
 def _answer(answer: Document) -> AnswerRow:

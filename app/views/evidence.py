@@ -3,13 +3,12 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from app.views.measures import ConditionRow, Measure, condition_row, quantity
+from app.views.measures import Measure, quantity
 from app.views.saying import reasoned, said
 from app.views.timeline import Entry
 from harness.contracts.events import CommitRejected, NodeCommitted, PacketRetained, VerdictRecorded
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
 from harness.contracts.ids import Digest, PacketId
-from harness.contracts.protocol import Receipt
 from harness.contracts.verdicts import NodeVerdict
 
 Check = Callable[[Digest], str]
@@ -21,12 +20,7 @@ class Reference:
     """One piece of evidence. `broken` says why its checksum does not verify now; empty means it does."""
 
     part: str
-    kind: str
-    origin: str
-    source: str
-    from_s: float
-    until_s: float
-    blob: str
+    item: EvidenceReference
     broken: str
 
 
@@ -40,45 +34,29 @@ class Picture:
 
 
 @dataclass(frozen=True)
-class ReceiptRow:
-    """A service's word: declared, never measured."""
+class Decision:
+    """What the gate made of a packet: accepted or refused, in a sentence, by which rule, and the event that says so."""
 
-    kind: str
-    receipt_id: str
-    source: str
-    at_s: float
-    text: str
-    blob: str
+    word: str = ""
+    text: str = "The gate has not decided yet."
+    rule: str = ""
+    href: str = ""
 
 
 @dataclass(frozen=True)
 class PacketView:
-    """One packet: who made it, against which version, what the verifier and the gate said."""
+    """One packet, what the verifier and the gate said of it, and its references, each checked now."""
 
-    packet_id: str
-    provider: str
-    attempt: int
-    k_ctx: int
-    terminal: str
-    failure: str
-    verify_only: bool
-    cites: tuple[str, ...]
-    dispatched_s: float
-    terminal_s: float
-    verdict: str
-    verdict_reason: str
-    verifier: str
-    conditions: tuple[ConditionRow, ...]
-    decision: str
-    decided: str
-    rule: str
-    href: str
-    declared: tuple[Measure, ...]
+    packet: EvidencePacket
+    verdict: NodeVerdict | None
+    gate: Decision
     references: tuple[Reference, ...]
     pictures: tuple[Picture, ...]
-    receipts: tuple[ReceiptRow, ...]
-    sound: int
-    unsound: int
+
+    @property
+    def unsound(self) -> int:
+        """How many references do not verify now."""
+        return sum(bool(one.broken) for one in self.references)
 
 
 @dataclass(frozen=True)
@@ -103,41 +81,27 @@ def evidence(mission_id: str, entries: Sequence[Entry], *, node_id: str, title: 
 
 def packet_view(mission_id: str, packet: EvidencePacket, entries: Sequence[Entry], *, check: Check) -> PacketView:
     """One packet with its verdict and the gate's decision; every blob is checked now."""
-    identity = packet.identity
-    verdict = _verdict(entries, identity.packet_id)
-    decision, decided, rule, href = _decision(mission_id, entries, identity.packet_id)
-    references = tuple(
-        _reference(part, reference, check=check)
-        for part, group in (("before", packet.before), ("after", packet.after), ("estimates", packet.estimates))
-        for reference in group
-    )
-    every = (*packet.before, *packet.after)
+    packet_id = packet.identity.packet_id
+    groups = (("before", packet.before), ("after", packet.after), ("estimates", packet.estimates))
     return PacketView(
-        packet_id=identity.packet_id,
-        provider=f"{identity.provider_id} {identity.provider_version}",
-        attempt=identity.attempt,
-        k_ctx=packet.k_ctx,
-        terminal=packet.terminal,
-        failure=packet.failure,
-        verify_only=packet.verify_only,
-        cites=packet.cites,
-        dispatched_s=packet.dispatched_s,
-        terminal_s=packet.terminal_s,
-        verdict=verdict.verdict if verdict else "",
-        verdict_reason=reasoned(verdict.reason) if verdict else "The verifier has not answered yet.",
-        verifier=verdict.verifier if verdict else "",
-        conditions=tuple(condition_row(result) for result in verdict.results) if verdict else (),
-        decision=decision,
-        decided=decided,
-        rule=rule,
-        href=href,
-        declared=tuple(Measure(*quantity(name, value)) for name, value in packet.declared.items()),
-        references=references,
-        pictures=tuple(_picture(one, check=check) for one in every if one.kind == "image"),
-        receipts=tuple(_receipt(receipt) for receipt in packet.receipts),
-        sound=sum(not reference.broken for reference in references),
-        unsound=sum(bool(reference.broken) for reference in references),
+        packet=packet,
+        verdict=_verdict(entries, packet_id),
+        gate=_decision(mission_id, entries, packet_id),
+        references=tuple(
+            Reference(part=part, item=one, broken=check(one.blob)) for part, group in groups for one in group
+        ),
+        pictures=tuple(_picture(one, check=check) for one in (*packet.before, *packet.after) if one.kind == "image"),
     )
+
+
+def provider(packet: EvidencePacket) -> str:
+    """Who made it, by name and version."""
+    return f"{packet.identity.provider_id} {packet.identity.provider_version}"
+
+
+def declared(packet: EvidencePacket) -> tuple[Measure, ...]:
+    """What the provider says of its own execution."""
+    return tuple(Measure(*quantity(name, value)) for name, value in packet.declared.items())
 
 
 def _verdict(entries: Sequence[Entry], packet_id: PacketId) -> NodeVerdict | None:
@@ -145,36 +109,23 @@ def _verdict(entries: Sequence[Entry], packet_id: PacketId) -> NodeVerdict | Non
     return next((verdict for verdict in judged if verdict.packet_id == packet_id), None)
 
 
-def _decision(mission_id: str, entries: Sequence[Entry], packet_id: PacketId) -> tuple[str, str, str, str]:
+def _decision(mission_id: str, entries: Sequence[Entry], packet_id: PacketId) -> Decision:
     for entry in reversed(entries):
         href = f"/missions/{mission_id}/events/{entry.position}"
         match entry.event:
             case NodeCommitted() as done if done.packet_id == packet_id:
-                return "accepted", _held(len(done.facts)), "", href
+                return Decision(word="accepted", text=_held(len(done.facts)), href=href)
             case CommitRejected() as no if no.packet_id == packet_id:
-                return "refused", reasoned(no.message), no.rule, href
+                return Decision(word="refused", text=reasoned(no.reason), rule=no.rule, href=href)
             case _:
                 continue
-    return "", "The gate has not decided yet.", "", ""
+    return Decision()
 
 
 def _held(facts: int) -> str:
     return said(
         "{facts} facts accepted by the configured checks: every rule of the gate held. That is not proof of the truth.",
         facts=facts,
-    )
-
-
-def _reference(part: str, reference: EvidenceReference, *, check: Check) -> Reference:
-    return Reference(
-        part=part,
-        kind=reference.kind,
-        origin=reference.origin,
-        source=reference.source,
-        from_s=reference.from_s,
-        until_s=reference.until_s,
-        blob=reference.blob,
-        broken=check(reference.blob),
     )
 
 
@@ -187,15 +138,4 @@ def _picture(reference: EvidenceReference, *, check: Check) -> Picture:
         blob=reference.blob,
         caption=" ".join(part for part in (turned, shown) if part) or reference.source,
         broken=check(reference.blob),
-    )
-
-
-def _receipt(receipt: Receipt) -> ReceiptRow:
-    return ReceiptRow(
-        kind=receipt.kind,
-        receipt_id=receipt.receipt_id,
-        source=receipt.source,
-        at_s=receipt.at_s,
-        text=receipt.text,
-        blob=receipt.blob or "",
     )

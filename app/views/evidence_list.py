@@ -18,32 +18,11 @@ FILTERS: tuple[tuple[str, str], ...] = (
 
 
 @dataclass(frozen=True)
-class EvidenceRow:
-    """One piece of evidence. `about` is its blob's page, empty for a receipt without one."""
-
-    kind: str
-    part: str
-    source: str
-    origin: str
-    mission_id: str
-    node_id: str
-    packet_id: str
-    href: str
-    from_s: float
-    until_s: float
-    verdict: str
-    decision: str
-    rule: str
-    blob: str
-    about: str
-
-
-@dataclass(frozen=True)
 class EvidencePage:
     """One page of the list; search, filters, order and place stand in the address."""
 
     shell: Shell
-    rows: tuple[EvidenceRow, ...]
+    rows: tuple[EvidenceItem, ...]
     filters: tuple[Filter, ...]
     paging: Paging
     words: str
@@ -61,33 +40,13 @@ class BlobPage:
     broken: str
     size: int
     media_type: str
-    rows: tuple[EvidenceRow, ...]
-
-
-def row(item: EvidenceItem) -> EvidenceRow:
-    return EvidenceRow(
-        kind=item.kind,
-        part=item.part,
-        source=item.source,
-        origin=item.origin,
-        mission_id=item.mission_id,
-        node_id=item.node_id,
-        packet_id=item.packet_id,
-        href=f"/missions/{item.mission_id}?node={item.node_id}#packet-{item.packet_id}",
-        from_s=item.from_s,
-        until_s=item.until_s,
-        verdict=item.verdict,
-        decision=item.decision,
-        rule=item.rule,
-        blob=item.blob,
-        about=f"{PATH}/{item.blob}/about" if item.blob else "",
-    )
+    rows: tuple[EvidenceItem, ...]
 
 
 def evidence_page(
     shell: Shell,
     sought: Sought,
-    rows: Sequence[EvidenceRow],
+    rows: Sequence[EvidenceItem],
     following: ListQuery | None,
     *,
     found: int,

@@ -10,7 +10,6 @@ from math import dist
 
 from app.views.explored_floor import Floor, explored_floor
 from app.views.missions import Head, head
-from app.views.regions import Region
 from app.views.saying import reasoned, said, word
 from app.views.shell import Shell
 from app.views.stages import Observed, Stage, stages
@@ -44,18 +43,6 @@ class Recorded:
 
 
 @dataclass(frozen=True)
-class Edge:
-    """One edge of what was known then. `gain_m`: how much unknown edge; `cost_m`: how long the known way there."""
-
-    number: int
-    x_m: float
-    y_m: float
-    gain_m: float
-    cost_m: float
-    chosen: bool
-
-
-@dataclass(frozen=True)
 class ChoiceRow:
     """One choice in the list, with what came of its leg: declared, measured, accepted; or why it was given up."""
 
@@ -86,7 +73,8 @@ class ChoiceDetail:
     at_s: float | None
     k: int
     position: int | None
-    edges: tuple[Edge, ...]
+    edges: tuple[Frontier, ...]
+    target_m: tuple[float, float]
     known: tuple[str, ...]
     left: int
     longest_way_m: float
@@ -103,9 +91,15 @@ class ChoiceDetail:
 
 
 @dataclass(frozen=True)
-class ChoicesRegion(Region):
-    """Every choice so far, oldest first, and one of them in full: the one that is asked for, else the newest."""
+class ChoicesRegion:
+    """Every choice so far, oldest first, and one of them in full: the one that is asked for, else the newest.
 
+    It always follows the newest event: `at` is None. `query` keeps what is asked for.
+    """
+
+    mission_id: str
+    at: None
+    query: str
     choices: tuple[ChoiceRow, ...]
     shown: ChoiceDetail | None
 
@@ -196,7 +190,8 @@ def _detail(told: _Told, choice: ExplorationDecision, row: ChoiceRow, recorded: 
         at_s=question.at_s if question else None,
         k=choice.k,
         position=_made_at(told.entries, choice.leg),
-        edges=tuple(_edge(number, one, choice) for number, one in enumerate(question.frontiers, 1)) if question else (),
+        edges=question.frontiers if question else (),
+        target_m=choice.target_m,
         known=tuple(_known(one) for one in question.feedback) if question else (),
         left=question.left if question else 0,
         longest_way_m=question.longest_way_m if question else 0.0,
@@ -219,17 +214,6 @@ def _given_up(leg: NodeState) -> str:
         return ""
     last = leg.failures[-1]
     return said("given up: {failure}. {reason}", failure=word(last.failure), reason=last.reason)
-
-
-def _edge(number: int, edge: Frontier, choice: ExplorationDecision) -> Edge:
-    return Edge(
-        number=number,
-        x_m=edge.approach_m[0],
-        y_m=edge.approach_m[1],
-        gain_m=edge.length_m,
-        cost_m=edge.way_m,
-        chosen=edge.approach_m == choice.target_m,
-    )
 
 
 def _known(word_of: AnyFeedback) -> str:

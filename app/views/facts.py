@@ -1,35 +1,17 @@
-"""Pure: accepted facts, and one of them down to everything it rests on."""
+"""Pure: one accepted fact down to everything it rests on."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from app.views.evidence import PacketView, packet_view
-from app.views.measures import ConditionRow, Measure, fields, quantity
 from app.views.shell import Shell
 from app.views.timeline import Entry
 from harness.contracts.errors import UnknownName
 from harness.contracts.events import NodeCommitted, PacketRetained
 from harness.contracts.evidence import CommittedFact
 from harness.contracts.ids import Digest
+from harness.contracts.verdicts import ConditionResult
 from harness.projections.mission import Mission
-
-
-@dataclass(frozen=True)
-class FactRow:
-    """One accepted fact. `kind`: event facts are permanent, state facts hold only while they are true."""
-
-    name: str
-    kind: str
-    node_id: str
-    condition_id: str
-    packet_id: str
-    k: int
-    at_s: float
-    elapsed_s: float
-    arguments: tuple[Measure, ...]
-    measured: tuple[Measure, ...]
-    disputed: bool
-    href: str
 
 
 @dataclass(frozen=True)
@@ -38,22 +20,15 @@ class FactPage:
 
     shell: Shell
     mission_id: str
-    fact: FactRow
-    condition: ConditionRow | None
+    fact: CommittedFact
+    disputed: bool
+    condition: ConditionResult | None
     packet: PacketView
     packet_event: int
     gate_event: int
     digest: str
     disputes: tuple[str, ...]
     errors: tuple[str, ...]
-
-
-def facts(mission: Mission, entries: Sequence[Entry]) -> tuple[FactRow, ...]:
-    """Facts as they stand, in the order in which they were accepted."""
-    begin_s = entries[0].mission_s
-    return tuple(
-        _row(mission.mission_id, fact, begin_s=begin_s, disputed=fact in mission.disputed) for fact in mission.facts
-    )
 
 
 def fact_page(
@@ -79,11 +54,13 @@ def fact_page(
             f"Packet {packet_id} led to no accepted fact {condition_id}", do="choose one from the mission's facts"
         )
     packet = packet_view(mission.mission_id, kept.event.packet, entries, check=check)
+    results = packet.verdict.results if packet.verdict else ()
     return FactPage(
         shell=shell,
         mission_id=mission.mission_id,
-        fact=_row(mission.mission_id, fact, begin_s=entries[0].mission_s, disputed=fact in mission.disputed),
-        condition=next((one for one in packet.conditions if one.condition_id == condition_id), None),
+        fact=fact,
+        disputed=fact in mission.disputed,
+        condition=next((one for one in results if one.condition_id == condition_id), None),
         packet=packet,
         packet_event=kept.position,
         gate_event=gate.position,
@@ -94,21 +71,4 @@ def fact_page(
             if (one.condition_id, one.packet_id) == (condition_id, packet_id)
         ),
         errors=tuple(errors),
-    )
-
-
-def _row(mission_id: str, fact: CommittedFact, *, begin_s: float, disputed: bool) -> FactRow:
-    return FactRow(
-        name=fact.name,
-        kind=fact.kind,
-        node_id=fact.node_id,
-        condition_id=fact.condition_id,
-        packet_id=fact.packet_id,
-        k=fact.k,
-        at_s=fact.at_s,
-        elapsed_s=fact.at_s - begin_s,
-        arguments=tuple(fields(fact.arguments)),
-        measured=tuple(Measure(*quantity(name, value)) for name, value in list(fact.measured.items())[:3]),
-        disputed=disputed,
-        href=f"/missions/{mission_id}/facts/{fact.packet_id}/{fact.condition_id}",
     )

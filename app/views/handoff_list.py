@@ -3,10 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.views.handoffs import HandoffRow, asking
 from app.views.listing import Filter, Paging, Sought, address, facet_filter, order_filter, paging
 from app.views.missions import Counted, Group, tabs
-from app.views.saying import reasoned, word
 from app.views.shell import Shell
 from harness.contracts.read_models import HandoffItem, ListQuery
 
@@ -25,7 +23,7 @@ class HandoffsPage:
     """One page of the list; search, filters, order and place stand in the address. `live`: it follows what happens."""
 
     shell: Shell
-    rows: tuple[HandoffRow, ...]
+    rows: tuple[HandoffItem, ...]
     groups: tuple[Group, ...]
     filters: tuple[Filter, ...]
     paging: Paging
@@ -36,24 +34,6 @@ class HandoffsPage:
     total: int
 
 
-def listed_row(item: HandoffItem) -> HandoffRow:
-    """One row of the list, from the read model alone."""
-    waits = item.status in ("open", "claimed", "taken_over")
-    return HandoffRow(
-        handoff_id=item.handoff_id,
-        mission_id=item.mission_id,
-        robot_id=item.robot_id,
-        title=asking(item.robot_id, item.stage or word(item.node_id), waits=waits),
-        failure=item.failure,
-        status=item.status,
-        waits=waits,
-        holder=item.holder,
-        opened_at_s=item.opened_at_s,
-        deadline_at_s=item.deadline_at_s,
-        answered=reasoned(item.answered),
-    )
-
-
 def handoffs_page(
     shell: Shell, sought: Sought, items: Sequence[HandoffItem], following: ListQuery | None, counted: Counted
 ) -> HandoffsPage:
@@ -61,7 +41,7 @@ def handoffs_page(
     chosen = sought.given.get("status", "")
     return HandoffsPage(
         shell=shell,
-        rows=tuple(listed_row(one) for one in items),
+        rows=tuple(items),
         groups=tabs(PATH, GROUPS, sought, counted),
         filters=(
             facet_filter("robot", "robot", counted.tallies, sought),

@@ -2,18 +2,17 @@
 
 import json
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import Any
 
 from msgspec import to_builtins
 
 from app.views.budgets import Budget, budget
-from app.views.measures import ConditionRow, condition_row, quantity
-from app.views.saying import reasoned, said, word
-from harness.contracts.configuration import RecoveryAction
-from harness.contracts.errors import ContractInvalid
+from app.views.measures import quantity
+from app.views.saying import said, word
 from harness.contracts.handoff_events import HandoffOpened, ProposedAction
 from harness.contracts.ids import sha256
 from harness.contracts.values import encode
+from harness.contracts.verdicts import NodeVerdict
 from harness.projections.mission import Mission
 
 ACTIONS = {
@@ -41,40 +40,6 @@ class ActionView:
 
 
 @dataclass(frozen=True)
-class SnapshotView:
-    """The robot as it stood when it was looked at; the picture is evidence by digest."""
-
-    taken_at_s: float
-    x_m: float
-    y_m: float
-    yaw_deg: float
-    static: bool
-    image: str
-
-
-@dataclass(frozen=True)
-class ShownQuestion:
-    """Subject and evidence of one cycle, as they stand on the screen; kept with the decision for an auditor."""
-
-    handoff_id: str
-    mission_id: str
-    node_id: str
-    robot_id: str
-    cycle: int
-    k: int
-    failure: str
-    reason: str
-    risk: str
-    verdict: str
-    subject: str
-    evidence: str
-    conditions: tuple[ConditionRow, ...]
-    budget: Budget
-    snapshot: SnapshotView
-    action: ActionView | None
-
-
-@dataclass(frozen=True)
 class Difference:
     """One thing that is not as it was shown."""
 
@@ -83,26 +48,23 @@ class Difference:
     now: str
 
 
+@dataclass(frozen=True)
+class ShownQuestion:
+    """Subject and evidence of one cycle, as they stand on the screen; kept with the decision for an auditor."""
+
+    opened: HandoffOpened
+    verdict: NodeVerdict | None
+    budget: Budget
+    action: ActionView | None
+
+
 def shown_question(opened: HandoffOpened, mission: Mission) -> ShownQuestion:
     """From the question and the mission's state alone."""
     state = mission.nodes.get(opened.node_id)
-    verdict = state.verdicts[-1] if state and state.verdicts else None
     return ShownQuestion(
-        handoff_id=opened.handoff_id,
-        mission_id=opened.mission_id,
-        node_id=opened.node_id,
-        robot_id=opened.robot_id,
-        cycle=opened.cycle,
-        k=opened.k,
-        failure=opened.failure,
-        reason=reasoned(opened.reason),
-        risk=opened.risk,
-        verdict=verdict.verdict if verdict else "",
-        subject=opened.subject,
-        evidence=opened.evidence,
-        conditions=tuple(condition_row(result) for result in verdict.results) if verdict else (),
+        opened=opened,
+        verdict=state.verdicts[-1] if state and state.verdicts else None,
         budget=budget(mission, opened.node_id),
-        snapshot=_snapshot(opened),
         action=action_view(opened.proposal, subject=opened.subject),
     )
 
@@ -125,15 +87,6 @@ def action_view(proposal: ProposedAction | None, *, subject: str) -> ActionView 
         body=body.decode(),
         sound=sha256(body) == subject,
     )
-
-
-def action_of(text: str) -> RecoveryAction:
-    """Raises ContractInvalid for a word that is no recovery action."""
-    for action in get_args(RecoveryAction):
-        if action == text:
-            known: RecoveryAction = action
-            return known
-    raise ContractInvalid(f"There is no action {text[:40]!r}", where="action", do="choose one that the page offers")
 
 
 def differences(was: HandoffOpened, now: HandoffOpened) -> tuple[Difference, ...]:
@@ -162,18 +115,6 @@ def _flat(opened: HandoffOpened) -> dict[str, str]:
     found["results of the conditions"] = snapshot.results[:12]
     found["picture"] = (snapshot.image or "none")[:12]
     return found
-
-
-def _snapshot(opened: HandoffOpened) -> SnapshotView:
-    seen = opened.snapshot
-    return SnapshotView(
-        taken_at_s=seen.taken_at_s,
-        x_m=seen.x_m,
-        y_m=seen.y_m,
-        yaw_deg=seen.yaw_rad * 57.29578,
-        static=seen.static,
-        image=seen.image or "",
-    )
 
 
 def _text(value: Any) -> str:

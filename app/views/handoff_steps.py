@@ -34,16 +34,6 @@ class Line:
     text: str
 
 
-@dataclass(frozen=True)
-class Similar:
-    """An earlier question of this kind at this stage, and how it ended."""
-
-    handoff_id: str
-    status: str
-    answered: str
-    opened_at_s: float
-
-
 def steps(handoff: Handoff, mission: Mission, told: Told) -> tuple[Step, ...]:
     """Decided, dispatched, moving, verified: after a decision only. Taken up is not done."""
     if handoff.waits or handoff.opened is None:
@@ -116,13 +106,11 @@ def _taken_up(answer: Answer, taken: int | None) -> str:
     )
 
 
-def similar(items: Sequence[HandoffItem], handoff: Handoff) -> tuple[Similar, ...]:
+def similar(items: Sequence[HandoffItem], handoff: Handoff) -> tuple[HandoffItem, ...]:
     """Ended questions about the same stage for the same reason, newest first; this one not counted."""
     opened = handoff.opened
     return tuple(
-        Similar(
-            handoff_id=one.handoff_id, status=one.status, answered=reasoned(one.answered), opened_at_s=one.opened_at_s
-        )
+        one
         for one in items
         if opened is not None and one.handoff_id != handoff.handoff_id and one.node_id == opened.node_id
     )

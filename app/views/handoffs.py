@@ -4,11 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app.views.handoff_shown import ACTIONS, Difference, ShownQuestion, shown_question
-from app.views.handoff_steps import Line, Similar, Step, Told, history, similar, steps
+from app.views.handoff_steps import Line, Step, Told, history, similar, steps
 from app.views.places import SiteMap
 from app.views.robots import CameraView, RobotWord
 from app.views.saying import reasoned, said, word
 from app.views.shell import Shell
+from harness.contracts.effects import Condition
 from harness.contracts.handoff_events import HandoffOpened
 from harness.contracts.read_models import HandoffItem
 from harness.contracts.values import Point
@@ -23,23 +24,6 @@ NO_ANSWER = {
     "lie_down": "the robot lies down where it is",
     "retreat": "the robot goes back the way that was authorised before",
 }
-
-
-@dataclass(frozen=True)
-class HandoffRow:
-    """One question in a list. `waits`: nobody has decided yet."""
-
-    handoff_id: str
-    mission_id: str
-    robot_id: str
-    title: str
-    failure: str
-    status: str
-    waits: bool
-    holder: str
-    opened_at_s: float
-    deadline_at_s: float
-    answered: str
 
 
 @dataclass(frozen=True)
@@ -60,14 +44,6 @@ class Choice:
     action: str
     title: str
     chosen: bool
-
-
-@dataclass(frozen=True)
-class Attestable:
-    """A condition that a person may attest to, where the stage's evidence policy names them."""
-
-    condition_id: str
-    text: str
 
 
 @dataclass(frozen=True)
@@ -114,10 +90,10 @@ class HandoffPage:
     viewers: tuple[str, ...]
     escalated: tuple[str, ...]
     choices: tuple[Choice, ...]
-    attestable: tuple[Attestable, ...]
+    attestable: tuple[Condition, ...]
     steps: tuple[Step, ...]
     following: str
-    similar: tuple[Similar, ...]
+    similar: tuple[HandoffItem, ...]
     lines: tuple[Line, ...]
     reasons: tuple[str, ...]
     typed: str
@@ -162,23 +138,14 @@ def asking(robot: str, stage: str, *, waits: bool) -> str:
     return said("{robot} asked about “{stage}”", robot=robot, stage=stage)
 
 
-def row(handoff: Handoff, mission: Mission | None) -> HandoffRow:
-    opened, answer = required(handoff), handoff.answer
-    return HandoffRow(
-        handoff_id=handoff.handoff_id,
-        mission_id=opened.mission_id,
-        robot_id=opened.robot_id,
-        title=title(handoff, mission),
-        failure=opened.failure,
-        status=handoff.status,
-        waits=handoff.waits,
-        holder=handoff.claim.actor.name if handoff.claim and handoff.waits else "",
-        opened_at_s=opened.opened_at_s,
-        deadline_at_s=opened.deadline_at_s,
-        answered=said("{who}: {reason}", who=answer.actor.name, reason=answer.reason)
-        if answer
-        else reasoned(handoff.outcome),
-    )
+def question(item: HandoffItem) -> str:
+    """The sentence of a question in a list."""
+    return asking(item.robot_id, item.stage or word(item.node_id), waits=waits(item))
+
+
+def waits(item: HandoffItem) -> bool:
+    """Whether nobody has decided yet."""
+    return item.status in ("open", "claimed", "taken_over")
 
 
 def handoff_page(shell: Shell, handoff: Handoff, mission: Mission, surface: Surface) -> HandoffPage:
@@ -282,7 +249,8 @@ def _choices(opened: HandoffOpened) -> tuple[Choice, ...]:
     return tuple(Choice(action=one, title=ACTIONS[one], chosen=one == now) for one in opened.choices)
 
 
-def _attestable(opened: HandoffOpened, mission: Mission) -> tuple[Attestable, ...]:
+def _attestable(opened: HandoffOpened, mission: Mission) -> tuple[Condition, ...]:
+    """Conditions that a person may attest to, where the stage's evidence policy names them."""
     contract = mission.contract
     if (
         contract is None
@@ -290,5 +258,4 @@ def _attestable(opened: HandoffOpened, mission: Mission) -> tuple[Attestable, ..
         or not contract.node(opened.node_id).evidence.attestation
     ):
         return ()
-    conditions = contract.node(opened.node_id).success_conditions
-    return tuple(Attestable(condition_id=one.condition_id, text=one.text) for one in conditions)
+    return contract.node(opened.node_id).success_conditions

@@ -1,12 +1,12 @@
 """Pure: numbers with units taken from their names, and measured values beside their bounds."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from app.views.saying import listed, reasoned, word
+from app.views.saying import listed, word
 from harness.contracts.verdicts import ConditionResult
 
 DIGEST = re.compile("[0-9a-f]{64}")
@@ -28,18 +28,11 @@ class Measure:
 
 @dataclass(frozen=True)
 class ConditionRow:
-    """One condition's result, with everything a person needs to believe it or not."""
+    """One condition's result, the quantities that are shown at once, and the others."""
 
-    condition_id: str
-    text: str
-    verdict: str
-    reason: str
+    result: ConditionResult
     measures: tuple[Measure, ...]
     others: tuple[Measure, ...]
-    sources: str
-    independence: int
-    required: int
-    age_s: float | None
 
 
 def number(value: float) -> str:
@@ -104,15 +97,13 @@ def measures(measured: Mapping[str, float], bounds: Mapping[str, float]) -> tupl
 def condition_row(result: ConditionResult) -> ConditionRow:
     every = measures(result.measured, result.bounds)
     first = [one for one in every if one.bound][:MANY] or list(every[:FEW])
-    return ConditionRow(
-        condition_id=result.condition_id,
-        text=result.text,
-        verdict=result.verdict,
-        reason=reasoned(result.reason),
-        measures=tuple(first),
-        others=tuple(one for one in every if one not in first),
-        sources=listed(map(word, result.sources)),
-        independence=result.independence,
-        required=result.required_independence,
-        age_s=result.age_s,
-    )
+    return ConditionRow(result=result, measures=tuple(first), others=tuple(one for one in every if one not in first))
+
+
+def condition_rows(results: Iterable[ConditionResult]) -> tuple[ConditionRow, ...]:
+    return tuple(map(condition_row, results))
+
+
+def leading(measured: Mapping[str, float]) -> tuple[Measure, ...]:
+    """The first FEW measured quantities."""
+    return tuple(Measure(*quantity(name, value)) for name, value in list(measured.items())[:FEW])

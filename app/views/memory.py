@@ -6,18 +6,17 @@ from dataclasses import dataclass
 import msgspec
 
 from app.views.measures import Measure, fields
-from app.views.saying import listed, said, word
+from app.views.saying import said
 from app.views.shell import Shell
-from harness.contracts.memory import Remembered
+from harness.contracts.memory import MemoryRecord, Remembered
 
+TONES = {"disputed": "bad", "verified": "good"}
 ROLES: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("spatial", "where things are", ("map", "place", "region", "relation", "pose", "sighting", "dispute")),
     ("episodic", "what was tried", ("episode",)),
     ("operational", "how providers did", ("outcome",)),
     ("semantic", "contracts and rules", ("card", "rules")),
 )
-AT_ONCE = 8
-"""How many fields of a record are shown before a person asks for the others."""
 
 
 @dataclass(frozen=True)
@@ -30,33 +29,12 @@ class RoleTab:
 
 
 @dataclass(frozen=True)
-class RecordRow:
-    """One record. `position` is the event that caused it, 0 for a mission that the record does not name."""
-
-    record_id: str
-    kind: str
-    subject: str
-    standing: str
-    tone: str
-    fields: tuple[Measure, ...]
-    others: tuple[Measure, ...]
-    confidence: float
-    from_s: float
-    until_s: float | None
-    mission_id: str
-    position: int
-    sources: str
-    supersedes: int
-    conflicts: int
-
-
-@dataclass(frozen=True)
 class MemoryPage:
     """Records of one role, newest first; at most `limit` are shown."""
 
     shell: Shell
     tabs: tuple[RoleTab, ...]
-    rows: tuple[RecordRow, ...]
+    rows: tuple[Remembered, ...]
     subject: str
     everything: bool
     limit: int
@@ -78,7 +56,7 @@ def memory_page(
             RoleTab(value=name, title=said("{role}: {title}", role=name, title=title), chosen=name == role)
             for name, title, _ in ROLES
         ),
-        rows=tuple(_row(one) for one in found),
+        rows=tuple(found),
         subject=subject,
         everything=everything,
         limit=limit,
@@ -86,23 +64,6 @@ def memory_page(
     )
 
 
-def _row(remembered: Remembered) -> RecordRow:
-    record = remembered.record
-    stated = tuple(fields(msgspec.to_builtins(record.knowledge)))
-    return RecordRow(
-        record_id=record.record_id,
-        kind=record.kind,
-        subject=record.subject,
-        standing=remembered.standing,
-        tone={"disputed": "bad", "superseded": "plain", "verified": "good"}.get(remembered.standing, "plain"),
-        fields=stated[:AT_ONCE],
-        others=stated[AT_ONCE:],
-        confidence=record.confidence,
-        from_s=record.valid_from_s,
-        until_s=remembered.until_s,
-        mission_id=record.provenance.mission_id,
-        position=record.provenance.position,
-        sources=listed(map(word, record.provenance.sources)),
-        supersedes=len(record.supersedes),
-        conflicts=len(record.conflicts),
-    )
+def stated(record: MemoryRecord) -> tuple[Measure, ...]:
+    """What a record says, field by field."""
+    return tuple(fields(msgspec.to_builtins(record.knowledge)))

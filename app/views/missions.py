@@ -3,9 +3,8 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from app.views.contexts import ContextView
 from app.views.listing import Filter, Paging, Sought, address, facet_filter, order_filter, paging
-from app.views.measures import ConditionRow, condition_row, fields
+from app.views.measures import fields
 from app.views.saying import reasoned, said, word
 from app.views.shell import Shell
 from app.views.timeline import Entry
@@ -31,22 +30,21 @@ GROUPS: tuple[tuple[str, str, dict[str, str]], ...] = (
 
 
 @dataclass(frozen=True)
-class MissionRow:
-    """One mission in a list."""
+class Head:
+    """A mission with its times: seconds. What is said of it after it ended, as a dispute, does not make it longer."""
 
-    mission_id: str
-    goal: str
-    template: str
-    robot_id: str
-    status: str
-    tone: str
-    stage: str
-    verdict: str
+    mission: Mission
     began_s: float
-    took_s: float
-    spent: int
-    budget: int
-    handoff_id: str
+    elapsed_s: float
+    ended: bool
+
+
+@dataclass(frozen=True)
+class RobotStrip:
+    """The robot's own word on its condition, with the age of that word in mission time."""
+
+    status: RobotStatus
+    age_s: float
 
 
 @dataclass(frozen=True)
@@ -72,7 +70,7 @@ class MissionsPage:
     """One page of the list; search, filters, order and place stand in the address. `live`: it follows what happens."""
 
     shell: Shell
-    rows: tuple[MissionRow, ...]
+    rows: tuple[MissionItem, ...]
     groups: tuple[Group, ...]
     filters: tuple[Filter, ...]
     paging: Paging
@@ -83,78 +81,7 @@ class MissionsPage:
     total: int
 
 
-@dataclass(frozen=True)
-class Head:
-    """Where the mission stands, in one line and one sentence. `targets`: how many an exploration has chosen."""
-
-    goal: str
-    template: str
-    robot_id: str
-    status: str
-    tone: str
-    k: int
-    configuration: str
-    began_s: float
-    elapsed_s: float
-    handoff_id: str
-    sentence: str
-    ended: bool
-    labels: str
-    disputed: int
-    rerun_of: str
-    targets: int
-
-
-@dataclass(frozen=True)
-class RobotStrip:
-    """The robot's own word on its condition, with the age of that word in mission time."""
-
-    robot_id: str
-    posture: str
-    armed: bool
-    hardware_stop: bool
-    charge: float
-    localised: bool
-    age_s: float
-
-
-@dataclass(frozen=True)
-class ContractView:
-    """The goal, the original completion conditions and what was found of them."""
-
-    goal: str
-    digest: str
-    template: str
-    frame: str
-    map_version: str
-    speed_cap_mps: float
-    conditions: tuple[ConditionRow, ...]
-    pending: tuple[str, ...]
-    verdict: str
-    reason: str
-    shown: ContextView | None
-
-
-def row(item: MissionItem, *, now_s: float) -> MissionRow:
-    """A mission under way has taken as long as it is old."""
-    return MissionRow(
-        mission_id=item.mission_id,
-        goal=item.goal,
-        template=item.template,
-        robot_id=item.robot_id,
-        status=item.status,
-        tone=tone(item.status),
-        stage=_stage(item.stage),
-        verdict=item.verdict,
-        began_s=item.began_s,
-        took_s=max((now_s if item.ended_s is None else item.ended_s) - item.began_s, 0.0),
-        spent=item.spent,
-        budget=item.budget,
-        handoff_id=item.handoff_id,
-    )
-
-
-def _stage(text: str) -> str:
+def listed_stage(text: str) -> str:
     """As the list keeps it; "circuit, 2 of 3" in every language."""
     name, _, place = text.rpartition(", ")
     done, _, count = place.partition(" of ")
@@ -177,7 +104,7 @@ def tabs(
 
 
 def missions_page(
-    shell: Shell, sought: Sought, rows: Sequence[MissionRow], following: ListQuery | None, counted: Counted
+    shell: Shell, sought: Sought, rows: Sequence[MissionItem], following: ListQuery | None, counted: Counted
 ) -> MissionsPage:
     """The rows of one page, in the order they come in."""
     chosen = sought.given.get("status", "")
@@ -202,29 +129,29 @@ def missions_page(
 
 
 def head(mission: Mission, entries: Sequence[Entry]) -> Head:
-    """What is said of it after it ended, as a dispute, does not make it longer."""
     last = next((entry for entry in entries if isinstance(entry.event, MissionEnded)), None)
+    ended_s = last.mission_s if last else entries[-1].mission_s
     return Head(
-        goal=mission.goal,
-        template=mission.template,
-        robot_id=mission.robot_id,
-        status=mission.status,
-        tone=tone(mission.status),
-        k=mission.k,
-        configuration=mission.configuration,
+        mission=mission,
         began_s=entries[0].recorded_s,
-        elapsed_s=(last.mission_s if last else entries[-1].mission_s) - entries[0].mission_s,
-        handoff_id=mission.handoff_id or "",
-        sentence=sentence(mission),
+        elapsed_s=ended_s - entries[0].mission_s,
         ended=last is not None,
-        labels=", ".join(
-            f"{one.name} {one.value}"
-            for one in fields({name: value for name, value in mission.labels.items() if name != "rerun_of"})
-        ),
-        disputed=mission.false_completions,
-        rerun_of=mission.labels.get("rerun_of", ""),
-        targets=len(choices(mission.contract)) if mission.contract else 0,
     )
+
+
+def labels(mission: Mission) -> str:
+    """Its labels in one line, but for the mission that it repeats."""
+    told = fields({name: value for name, value in mission.labels.items() if name != "rerun_of"})
+    return ", ".join(f"{one.name} {one.value}" for one in told)
+
+
+def targets(mission: Mission) -> int:
+    """How many targets its exploration has chosen."""
+    return len(choices(mission.contract)) if mission.contract else 0
+
+
+def robot_strip(status: RobotStatus | None, at_s: float) -> RobotStrip | None:
+    return RobotStrip(status=status, age_s=max(at_s - status.at_s, 0.0)) if status is not None else None
 
 
 def sentence(mission: Mission) -> str:
@@ -261,40 +188,6 @@ def tone(status: str) -> str:
     return "good" if status == "succeeded" else "plain"
 
 
-def robot_strip(status: RobotStatus | None, at_s: float) -> RobotStrip | None:
-    if status is None:
-        return None
-    return RobotStrip(
-        robot_id=status.robot_id,
-        posture=status.posture,
-        armed=status.armed,
-        hardware_stop=status.hardware_stop,
-        charge=status.charge,
-        localised=status.localised,
-        age_s=max(at_s - status.at_s, 0.0),
-    )
-
-
-def contract_view(mission: Mission, shown: ContextView | None) -> ContractView | None:
-    contract = mission.contract
-    if contract is None:
-        return None
-    verdict = mission.goal_verdict
-    return ContractView(
-        goal=contract.goal.text,
-        digest=contract.goal.digest,
-        template=contract.template,
-        frame=contract.frame,
-        map_version=contract.map_version,
-        speed_cap_mps=contract.constraints.speed_cap_mps,
-        conditions=tuple(condition_row(result) for result in verdict.results) if verdict else (),
-        pending=() if verdict else tuple(condition.text for condition in contract.completion_conditions),
-        verdict=verdict.verdict if verdict else "",
-        reason=_why(verdict),
-        shown=shown,
-    )
-
-
 def query(*, instant: str, node: str) -> str:
     """What a region adds to its address, so that it comes back for the same instant and stage.
 
@@ -314,7 +207,13 @@ def chosen_node(mission: Mission, wanted: str) -> str:
     return judged[-1] if judged else names[0]
 
 
-def _why(verdict: GoalVerdict | None) -> str:
+def took_s(item: MissionItem, now_s: float) -> float:
+    """A mission under way has taken as long as it is old, seconds."""
+    return max((now_s if item.ended_s is None else item.ended_s) - item.began_s, 0.0)
+
+
+def goal_reason(verdict: GoalVerdict | None) -> str:
+    """Why the goal counts as reached or not, as far as it was tested."""
     if verdict is None:
         return "Tested once every required stage is accepted, exactly as they were first stored."
     return reasoned(verdict.reason) or "Every original condition was tested again."

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.views.handoffs import HandoffRow
-from app.views.missions import MissionRow, RobotStrip
+from app.views.missions import RobotStrip
 from app.views.shell import Shell
+from harness.contracts.read_models import HandoffItem, MissionItem
 from harness.projections.mission import TERMINAL_MISSION
 
 RECENT = 8
@@ -15,11 +15,12 @@ RECENT = 8
 class OverviewRegions:
     """What changes by itself on the first page."""
 
-    waiting: tuple[HandoffRow, ...]
-    running: tuple[MissionRow, ...]
-    ended: tuple[MissionRow, ...]
+    waiting: tuple[HandoffItem, ...]
+    running: tuple[MissionItem, ...]
+    ended: tuple[MissionItem, ...]
     robots: tuple[RobotStrip, ...]
     idle: tuple[str, ...]
+    now_s: float
 
 
 @dataclass(frozen=True)
@@ -30,19 +31,21 @@ class OverviewPage(OverviewRegions):
 
 
 def overview(
-    rows: Sequence[MissionRow],
-    waiting: Sequence[HandoffRow],
+    rows: Sequence[MissionItem],
+    waiting: Sequence[HandoffItem],
     strips: Sequence[RobotStrip],
     *,
     robots: Sequence[str],
+    now_s: float,
 ) -> OverviewRegions:
     """Missions newest first, robots in the house's order; those without a word of their own are listed as idle."""
     ended = [one for one in rows if one.status in TERMINAL_MISSION]
-    heard = {strip.robot_id for strip in strips}
+    heard = {strip.status.robot_id for strip in strips}
     return OverviewRegions(
         waiting=tuple(waiting),
         running=tuple(one for one in rows if one.status not in TERMINAL_MISSION),
         ended=tuple(ended[:RECENT]),
-        robots=tuple(sorted(strips, key=lambda strip: [*robots, strip.robot_id].index(strip.robot_id))),
+        robots=tuple(sorted(strips, key=lambda strip: [*robots, strip.status.robot_id].index(strip.status.robot_id))),
         idle=tuple(robot for robot in robots if robot not in heard),
+        now_s=now_s,
     )

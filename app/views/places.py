@@ -8,54 +8,16 @@ from math import hypot
 from app.views.drawn import polyline, view_box
 from app.views.saying import said, word
 from app.views.shell import Shell
-from harness.contracts.places import Place, Retreat, Route, Site, Zone
+from harness.contracts.places import Retreat, Route, Site
 from harness.contracts.values import Point
 
 MARGIN_M = 1.0
+TONES = {"verified": "good", "disputed": "bad"}
 MEANING = {
     "configured": "written down by people, not seen by a robot",
     "verified": "confirmed on site",
     "disputed": "contradicted: do not rely on it",
 }
-
-
-@dataclass(frozen=True)
-class PlaceRow:
-    """One place."""
-
-    place_id: str
-    name: str
-    aliases: str
-    x_m: float
-    y_m: float
-    yaw_deg: float
-    frame: str
-    map_version: str
-    verification: str
-    meaning: str
-    tone: str
-    provenance: str
-
-
-@dataclass(frozen=True)
-class RouteRow:
-    """One reference route with its length."""
-
-    name: str
-    start: str
-    end: str
-    points: int
-    length_m: float
-
-
-@dataclass(frozen=True)
-class ZoneRow:
-    """One zone, what its robot does when nobody answers, and its safe place, empty without one."""
-
-    name: str
-    no_answer: str
-    hold_limit_s: float
-    safe_place: str
 
 
 @dataclass(frozen=True)
@@ -85,26 +47,8 @@ class PlacesPage:
     """All places of the site."""
 
     shell: Shell
-    site: str
-    frame: str
-    map_version: str
-    places: tuple[PlaceRow, ...]
-    routes: tuple[RouteRow, ...]
-    zones: tuple[ZoneRow, ...]
+    site: Site
     map: SiteMap
-
-
-def places_page(shell: Shell, site: Site) -> PlacesPage:
-    return PlacesPage(
-        shell=shell,
-        site=site.name,
-        frame=site.frame,
-        map_version=site.map_version,
-        places=tuple(_place(one) for one in site.places),
-        routes=tuple(_route(one) for one in site.routes),
-        zones=tuple(_zone(one) for one in site.zones),
-        map=site_map(site),
-    )
 
 
 def site_map(site: Site) -> SiteMap:
@@ -133,38 +77,13 @@ def _shape(name: str, kind: str, points: Sequence[Point]) -> Shape:
     return Shape(name=name, kind=kind, points=polyline(points), x=x, y=y)
 
 
-def _place(place: Place) -> PlaceRow:
-    return PlaceRow(
-        place_id=place.place_id,
-        name=place.name,
-        aliases=", ".join(place.aliases),
-        x_m=place.approach_m[0],
-        y_m=place.approach_m[1],
-        yaw_deg=place.yaw_rad * 57.29578,
-        frame=place.frame,
-        map_version=place.map_version,
-        verification=place.verification,
-        meaning=MEANING[place.verification],
-        tone={"verified": "good", "disputed": "bad"}.get(place.verification, "plain"),
-        provenance=place.provenance,
-    )
+def length_m(route: Route) -> float:
+    """From its first waypoint to its last, metres."""
+    return sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(route.waypoints_m))
 
 
-def _route(route: Route) -> RouteRow:
-    length = sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(route.waypoints_m))
-    return RouteRow(name=route.name, start=route.start, end=route.end, points=len(route.waypoints_m), length_m=length)
-
-
-def _zone(zone: Zone) -> ZoneRow:
-    return ZoneRow(
-        name=zone.name,
-        no_answer=word(zone.no_answer),
-        hold_limit_s=zone.hold_limit_s,
-        safe_place=_safe_place(zone.retreat) if zone.retreat else "",
-    )
-
-
-def _safe_place(retreat: Retreat) -> str:
+def safe_place(retreat: Retreat) -> str:
+    """Where a zone sends its robot, by which way and on whose authority, in words."""
     return said(
         "safe place {place} by {route}, at most {speed} m/s, authorised by {authority} on {day}",
         place=word(retreat.place_id),

@@ -67,10 +67,7 @@ class Plot:
     `low` and `high` are the values at the bottom and the top of the box.
     """
 
-    name: str
-    title: str
-    source: str
-    unit: str
+    quantity: Quantity
     low: float
     high: float
     lines: tuple[str, ...]
@@ -113,10 +110,7 @@ def _plot(quantity: Quantity, series: Series, cursor: Cursor, *, limit: tuple[st
     now = at_cursor(series, cursor.at_s)
     unit = quantity.unit
     return Plot(
-        name=quantity.name,
-        title=quantity.title,
-        source=quantity.source,
-        unit=unit,
+        quantity=quantity,
         low=low,
         high=top,
         lines=tuple(_line(part, cursor, low=low, high=top) for part in _parts(series)),

@@ -8,21 +8,9 @@ from app.views.saying import listed, said, word
 from app.views.stages import Acceptance, Graph, Stage, graph
 from harness.contracts.effects import Metric
 from harness.contracts.places import Site
-from harness.contracts.tasks import Node, TaskContract, order
+from harness.contracts.tasks import Node, RecoveryLimits, TaskContract, order
 
-
-@dataclass(frozen=True)
-class StagePlan:
-    """One stage as it is compiled: what it needs, what it may spend, what must be shown."""
-
-    node_id: str
-    subgoal: str
-    capabilities: str
-    risk: str
-    timeout_s: float
-    recovery: str
-    conditions: tuple[str, ...]
-    required: bool
+RISKS = ("low", "medium", "high")
 
 
 @dataclass(frozen=True)
@@ -36,17 +24,11 @@ class Mark:
 
 @dataclass(frozen=True)
 class Preview:
-    """A contract that was compiled and not stored."""
+    """A contract that was compiled and not stored. `longest_s` is the sum of the stages' time limits."""
 
+    contract: TaskContract
     graph: Graph
-    stages: tuple[StagePlan, ...]
-    conditions: tuple[str, ...]
-    recovery_total: int
-    speed_cap_mps: float
-    minimum_charge: float
-    keep_out: str
-    frame: str
-    map_version: str
+    stages: tuple[Node, ...]
     highest_risk: str
     longest_s: float
     map: SiteMap
@@ -54,29 +36,21 @@ class Preview:
 
 
 def preview(contract: TaskContract, site: Site) -> Preview:
-    """Everything a person should know before they start it; `longest_s` is the sum of the stages' time limits."""
-    names = order(contract)
-    nodes = [contract.node(name) for name in names]
-    risks = ("low", "medium", "high")
+    """Everything a person should know before they start it."""
+    nodes = tuple(contract.node(name) for name in order(contract))
     return Preview(
+        contract=contract,
         graph=graph(contract, [_pending(node) for node in nodes], goal="pending"),
-        stages=tuple(_plan(node) for node in nodes),
-        conditions=tuple(condition.text for condition in contract.completion_conditions),
-        recovery_total=contract.recovery_total,
-        speed_cap_mps=contract.constraints.speed_cap_mps,
-        minimum_charge=contract.constraints.minimum_charge,
-        keep_out=", ".join(contract.constraints.keep_out),
-        frame=contract.frame,
-        map_version=contract.map_version,
-        highest_risk=max((node.risk for node in nodes), key=risks.index),
+        stages=nodes,
+        highest_risk=max((node.risk for node in nodes), key=RISKS.index),
         longest_s=sum(node.timeout_s for node in nodes),
         map=site_map(site),
         marks=_marks(contract, site, nodes),
     )
 
 
-def _plan(node: Node) -> StagePlan:
-    limits = node.recovery
+def allowed(limits: RecoveryLimits) -> str:
+    """What a stage may spend on recovery, in words."""
     spends = {
         "look again": limits.re_perceive,
         "adjust the view": limits.adjust_view,
@@ -84,17 +58,8 @@ def _plan(node: Node) -> StagePlan:
         "plan again": limits.local_replan,
         "switch the skill": limits.switch_skill,
     }
-    allowed = listed(said("{action} {count}", action=name, count=count) for name, count in spends.items() if count)
-    return StagePlan(
-        node_id=node.node_id,
-        subgoal=node.subgoal,
-        capabilities=listed(map(word, node.capabilities)),
-        risk=node.risk,
-        timeout_s=node.timeout_s,
-        recovery=said("{total} in all: {allowed}", total=limits.total, allowed=allowed) if limits.total else "none",
-        conditions=tuple(condition.text for condition in node.success_conditions),
-        required=node.required,
-    )
+    told = listed(said("{action} {count}", action=name, count=count) for name, count in spends.items() if count)
+    return said("{total} in all: {allowed}", total=limits.total, allowed=told) if limits.total else "none"
 
 
 def _marks(contract: TaskContract, site: Site, nodes: Sequence[Node]) -> tuple[Mark, ...]:

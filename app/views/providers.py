@@ -1,5 +1,6 @@
 """Pure: who can act: every provider's card in its twelve fields, what the kit says of it, and what its log says."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -28,20 +29,22 @@ class OutcomeCount:
 
 @dataclass(frozen=True)
 class ProviderCard:
-    """One provider. `fields` are the card's, in the paper's order: the provider's own word."""
+    """One provider: its card, its own word; what its conformance file claims; what memory verified, newest first."""
 
-    provider_id: str
-    version: str
-    capability: str
-    risk: str
-    moves: bool
-    fields: tuple[tuple[str, str], ...]
-    supervision: tuple[tuple[str, str], ...]
+    card: CapabilityCard
     conformance: Conformance | None
-    outcomes: tuple[OutcomeCount, ...]
-    executions: int
-    mean_residual: float | None
+    ended: tuple[ProviderOutcome, ...]
     newest_mission: str
+
+    @property
+    def outcomes(self) -> tuple[OutcomeCount, ...]:
+        counted = Counter(one.verdict for one in self.ended)
+        return tuple(OutcomeCount(verdict, count) for verdict, count in sorted(counted.items()))
+
+    @property
+    def mean_residual(self) -> float:
+        """The mean gap between expected and observed effect, 0 to 1."""
+        return sum(one.residual for one in self.ended) / max(len(self.ended), 1)
 
 
 @dataclass(frozen=True)
@@ -61,34 +64,31 @@ def providers_page(
 ) -> ProvidersPage:
     """`outcomes`: what memory verified of each provider, newest first."""
     rows = [_card(one, conformance.get(one.provider_id), outcomes.get(one.provider_id, ())) for one in cards]
-    return ProvidersPage(shell=shell, cards=tuple(sorted(rows, key=lambda one: (one.capability, one.provider_id))))
+    return ProvidersPage(
+        shell=shell, cards=tuple(sorted(rows, key=lambda one: (word(one.card.capability), one.card.provider_id)))
+    )
 
 
 def _card(card: CapabilityCard, claims: Conformance | None, records: Sequence[MemoryRecord]) -> ProviderCard:
-    ended = [record.knowledge for record in records if isinstance(record.knowledge, ProviderOutcome)]
-    verdicts = sorted({one.verdict for one in ended})
     return ProviderCard(
-        provider_id=card.provider_id,
-        version=card.version,
-        capability=word(card.capability),
-        risk=card.risk,
-        moves=card.moves,
-        fields=_fields(card),
-        supervision=(
-            ("moves the body", "yes" if card.moves else "no"),
-            ("after a restart", listed((word(card.reattach), "resumable")) if card.resumable else word(card.reattach)),
-            ("sources of its evidence", listed(map(word, card.sources)) or "none named"),
-            ("software", card.software or "not named"),
-        ),
+        card=card,
         conformance=claims,
-        outcomes=tuple(OutcomeCount(name, sum(one.verdict == name for one in ended)) for name in verdicts),
-        executions=len(ended),
-        mean_residual=sum(one.residual for one in ended) / len(ended) if ended else None,
+        ended=tuple(one.knowledge for one in records if isinstance(one.knowledge, ProviderOutcome)),
         newest_mission=records[0].provenance.mission_id if records else "",
     )
 
 
-def _fields(card: CapabilityCard) -> tuple[tuple[str, str], ...]:
+def supervision(card: CapabilityCard) -> tuple[tuple[str, str], ...]:
+    """What the harness asks of a card beside the paper's fields."""
+    return (
+        ("moves the body", "yes" if card.moves else "no"),
+        ("after a restart", listed((word(card.reattach), "resumable")) if card.resumable else word(card.reattach)),
+        ("sources of its evidence", listed(map(word, card.sources)) or "none named"),
+        ("software", card.software or "not named"),
+    )
+
+
+def card_fields(card: CapabilityCard) -> tuple[tuple[str, str], ...]:
     """The twelve fields of the paper (R57)."""
     latency, estimates = card.latency, card.estimates
     return (

@@ -4,38 +4,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from app.views.canary import CanaryPanel, canary_panel
-from app.views.candidates import title_of
-from app.views.review_rows import UptakeRow, policy_sentence, uptake_rows
+from app.views.review_rows import policy_sentence
 from app.views.saying import said
 from app.views.shell import Shell
 from harness.contracts.actors import Actor
 from harness.contracts.ids import Digest, RobotId
-from rsi_reviews.events import PointerMoved
 from rsi_reviews.pointers import Pointer, current_at
 from rsi_reviews.projections import Review
 
-CAUSES = {
+CAUSES: Mapping[str, str] = {
     "shipped": "shipped with the program", "canary": "canary began", "released": "released to every robot",
     "rolled_back": "rolled back", "withdrawn": "canary withdrawn",
 }  # fmt: skip
 TONES = {"rolled_back": "bad", "canary": "warn", "released": "good"}
 WIDTH, HEIGHT = 920.0, 64.0
-
-
-@dataclass(frozen=True)
-class MoveRow:
-    """One move of the pointer. `configuration` holds for every robot but `robot_id`, where `canary` runs."""
-
-    revision: int
-    cause: str
-    tone: str
-    configuration: str
-    canary: str
-    robot_id: str
-    candidate: str
-    who: str
-    reason: str
-    at_s: float
 
 
 @dataclass(frozen=True)
@@ -51,24 +33,13 @@ class Span:
 
 @dataclass(frozen=True)
 class VersionRow:
-    """One version and the unfinished missions pinned to it. `candidate` proposed it; empty for what was shipped."""
+    """One version, the candidate that proposed it if any, and the unfinished missions pinned to it."""
 
     configuration: str
-    title: str
-    candidate: str
     state: str
+    review: Review | None
     quarantined: str
-    missions: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class LookRow:
-    """One look at the held-out suite, whatever it answered."""
-
-    candidate: str
-    look: int
-    alpha: float
-    at_s: float
+    missions: Sequence[str]
 
 
 @dataclass(frozen=True)
@@ -111,23 +82,17 @@ class Around:
 
 @dataclass(frozen=True)
 class ReleasesPage:
-    """`released` is the candidate whose configuration is current and can be rolled back; empty for what was shipped."""
+    """Where the pointer stands, what runs under what, and who must agree. `current`: the candidate that is current."""
 
     shell: Shell
-    revision: int
-    current: str
-    title: str
-    released: str
-    rollback: str
+    pointer: Pointer
+    current: Review | None
     canary: CanaryPanel | None
-    moves: tuple[MoveRow, ...]
     spans: tuple[Span, ...]
     width: float
     height: float
     at: At | None
     versions: tuple[VersionRow, ...]
-    uptakes: tuple[UptakeRow, ...]
-    looks: tuple[LookRow, ...]
     policy: PolicyForm
     key: str
 
@@ -137,27 +102,33 @@ def releases_page(
 ) -> ReleasesPage:
     by_configuration: dict[str, Review] = {one.configuration: one for one in reversed(around.reviews)}
     trial = next((one for one in around.reviews if one.candidate == pointer.trial), None)
-    current = by_configuration.get(pointer.configuration)
     return ReleasesPage(
         shell=shell,
-        revision=pointer.revision,
-        current=pointer.configuration,
-        title=title_of(current) if current and pointer.released else "what the program ships",
-        released=pointer.released or "",
-        rollback=pointer.rollback,
+        pointer=pointer,
+        current=by_configuration.get(pointer.configuration) if pointer.released else None,
         canary=canary_panel(trial, pointer, actor) if trial else None,
-        moves=tuple(_move(one) for one in reversed(pointer.history)),
         spans=_spans(pointer, now_s=shell.now_s),
         width=WIDTH,
         height=HEIGHT,
         at=at,
-        versions=tuple(_version(name, state, by_configuration.get(name), pointer, around)
-                       for name, state in around.versions.items() if name),
-        uptakes=uptake_rows(pointer),
-        looks=tuple(LookRow(one.candidate, one.look, one.alpha, one.at_s) for one in reversed(pointer.looks)),
+        versions=tuple(
+            VersionRow(
+                configuration=name,
+                state=state,
+                review=by_configuration.get(name),
+                quarantined=pointer.quarantined[name].reason if name in pointer.quarantined else "",
+                missions=around.pins.get(name, ()),
+            )
+            for name, state in around.versions.items()
+            if name
+        ),
         policy=policy,
         key=key,
-    )  # fmt: skip
+    )
+
+
+def cause_tone(cause: str) -> str:
+    return TONES.get(cause, "plain")
 
 
 def policy_form(
@@ -189,21 +160,6 @@ def at_instant(pointer: Pointer, asked: str, instant_s: float | None, robots: Se
     return At(asked=asked, instant_s=instant_s, found=found, robots=others, wrong="")
 
 
-def _move(move: PointerMoved) -> MoveRow:
-    return MoveRow(
-        revision=move.revision,
-        cause=CAUSES[move.cause],
-        tone=TONES.get(move.cause, "plain"),
-        configuration=move.configuration,
-        canary=move.canary or "",
-        robot_id=str(move.robot_id or ""),
-        candidate=move.trial or move.released or "",
-        who=move.actor.name,
-        reason=move.reason,
-        at_s=move.at_s,
-    )
-
-
 def _spans(pointer: Pointer, *, now_s: float) -> tuple[Span, ...]:
     """Equal stretches would hide time, true ones would hide short canaries: each gets at least a visible width."""
     moves = pointer.history
@@ -222,18 +178,6 @@ def _spans(pointer: Pointer, *, now_s: float) -> tuple[Span, ...]:
             cause=CAUSES[move.cause],
             configuration=(move.canary or move.configuration)[:8],
         )
-        spans.append(Span(move.revision, TONES.get(move.cause, "plain"), title, round(x, 1), round(width - 2.0, 1)))
+        spans.append(Span(move.revision, cause_tone(move.cause), title, round(x, 1), round(width - 2.0, 1)))
         x += width
     return tuple(spans)
-
-
-def _version(name: Digest, state: str, review: Review | None, pointer: Pointer, around: Around) -> VersionRow:
-    bad = pointer.quarantined.get(name)
-    return VersionRow(
-        configuration=name,
-        title=title_of(review) if review else "what the program ships",
-        candidate=review.candidate if review else "",
-        state=state,
-        quarantined=bad.reason if bad else "",
-        missions=tuple(around.pins.get(name, ())),
-    )

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.views.facts import FactRow, facts
 from app.views.measures import ConditionRow, condition_row
 from app.views.missions import Head, head
 from app.views.saying import reasoned, said, word
@@ -85,7 +84,6 @@ class ReportPage:
     pictures: tuple[Shown, ...]
     deeds: tuple[Deed, ...]
     disputes: tuple[Deed, ...]
-    facts: tuple[FactRow, ...]
     unaccepted: tuple[str, ...]
     errors: tuple[str, ...]
     starts: int | None
@@ -142,7 +140,6 @@ def report_page(
             for entry in entries
             if isinstance(entry.event, CompletionDisputed)
         ),
-        facts=facts(mission, entries),
         unaccepted=tuple(
             name for name, node in mission.nodes.items() if node.status not in ("committed", "superseded")
         ),

@@ -46,7 +46,7 @@ def _under_way(intent: RetreatIntended) -> str:
 
 
 def _over(intent: RetreatIntended, ended: RetreatEnded) -> str:
-    reason = ended.reason.rstrip(".") if isinstance(ended.reason, str) else reasoned(ended.reason)
+    reason = reasoned(ended.reason).rstrip(".")
     match ended.outcome:
         case "reached":
             return said(

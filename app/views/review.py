@@ -4,37 +4,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from app.views.canary import CanaryPanel, canary_panel
-from app.views.candidates import TONES, stale, title_of
+from app.views.candidates import stale
 from app.views.review_results import Measured
-from app.views.review_rows import (
-    ClauseRow,
-    Component,
-    Declared,
-    HandRow,
-    HeldOutView,
-    MotiveRow,
-    PinRow,
-    RawLine,
-    SaidRow,
-    UptakeRow,
-    clause_row,
-    component_rows,
-    declared,
-    hand_rows,
-    held_out_view,
-    motive_rows,
-    pin_rows,
-    policy_sentence,
-    raw_lines,
-    said_rows,
-    uptake_rows,
-)
+from app.views.review_rows import HeldOutView, PinRow, held_out_view, pin_rows
 from app.views.review_words import Offer, offers
 from app.views.saying import said, word
 from app.views.shell import Shell
 from harness.contracts.actors import Actor
 from harness.contracts.ids import Digest
-from harness.contracts.values import encode
 from rsi_reviews.contracts import ClauseAnswer, Subject
 from rsi_reviews.difference import Difference
 from rsi_reviews.pointers import Pointer
@@ -80,45 +57,21 @@ class Seen:
 
 @dataclass(frozen=True)
 class ReviewPage:
-    """One candidate under review. `key` is one-use; `cycle` and `subject` are what a decision must name."""
+    """One candidate under review. `key` is one-use; `rollback` is where a release of it would go back to."""
 
     shell: Shell
-    candidate: str
-    title: str
-    status: str
-    tone: str
-    cycle: int
-    subject: str
-    subject_rows: tuple[tuple[str, str], ...]
-    subject_body: str
-    configuration: str
-    baseline: str
+    review: Review
+    seen: Seen
     stale: str
-    progress: str
-    hands: tuple[HandRow, ...]
-    declared: Declared | None
-    components: tuple[Component, ...]
-    raw: tuple[RawLine, ...]
-    measured: Measured | None
     held_out: HeldOutView | None
-    clauses: tuple[ClauseRow, ...]
-    motives: tuple[MotiveRow, ...]
     pins: tuple[PinRow, ...]
     rollback: str
-    proven_s: float
-    loads: str
     effects: tuple[str, ...]
-    uptakes: tuple[UptakeRow, ...]
     canary: CanaryPanel | None
-    said: tuple[SaidRow, ...]
-    approvals: tuple[str, ...]
-    quorum: int
-    policy: str
     offers: tuple[Offer, ...]
     robots: tuple[str, ...]
     key: str
-    typed: str
-    refused: str
+    left: Left
     changes: tuple[Changed, ...]
 
 
@@ -127,51 +80,22 @@ def review_page(
 ) -> ReviewPage:
     """The page of one candidate for this visitor, at the shell's time."""
     pointer, manifest = seen.pointer, review.manifest
-    old = stale(review, pointer)
     robot = robots[0] if robots else ""
-    rollback = review.authorised.rollback if review.authorised else manifest.rollback if manifest else ""
-    subject = review.subject
     return ReviewPage(
         shell=shell,
-        candidate=review.candidate,
-        title=title_of(review),
-        status=review.status,
-        tone=TONES.get(review.status, "plain"),
-        cycle=review.cycle,
-        subject=review.subject_digest,
-        subject_rows=tuple((word(name), getattr(subject, name)) for name in subject.__struct_fields__)
-        if subject
-        else (),
-        subject_body=encode(subject).decode() if subject else "",
-        configuration=review.configuration,
-        baseline=review.baseline,
-        stale=_stale(review, pointer) if old else "",
-        progress=seen.progress,
-        hands=hand_rows(review),
-        declared=declared(review),
-        components=component_rows(seen.difference),
-        raw=raw_lines(seen.difference),
-        measured=seen.measured,
-        held_out=held_out_view(review, seen.pointer, seen.clauses),
-        clauses=tuple(clause_row(one) for one in seen.clauses),
-        motives=motive_rows(review, seen.known),
-        pins=pin_rows(review, seen.pointer, seen.pins, seen.versions),
-        rollback=rollback,
-        proven_s=review.authorised.proven_at_s if review.authorised else 0.0,
-        loads=seen.loads,
+        review=review,
+        seen=seen,
+        stale=_stale(review, pointer) if stale(review, pointer) else "",
+        held_out=held_out_view(review, pointer, seen.clauses),
+        pins=pin_rows(review, pointer, seen.pins, seen.versions),
+        rollback=review.authorised.rollback if review.authorised else manifest.rollback if manifest else "",
         effects=_effects(review, seen, robot=str(review.robot_id or robot)),
-        uptakes=uptake_rows(pointer),
         canary=canary_panel(review, pointer, actor) if review.released_by else None,
-        said=said_rows(review),
-        approvals=tuple(one.actor.name for one in review.approvals),
-        quorum=pointer.policy.quorum,
-        policy=policy_sentence(pointer),
         offers=offers(review, pointer, actor, now_s=shell.now_s, robot=robot),
         robots=tuple(robots),
         key=key,
-        typed=left.reason,
-        refused=left.refused,
-        changes=_changed(left.subject, subject),
+        left=left,
+        changes=_changed(left.subject, review.subject),
     )
 
 

@@ -33,17 +33,6 @@ Replayed = tuple[str, str, str, int, Sequence[Decided], int]
 
 
 @dataclass(frozen=True)
-class ReplayRow:
-    """One decision: where it stands in the log, what it was and would have been."""
-
-    position: int
-    kind: str
-    node_id: str
-    before: str
-    after: str
-
-
-@dataclass(frozen=True)
 class ReplayMission:
     """One mission with the decisions that would differ."""
 
@@ -52,7 +41,7 @@ class ReplayMission:
     status: str
     derived: int
     unreadable: int
-    rows: tuple[ReplayRow, ...]
+    rows: tuple[Decided, ...]
 
 
 @dataclass(frozen=True)
@@ -77,7 +66,7 @@ def replay_page(shell: Shell, review: Review, found: Iterable[Replayed], *, held
             status=status,
             derived=derived,
             unreadable=unreadable,
-            rows=tuple(ReplayRow(one.position, one.kind, one.node_id, one.before, one.after) for one in differences),
+            rows=tuple(differences),
         )
         for mission_id, template, status, derived, differences, unreadable in found
     ]

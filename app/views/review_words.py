@@ -50,7 +50,7 @@ def offers(review: Review, pointer: Pointer, actor: Actor, *, now_s: float, robo
         decision: Any = decide(review, command, now)
         if not isinstance(decision, Refused) and (rest := _rests_on(word, review, pointer)) is not None:
             decision = pointing(pointer, rest, now)
-        why_not = reasoned(decision.message) if isinstance(decision, Refused) else ""
+        why_not = reasoned(decision.reason) if isinstance(decision, Refused) else ""
         found.append(Offer(word=word, title=title, why_not=why_not, hold=hold, danger=danger))
     return tuple(found)
 

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app.fleet import Shots, Word
-from app.views.missions import sentence, tone
 from app.views.retreats import LastRetreat
 from app.views.saying import reasoned, said
 from app.views.shell import Shell
@@ -76,23 +75,6 @@ class Step:
 
 
 @dataclass(frozen=True)
-class RobotMission:
-    """What a robot works on."""
-
-    mission_id: str
-    goal: str
-    status: str
-    tone: str
-    sentence: str
-    autonomy: str
-    level: str
-    handoff_id: str
-    can_pause: bool
-    can_resume: bool
-    stop: tuple[Step, ...]
-
-
-@dataclass(frozen=True)
 class RobotCard:
     """One robot: word, camera, mission, how many wait behind it, who drives it, its way to safety, who looks at it.
 
@@ -102,7 +84,7 @@ class RobotCard:
     robot_id: str
     word: RobotWord
     camera: CameraView
-    mission: RobotMission | None
+    mission: Mission | None
     queued: int
     control: str
     driver: str
@@ -164,21 +146,11 @@ class CameraRegion:
 
 
 @dataclass(frozen=True)
-class Stoppable:
-    """One mission that a stop of everything would stop."""
-
-    mission_id: str
-    robot_id: str
-    goal: str
-    status: str
-
-
-@dataclass(frozen=True)
 class StopAllPage:
     """The second step of a stop of everything: it names every mission and robot."""
 
     shell: Shell
-    missions: tuple[Stoppable, ...]
+    missions: tuple[Mission, ...]
     driven: tuple[str, ...]
     retreating: tuple[str, ...]
     idle: tuple[str, ...]
@@ -236,22 +208,6 @@ def camera_view(robot_id: str, shots: Shots, *, now_s: float) -> CameraView:
     )
 
 
-def robot_mission(mission: Mission) -> RobotMission:
-    return RobotMission(
-        mission_id=mission.mission_id,
-        goal=mission.goal,
-        status=mission.status,
-        tone=tone(mission.status),
-        sentence=sentence(mission),
-        autonomy=mission.autonomy,
-        level=AUTONOMY[mission.level],
-        handoff_id=mission.handoff_id or "",
-        can_pause=mission.status in ("active", "awaiting_human"),
-        can_resume=mission.status == "paused",
-        stop=stop_steps(mission),
-    )
-
-
 def stop_steps(mission: Mission) -> tuple[Step, ...]:
     """Asked, acknowledged, static: what is known of a stop, step by step; nothing if none was asked for."""
     if mission.stop is None:
@@ -290,7 +246,7 @@ def robot_card(
         robot_id=word.robot_id,
         word=word,
         camera=camera,
-        mission=robot_mission(mission) if mission else None,
+        mission=mission,
         queued=max(len(mine) - 1, 0),
         control=_in_control(mission, wheel, control.retreating(robot_id)),
         driver=wheel.actor.name if wheel else "",
@@ -343,7 +299,7 @@ def robots_page(
     )
 
 
-def stoppable(missions: Sequence[Mission]) -> tuple[Stoppable, ...]:
+def stoppable(missions: Sequence[Mission]) -> tuple[Mission, ...]:
     """Every open mission that acts in the world, by robot."""
-    rows = [Stoppable(one.mission_id, one.robot_id, one.goal, one.status) for one in missions if not one.replay]
+    rows = [one for one in missions if not one.replay]
     return tuple(sorted(rows, key=lambda one: (one.robot_id, one.mission_id)))

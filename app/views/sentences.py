@@ -143,7 +143,7 @@ def sentence(event: MissionEvent) -> str:
                 "Refused: {node_id} by rule {rule}. {message}",
                 node_id=event.node_id,
                 rule=event.rule,
-                message=event.message,
+                message=event.reason,
             )
         case ObservationRecorded():
             against = (

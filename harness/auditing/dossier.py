@@ -10,7 +10,7 @@ from harness.contracts.dossier import EVENTS, FORMAT, RECORDS, DossierContents
 from harness.contracts.errors import BlobDamaged, UnknownName
 from harness.contracts.ids import Digest, MissionId, StreamId, mission_stream, sha256
 from harness.contracts.ports import Record
-from harness.contracts.values import Value, encode
+from harness.contracts.values import Count, Value, encode
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 
@@ -29,6 +29,7 @@ class Collected:
 class DossierVerdict(Value):
     """What an offline check found. `differences` of the replay are empty for a sound dossier.
 
+    `reconstructed`: decisions whose command was guessed back from events, in a log from before commands were stored.
     `places` are the changes to places up to the mission's end; a dossier of an earlier release has none.
     """
 
@@ -44,6 +45,7 @@ class DossierVerdict(Value):
     head_digest: Digest
     differences: tuple[str, ...]
     places: tuple[PlaceChange, ...] = ()
+    reconstructed: Count = 0
 
 
 def collect(runtime: Runtime, mission_id: MissionId, *, exported_by: str, exported_at_s: float) -> Collected:
@@ -102,6 +104,7 @@ def judge(runtime: Runtime, contents: DossierContents, *, public_key: str, trust
         head_digest=contents.head.digest,
         differences=tuple(differences),
         places=place_changes(runtime, mission),
+        reconstructed=report.reconstructed,
     )
 
 

@@ -1,25 +1,30 @@
 """Replay for an auditor: fold again, ask every role again, decide again, and say what differs. Touches no robot (R145).
 
-Randomness has no part in a decision; a model's output is read where it was stored, never sampled again (R146).
+Every decision is made again from the command that was stored with it. In a log from before commands were stored they
+are guessed back from the events, and the report says how many. Randomness has no part in a decision; a model's output
+is read where it was stored, never sampled again (R146).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import msgspec
 from msgspec.structs import replace
 
-from harness.auditing.commands import asked
-from harness.auditing.neighbours import asked_of_handoff, asked_of_lease
+from harness.auditing import legacy, legacy_neighbours
+from harness.auditing.commands import CommandUnreadable, command_at, tokens_in
 from harness.auditing.prose import is_old, same
 from harness.auditing.roles import Roles
+from harness.contracts.commands import HandoffCommand, LeaseCommand, MissionCommand
 from harness.contracts.decider import Decider
 from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.errors import ContractInvalid, LogDamaged
 from harness.contracts.events import ContractCompiled, MissionEvent
 from harness.contracts.ids import Digest, HandoffId, MissionId, ResourceId, StreamId, mission_stream, sha256
 from harness.contracts.ports import StoredEvent
+from harness.contracts.reasons import plain
+from harness.contracts.stored_commands import command_of
 from harness.contracts.values import Count, Moment, Value, digest, encode
 from harness.gate.decide import DECIDER
 from harness.gate.handoffs import DECIDER as HANDOFF
@@ -27,6 +32,8 @@ from harness.gate.leases import DECIDER as LEASE
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 
+RECONSTRUCTED = "commands reconstructed from events (log from before commands were stored)"
+NONE_STORED = "no command is stored with it, though commands are stored before it"
 UNEQUAL = "the state folded from zero is not, byte for byte, the live one"
 
 
@@ -35,6 +42,7 @@ class ReplayReport(Value):
 
     `unanswered` verdicts were given by nobody and cannot be derived; `decisions` are the gate's on the mission,
     `leases` and `handoffs` those on its resources and questions; `targets` and `maps` are those of an exploration.
+    `reconstructed`: how many of these decisions had no stored command, so that it was guessed back from their events.
     """
 
     mission_id: MissionId
@@ -54,6 +62,7 @@ class ReplayReport(Value):
     differences: tuple[str, ...]
     targets: Count = 0
     maps: Count = 0
+    reconstructed: Count = 0
 
 
 @dataclass
@@ -63,9 +72,28 @@ class _Replay:
     runtime: Runtime
     differences: list[str] = field(default_factory=list)
     old: bool = False
+    reconstructed: int = 0
+    storing: set[StreamId] = field(default_factory=set)
 
     def differ(self, stored: StoredEvent, what: str) -> None:
         self.differences.append(f"position {stored.position}, {stored.stream}, {stored.kind}: {what}")
+
+    def command(self, tail: Sequence[StoredEvent], union: Any, tokens: Iterable[str] = ()) -> tuple[bool, Any]:
+        """Whether these events say which command they answered, and the command; None where it cannot be read."""
+        first = tail[0]
+        try:
+            command = command_at(self.runtime, tail, union, tokens=tokens)
+        except CommandUnreadable as unreadable:
+            self.differ(first, str(unreadable))
+            return True, None
+        if command is not None:
+            self.storing.add(first.stream)
+            return True, command
+        if first.stream in self.storing:
+            self.differ(first, NONE_STORED)
+            return True, None
+        self.reconstructed += 1
+        return False, None
 
 
 def replay_mission(runtime: Runtime, mission_id: MissionId) -> ReplayReport:
@@ -91,6 +119,7 @@ def replay_mission(runtime: Runtime, mission_id: MissionId) -> ReplayReport:
         k=mission.k,
         state=digest(mission),
         differences=tuple(replay.differences),
+        reconstructed=replay.reconstructed,
     )
 
 
@@ -108,8 +137,13 @@ def _mission(replay: _Replay, roles: Roles, stored: Sequence[StoredEvent]) -> tu
     expected: list[MissionEvent] = []
     differing = False
     for index, event in enumerate(events):
+        if expected and command_of(stored[index]) is not None:
+            replay.differ(
+                stored[index], f"the gate derives {type(expected[0]).__name__} before it, which is not stored"
+            )
+            expected = []
         if not expected:
-            expected, differing = _decided(replay, mission, events[index:], stored[index]), False
+            expected, differing = _decided(replay, mission, events[index:], stored[index:]), False
             decisions += 1
         derived = _as_written(expected.pop(0), stored[index]) if expected else None
         if derived is not None and not differing and not same(derived, event, old=replay.old):
@@ -136,12 +170,16 @@ def _as_written(derived: MissionEvent, stored: StoredEvent) -> MissionEvent:
 
 
 def _decided(
-    replay: _Replay, mission: Mission, tail: Sequence[MissionEvent], stored: StoredEvent
+    replay: _Replay, mission: Mission, tail: Sequence[MissionEvent], stored_tail: Sequence[StoredEvent]
 ) -> list[MissionEvent]:
     """The events the gate answers with again to what these events answered."""
-    command = asked(tail)
+    stored = stored_tail[0]
+    said, command = replay.command(stored_tail, MissionCommand)
+    if not said:
+        command = legacy.asked(tail)
+        if command is None:
+            replay.differ(stored, "no command leads to this event here")
     if command is None:
-        replay.differ(stored, "no command leads to this event here")
         return []
     now = Moment(mission_s=stored.mission_s, wall_s=stored.recorded_s)
     try:
@@ -156,7 +194,7 @@ def _accepted(replay: _Replay, decision: Decision[Any], stored: StoredEvent) -> 
     match decision:
         case Refused():
             replay.differ(
-                stored, f"the gate accepted it; derived again it refuses: {decision.rule}, {decision.message}"
+                stored, f"the gate accepted it; derived again it refuses: {decision.rule}, {plain(decision.reason)}"
             )
             return []
         case Accepted():
@@ -167,13 +205,15 @@ def _leases(replay: _Replay, stream: StreamId, mission_id: MissionId) -> int:
     """The lease decisions on one resource; counts and reports those about this mission."""
     lease, decisions = LEASE.initial, 0
     stored = replay.runtime.stream(stream)
-    for one, event in zip(stored, _decoded(replay, LEASE, stored), strict=False):
-        after = LEASE.apply(lease, event)
-        command = asked_of_lease(event)
-        if after.mission_id == mission_id and command is not None:
+    for index, event in enumerate(_decoded(replay, LEASE, stored)):
+        after, one = LEASE.apply(lease, event), stored[index]
+        if after.mission_id == mission_id:
+            said, command = replay.command(stored[index:], LeaseCommand)
+            command = command if said else legacy_neighbours.asked_of_lease(event)
             decisions += 1
             now = Moment(mission_s=one.mission_s, wall_s=one.recorded_s)
-            _same(replay, _accepted(replay, LEASE.decide(lease, command, now), one), event, one)
+            if command is not None:
+                _same(replay, _accepted(replay, LEASE.decide(lease, command, now), one), event, one)
         lease = after
     if encode(lease) != encode(replay.runtime.lease(ResourceId(stream.partition("/")[2]))):
         replay.differences.append(f"{stream}: {UNEQUAL}")
@@ -187,12 +227,16 @@ def _handoff(replay: _Replay, stream: StreamId, mission_id: MissionId) -> int:
         return 0
     handoff, decisions = HANDOFF.initial, 0
     stored = replay.runtime.stream(stream)
-    for one, event in zip(stored, _decoded(replay, HANDOFF, stored), strict=False):
-        found = asked_of_handoff(handoff, event)
-        if found is not None:
-            decisions += 1
-            command, wall_s = found
-            now = Moment(mission_s=one.mission_s, wall_s=one.recorded_s if wall_s is None else wall_s)
+    for index, event in enumerate(_decoded(replay, HANDOFF, stored)):
+        one = stored[index]
+        tokens = [*tokens_in(event), *([handoff.claim.claim] if handoff.claim else [])]
+        said, command = replay.command(stored[index:], HandoffCommand, tokens)
+        wall_s: float | None = one.recorded_s
+        if not said:
+            command, wall_s = legacy_neighbours.asked_of_handoff(handoff, event) or (None, None)
+        decisions += 1
+        now = Moment(mission_s=one.mission_s, wall_s=one.recorded_s if wall_s is None else wall_s)
+        if command is not None:
             _same(replay, _accepted(replay, HANDOFF.decide(handoff, command, now), one), event, one)
         handoff = HANDOFF.apply(handoff, event)
     if encode(handoff) != encode(live):

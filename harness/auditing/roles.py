@@ -100,7 +100,7 @@ class Roles:
         else:
             said = self._stored(event.proposal, PlanProposal) if event.proposal else own
             if refused := plan_refusal(said, mission=mission):
-                raise Differs(f"the plan was taken up; derived again it is refused: {refused.message}")
+                raise Differs(f"the plan was taken up; derived again it is refused: {plain(refused.reason)}")
             expected = (said.node_id, said.reason)
         self.derived["plans"] += 1
         if not same(expected, (event.node_id, event.reason), old=self.old):

@@ -316,7 +316,11 @@ class RefreshHandoff(Command, tag=True):
 
 
 class ApproveHandoff(Command, tag=True):
-    """`subject` and `evidence` are what the person saw; `k` and `fresh` are what holds now (D28)."""
+    """`subject` and `evidence` are what the person saw, `shown` the page that showed it.
+
+    The harness adds what holds now: the state version `k` and `fresh`, a look at the robot. Without them it is
+    refused (D28).
+    """
 
     actor: Actor
     reason: Name
@@ -324,8 +328,8 @@ class ApproveHandoff(Command, tag=True):
     cycle: Count
     subject: Digest
     evidence: Digest
-    k: Count
-    fresh: Snapshot
+    k: Count | None = None
+    fresh: Snapshot | None = None
     shown: Digest | None = None
     claim: str = ""
 

@@ -8,7 +8,7 @@ from typing import Literal, get_args
 
 from harness.contracts.actors import Actor, Command, Event
 from harness.contracts.ids import RequestId, RobotId, StreamId
-from harness.contracts.reasons import Explanation
+from harness.contracts.reasons import Explanation, Reason
 from harness.contracts.retreat_events import RetreatCommand, RetreatEvent
 from harness.contracts.values import Count, Name
 
@@ -115,7 +115,7 @@ class OrderPosture(Command, tag=True):
     robot_id: RobotId
     posture: Posture
     actor: Actor
-    reason: Explanation
+    reason: Reason | Name
 
 
 ControlEvent = AutonomyLimited | WheelTaken | WheelReturned | PostureOrdered | RetreatEvent

@@ -9,7 +9,9 @@ import msgspec
 
 from harness.contracts.decisions import Decision
 from harness.contracts.errors import LogDamaged, StoreNewer
+from harness.contracts.ids import Digest
 from harness.contracts.ports import NewEvent, StoredEvent
+from harness.contracts.stored_commands import with_command, without_command
 from harness.contracts.upcasting import UPCASTERS, Upcaster, Upcasting, name_of
 from harness.contracts.values import Moment, encode
 
@@ -26,15 +28,18 @@ class Codec(Generic[Event]):
         self._decoder: msgspec.json.Decoder[Event] = msgspec.json.Decoder(union)
         self._upcasting = Upcasting(upcasters)
 
-    def encode(self, event: Event) -> NewEvent:
-        return NewEvent(kind=self._upcasting.written(type(event).__name__), body=encode(event))
+    def encode(self, event: Event, *, command: Digest | None = None) -> NewEvent:
+        """As it is stored. `command`: the record of the command that this event begins to answer."""
+        body = encode(event) if command is None else with_command(encode(event), command)
+        return NewEvent(kind=self._upcasting.written(type(event).__name__), body=body)
 
     def decode(self, stored: StoredEvent) -> Event:
         """Raises StoreNewer for a shape of a later release, LogDamaged if the body is not an event of this union."""
+        body = without_command(stored.body)
         try:
             if self._upcasting.is_old(stored.kind):
-                body = self._upcasting.brought_up(stored.kind, msgspec.json.decode(stored.body))
-                event: Event = msgspec.convert(body, self._union)
+                raised = self._upcasting.brought_up(stored.kind, msgspec.json.decode(body))
+                event: Event = msgspec.convert(raised, self._union)
                 return event
             if "@" in stored.kind and stored.kind != self._upcasting.written(name_of(stored.kind)):
                 raise StoreNewer(
@@ -42,7 +47,7 @@ class Codec(Generic[Event]):
                     where=f"position {stored.position}, stream {stored.stream}",
                     do="install the newer version of the program",
                 )
-            return self._decoder.decode(stored.body)
+            return self._decoder.decode(body)
         except (msgspec.DecodeError, LookupError, TypeError, ValueError) as error:
             raise LogDamaged(
                 f"Event {stored.kind} cannot be read: {error}",

@@ -1,10 +1,11 @@
-"""What a decider answers. A refusal is a value: it names a rule and says why in a sentence."""
+"""What a decider answers. A refusal is a value: the rule that was broken, and a typed reason."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-from harness.contracts.reasons import Explanation
+from harness.contracts.actors import Command
+from harness.contracts.reasons import Fact, Reason, because
 
 E = TypeVar("E")
 
@@ -18,13 +19,22 @@ class Accepted(Generic[E]):
 
 @dataclass(frozen=True)
 class Refused:
-    """Nothing happens. `rule` is a slug for machines, `message` why, for people."""
+    """Nothing happens. `rule` names what was broken and never changes; the edge makes a sentence of `reason`."""
 
     rule: str
-    message: Explanation
+    reason: Reason
+
+
+def refused(rule: str, reason: Reason | None = None, /, **facts: Fact) -> Refused:
+    """`refused("lease_held", resource="base")`; with a reason of its own where a rule has several sentences."""
+    return Refused(rule, because(rule, **facts) if reason is None else reason)
 
 
 Decision = Accepted[E] | Refused
 
-Authority = Callable[[object], Refused | None]
+Authority = Callable[[Command], Refused | None]
 """Whether whoever gave a command may still give it: asked anew in every round of a commit."""
+
+
+def unquestioned(command: Command) -> Refused | None:
+    """The answer where nobody keeps accounts."""

@@ -25,7 +25,7 @@ from harness.contracts.ids import (
 )
 from harness.contracts.proposals import Signature
 from harness.contracts.protocol import InvocationStatus, Parameters
-from harness.contracts.reasons import Explanation
+from harness.contracts.reasons import Explanation, Reason
 from harness.contracts.revision_events import (
     AttestationRecorded,
     CompletionDisputed,
@@ -198,7 +198,7 @@ class CommitRejected(Event, tag=True):
     invocation_id: InvocationId
     packet_id: PacketId
     rule: Name
-    message: Explanation
+    reason: Reason
 
 
 class ObservationRecorded(Event, tag=True):

@@ -1,12 +1,9 @@
 """What is asked at a handoff beside its decision: whose question it is, how long it waits, who has control."""
 
-from typing import Literal
-
 from harness.contracts.actors import Actor, Command
 from harness.contracts.configuration import RecoveryAction
 from harness.contracts.handoff_events import EscalationLevel, NoAnswer, Snapshot
-from harness.contracts.ids import ConditionId, Digest, HandoffId
-from harness.contracts.reasons import Explanation
+from harness.contracts.reasons import Explanation, Reason
 from harness.contracts.values import Count, Name
 
 # asked of the gate, by the desk ---------------------------------------------------------------------------------------
@@ -51,14 +48,14 @@ class TakeControl(Command, tag=True):
 
 
 class ReturnControl(Command, tag=True):
-    """Handed back, with what was seen afresh. `k` is the state version it was seen at."""
+    """Handed back by a person. The harness adds what it sees afresh, and the state version `k` it is seen at."""
 
     actor: Actor
     claim: Name
     key: Name
     reason: Name
-    k: Count
-    fresh: Snapshot
+    k: Count | None = None
+    fresh: Snapshot | None = None
 
 
 class CloseQuestion(Command, tag=True):
@@ -82,7 +79,7 @@ class RecordNoAnswer(Command, tag=True):
     action: NoAnswer
     done: bool
     measured: dict[str, float]
-    reason: Explanation
+    reason: Reason
 
 
 HandoffTurn = (
@@ -97,117 +94,19 @@ HandoffTurn = (
     | RecordNoAnswer
 )
 
-# asked by a person ----------------------------------------------------------------------------------------------------
-
-
-class DecideHandoff(Command, tag=True):
-    """A person's answer at a handoff, on exactly what they saw. The supervisor observes again before it counts."""
-
-    handoff_id: HandoffId
-    decision: Literal["approve", "reject"]
-    actor: Actor
-    reason: Name
-    key: Name
-    cycle: Count
-    subject: Digest
-    evidence: Digest
-    shown: Digest | None = None
-    claim: str = ""
+# asked by a person, for the harness to look first ---------------------------------------------------------------------
 
 
 class LookAgain(Command, tag=True):
-    """Observe without motion and show the handoff as it is now."""
+    """Observe without motion and show the handoff as it is now: becomes a RefreshHandoff of what was seen."""
 
-    handoff_id: HandoffId
     actor: Actor
-
-
-class AttestCondition(Command, tag=True):
-    """A person says what they saw of one condition at a handoff; the supervisor then looks without motion (D17)."""
-
-    handoff_id: HandoffId
-    condition_id: ConditionId
-    actor: Actor
-    statement: Name
-    key: Name
-    cycle: Count
-    claim: str = ""
-
-
-class ClaimHandoff(Command, tag=True):
-    """I answer this one. Others see it and cannot decide while the claim lives."""
-
-    handoff_id: HandoffId
-    actor: Actor
-    claim: Name
-
-
-class ReleaseHandoff(Command, tag=True):
-    """Somebody else may answer after all."""
-
-    handoff_id: HandoffId
-    actor: Actor
-    claim: Name
-
-
-class OnMyWay(Command, tag=True):
-    """I am walking there: wait longer, once, as long as the zone allows."""
-
-    handoff_id: HandoffId
-    actor: Actor
-    reason: Name
 
 
 class ChooseAction(Command, tag=True):
-    """Propose another action of the ladder instead: a new cycle, approved on its own digest."""
+    """Propose another action of the ladder instead: becomes a RefreshHandoff, approved on its own digest."""
 
-    handoff_id: HandoffId
     actor: Actor
     action: RecoveryAction
     cycle: Count
     claim: str = ""
-
-
-class TakeOver(Command, tag=True):
-    """I drive it myself from this device."""
-
-    handoff_id: HandoffId
-    actor: Actor
-    claim: Name
-    device: Name
-    key: Name
-    reason: Name
-
-
-class HandBack(Command, tag=True):
-    """The robot is the harness's again; it looks, without motion, at what it finds."""
-
-    handoff_id: HandoffId
-    actor: Actor
-    claim: Name
-    key: Name
-    reason: Name
-
-
-class CloseHandoff(Command, tag=True):
-    """I keep it: the mission ends here."""
-
-    handoff_id: HandoffId
-    actor: Actor
-    claim: Name
-    key: Name
-    reason: Name
-
-
-PersonCommand = (
-    DecideHandoff
-    | LookAgain
-    | AttestCondition
-    | ClaimHandoff
-    | ReleaseHandoff
-    | OnMyWay
-    | ChooseAction
-    | TakeOver
-    | HandBack
-    | CloseHandoff
-)

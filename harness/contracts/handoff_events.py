@@ -8,7 +8,7 @@ from harness.contracts.configuration import FailureClass, RecoveryAction
 from harness.contracts.ids import ConditionId, Digest, HandoffId, InvocationId, MissionId, NodeId, ProviderId, RobotId
 from harness.contracts.places import Otherwise
 from harness.contracts.protocol import Parameters
-from harness.contracts.reasons import Explanation
+from harness.contracts.reasons import Explanation, Reason
 from harness.contracts.values import Count, Name, Value
 
 NoAnswer = Literal["hold", "lie_down", "retreat"]
@@ -203,7 +203,7 @@ class NoAnswerTaken(Event, tag=True):
     action: NoAnswer
     done: bool
     measured: dict[str, float]
-    reason: Explanation
+    reason: Reason
     at_s: float
 
 

@@ -10,7 +10,7 @@ from harness.contracts.actors import Actor, Command, Event
 from harness.contracts.ids import HandoffId, InvocationId, MissionId, NodeId, PlaceId, ProviderId, RequestId, RobotId
 from harness.contracts.places import Otherwise
 from harness.contracts.protocol import Parameters
-from harness.contracts.reasons import Explanation
+from harness.contracts.reasons import Explanation, Reason
 from harness.contracts.values import Count, Name, Point
 
 RETREAT = NodeId("retreat")
@@ -73,7 +73,7 @@ class RetreatEnded(Event, tag=True):
     outcome: RetreatOutcome
     declared: str
     measured: dict[str, float]
-    reason: Explanation
+    reason: Reason
     at_s: float
     then: Otherwise | Literal[""] = ""
     then_done: bool = False
@@ -86,7 +86,7 @@ class SendRetreat(Command, tag=True):
 class StopRetreat(Command, tag=True):
     robot_id: RobotId
     actor: Actor
-    reason: Explanation
+    reason: Reason | Name
 
 
 class EndRetreat(Command, tag=True):

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
+from harness.contracts.reasons import RECORDED
+
 Body = dict[str, Any]
 """A stored event's JSON object; `kind` in it is the event's name."""
 
@@ -22,8 +24,27 @@ class Upcaster:
     upcast: Callable[[Body], Body]
 
 
-UPCASTERS: tuple[Upcaster, ...] = ()
-"""Of every release so far: no event has changed its shape since the first."""
+def _reason_recorded(body: Body) -> Body:
+    """A reason that was one English sentence."""
+    return body | {"reason": _recorded(body["reason"])}
+
+
+def _rejection_recorded(body: Body) -> Body:
+    """The sentence of a refusing rule was called its message."""
+    kept = {name: value for name, value in body.items() if name != "message"}
+    return kept | {"reason": _recorded(body["message"])}
+
+
+def _recorded(text: str) -> Body:
+    return {"code": RECORDED, "facts": {"text": text}}
+
+
+UPCASTERS: tuple[Upcaster, ...] = (
+    Upcaster("CommitRejected", "CommitRejected@2", _rejection_recorded),
+    Upcaster("NoAnswerTaken", "NoAnswerTaken@2", _reason_recorded),
+    Upcaster("RetreatEnded", "RetreatEnded@2", _reason_recorded),
+)
+"""Of every release so far, by the event's name: reasons were English sentences in the first shapes."""
 
 
 class Upcasting:

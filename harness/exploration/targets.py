@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from harness.contracts.decisions import Refused
+from harness.contracts.decisions import Refused, refused
 from harness.contracts.exploration import Blocked, Frontier, GridMap, TargetAnswer, TargetProposal, TargetQuestion
 from harness.contracts.reasons import Explanation, Reason, because
 from harness.contracts.values import Point
@@ -62,23 +62,23 @@ def target_refusal(target: Point, *, question: TargetQuestion, grid: GridMap, wa
     said = f"({target[0]:.2f}, {target[1]:.2f})"
     row, column = cell_of(grid, target) if all(math.isfinite(part) for part in target) else (-1, -1)
     if not (0 <= row < grid.rows and 0 <= column < grid.columns):
-        return Refused("outside_map", f"{said} lies outside the map {question.map_version}.")
+        return refused("outside_map", because("target_outside_map", at=said, map_version=question.map_version))
     if not any(contains(zone, target) for zone in question.zones_m):
-        return Refused("outside_zones", f"{said} lies in no zone in which the robot may be.")
+        return refused("outside_zones", because("target_outside_zones", at=said))
     if any(contains(region, target) for region in question.keep_out_m):
-        return Refused("keep_out", f"{said} lies where the contract forbids to enter.")
+        return refused("keep_out", because("target_kept_out", at=said))
     if _near(target, [one.target_m for one in question.feedback if isinstance(one, Blocked)]):
-        return Refused("given_up_before", f"{said} is where an earlier target of this mission was given up.")
+        return refused("given_up_before", because("target_given_up", at=said))
     return _way_refusal(said, question=question, way_m=ways.length_m((row, column)))
 
 
 def _way_refusal(said: str, *, question: TargetQuestion, way_m: float | None) -> Refused | None:
     if way_m is None:
-        return Refused("unreachable", f"No known free floor leads to {said}.")
+        return refused("unreachable", because("target_unreachable", at=said))
     if way_m > question.longest_way_m:
-        return Refused("too_far", f"{said} is {way_m:.1f} m away, at most {question.longest_way_m:.1f} m per target.")
+        return refused("too_far", because("target_too_far", at=said, way_m=way_m, longest_m=question.longest_way_m))
     spent = question.left < 1
-    return Refused("over_budget", "The exploration's budget of targets is spent.") if spent else None
+    return refused("over_budget", because("targets_spent")) if spent else None
 
 
 def answered(proposer: Proposer, *, question: TargetQuestion, grid: GridMap, picture: bytes) -> TargetAnswer:
@@ -101,7 +101,7 @@ def settled(
     ways = Ways(grid, question.position_m, keep_out_m=question.keep_out_m)
     broken = target_refusal(said.target_m, question=question, grid=grid, ways=ways) if said else None
     if broken is not None:
-        refused = because("target_refused", rule=broken.rule, why=broken.message)
+        refused = because("target_refused", rule=broken.rule, why=broken.reason)
     chosen = said if broken is None else None
     if refused:
         own = nearest_edge(question)

@@ -26,7 +26,8 @@ from harness.contracts.alert_events import (
     AlertSuppressed,
 )
 from harness.contracts.decider import Codec, Decider
-from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, refused
+from harness.contracts.reasons import because
 from harness.contracts.values import Moment
 from harness.projections.alerts import Alert, apply, status
 
@@ -36,7 +37,7 @@ def decide(alert: Alert, command: AlertCommand, now: Moment) -> Decision[AlertEv
     if isinstance(command, RaiseAlert):
         return _raise(alert, command)
     if not alert.version:
-        return Refused("no_such_alert", "There is no such alert.")
+        return refused("no_such_alert")
     match command:
         case ClearAlert():
             return _clear(alert, command)
@@ -55,11 +56,13 @@ def decide(alert: Alert, command: AlertCommand, now: Moment) -> Decision[AlertEv
             return _shelve(alert, command, now)
         case SuppressAlert():
             if alert.suppressed_by is not None:
-                return Refused("suppressed", f"{alert.suppressed_by.name} suppressed it already: {alert.reason}")
+                return refused(
+                    "suppressed", because("alert_suppressed", actor=alert.suppressed_by.name, reason=alert.reason)
+                )
             return Accepted((AlertSuppressed(actor=command.actor, reason=command.reason, at_s=now.wall_s),))
         case RestoreAlert():
             if status(alert, now.wall_s) not in ("shelved", "suppressed"):
-                return Refused("not_put_away", "It is neither shelved nor suppressed.")
+                return refused("not_put_away")
             return Accepted((AlertRestored(actor=command.actor, reason=command.reason, at_s=now.wall_s),))
         case AssignAlert():
             if command.assignee == alert.assignee:
@@ -87,16 +90,16 @@ def _clear(alert: Alert, command: ClearAlert) -> Decision[AlertEvent]:
 def _acknowledge(alert: Alert, command: AcknowledgeAlert, now: Moment) -> Decision[AlertEvent]:
     if command.seen < alert.total:
         newer = alert.total - command.seen
-        return Refused("happened_again", f"It happened {newer} more times since this was shown. Look again.")
+        return refused("happened_again", times=newer)
     if alert.acknowledged:
         by = alert.acknowledged_by.name if alert.acknowledged_by else "somebody"
-        return Refused("acknowledged", f"{by} acknowledged it already.")
+        return refused("acknowledged", because("alert_acknowledged", actor=by))
     return Accepted((AlertAcknowledged(actor=command.actor, note=command.note, at_s=now.wall_s),))
 
 
 def _shelve(alert: Alert, command: ShelveAlert, now: Moment) -> Decision[AlertEvent]:
     if command.for_s > LONGEST_SHELF_S:
-        return Refused("too_long", f"An alert is shelved for at most {LONGEST_SHELF_S / 3600:.0f} hours.")
+        return refused("too_long", because("alert_shelf_too_long", limit_h=LONGEST_SHELF_S / 3600))
     until_s = now.wall_s + command.for_s
     return Accepted((AlertShelved(actor=command.actor, reason=command.reason, until_s=until_s, at_s=now.wall_s),))
 

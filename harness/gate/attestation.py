@@ -1,9 +1,10 @@
 """Pure: may a person's own observation count as evidence? It opens one look and satisfies nothing (D17)."""
 
 from harness.contracts.commands import AuthoriseDispatch
-from harness.contracts.decisions import Refused
+from harness.contracts.decisions import Refused, refused
 from harness.contracts.events import HandoffAnswered, MissionEvent, OperatorRetryGranted
 from harness.contracts.evidence import EvidenceReference
+from harness.contracts.reasons import because
 from harness.contracts.revision_commands import RecordAttestation
 from harness.contracts.revision_events import AttestationRecorded
 from harness.projections.mission import Mission, required_contract
@@ -14,9 +15,9 @@ def unattested(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
     if command.attestation is None:
         return None
     if command.recovery is None or command.recovery.action != "verify_again" or command.recovery.cost:
-        return Refused("not_a_look", "An attestation opens one free look without motion, and nothing else (D17).")
+        return refused("not_a_look", because("attestation_not_a_look"))
     if command.intent.node_id != command.attestation.node_id:
-        return Refused("wrong_node", f"The attestation is about {command.attestation.node_id}.")
+        return refused("wrong_node", node_id=command.attestation.node_id)
     found = attested(mission, command.attestation)
     return found if isinstance(found, Refused) else None
 
@@ -47,12 +48,12 @@ def opened(mission: Mission, command: AuthoriseDispatch) -> tuple[MissionEvent, 
 def attested(mission: Mission, command: RecordAttestation) -> AttestationRecorded | Refused:
     """A person's own observation as evidence, only where the node's evidence policy names it."""
     if mission.status != "awaiting_human" or mission.handoff_id != command.handoff_id:
-        return Refused("not_waiting", f"The mission does not wait for {command.handoff_id}.")
+        return refused("not_waiting", because("not_waiting_for_handoff", handoff_id=command.handoff_id))
     node = next((one for one in required_contract(mission).nodes if one.node_id == command.node_id), None)
     if node is None or not node.evidence.attestation:
-        return Refused("not_attestable", f"The evidence policy of {command.node_id!r} names no attestation.")
+        return refused("not_attestable", node_id=command.node_id)
     if command.condition_id not in {one.condition_id for one in node.success_conditions}:
-        return Refused("unknown_condition", f"{command.node_id} has no condition {command.condition_id!r}.")
+        return refused("unknown_condition", node_id=command.node_id, condition_id=command.condition_id)
     reference = EvidenceReference(
         kind="attestation",
         origin="human",

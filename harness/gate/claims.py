@@ -4,7 +4,7 @@ from datetime import UTC, datetime
 from typing import assert_never
 
 from harness.contracts.actors import Actor
-from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.handoff_commands import (
     CloseQuestion,
     DropClaim,
@@ -25,6 +25,7 @@ from harness.contracts.handoff_events import (
     HandoffReleased,
     HandoffTakenOver,
 )
+from harness.contracts.reasons import because
 from harness.contracts.values import Moment
 from harness.projections.handoffs import Claim, Decided, Handoff
 
@@ -78,18 +79,17 @@ def not_yours(handoff: Handoff, actor: Actor, claim: str, now: Moment) -> Refuse
     """Why this person, with this token, may not decide; None if the question is theirs or nobody's."""
     held = live_claim(handoff, now.wall_s)
     if held is None:
-        lost = "Your claim lapsed or was released. Read the question again, claim it, then decide."
-        return Refused("claim_lost", lost) if claim else None
+        return refused("claim_lost") if claim else None
     if held.actor.name != actor.name:
         return claimed_by(held)
     if held.claim != claim:
-        return Refused("other_window", "You claimed this question in another window. Decide there, or claim it here.")
+        return refused("other_window")
     return None
 
 
 def claimed_by(held: Claim) -> Refused:
     """Names who answers it now."""
-    return Refused("claimed", f"{held.actor.name} has claimed it until {clock(held.until_at_s)}. Ask them, or wait.")
+    return refused("claimed", because("handoff_claimed", actor=held.actor.name, until=clock(held.until_at_s)))
 
 
 def over(handoff: Handoff, now: Moment) -> Refused | None:
@@ -98,7 +98,7 @@ def over(handoff: Handoff, now: Moment) -> Refused | None:
         return settled(handoff)
     opened = handoff.opened
     if handoff.answerable and opened is not None and now.wall_s >= opened.deadline_at_s:
-        return Refused("expired", "The time to answer is over; the robot takes its no-answer action.")
+        return refused("expired", because("answer_time_over"))
     return None
 
 
@@ -106,9 +106,15 @@ def settled(handoff: Handoff) -> Refused:
     """Who decided what, and when; or how it ended without anybody."""
     answer = handoff.answer
     if answer is None:
-        return Refused("not_open", f"The handoff is {handoff.status}; nothing is left to decide.")
-    said = answer.decision.replace("_", " ")
-    return Refused("decided", f"{answer.actor.name} {said} it before you, at {clock(answer.at_s)}: “{answer.reason}”.")
+        return refused("not_open", because("handoff_over", status=handoff.status))
+    decided = because(
+        "handoff_decided",
+        actor=answer.actor.name,
+        decision=answer.decision,
+        at=clock(answer.at_s),
+        reason=answer.reason,
+    )
+    return refused("decided", decided)
 
 
 def same_answer(
@@ -133,13 +139,13 @@ def clock(at_s: float) -> str:
 
 
 def _claim(handoff: Handoff, command: TakeClaim, now: Moment) -> Decision[HandoffEvent]:
-    if refused := over(handoff, now):
-        return refused
+    if refusal := over(handoff, now):
+        return refusal
     held = live_claim(handoff, now.wall_s)
     if held is not None and held.actor.name != command.actor.name:
         return claimed_by(held)
     if handoff.status == "taken_over" and (held is None or held.claim != command.claim):
-        return Refused("taken_over", "The robot is driven from another window. Hand it back there first.")
+        return refused("taken_over", because("driven_from_other_window"))
     until_s = now.wall_s + CLAIM_S
     if held is not None and held.claim == command.claim and until_s - held.until_at_s < RENEWED_S:
         return Accepted(())
@@ -164,29 +170,29 @@ def _drop(handoff: Handoff, command: DropClaim, now: Moment) -> Decision[Handoff
 def _extend(handoff: Handoff, command: ExtendDeadline, now: Moment) -> Decision[HandoffEvent]:
     opened = handoff.opened
     if not handoff.answerable or opened is None:
-        return Refused("not_open", f"The handoff is {handoff.status}; there is no deadline to move.")
-    if refused := over(handoff, now):
-        return refused
+        return refused("not_open", because("no_deadline_to_move", status=handoff.status))
+    if refusal := over(handoff, now):
+        return refusal
     if handoff.extended_by is not None:
-        return Refused("extended", f"{handoff.extended_by.name} is on the way already; the time is extended once.")
+        return refused("extended", because("deadline_extended", actor=handoff.extended_by.name))
     limit_s = opened.deadline_at_s if opened.limit_at_s is None else opened.limit_at_s
     deadline_s = min(opened.deadline_at_s + ON_THE_WAY_S, limit_s)
     if deadline_s <= opened.deadline_at_s:
-        return Refused("zone_limit", "The zone or the battery lets the robot wait no longer than it does already.")
+        return refused("zone_limit")
     extended = HandoffExtended(actor=command.actor, reason=command.reason, at_s=now.wall_s, deadline_at_s=deadline_s)
     return Accepted((extended,))
 
 
 def _take(handoff: Handoff, command: TakeControl, now: Moment) -> Decision[HandoffEvent]:
     opened, control = handoff.opened, handoff.control
-    refused = over(handoff, now) or not_yours(handoff, command.actor, command.claim, now)
-    if refused or opened is None:
-        return refused or settled(handoff)
+    refusal = over(handoff, now) or not_yours(handoff, command.actor, command.claim, now)
+    if refusal or opened is None:
+        return refusal or settled(handoff)
     if handoff.status == "taken_over":
         again = control is not None and control.device == command.device and control.reason == command.reason
-        return Accepted(()) if again else Refused("taken_over", "You have control already, from another device.")
+        return Accepted(()) if again else refused("taken_over", because("in_control_already"))
     if handoff.status != "claimed":
-        return Refused("not_claimed", "Claim the question first: who drives the robot must be known to everybody.")
+        return refused("not_claimed", because("claim_before_driving"))
     taken = HandoffTakenOver(
         actor=command.actor,
         claim=command.claim,
@@ -203,11 +209,11 @@ def _return(handoff: Handoff, command: ReturnControl, now: Moment) -> Decision[H
     if repeated := same_answer(handoff, command, "handed_back"):
         return repeated
     if handoff.status != "taken_over":
-        return over(handoff, now) or Refused("not_taken_over", "Nobody has taken the robot over.")
-    if refused := not_yours(handoff, command.actor, command.claim, now):
-        return refused
-    if not command.fresh.static:
-        return Refused("not_static", "The robot is not shown to stand still. Let it stand, then hand it back.")
+        return over(handoff, now) or refused("not_taken_over")
+    if refusal := not_yours(handoff, command.actor, command.claim, now):
+        return refusal
+    if command.k is None or command.fresh is None or not command.fresh.static:
+        return refused("not_static", because("not_static_to_hand_back"))
     returned = HandoffHandedBack(
         actor=command.actor,
         reason=command.reason,
@@ -222,10 +228,10 @@ def _return(handoff: Handoff, command: ReturnControl, now: Moment) -> Decision[H
 def _close(handoff: Handoff, command: CloseQuestion, now: Moment) -> Decision[HandoffEvent]:
     if repeated := same_answer(handoff, command, "closed"):
         return repeated
-    refused = over(handoff, now) or not_yours(handoff, command.actor, command.claim, now)
-    if refused:
-        return refused
+    refusal = over(handoff, now) or not_yours(handoff, command.actor, command.claim, now)
+    if refusal:
+        return refusal
     if handoff.status == "open":
-        return Refused("not_claimed", "Claim the question first: closing it leaves the robot to you.")
+        return refused("not_claimed", because("claim_before_closing"))
     closed = HandoffClosed(actor=command.actor, reason=command.reason, key=command.key, at_s=now.wall_s)
     return Accepted((closed,))

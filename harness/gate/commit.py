@@ -7,32 +7,37 @@ from threading import Lock, RLock
 from typing import Any
 from weakref import WeakValueDictionary
 
+from cachetools import LRUCache
+
+from harness.contracts.actors import Command
 from harness.contracts.decider import Decider
-from harness.contracts.decisions import Accepted, Authority, Refused
+from harness.contracts.decisions import Accepted, Authority, Refused, unquestioned
 from harness.contracts.errors import ConcurrencyConflict
 from harness.contracts.ids import RobotId, StreamId
 from harness.contracts.ports import Batch, Clock, EventStore, Record, Snapshots
+from harness.contracts.stored_commands import command_record
 from harness.contracts.values import Moment
-from harness.gate.kept import KEPT_STREAMS, Folds, Kept
-
-
-def unquestioned(command: Any) -> Refused | None:
-    """The answer where nobody keeps accounts."""
+from harness.gate.aggregate_cache import KEPT_STREAMS, AggregateCache
 
 
 @dataclass(frozen=True)
-class Request:
-    """One command for one stream. All requests of a transaction are accepted together or not at all."""
+class CommandEnvelope:
+    """One command for one stream, with the robot it is about; None: about no robot, so the site's own clock counts.
+
+    All envelopes of a transaction are accepted together or not at all.
+    """
 
     stream: StreamId
-    command: Any
+    command: Command
+    robot_id: RobotId | None
 
 
 @dataclass(frozen=True)
 class _Decided:
-    """What the gate decided for one stream, the state and version it decided on, and the events that follow."""
+    """What the gate decided for one command, the state and version it decided on, and the events that follow."""
 
     stream: StreamId
+    command: Command
     state: Any
     version: int
     events: tuple[Any, ...]
@@ -41,7 +46,8 @@ class _Decided:
 class Gate:
     """The newest folds are kept, so that a commit loads only the tail; one that was given up is folded again.
 
-    `clocks` are the robots' own, where there are several: an event bears the mission time of the robot it is about.
+    `clocks` are the robots' own: an event bears the mission time of the robot that its command's envelope names.
+    `authority` is asked in every round of every commit.
     A lock per stream, taken in the order of their names: missions that share no stream wait for the disk together.
     """
 
@@ -53,21 +59,18 @@ class Gate:
         deciders: dict[str, Decider[Any, Any, Any]],
         snapshots: Snapshots | None = None,
         clocks: Mapping[RobotId, Clock] | None = None,
-        folds: Folds | None = None,
+        folds: AggregateCache | None = None,
+        authority: Authority = unquestioned,
     ) -> None:
         self._store = store
         self._snapshots = snapshots
         self._clock = clock
         self._clocks = clocks or {}
         self._deciders = deciders
-        self._folds = Folds() if folds is None else folds
+        self._folds = AggregateCache() if folds is None else folds
         self._locks: WeakValueDictionary[StreamId, RLock] = WeakValueDictionary()
-        self._near: Kept[StreamId, RLock] = Kept(KEPT_STREAMS)
+        self._near: LRUCache[StreamId, RLock] = LRUCache(KEPT_STREAMS)
         self._making = Lock()
-        self._authority: Authority = unquestioned
-
-    def obey(self, authority: Authority) -> None:
-        """From now on, ask this in every round of every commit."""
         self._authority = authority
 
     def state(self, stream: StreamId) -> Any:
@@ -87,7 +90,7 @@ class Gate:
             self._advance(stream, state, version + len(tail))
         return state, version + len(tail)
 
-    def commit(self, requests: Sequence[Request], *, records: Sequence[Record] = ()) -> Accepted[Any] | Refused:
+    def commit(self, requests: Sequence[CommandEnvelope], *, records: Sequence[Record] = ()) -> Accepted[Any] | Refused:
         """Decide every request on the newest state and append all their events atomically.
 
         Returns the first refusal, in which case nothing was appended. Somebody else's append in between is
@@ -97,45 +100,44 @@ class Gate:
             clock = self._clock_of(requests)
             while True:
                 decided: list[_Decided] = []
+                now = clock.now()
                 for request in requests:
                     if revoked := self._authority(request.command):
                         return revoked
                     state, version = self._folded(request.stream)
-                    decision = self._decider(request.stream).decide(state, request.command, clock.now())
+                    decision = self._decider(request.stream).decide(state, request.command, now)
                     if isinstance(decision, Refused):
                         return decision
-                    decided.append(_Decided(request.stream, state, version, decision.events))
+                    decided.append(_Decided(request.stream, request.command, state, version, decision.events))
                 try:
-                    self._append(decided, records, clock.now())
+                    self._append(decided, records, now)
                 except ConcurrencyConflict:
                     continue
                 return Accepted(tuple(event for one in decided for event in one.events))
 
-    def _clock_of(self, requests: Sequence[Request]) -> Clock:
-        """The mission time of the robot that these requests are about; the house's own where they are about none."""
-        for request in requests if len(self._clocks) > 1 else ():
-            clock = self._clocks.get(_robot_of(request, self.state(request.stream)))
-            if clock is not None:
-                return clock
-        return self._clock
+    def _clock_of(self, requests: Sequence[CommandEnvelope]) -> Clock:
+        """The mission time of the robot that these commands are about; the site's own where they are about none."""
+        named = (request.robot_id for request in requests if request.robot_id is not None)
+        return next((self._clocks[robot_id] for robot_id in named if robot_id in self._clocks), self._clock)
 
     def _append(self, decided: Sequence[_Decided], records: Sequence[Record], now: Moment) -> None:
-        batches = [
-            Batch(
-                stream=one.stream,
-                expected_version=one.version,
-                events=tuple(self._decider(one.stream).codec.encode(event) for event in one.events),
-            )
-            for one in decided
-            if one.events
-        ]
-        if not batches:
+        changes = [one for one in decided if one.events]
+        if not changes:
             return
-        self._store.append(batches, tuple(records), now)
+        commands = [command_record(one.command, one.events, records) for one in changes]
+        batches = [self._batch(*pair) for pair in zip(changes, commands, strict=True)]
+        self._store.append(batches, (*records, *commands), now)
         for one in decided:
             if one.events:
                 state = self._decider(one.stream).fold(one.state, one.events)
                 self._advance(one.stream, state, one.version + len(one.events))
+
+    def _batch(self, one: _Decided, command: Record) -> Batch:
+        """The events as they are stored: the first one names the record of the command that it begins to answer."""
+        codec = self._decider(one.stream).codec
+        first, *others = one.events
+        events = (codec.encode(first, command=command.digest), *(codec.encode(event) for event in others))
+        return Batch(stream=one.stream, expected_version=one.version, events=events)
 
     @contextmanager
     def _holding(self, streams: Iterable[StreamId]) -> Iterator[None]:
@@ -146,13 +148,10 @@ class Gate:
 
     def _lock(self, stream: StreamId) -> RLock:
         """Every thread that holds or wants a stream's lock has the same one; one that nobody wants is given up."""
-        near = self._near.get(stream)
-        if near is not None:
-            return near
         with self._making:
-            made = self._locks.setdefault(stream, RLock())
-            self._near.put(stream, made)
-        return made
+            lock = self._near.get(stream) or self._locks.setdefault(stream, RLock())
+            self._near[stream] = lock
+        return lock
 
     def _restored(self, stream: StreamId, decider: Decider[Any, Any, Any]) -> tuple[Any, int]:
         return self._snapshots.restore(stream, decider.initial) if self._snapshots else (decider.initial, 0)
@@ -164,9 +163,3 @@ class Gate:
 
     def _decider(self, stream: StreamId) -> Decider[Any, Any, Any]:
         return self._deciders[stream.split("/", 1)[0]]
-
-
-def _robot_of(request: Request, state: Any) -> RobotId:
-    """Whom a request is about: named by the command, by the state, or by the question that a handoff asks."""
-    named = getattr(request.command, "robot_id", "") or getattr(state, "robot_id", "")
-    return RobotId(named or getattr(getattr(state, "opened", None), "robot_id", ""))

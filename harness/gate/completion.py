@@ -43,13 +43,13 @@ def complete(mission: Mission, command: CompleteNode) -> Decision[MissionEvent]:
             aborting=mission.invocation is not None and mission.invocation.intent.aborting,
         )
         return Accepted((*trace, committed))
-    rule, message = broken
+    rule, why = broken
     rejected = CommitRejected(
         node_id=identity.node_id,
         invocation_id=identity.invocation_id,
         packet_id=identity.packet_id,
         rule=rule,
-        message=message,
+        reason=why,
     )
     if mission.invocation is None or mission.invocation.intent.invocation_id != identity.invocation_id:
         return Accepted((*trace, rejected))
@@ -64,7 +64,7 @@ def complete(mission: Mission, command: CompleteNode) -> Decision[MissionEvent]:
         node_id=mission.invocation.intent.node_id,
         invocation_id=identity.invocation_id,
         failure=failure or "commit_rejected",
-        reason=_why(packet, verdict) or message,
+        reason=_why(packet, verdict) or why,
         at_s=packet.collected_s,
     )
     return Accepted((*trace, rejected, classified))
@@ -74,8 +74,8 @@ def _why(packet: EvidencePacket, verdict: NodeVerdict) -> Reason | None:
     """What went wrong, in the shortest words that say it: how the execution ended, else what was not satisfied."""
     if packet.terminal != "succeeded":
         if packet.failure:
-            return because("execution_failed", terminal=packet.terminal, failure=packet.failure)
-        return because("execution_ended", terminal=packet.terminal)
+            return because("execution_over_with_failure", terminal=packet.terminal, failure=packet.failure)
+        return because("execution_over", terminal=packet.terminal)
     return several([result.reason for result in verdict.results if result.verdict != "satisfied"])
 
 

@@ -16,8 +16,9 @@ from harness.contracts.control import (
     WheelTaken,
 )
 from harness.contracts.decider import Codec, Decider
-from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.ids import RobotId, invocation_id, request_id
+from harness.contracts.reasons import because
 from harness.contracts.retreat_events import (
     RETREAT,
     EndRetreat,
@@ -64,7 +65,7 @@ def _retreat(control: Control, command: RetreatCommand) -> Decision[ControlEvent
         case StopRetreat():
             under_way = control.retreating(command.robot_id)
             if under_way is None:
-                return Refused("no_retreat", f"{command.robot_id} is not on the way to a safe place.")
+                return refused("no_retreat", because("not_retreating", robot_id=command.robot_id))
             stopping = RetreatStopping(
                 robot_id=command.robot_id,
                 invocation_id=under_way.intent.invocation_id,
@@ -75,7 +76,7 @@ def _retreat(control: Control, command: RetreatCommand) -> Decision[ControlEvent
         case EndRetreat(ended=ended):
             under_way = control.retreating(ended.robot_id)
             if under_way is None or under_way.intent.invocation_id != ended.invocation_id:
-                return Refused("no_retreat", f"{ended.invocation_id} is no retreat that is under way.")
+                return refused("no_retreat", because("retreat_not_open", invocation_id=ended.invocation_id))
             return Accepted((ended,))
         case _:
             assert_never(command)
@@ -84,14 +85,14 @@ def _retreat(control: Control, command: RetreatCommand) -> Decision[ControlEvent
 def _misbound(control: Control, intent: RetreatIntended) -> Refused | None:
     """Its ids are derived, so that the same retreat can be sent once only; its time is bounded."""
     if intent.request_id != request_id(intent.task_id, RETREAT, intent.attempt):
-        return Refused("wrong_request_id", "The request id is not derived from task, retreat and attempt.")
+        return refused("wrong_request_id", because("request_id_not_of_retreat"))
     if intent.invocation_id != invocation_id(intent.request_id):
-        return Refused("wrong_invocation_id", "The invocation id is not derived from the request id.")
+        return refused("wrong_invocation_id")
     last = control.retreats.get(intent.robot_id)
     if last is not None and last.intent.request_id == intent.request_id:
-        return Refused("already_sent", f"This retreat was sent before and ended {last.status}; it is not sent again.")
+        return refused("already_sent", because("retreat_already_sent", status=last.status))
     if not intent.resources or intent.deadline_s <= intent.dispatched_s:
-        return Refused("unbounded", "A retreat needs a leased base and a deadline ahead of it.")
+        return refused("unbounded", because("retreat_unbounded"))
     return None
 
 
@@ -112,7 +113,7 @@ def _take(control: Control, command: TakeWheel) -> Decision[ControlEvent]:
 def _return(control: Control, command: ReturnWheel) -> Decision[ControlEvent]:
     wheel = control.wheels.get(command.robot_id)
     if wheel is None or wheel.session != command.session:
-        return Refused("not_at_the_wheel", f"This session does not drive {command.robot_id}.")
+        return refused("not_at_the_wheel", because("session_not_driving", robot_id=command.robot_id))
     returned = WheelReturned(
         robot_id=command.robot_id,
         session=command.session,
@@ -128,17 +129,18 @@ def _still_held(control: Control, robot_id: RobotId) -> Refused | None:
     wheel = control.wheels.get(robot_id)
     if wheel is None:
         return None
-    who = f"{wheel.actor.name} still has the wheel of {robot_id} from {wheel.device}"
-    return Refused("wheel_held", f"{who}. Return the wheel first, then hand back.")
+    return refused("wheel_held", actor=wheel.actor.name, robot_id=robot_id, device=wheel.device)
 
 
 def _busy(control: Control, robot_id: RobotId) -> Refused | None:
     """Who moves the robot outside every mission now, if anybody does."""
     wheel, retreat = control.wheels.get(robot_id), control.retreating(robot_id)
     if wheel is not None:
-        return Refused("wheel_taken", f"{wheel.actor.name} drives {robot_id} by hand, from {wheel.device}.")
+        return refused("wheel_taken", actor=wheel.actor.name, robot_id=robot_id, device=wheel.device)
     if retreat is not None:
-        return Refused("retreat_under_way", f"{robot_id} is on the way to {retreat.intent.place}. Stop it first.")
+        return refused(
+            "retreat_under_way", because("stop_retreat_first", robot_id=robot_id, place=retreat.intent.place)
+        )
     return None
 
 

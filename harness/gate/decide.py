@@ -32,7 +32,7 @@ from harness.contracts.commands import (
 )
 from harness.contracts.control import AutonomySet, SetAutonomy
 from harness.contracts.decider import Codec, Decider
-from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, refused
 from harness.contracts.events import (
     ContractCompiled,
     EpochChanged,
@@ -46,6 +46,7 @@ from harness.contracts.events import (
     VetoCleared,
     VetoRaised,
 )
+from harness.contracts.reasons import because
 from harness.contracts.revision_commands import (
     DisputeCompletion,
     ReviseContract,
@@ -69,21 +70,21 @@ def decide(mission: Mission, command: MissionCommand, now: Moment) -> Decision[M
     if isinstance(command, CreateMission):
         return _create(mission, command)
     if not mission.version:
-        return Refused("no_mission", "This mission does not exist.")
+        return refused("no_mission")
     if mission.ended and not isinstance(command, CompleteNode | DisputeCompletion):
-        return Refused("mission_ended", f"The mission is over: {mission.status}.")
+        return refused("mission_ended", status=mission.status)
     return _decided(mission, command)
 
 
 def _decided(mission: Mission, command: MissionCommand) -> Decision[MissionEvent]:
     match command:
         case CreateMission():
-            return Refused("exists", f"Mission {mission.mission_id} exists.")
+            return refused("exists", because("mission_exists", mission_id=mission.mission_id))
         case RecompileContract():
             return recompile(mission, command)
         case ActivateMission():
             if mission.status != "compiled":
-                return Refused("not_compiled", f"The mission is {mission.status}.")
+                return refused("not_compiled", because("mission_is", status=mission.status))
             return Accepted((MissionActivated(),))
         case AuthoriseDispatch():
             return authorise(mission, command)
@@ -95,7 +96,7 @@ def _decided(mission: Mission, command: MissionCommand) -> Decision[MissionEvent
             return unfinished(mission, command)
         case AcceptInvocation():
             if mission.invocation is None or mission.invocation.intent.invocation_id != command.invocation_id:
-                return Refused("not_open", f"{command.invocation_id} is not the open invocation.")
+                return refused("not_open", because("invocation_not_open", invocation_id=command.invocation_id))
             return Accepted((InvocationAccepted(invocation_id=command.invocation_id, handle=command.handle),))
         case StopInvocation():
             return stop_invocation(mission, command)
@@ -104,7 +105,7 @@ def _decided(mission: Mission, command: MissionCommand) -> Decision[MissionEvent
         case FailNode():
             node = mission.nodes.get(command.node_id)
             if node is None or node.status in ("committed", "failed", "superseded"):
-                return Refused("no_open_stage", f"{command.node_id} is no open stage, so it cannot be given up.")
+                return refused("no_open_stage", because("stage_not_open", node_id=command.node_id))
             return Accepted((NodeFailed(node_id=command.node_id, reason=command.reason, context=command.context),))
         case ReviseContract():
             return revise(mission, command)
@@ -140,7 +141,7 @@ def _decided(mission: Mission, command: MissionCommand) -> Decision[MissionEvent
 
 def _create(mission: Mission, command: CreateMission) -> Decision[MissionEvent]:
     if mission.version:
-        return Refused("exists", f"Mission {command.mission_id} exists.")
+        return refused("exists", because("mission_exists", mission_id=command.mission_id))
     check(command.contract)
     created = MissionCreated(
         mission_id=command.mission_id,
@@ -186,7 +187,7 @@ def _noted(
             return Accepted((VetoRaised(layer=command.layer, reason=command.reason),))
         case ClearVeto():
             if command.layer not in mission.vetoes:
-                return Refused("not_its_veto", f"{command.layer} raised no veto; only the layer that did may clear it.")
+                return refused("not_its_veto", layer=command.layer)
             return Accepted((VetoCleared(layer=command.layer, reason=command.reason),))
         case _:
             assert_never(command)

@@ -3,7 +3,7 @@
 from msgspec.structs import replace
 
 from harness.contracts.commands import AuthoriseDispatch, AuthoriseWait
-from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.events import (
     DispatchIntended,
     HandoffAnswered,
@@ -17,6 +17,7 @@ from harness.contracts.reasons import because
 from harness.contracts.revision_events import AttestationRecorded
 from harness.contracts.tasks import Node
 from harness.gate.attestation import opened, unattested
+from harness.gate.rules import standing_vetoes
 from harness.projections.mission import Mission, NodeState, eligible, failed, required_contract, required_policy
 from harness.recovery.approval import approval_required
 from harness.recovery.rules import first_broken_recovery
@@ -25,14 +26,14 @@ from harness.recovery.standing import VERIFY_ONLY, cost_of, left_now, over_budge
 
 def authorise(mission: Mission, command: AuthoriseDispatch) -> Decision[MissionEvent]:
     """The spend, its k bump and the intent are one commit; the intent's `k_ctx` is the k after it."""
-    refused = (
+    refusal = (
         _unready(mission, command)
         or _misbound(mission, command)
         or unattested(mission, command)
         or _unpaid(mission, command)
     )
-    if refused:
-        return refused
+    if refusal:
+        return refusal
     paid = _payment(mission, command)
     k = mission.k + sum(_bumps(event) for event in paid)
     planned: tuple[MissionEvent, ...] = (command.planned,) if command.planned else ()
@@ -51,9 +52,9 @@ def wait(mission: Mission, command: AuthoriseWait) -> Decision[MissionEvent]:
     """A free rung without an invocation of its own. Waiting is bounded by the node's timeout (D24)."""
     node = mission.of(command.node_id)
     if node.failure is None:
-        return Refused("no_failure", f"Node {command.node_id} has no failure to answer.")
+        return refused("no_failure", because("nothing_to_answer", node_id=command.node_id))
     if command.proposal.cost or command.proposal.action in VERIFY_ONLY:
-        return Refused("not_waiting", f"{command.proposal.action} is an invocation and needs a dispatch.")
+        return refused("not_waiting", because("needs_dispatch", action=command.proposal.action))
     broken = first_broken_recovery(
         mission, node_id=command.node_id, proposal=command.proposal, signature=None, policy=required_policy(mission)
     )
@@ -70,43 +71,43 @@ def _unready(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
     answered = command.attestation.handoff_id if command.attestation else command.approval
     waiting = mission.status == "awaiting_human" and answered == mission.handoff_id
     if mission.status != "active" and not waiting:
-        return Refused("not_active", f"The mission is {mission.status}.")
+        return refused("not_active", because("mission_is", status=mission.status))
     invocation = mission.invocation
     given_up = invocation is not None and invocation.status == "outcome_unknown" and command.approval is not None
     if invocation is not None and not given_up:
-        return Refused("invocation_open", f"{invocation.intent.invocation_id} is still open (one at a time).")
+        return refused(
+            "invocation_open", because("invocation_still_open", invocation_id=invocation.intent.invocation_id)
+        )
     if mission.vetoes:
-        return Refused("vetoed", "; ".join(f"{layer}: {why}" for layer, why in sorted(mission.vetoes.items())))
+        return refused("vetoed", vetoes=standing_vetoes(mission))
     node = mission.nodes.get(intent.node_id)
     if node is None:
-        return Refused("unknown_node", f"The contract has no node {intent.node_id}.")
+        return refused("unknown_node", because("node_not_in_contract", node_id=intent.node_id))
     answering = node.failure is not None and (command.recovery is not None or answered is not None)
     if not answering and intent.node_id not in eligible(mission):
-        return Refused("not_eligible", f"Node {intent.node_id} waits for dependencies that are not committed.")
+        return refused("not_eligible", because("node_waits", node_id=intent.node_id))
     return None
 
 
 def _misbound(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
     intent, node = command.intent, required_contract(mission).node(command.intent.node_id)
     if intent.request_id != request_id(mission.mission_id, intent.node_id, intent.attempt):
-        return Refused("wrong_request_id", "The request id is not derived from task, node and attempt.")
+        return refused("wrong_request_id", because("request_id_not_of_node"))
     if intent.invocation_id != invocation_id(intent.request_id):
-        return Refused("wrong_invocation_id", "The invocation id is not derived from the request id.")
+        return refused("wrong_invocation_id")
     if intent.attempt != mission.of(intent.node_id).attempt + 1:
-        return Refused(
-            "wrong_attempt", f"Attempt {intent.attempt} does not follow {mission.of(intent.node_id).attempt}."
-        )
+        return refused("wrong_attempt", attempt=intent.attempt, last_attempt=mission.of(intent.node_id).attempt)
     if intent.deadline_s > intent.dispatched_s + node.timeout_s:
-        return Refused("deadline_too_late", f"The deadline exceeds the node's timeout of {node.timeout_s:g} s.")
+        return refused("deadline_too_late", timeout_s=node.timeout_s)
     if not intent.verify_only and intent.capability not in node.capabilities:
-        return Refused("wrong_capability", f"{intent.capability} may not serve {intent.node_id}.")
+        return refused("wrong_capability", capability=intent.capability, node_id=intent.node_id)
     if intent.verify_only and intent.moves:
-        return Refused("verify_only_moves", "A verify-only invocation observes; it never actuates.")
+        return refused("verify_only_moves")
     if intent.verify_only != (command.recovery is not None and command.recovery.action in VERIFY_ONLY):
-        return Refused("wrong_kind", "Looking again observes only, and nothing else may be verify-only (D24).")
+        return refused("wrong_kind")
     allowed = required_contract(mission).constraints.resources
     if beyond := sorted(set(intent.resources) - set(allowed)) if allowed else []:
-        return Refused("resource_not_allowed", f"The contract does not allow the use of {', '.join(beyond)}.")
+        return refused("resource_not_allowed", resources=tuple(beyond))
     return _effect_changed(mission, intent, node)
 
 
@@ -119,10 +120,10 @@ def _effect_changed(mission: Mission, intent: DispatchIntended, node: Node) -> R
         and not _slower(name, intent.parameters[name], value)
     ]
     if changed and not intent.verify_only:
-        return Refused("effect_changed", f"An attempt keeps the node's effect; changed: {', '.join(changed)}.")
+        return refused("effect_changed", parameters=tuple(changed))
     speed, cap = intent.parameters.get("speed_cap_mps"), required_contract(mission).constraints.speed_cap_mps
     if isinstance(speed, float | int) and speed > cap:
-        return Refused("over_speed", f"{speed:g} m/s exceeds the contract's {cap:g} m/s.")
+        return refused("over_speed", speed_mps=speed, limit_mps=cap)
     return None
 
 
@@ -154,7 +155,7 @@ def _unpaid(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
         if broken:
             return broken
     elif not (node.fresh or waited(node)):
-        return Refused("not_authorised", "A further attempt needs an authorised recovery action or an operator.")
+        return refused("not_authorised")
     needed = approval_required(
         mission=mission,
         node=required_contract(mission).node(intent.node_id),
@@ -162,20 +163,20 @@ def _unpaid(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
         moves=intent.moves,
         share=required_policy(mission).approval_share,
     )
-    return Refused("approval_required", needed) if needed else None
+    return refused("approval_required", why=needed) if needed else None
 
 
 def _beyond(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
     """A person may choose any action that the budget pays for, or one retry outside it; a hand-back only looks."""
     rung = command.recovery
     if command.handed_back and (rung is None or rung.action != "verify_again"):
-        return Refused("not_a_look", "A hand-back opens one free look without motion, and nothing else.")
+        return refused("not_a_look", because("hand_back_not_a_look"))
     if rung is None or (rung.action == "retry" and rung.cost == 0):
         return None
     if rung.cost != cost_of(rung.action):
-        return Refused("wrong_cost", f"{rung.action} costs {cost_of(rung.action)}; only a retry is free for a person.")
+        return refused("wrong_cost", because("only_retry_is_free", action=rung.action, cost=cost_of(rung.action)))
     why = over_budget(mission, command.intent.node_id, rung.action)
-    return Refused(why.code, because("action_unpaid", action=rung.action, why=why)) if why else None
+    return refused(why.code, because("action_unpaid", action=rung.action, why=why)) if why else None
 
 
 def waited(node: NodeState) -> bool:

@@ -1,10 +1,12 @@
 """Which missions ended under one configuration, followed along the log: each is looked at once when it has ended."""
 
 from collections.abc import Callable
+from threading import Lock
+
+from cachetools import LRUCache
 
 from harness.contracts.ids import Digest, StreamId
 from harness.contracts.ports import EventStore
-from harness.gate.kept import Kept
 from harness.projections.mission import Mission
 
 KEPT_QUESTIONS = 8
@@ -20,7 +22,8 @@ class EndedMissions:
     def __init__(self, store: EventStore, mission: Callable[[StreamId], Mission]) -> None:
         self._store = store
         self._mission = mission
-        self._known: Kept[tuple[Digest, int], tuple[int, tuple[StreamId, ...]]] = Kept(KEPT_QUESTIONS)
+        self._known: LRUCache[tuple[Digest, int], tuple[int, tuple[StreamId, ...]]] = LRUCache(KEPT_QUESTIONS)
+        self._lock = Lock()
 
     def under(self, configuration: Digest, *, after: int) -> tuple[StreamId, ...]:
         """Those whose end stands behind position `after` of the log, in the order of their ends.
@@ -28,9 +31,11 @@ class EndedMissions:
         Raises StoreUnavailable.
         """
         head = self._store.head().position
-        position, streams = self._known.get((configuration, after)) or (after, ())
+        with self._lock:
+            position, streams = self._known.get((configuration, after), (after, ()))
         if position < head:
             ended = self._store.ended_missions(position, head)
             streams += tuple(one for one in ended if self._mission(one).configuration == configuration)
-            self._known.put((configuration, after), (head, streams))
+            with self._lock:
+                self._known[configuration, after] = head, streams
         return streams

@@ -15,7 +15,7 @@ from harness.contracts.commands import (
     StopInvocation,
     StopMission,
 )
-from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, refused
 from harness.contracts.events import (
     FailureClassified,
     FailureReported,
@@ -44,7 +44,7 @@ def unfinished(mission: Mission, command: RefusePrecondition | ReportFailure | E
     match command:
         case RefusePrecondition():
             give_up = command.at_s + required_contract(mission).node(command.node_id).timeout_s
-            refused = PreconditionRefused(
+            unmet = PreconditionRefused(
                 node_id=command.node_id, precondition=command.precondition, reason=command.reason, give_up_s=give_up
             )
             failure = FailureClassified(
@@ -54,10 +54,10 @@ def unfinished(mission: Mission, command: RefusePrecondition | ReportFailure | E
                 reason=command.reason,
                 at_s=command.at_s,
             )
-            return Accepted((refused, failure))
+            return Accepted((unmet, failure))
         case ReportFailure():
             if mission.of(command.node_id).failure is not None:
-                return Refused("failure_open", f"Node {command.node_id} already has a failure to answer.")
+                return refused("failure_open", node_id=command.node_id)
             failure = FailureClassified(
                 node_id=command.node_id,
                 invocation_id=command.invocation_id,
@@ -73,7 +73,7 @@ def unfinished(mission: Mission, command: RefusePrecondition | ReportFailure | E
 def _ended(mission: Mission, command: EndInvocation) -> Decision[MissionEvent]:
     invocation = mission.invocation
     if invocation is None or invocation.intent.invocation_id != command.invocation_id:
-        return Refused("not_open", f"{command.invocation_id} is not the open invocation.")
+        return refused("not_open", because("invocation_not_open", invocation_id=command.invocation_id))
     ended = InvocationEnded(
         invocation_id=command.invocation_id, status=command.status, failure=command.failure, reason=command.reason
     )
@@ -91,7 +91,7 @@ def stop_invocation(mission: Mission, command: StopInvocation) -> Decision[Missi
     """The supervisor asks a provider to stop; on a ladder's rung the free spend stands beside it."""
     invocation = mission.invocation
     if invocation is None or invocation.intent.invocation_id != command.invocation_id:
-        return Refused("not_open", f"{command.invocation_id} is not the open invocation.")
+        return refused("not_open", because("invocation_not_open", invocation_id=command.invocation_id))
     if invocation.stop_requested:
         return Accepted(())
     requested = InvocationStopRequested(invocation_id=command.invocation_id, reason=command.reason)
@@ -111,9 +111,9 @@ def stop_invocation(mission: Mission, command: StopInvocation) -> Decision[Missi
 def ask(mission: Mission, command: AskPerson) -> Decision[MissionEvent]:
     """The mission waits for a person. Costs nothing and is always possible (D24), save with a body that may move."""
     if mission.status != "active":
-        return Refused("not_active", f"The mission is {mission.status}.")
+        return refused("not_active", because("mission_is", status=mission.status))
     if mission.invocation is not None and mission.invocation.status != "outcome_unknown":
-        return Refused("invocation_open", "Stop the invocation first: a person is asked with the robot at rest.")
+        return refused("invocation_open", because("stop_before_asking"))
     requested = HandoffRequested(
         handoff_id=command.handoff_id,
         node_id=command.node_id,
@@ -127,7 +127,7 @@ def ask(mission: Mission, command: AskPerson) -> Decision[MissionEvent]:
 def answer(mission: Mission, command: AnswerMission) -> Decision[MissionEvent]:
     """Rejected or unanswered ends safely stopped: the robot already stands."""
     if mission.handoff_id != command.handoff_id:
-        return Refused("not_waiting", f"The mission does not wait for {command.handoff_id}.")
+        return refused("not_waiting", because("not_waiting_for_handoff", handoff_id=command.handoff_id))
     answered = HandoffAnswered(
         handoff_id=command.handoff_id, decision=command.decision, actor=command.actor, reason=command.reason
     )
@@ -142,14 +142,14 @@ def answer(mission: Mission, command: AnswerMission) -> Decision[MissionEvent]:
 def pause(mission: Mission, command: PauseMission) -> Decision[MissionEvent]:
     """New work waits; an open invocation is stopped by the supervisor."""
     if mission.status not in ("active", "awaiting_human"):
-        return Refused("not_active", f"The mission is {mission.status}.")
+        return refused("not_active", because("mission_is", status=mission.status))
     return Accepted((MissionPaused(actor=command.actor, reason=command.reason),))
 
 
 def resume(mission: Mission, command: ResumeMission) -> Decision[MissionEvent]:
     """Go on after a pause."""
     if mission.status != "paused":
-        return Refused("not_paused", f"The mission is {mission.status}.")
+        return refused("not_paused", because("mission_is", status=mission.status))
     return Accepted((MissionResumed(actor=command.actor, reason=command.reason),))
 
 
@@ -163,7 +163,7 @@ def stop(mission: Mission, command: StopMission) -> Decision[MissionEvent]:
 def withdraw(mission: Mission, command: WithdrawMission) -> Decision[MissionEvent]:
     """A mission that waits for its robot ends at once: nothing of it was dispatched, so there is nothing to stop."""
     if mission.status not in BEFORE_ACTIVE:
-        return Refused("begun", f"The mission is {mission.status}: it has begun. Stop it instead.")
+        return refused("begun", because("mission_begun", status=mission.status))
     why = because("withdrawn_before_begin", actor=command.actor.name, reason=command.reason)
     asked = StopRequested(actor=command.actor, reason=command.reason)
     return Accepted((asked, FailureReported(text=why), MissionEnded(status="cancelled", reason=why)))
@@ -172,7 +172,7 @@ def withdraw(mission: Mission, command: WithdrawMission) -> Decision[MissionEven
 def acknowledge(mission: Mission, command: AcknowledgeStop) -> Decision[MissionEvent]:
     """Stopped means acknowledged and static; without static evidence the mission fails and says so."""
     if mission.stop is None:
-        return Refused("no_stop", "Nobody asked for a stop.")
+        return refused("no_stop", because("no_stop_asked"))
     acknowledged = StopAcknowledged(static=command.static, measured=command.measured, reason=command.reason)
     why = because("mission_stopped_by", actor=mission.stop.actor.name, reason=mission.stop.reason)
     if command.static:
@@ -184,5 +184,5 @@ def acknowledge(mission: Mission, command: AcknowledgeStop) -> Decision[MissionE
 def end(mission: Mission, command: EndMission) -> Decision[MissionEvent]:
     """Every end but success. A replay may end at any time: nothing moves in it."""
     if mission.invocation is not None and mission.invocation.status != "outcome_unknown" and not mission.replay:
-        return Refused("invocation_open", "An invocation is still open: stop it first.")
+        return refused("invocation_open", because("stop_before_ending"))
     return Accepted((FailureReported(text=command.reason), MissionEnded(status=command.status, reason=command.reason)))

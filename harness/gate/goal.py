@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from harness.contracts.commands import JudgeGoal
-from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.effects import AnyEffect, Metric, Relational, Symbolic, Temporal, Visual
 from harness.contracts.events import CompletionReported, FailureReported, GoalVerified, MissionEnded, MissionEvent
 from harness.contracts.ids import ConditionId, NodeId
@@ -19,9 +19,9 @@ from harness.recovery.standing import left_now, over_budget
 def judge(mission: Mission, command: JudgeGoal) -> Decision[MissionEvent]:
     """The only way to SUCCEEDED: a satisfied verdict over every original completion condition (R118, R119)."""
     verdict, contract = command.verdict, required_contract(mission)
-    refused = _unready(mission, verdict)
-    if refused:
-        return refused
+    refusal = _unready(mission, verdict)
+    if refusal:
+        return refusal
     worst = strictest((verdict.verdict, *(result.verdict for result in verdict.results)))
     if worst == "satisfied" and not mission.vetoes and not mission.disputed:
         text = because("goal_met", goal=contract.goal.text, reason=verdict.reason)
@@ -115,12 +115,12 @@ def _shortfall(mission: Mission, verdict: GoalVerdict) -> Explanation:
 def _unready(mission: Mission, verdict: GoalVerdict) -> Refused | None:
     contract = required_contract(mission)
     if mission.status not in ("active", "goal_check") or mission.invocation is not None:
-        return Refused("not_ready", f"The mission is {mission.status}; the goal is tested once all work is done.")
+        return refused("not_ready", because("goal_not_ready", status=mission.status))
     if verdict.mission_id != mission.mission_id:
-        return Refused("wrong_identity", f"The verdict is about {verdict.mission_id}.")
+        return refused("wrong_identity", because("goal_of_another_mission", mission_id=verdict.mission_id))
     if not all_required_committed(mission):
-        return Refused("nodes_open", "A required node is not committed.")
+        return refused("nodes_open")
     declared = [condition.condition_id for condition in contract.completion_conditions]
     if sorted(declared) != sorted(result.condition_id for result in verdict.results):
-        return Refused("uncovered_condition", "The verdict does not cover the original completion conditions.")
+        return refused("uncovered_condition", because("goal_conditions_uncovered"))
     return None

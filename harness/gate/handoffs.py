@@ -16,7 +16,7 @@ from harness.contracts.commands import (
     SupersedeHandoff,
 )
 from harness.contracts.decider import Codec, Decider
-from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.handoff_commands import (
     CloseQuestion,
     DropClaim,
@@ -43,6 +43,7 @@ from harness.contracts.handoff_events import (
     NoAnswerTaken,
     Snapshot,
 )
+from harness.contracts.reasons import because
 from harness.contracts.values import Moment, digest
 from harness.gate.claims import claimed_by, live_claim, not_yours, over, settled, turn
 from harness.projections.handoffs import Handoff, apply
@@ -94,7 +95,7 @@ def _ended(
         case ExpireHandoff():
             late = handoff.opened is not None and now.wall_s >= handoff.opened.deadline_at_s
             if not (handoff.answerable and late):
-                return Refused("not_due", f"The handoff is {handoff.status}, or its time is not over.")
+                return refused("not_due", status=handoff.status)
             return Accepted((HandoffExpired(at_s=now.wall_s),))
         case SupersedeHandoff():
             return Accepted((HandoffSuperseded(reason=command.reason),) if handoff.waits else ())
@@ -120,10 +121,10 @@ def _followed(
     match command:
         case MarkDispatched():
             if handoff.status not in LETS_START or handoff.answer is None:
-                return Refused("not_approved", f"The handoff is {handoff.status}; an approval authorises one dispatch.")
+                return refused("not_approved", because("approval_not_standing", status=handoff.status))
             waited_s = now.wall_s - handoff.answer.at_s
             if waited_s > APPROVAL_S:
-                return Refused("approval_late", f"The decision is {waited_s:.0f} s old; it lasts {APPROVAL_S:g} s.")
+                return refused("approval_late", age_s=waited_s, limit_s=APPROVAL_S)
             return Accepted((HandoffDispatched(invocation_id=command.invocation_id),))
         case VoidApproval():
             void = HandoffVoided(reason=command.reason, at_s=now.wall_s)
@@ -138,7 +139,7 @@ def _followed(
 
 def _open(handoff: Handoff, command: OpenHandoff, now: Moment) -> Decision[HandoffEvent]:
     if handoff.opened is not None:
-        return Refused("already_open", f"Handoff {command.handoff_id} exists.")
+        return refused("already_open", because("handoff_exists", handoff_id=command.handoff_id))
     opened = HandoffOpened(
         handoff_id=command.handoff_id,
         mission_id=command.mission_id,
@@ -166,7 +167,7 @@ def _open(handoff: Handoff, command: OpenHandoff, now: Moment) -> Decision[Hando
 
 def _refresh(handoff: Handoff, command: RefreshHandoff, now: Moment) -> Decision[HandoffEvent]:
     if not handoff.answerable:
-        return settled(handoff) if handoff.answer else Refused("not_open", f"The handoff is {handoff.status}.")
+        return settled(handoff) if handoff.answer else refused("not_open", because("handoff_is", status=handoff.status))
     held = live_claim(handoff, now.wall_s)
     if held is not None and command.actor is not None and held.actor.name != command.actor.name:
         return claimed_by(held)
@@ -189,7 +190,9 @@ def _approve(handoff: Handoff, command: ApproveHandoff, now: Moment) -> Decision
         return repeated
     opened = handoff.opened
     if opened is None or opened.proposal is None:
-        return Refused("nothing_to_approve", "This handoff proposes no action: reject it or take over.")
+        return refused("nothing_to_approve")
+    if command.k is None or command.fresh is None:
+        return refused("not_observed")
     broken = (
         over(handoff, now)
         or not_yours(handoff, command.actor, command.claim, now)
@@ -199,9 +202,9 @@ def _approve(handoff: Handoff, command: ApproveHandoff, now: Moment) -> Decision
     if broken:
         return broken
     if command.k != opened.k:
-        return Refused("obsolete_version", f"The mission is at version {command.k}; the page showed {opened.k}.")
+        return refused("obsolete_version", because("mission_moved_on", k=command.k, shown_k=opened.k))
     if now.wall_s - opened.snapshot.taken_at_s > SNAPSHOT_AGE_S:
-        return Refused("stale_snapshot", "The picture is more than 60 s old. Look again, then decide.")
+        return refused("stale_snapshot")
     approved = HandoffApproved(
         actor=command.actor,
         reason=command.reason,
@@ -223,7 +226,7 @@ def _reject(handoff: Handoff, command: RejectHandoff, now: Moment) -> Decision[H
     if broken := over(handoff, now) or not_yours(handoff, command.actor, command.claim, now):
         return broken
     if command.cycle != handoff.cycle:
-        return Refused("wrong_cycle", f"The question changed: it is in cycle {handoff.cycle}, not {command.cycle}.")
+        return refused("wrong_cycle", cycle=handoff.cycle, shown_cycle=command.cycle)
     rejected = HandoffRejected(
         actor=command.actor,
         reason=command.reason,
@@ -242,7 +245,7 @@ def _attest(handoff: Handoff, command: AttestHandoff, now: Moment) -> Decision[H
     if broken := over(handoff, now) or not_yours(handoff, command.actor, command.claim, now):
         return broken
     if command.cycle != handoff.cycle:
-        return Refused("wrong_cycle", f"The question changed: it is in cycle {handoff.cycle}, not {command.cycle}.")
+        return refused("wrong_cycle", cycle=handoff.cycle, shown_cycle=command.cycle)
     attested = HandoffAttested(
         actor=command.actor,
         reason=command.reason,
@@ -261,7 +264,7 @@ def _answered(
     if handoff.answerable:
         return None
     if handoff.status == "taken_over" and handoff.claim is not None:
-        return Refused("taken_over", f"{handoff.claim.actor.name} drives the robot; nothing is decided meanwhile.")
+        return refused("taken_over", because("robot_driven", actor=handoff.claim.actor.name))
     answer = handoff.answer
     if answer is None:
         return settled(handoff)
@@ -279,11 +282,11 @@ def _answered(
 def _unseen(handoff: Handoff, command: ApproveHandoff) -> Refused | None:
     opened = handoff.opened
     if command.cycle != handoff.cycle:
-        return Refused("wrong_cycle", f"The question changed: it is in cycle {handoff.cycle}, not {command.cycle}.")
+        return refused("wrong_cycle", cycle=handoff.cycle, shown_cycle=command.cycle)
     if opened is None or command.subject != opened.subject:
-        return Refused("wrong_digest", "What would run is not what you saw. Read it again, then decide.")
+        return refused("wrong_digest", because("action_changed"))
     if command.evidence != opened.evidence:
-        return Refused("wrong_evidence", "The evidence is not what you saw. Look at it again, then decide.")
+        return refused("wrong_evidence")
     return None
 
 
@@ -291,11 +294,11 @@ def _moved(seen: Snapshot, fresh: Snapshot) -> Refused | None:
     turned = abs((fresh.yaw_rad - seen.yaw_rad + pi) % (2 * pi) - pi)
     shifted = hypot(fresh.x_m - seen.x_m, fresh.y_m - seen.y_m)
     if not fresh.static:
-        return Refused("not_static", "The robot is not shown to stand still. Look again, then decide.")
+        return refused("not_static", because("not_static_look_again"))
     if shifted > MOVED_M or turned > TURNED_RAD:
-        return Refused("robot_moved", f"The robot moved {shifted:.2f} m and turned {turned:.2f} rad since you looked.")
+        return refused("robot_moved", moved_m=shifted, turned_rad=turned)
     if fresh.results != seen.results:
-        return Refused("conditions_changed", "A condition's result changed since you looked. Look again, then decide.")
+        return refused("conditions_changed")
     return None
 
 

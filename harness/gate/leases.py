@@ -4,9 +4,9 @@ from typing import assert_never
 
 from harness.contracts.commands import AcquireLease, FreeLease, LeaseCommand, QuarantineLease, ReleaseLease
 from harness.contracts.decider import Codec, Decider
-from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, refused
 from harness.contracts.lease_events import LeaseAcquired, LeaseEvent, LeaseFreed, LeaseQuarantined, LeaseReleased
-from harness.contracts.reasons import plain
+from harness.contracts.reasons import because
 from harness.contracts.values import Moment
 from harness.projections.leases import Lease, apply
 
@@ -20,9 +20,9 @@ def decide(lease: Lease, command: LeaseCommand, now: Moment) -> Decision[LeaseEv
             return _acquire(lease, command)
         case ReleaseLease():
             if lease.invocation_id != command.invocation_id or lease.status == "free":
-                return Refused("not_the_holder", f"{command.invocation_id} does not hold {lease.resource}.")
+                return refused("not_the_holder", invocation_id=command.invocation_id, resource=lease.resource)
             if lease.status == "quarantined":
-                return Refused("lease_quarantined", f"{lease.resource} is quarantined and must be freed.")
+                return refused("lease_quarantined", because("resource_must_be_freed", resource=lease.resource))
             return Accepted((LeaseReleased(invocation_id=command.invocation_id, reason=command.reason),))
         case QuarantineLease():
             if lease.status == "quarantined":
@@ -38,11 +38,15 @@ def _acquire(lease: Lease, command: AcquireLease) -> Decision[LeaseEvent]:
     if lease.status == "held" and lease.invocation_id == command.invocation_id:
         return Accepted(())
     if lease.status == "held":
-        return Refused("lease_held", f"{command.resource} is held by {lease.invocation_id} of {lease.mission_id}.")
+        return refused(
+            "lease_held", resource=command.resource, invocation_id=lease.invocation_id, mission_id=lease.mission_id
+        )
     if lease.status == "quarantined":
-        return Refused("lease_quarantined", f"{command.resource} is quarantined: {plain(lease.reason)}")
+        return refused(
+            "lease_quarantined", because("resource_quarantined", resource=command.resource, reason=lease.reason)
+        )
     if command.token != lease.token + 1:
-        return Refused("stale_token", f"Fencing token {command.token} is not the next after {lease.token}.")
+        return refused("stale_token", token=command.token, last_token=lease.token)
     acquired = LeaseAcquired(
         resource=command.resource,
         mission_id=command.mission_id,
@@ -55,11 +59,11 @@ def _acquire(lease: Lease, command: AcquireLease) -> Decision[LeaseEvent]:
 
 def _free(lease: Lease, command: FreeLease) -> Decision[LeaseEvent]:
     if lease.status != "quarantined":
-        return Refused("not_quarantined", f"{lease.resource} is not quarantined.")
+        return refused("not_quarantined", resource=lease.resource)
     displacement = command.static.get("displacement_m")
     stopped = command.static.get("hardware_stop") == 1.0
     if not stopped and (displacement is None or not displacement < STATIC_LIMIT_M):
-        return Refused("not_static", "No evidence shows the robot at rest: stop it first, or engage the hardware stop.")
+        return refused("not_static", because("not_static_to_free"))
     return Accepted((LeaseFreed(actor=command.actor, static=command.static, reason=command.reason),))
 
 

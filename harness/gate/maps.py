@@ -3,8 +3,9 @@
 from math import isfinite
 
 from harness.contracts.decider import Codec, Decider
-from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, refused
 from harness.contracts.maps import AttachCloud, CloudAttached
+from harness.contracts.reasons import because
 from harness.contracts.values import Moment
 from harness.projections.maps import MapPicture, apply
 
@@ -13,9 +14,9 @@ def decide(picture: MapPicture, command: AttachCloud, now: Moment) -> Decision[C
     """Refuse one whose chunks do not add up, that has no finite place, or that is shown already."""
     cloud = command.cloud
     if not cloud.points or sum(chunk.points for chunk in cloud.chunks) != cloud.points:
-        return Refused("chunks_incomplete", f"The chunks do not hold the {cloud.points} points that the cloud names.")
+        return refused("chunks_incomplete", points=cloud.points)
     if not all(isfinite(value) for corner in (cloud.origin_m, cloud.low_m, cloud.high_m) for value in corner):
-        return Refused("no_place", "The cloud's origin or extent is not finite.")
+        return refused("no_place", because("cloud_not_finite"))
     if picture.cloud == cloud:
         return Accepted(())
     return Accepted((CloudAttached(actor=command.actor, cloud=cloud, reason=command.reason),))

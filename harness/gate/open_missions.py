@@ -1,11 +1,14 @@
-"""Which missions are not over, followed along the log: what a house goes on with must not cost its whole history."""
+"""Which missions are not over, followed along the log: what a site goes on with must not cost its whole history."""
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 
+from harness.contracts.errors import ConcurrencyConflict
 from harness.contracts.ids import StreamId
+from harness.contracts.memory import Mark
 from harness.contracts.ports import MISSION_ENDED, MISSION_STREAMS, EventStore, StoredEvent
+from harness.followers import Follower
 
-_PAGE = 1000
+FOLD = "open-missions"
 
 
 class OpenMissions:
@@ -16,27 +19,38 @@ class OpenMissions:
 
     def __init__(self, store: EventStore) -> None:
         self._store = store
-        self._known: tuple[int, tuple[StreamId, ...]] | None = None
+        self._known: tuple[Mark, tuple[StreamId, ...]] | None = None
+        self._follower = Follower(self, head=store.head, read=store.read, fold=FOLD)
 
     def streams(self) -> tuple[StreamId, ...]:
         """By first position, as of now. Raises StoreUnavailable."""
-        head, known = self._store.head().position, self._known
-        if known is None:
-            known = (head, tuple(self._store.open_missions()))
-        elif known[0] < head:
-            known = self._followed(*known)
-        self._known = known
-        return known[1]
+        self._follower.catch_up()
+        return self._asked()[1]
 
-    def _followed(self, position: int, streams: Iterable[StreamId]) -> tuple[int, tuple[StreamId, ...]]:
+    def mark(self) -> Mark:
+        """How far the log was followed; before the first question, its head."""
+        return self._asked()[0]
+
+    def take(self, fresh: Sequence[StoredEvent], *, after: Mark, upto: Mark) -> None:
+        """Add missions that began and drop those that ended."""
+        mark, streams = self._asked()
+        if mark != after:
+            raise ConcurrencyConflict("Another thread has followed the log further", where=FOLD, do="ask for the mark")
         found = dict.fromkeys(streams)
-        while page := self._store.read(position, _PAGE):
-            for event in page:
-                _follow(found, event)
-            position = page[-1].position
-            if len(page) < _PAGE:
-                break
-        return position, tuple(found)
+        for event in fresh:
+            _follow(found, event)
+        self._known = upto, tuple(found)
+
+    def clear(self) -> None:
+        """Ask the whole log again."""
+        self._known = None
+
+    def _asked(self) -> tuple[Mark, tuple[StreamId, ...]]:
+        known = self._known
+        if known is None:
+            mark = self._follower.mark_at(self._store.head())
+            self._known = known = mark, tuple(self._store.open_missions())
+        return known
 
 
 def _follow(found: dict[StreamId, None], event: StoredEvent) -> None:

@@ -1,8 +1,9 @@
 """Pure: may a mission change the configuration it is pinned to? Only before it is active, by compiling again (D35)."""
 
 from harness.contracts.commands import RecompileContract
-from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, refused
 from harness.contracts.events import ContractRecompiled, MissionEvent
+from harness.contracts.reasons import because
 from harness.contracts.tasks import check
 from harness.contracts.values import digest
 from harness.projections.mission import Mission, required_contract
@@ -17,11 +18,11 @@ def recompile(mission: Mission, command: RecompileContract) -> Decision[MissionE
     """
     if mission.status not in BEFORE_ACTIVE or mission.replay:
         pinned = mission.configuration[:12]
-        return Refused("pinned", f"The mission is {mission.status}, so it keeps the configuration {pinned} to its end.")
+        return refused("pinned", because("mission_pinned", status=mission.status, configuration=pinned))
     if command.configuration == mission.configuration:
         return Accepted(())
     if command.contract.goal != required_contract(mission).goal:
-        return Refused("another_goal", "A mission is compiled again for the goal it was asked for, and no other.")
+        return refused("another_goal")
     check(command.contract)
     again = ContractRecompiled(
         configuration=command.configuration,

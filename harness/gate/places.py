@@ -4,9 +4,10 @@ from math import isfinite, tau
 from typing import assert_never
 
 from harness.contracts.decider import Codec, Decider
-from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.place_events import PlaceCommand, PlaceEvent, PlaceRemoved, PlaceSaved, RemovePlace, SavePlace
 from harness.contracts.places import Place
+from harness.contracts.reasons import because
 from harness.contracts.values import Moment
 from harness.projections.places import Places, apply
 
@@ -19,9 +20,9 @@ def decide(places: Places, command: PlaceCommand, now: Moment) -> Decision[Place
     match command:
         case SavePlace(place=place):
             revision = places.revision(place.place_id)
-            refused = _stale(revision, command.basis, place.place_id) or _nowhere(place)
-            if refused is not None:
-                return refused
+            refusal = _stale(revision, command.basis, place.place_id) or _nowhere(place)
+            if refusal is not None:
+                return refusal
             saved = PlaceSaved(
                 place=place,
                 revision=revision + 1,
@@ -50,17 +51,17 @@ def decide(places: Places, command: PlaceCommand, now: Moment) -> Decision[Place
 def _stale(revision: int, basis: int, place_id: str) -> Refused | None:
     if revision == basis:
         return None
-    return Refused("changed_meanwhile", f"{place_id} was changed meanwhile: it is at revision {revision} now.")
+    return refused("changed_meanwhile", place_id=place_id, revision=revision)
 
 
 def _nowhere(place: Place) -> Refused | None:
     every = (*place.approach_m, *(value for corner in place.region_m for value in corner))
     if not all(isfinite(value) and abs(value) <= FARTHEST_M for value in every):
-        return Refused("nowhere", f"Coordinates are finite and within {FARTHEST_M / 1000:.0f} km of the map's origin.")
+        return refused("nowhere", because("place_nowhere", limit_km=FARTHEST_M / 1000))
     if not isfinite(place.yaw_rad) or abs(place.yaw_rad) > tau:
-        return Refused("no_heading", "The heading is between -360 and 360 degrees.")
+        return refused("no_heading", because("place_heading_invalid"))
     if place.region_m and not 3 <= len(place.region_m) <= CORNERS:
-        return Refused("no_region", f"A region has 3 to {CORNERS} corners, or none.")
+        return refused("no_region", because("place_region_invalid", corners=CORNERS))
     return None
 
 

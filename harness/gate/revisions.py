@@ -1,11 +1,11 @@
 """Pure: may this plan, restriction or dispute count? None of them removes a limit or a fact."""
 
-from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.events import MissionEvent
 from harness.contracts.ids import NodeId, ProviderId
 from harness.contracts.proposals import RecoveryProposal, Signature
-from harness.contracts.reasons import because
+from harness.contracts.reasons import because, recorded
 from harness.contracts.revision_commands import DisputeCompletion, ReviseContract, TightenConstraints
 from harness.contracts.revision_events import (
     CompletionDisputed,
@@ -24,14 +24,14 @@ from harness.recovery.standing import left_now, over_budget
 def revise(mission: Mission, command: ReviseContract) -> Decision[MissionEvent]:
     """A planner's graph, if it keeps what a plan may not touch. It costs its stage one local_replan (R47, R131)."""
     if mission.status != "active":
-        return Refused("not_active", f"The mission is {mission.status}; nothing is planned now.")
+        return refused("not_active", because("nothing_planned_now", status=mission.status))
     if mission.invocation is not None:
-        return Refused("in_flight", f"{mission.invocation.intent.node_id} is still being done; one at a time (D3).")
+        return refused("in_flight", node_id=mission.invocation.intent.node_id)
     node = mission.nodes.get(command.node_id)
     if node is None or node.status in ("committed", "failed", "superseded"):
-        return Refused("no_open_stage", f"{command.node_id[:80]!r} is no open stage, so no plan is made for it.")
+        return refused("no_open_stage", because("stage_not_open_to_plan", node_id=command.node_id[:80]))
     if command.node_id not in {one.node_id for one in command.contract.nodes}:
-        return Refused("node_removed", f"The plan for {command.node_id} does not hold that stage.")
+        return refused("node_removed", because("plan_without_its_stage", node_id=command.node_id))
     broken = _unpaid(mission, command) or revision_refusal(mission, command.contract)
     if broken:
         return broken
@@ -56,7 +56,7 @@ def _unpaid(mission: Mission, command: ReviseContract) -> Refused | None:
     state = mission.of(command.node_id)
     if state.failure is None:
         why = over_budget(mission, command.node_id, "local_replan")
-        return Refused(why.code, because("plan_unpaid", why=why)) if why else None
+        return refused(why.code, because("plan_unpaid", why=why)) if why else None
     failure = state.failure.failure
     return first_broken_recovery(
         mission,
@@ -81,7 +81,7 @@ def tighten(mission: Mission, command: TightenConstraints) -> Decision[MissionEv
     try:
         both = tightest(current, command.constraints)
     except ContractInvalid as error:
-        return Refused("nothing_allowed", str(error))
+        return refused("nothing_allowed", recorded(str(error)))
     if both == tightest(current, current):
         return Accepted(())
     return Accepted((ConstraintsTightened(layer=command.layer, reason=command.reason, constraints=both),))
@@ -91,8 +91,10 @@ def dispute(mission: Mission, command: DisputeCompletion) -> Decision[MissionEve
     """An accepted fact and what builds on it are marked; it counts as a false completion (D21)."""
     fact = next((one for one in mission.facts if one.condition_id == command.condition_id), None)
     if fact is None:
-        known = ", ".join(one.condition_id for one in mission.facts) or "none"
-        return Refused("no_such_fact", f"{command.condition_id!r} is no accepted fact. Accepted: {known}.")
+        accepted = tuple(one.condition_id for one in mission.facts)
+        if not accepted:
+            return refused("no_such_fact", because("no_fact_accepted", condition_id=command.condition_id))
+        return refused("no_such_fact", condition_id=command.condition_id, accepted=accepted)
     if any(one.root and (one.condition_id, one.packet_id) == (fact.condition_id, fact.packet_id)
            for one in mission.disputes):  # fmt: skip
         return Accepted(())

@@ -14,12 +14,12 @@ from harness.contracts.contexts import ContextRecord
 from harness.contracts.errors import ConcurrencyConflict, UnknownName
 from harness.contracts.ids import Digest, ProviderId
 from harness.contracts.memory import Box, Mark, MemoryQuery, MemoryRecord, ProviderOutcome, Remembered
-from harness.contracts.ports import EventStore, Head, MemoryIndex, StoredEvent
+from harness.contracts.ports import EventStore, MemoryIndex, StoredEvent
+from harness.followers import Follower
 from harness.memory.examples import as_example
 from harness.memory.fold import FOLD, Fold
 from harness.memory.recent import Recent
 
-BATCH = 1000
 BEHIND = 100
 """The index is at most this many events behind what was folded; a crash costs folding them again."""
 SPATIAL = ("map", "place", "region", "relation", "pose", "sighting", "dispute")
@@ -49,6 +49,7 @@ class MemoryFabric:
         self._store = store
         self._index = index
         self._following = RLock()
+        self._follower = Follower(self, head=store.head, read=store.read, fold=FOLD)
         self._recent = Recent()
         self._idle: list[tuple[Mark, Fold]] = []
         self._behind: Behind | None = None
@@ -64,19 +65,16 @@ class MemoryFabric:
     def _followed(self) -> Mark:
         """The mark at the head of the log, up to which everything is folded."""
         with self._following:
-            while True:
-                mark = self._behind.upto if self._behind else self._index.mark()
-                if _at_head(mark, self._store.head()):
-                    return mark
-                events = self._store.read(max(0, mark.position - 1), BATCH)
-                if mark.position and not _anchored(mark, events):
-                    self._behind = None
-                    self._index.clear()
-                    continue
-                fresh = events[1:] if mark.position else events
-                if not fresh:
-                    return mark
-                self._follow(fresh, after=mark)
+            return self._follower.catch_up()
+
+    def mark(self) -> Mark:
+        """How far the log is folded: in the index, or behind it."""
+        return self._behind.upto if self._behind else self._index.mark()
+
+    def clear(self) -> None:
+        """Forget the index and what is behind it."""
+        self._behind = None
+        self._index.clear()
 
     def find(self, query: MemoryQuery) -> list[Remembered]:
         """Records that answer the query, newest first."""
@@ -137,14 +135,10 @@ class MemoryFabric:
             self._recent.keep(query, known, at=mark)
         return known
 
-    def _follow(self, fresh: Sequence[StoredEvent], *, after: Mark) -> None:
-        """One stretch of the log, unless it turns out that another process took the index elsewhere."""
+    def take(self, fresh: Sequence[StoredEvent], *, after: Mark, upto: Mark) -> None:
+        """Fold one stretch of the log. Raises ConcurrencyConflict if another process took the index elsewhere."""
         fold = self._fold(after)
-        upto = Mark(fold=FOLD, position=fresh[-1].position, digest=fresh[-1].digest)
-        try:
-            records = list(fold.advance(fresh))
-        except ConcurrencyConflict:
-            return
+        records = list(fold.advance(fresh))
         behind = self._behind or Behind(after=after, upto=after)
         behind.upto = upto
         behind.records += records
@@ -190,13 +184,3 @@ class MemoryFabric:
             return self._store.record(digest).body
         except UnknownName:
             return None
-
-
-def _at_head(mark: Mark, head: Head) -> bool:
-    """Whether the index was made by this fold up to the very end of the log."""
-    return mark.position > 0 and (mark.fold, mark.position, mark.digest) == (FOLD, head.position, head.digest)
-
-
-def _anchored(mark: Mark, events: list[StoredEvent]) -> bool:
-    """Whether the index was made by this fold from the log as it is now."""
-    return mark.fold == FOLD and bool(events) and (events[0].position, events[0].digest) == (mark.position, mark.digest)

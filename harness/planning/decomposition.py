@@ -11,9 +11,9 @@ from typing import Any
 
 import msgspec
 
-from harness.contracts.decisions import Refused
+from harness.contracts.decisions import Refused, refused
 from harness.contracts.ids import NodeId
-from harness.contracts.reasons import plain
+from harness.contracts.reasons import because, plain
 from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import Value
 
@@ -79,7 +79,7 @@ def decomposed(planner: StagePlanner, *, goal: str, template: TaskTemplate) -> D
         return Decomposed(_ordered(template, one_after_another(goal, template)), planner.name, None, why)
     broken = stage_plan_refusal(plan, template=template)
     taken = one_after_another(goal, template) if broken else plan
-    refused = f"{broken.rule}: {plain(broken.message)}" if broken else ""
+    refused = f"{broken.rule}: {plain(broken.reason)}" if broken else ""
     return Decomposed(_ordered(template, taken), planner.name, plan, refused)
 
 
@@ -89,16 +89,18 @@ def stage_plan_refusal(plan: StagePlan, *, template: TaskTemplate) -> Refused | 
     stages = [step.stage for step in plan.steps]
     for step in plan.steps:
         if step.stage not in offered:
-            return Refused("not_offered", f"The template offers {', '.join(offered)}, not {step.stage[:80]!r}.")
+            return refused("not_offered", because("stage_not_offered", offered=tuple(offered), stage=step.stage[:80]))
         if step.capability not in offered[step.stage]["capabilities"]:
-            return Refused("another_capability", f"{step.stage} is not done by {step.capability[:80]!r}.")
+            return refused("another_capability", stage=step.stage, capability=step.capability[:80])
         if unknown := set(step.after) - set(stages):
-            return Refused("not_planned", f"{step.stage} waits for {', '.join(sorted(unknown))}, which is not planned.")
+            return refused(
+                "not_planned", because("dependency_not_planned", stage=step.stage, dependencies=tuple(sorted(unknown)))
+            )
     if len(set(stages)) != len(stages):
-        return Refused("planned_twice", "A stage is planned twice.")
+        return refused("planned_twice", because("stage_planned_twice"))
     missing = [name for name, node in offered.items() if node.get("required", True) and name not in stages]
     if missing:
-        return Refused("stage_missing", f"The goal requires {', '.join(missing)}, which the plan leaves out.")
+        return refused("stage_missing", stages=tuple(missing))
     return _order_refusal(plan, template)
 
 
@@ -108,13 +110,13 @@ def _order_refusal(plan: StagePlan, template: TaskTemplate) -> Refused | None:
     ahead = {stage: _all_before(stage, waits) for stage in waits}
     circular = [stage for stage, before in ahead.items() if stage in before]
     if circular:
-        return Refused("circular", f"{', '.join(circular)} would wait for itself.")
+        return refused("circular", because("stages_circular", stages=tuple(circular)))
     for condition in template.completion_conditions:
         effect = condition["effect"]
         judged = effect.get("nodes", ()) if effect.get("predicate") == "in_order" else ()
         late = [after for before, after in pairwise(judged) if before not in ahead[NodeId(after)]]
         if late:
-            return Refused("out_of_order", f"{', '.join(late)} would not wait for what the goal wants before it.")
+            return refused("out_of_order", because("stages_out_of_order", stages=tuple(late)))
     return None
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import msgspec
 
 from harness.contracts.contexts import Context
-from harness.contracts.decisions import Refused
+from harness.contracts.decisions import Refused, refused
 from harness.contracts.ids import NodeId
 from harness.contracts.proposals import PlanProposal
 from harness.contracts.reasons import Explanation, Reason, because
@@ -67,17 +67,19 @@ GRAPH_ORDER = Planner(name="graph-order-1", plan=plan)
 def plan_refusal(proposal: PlanProposal, *, mission: Mission) -> Refused | None:
     """Why this plan may not be taken up, whoever made it, a model included; None if it may (R41)."""
     if mission.status != "active":
-        return Refused("not_active", f"The mission is {mission.status}; nothing is planned now.")
+        return refused("not_active", because("nothing_planned_now", status=mission.status))
     if mission.invocation is not None:
-        return Refused("in_flight", f"{mission.invocation.intent.node_id} is still being done; one at a time (D3).")
+        return refused("in_flight", node_id=mission.invocation.intent.node_id)
     if proposal.node_id is None:
         return None
     if proposal.node_id not in mission.nodes:
-        return Refused("unknown_node", f"The graph has no node {proposal.node_id[:80]!r}.")
+        return refused("unknown_node", because("node_not_in_graph", node_id=proposal.node_id[:80]))
     ready = eligible(mission)
     if proposal.node_id in ready:
         return None
-    return Refused("not_eligible", f"{proposal.node_id} may not start now; eligible: {', '.join(ready) or 'none'}.")
+    if not ready:
+        return refused("not_eligible", because("no_node_startable", node_id=proposal.node_id))
+    return refused("not_eligible", because("node_not_startable", node_id=proposal.node_id, eligible=tuple(ready)))
 
 
 @dataclass(frozen=True)
@@ -100,16 +102,16 @@ def planned(planner: Planner, context: Context, *, mission: Mission) -> Plan:
     try:
         proposal = _storable(planner.plan(context))
     except Exception as error:  # noqa: BLE001 - a planner that breaks has proposed nothing, whatever broke it
-        refused = because(
+        unusable = because(
             "proposed_nothing_usable", planner=planner.name, kind=type(error).__name__, error=_short(str(error))
         )
-        return Plan(node_id=own.node_id, reason=own.reason, planner=planner.name, proposal=None, refused=refused)
+        return Plan(node_id=own.node_id, reason=own.reason, planner=planner.name, proposal=None, refused=unusable)
     broken = plan_refusal(proposal, mission=mission)
     if broken is None and proposal.node_id is None and own.node_id is not None:
-        broken = Refused("work_left", f"{own.node_id} may start, whatever the plan says of the mission.")
+        broken = refused("work_left", node_id=own.node_id)
     if broken is not None:
         return Plan(
-            node_id=own.node_id, reason=own.reason, planner=planner.name, proposal=proposal, refused=broken.message
+            node_id=own.node_id, reason=own.reason, planner=planner.name, proposal=proposal, refused=broken.reason
         )
     return Plan(node_id=proposal.node_id, reason=proposal.reason, planner=planner.name, proposal=proposal)
 
@@ -124,8 +126,3 @@ def _storable(said: PlanProposal) -> PlanProposal:
 
 def _short(text: str) -> str:
     return text.encode("utf-8", "replace").decode()[:LONGEST_REASON]
-
-
-def admissible(proposal: PlanProposal, *, mission: Mission) -> bool:
-    """Whether `plan_refusal` has nothing against this plan."""
-    return plan_refusal(proposal, mission=mission) is None

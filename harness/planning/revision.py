@@ -6,10 +6,11 @@ conditions, what was committed, and every limit and budget.
 
 from collections.abc import Iterator, Sequence
 
-from harness.contracts.decisions import Refused
+from harness.contracts.decisions import Refused, refused
 from harness.contracts.effects import Metric
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import NodeId
+from harness.contracts.reasons import because, recorded
 from harness.contracts.tasks import Goal, Node, RecoveryLimits, TaskContract, check, order
 from harness.planning.restrictions import loosened
 from harness.planning.targets import choice_refusal
@@ -31,7 +32,7 @@ def revision_refusal(mission: Mission, proposed: TaskContract) -> Refused | None
         if broken is None:
             check(proposed)
     except ContractInvalid as error:
-        return Refused("contract_invalid", str(error))
+        return refused("contract_invalid", recorded(str(error)))
     return broken
 
 
@@ -61,18 +62,13 @@ def _establishes(node: Node, served: Sequence[Node]) -> bool:
 
 
 def _kept_whole(current: TaskContract, proposed: TaskContract) -> Refused | None:
-    where = f"{current.frame} of map {current.map_version}"
-    kept = (
-        ("goal_changed", _goal(current), _goal(proposed), "A revision keeps the person's own words and its template."),
-        (
-            "conditions_changed",
-            current.completion_conditions,
-            proposed.completion_conditions,
-            "The completion conditions are those first stored; no plan changes them.",
-        ),
-        ("frame_changed", _frame(current), _frame(proposed), f"The contract is stated in {where}."),
-    )
-    return next((Refused(rule, message) for rule, before, after, message in kept if before != after), None)
+    if _goal(current) != _goal(proposed):
+        return refused("goal_changed")
+    if current.completion_conditions != proposed.completion_conditions:
+        return refused("conditions_changed", because("completion_conditions_changed"))
+    if _frame(current) != _frame(proposed):
+        return refused("frame_changed", frame=current.frame, map_version=current.map_version)
+    return None
 
 
 def _goal(contract: TaskContract) -> tuple[Goal, str]:
@@ -85,11 +81,9 @@ def _frame(contract: TaskContract) -> tuple[str, str]:
 
 def _limits(current: TaskContract, proposed: TaskContract) -> Refused | None:
     if relaxed := loosened(current.constraints, proposed.constraints):
-        return Refused("constraints_loosened", f"A plan may add a restriction, not relax one: {', '.join(relaxed)}.")
+        return refused("constraints_loosened", constraints=tuple(relaxed))
     if proposed.recovery_total > current.recovery_total:
-        return Refused(
-            "budget_raised", f"The mission's recovery budget is {current.recovery_total}; a plan cannot raise it."
-        )
+        return refused("budget_raised", because("mission_budget_fixed", budget=current.recovery_total))
     return None
 
 
@@ -100,24 +94,23 @@ def _stages(mission: Mission, current: TaskContract, proposed: TaskContract) -> 
         kept = after.get(node.node_id)
         if kept is None:
             if node.required or begun:
-                return Refused("node_removed", f"{node.node_id} is required or was begun; only an idle option may go.")
+                return refused("node_removed", because("stage_not_removable", node_id=node.node_id))
             continue
         if mission.of(node.node_id).status == "committed" and kept != node:
-            return Refused("history_changed", f"{node.node_id} is committed; what was accepted is not rewritten.")
-        weakened = ", ".join(_weaker(node, kept))
-        if weakened:
-            return Refused("stage_weakened", f"{node.node_id} would ask for less: {weakened}.")
+            return refused("history_changed", because("committed_stage_changed", node_id=node.node_id))
+        if weakened := tuple(_weaker(node, kept)):
+            return refused("stage_weakened", node_id=node.node_id, parts=weakened)
     largest = _largest(current)
     for node in proposed.nodes:
         if node.node_id not in mission.nodes and _exceeds(node.recovery, largest):
-            return Refused("budget_raised", f"{node.node_id} would bring a larger recovery budget than any stage has.")
+            return refused("budget_raised", because("stage_budget_too_large", node_id=node.node_id))
     return None
 
 
 def _weaker(before: Node, after: Node) -> Iterator[str]:
     """What the revised stage would ask less of."""
     if any(one not in after.success_conditions for one in before.success_conditions):
-        yield "success conditions"
+        yield "success_conditions"
     if any(one not in after.preconditions for one in before.preconditions):
         yield "preconditions"
     if not set(before.depends_on) <= set(after.depends_on):
@@ -131,11 +124,11 @@ def _weaker(before: Node, after: Node) -> Iterator[str]:
     if after.timeout_s > before.timeout_s:
         yield "timeout"
     if _exceeds(after.recovery, before.recovery):
-        yield "recovery limits"
+        yield "recovery_limits"
     was, now = before.evidence, after.evidence
     lax = now.pose_age_s > was.pose_age_s or now.image_age_s > was.image_age_s or now.attestation > was.attestation
     if lax or now.minimum_confidence < was.minimum_confidence or not set(was.mandatory) <= set(now.mandatory):
-        yield "evidence policy"
+        yield "evidence_policy"
 
 
 def _exceeds(one: RecoveryLimits, limits: RecoveryLimits) -> bool:

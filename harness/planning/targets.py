@@ -8,11 +8,12 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
-from harness.contracts.decisions import Refused
+from harness.contracts.decisions import Refused, refused
 from harness.contracts.effects import Condition, Metric, Precondition, Temporal
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.exploration import TargetChoice
 from harness.contracts.ids import ConditionId, NodeId, ResourceId
+from harness.contracts.reasons import because
 from harness.contracts.tasks import EvidencePolicy, Node, RecoveryLimits, TaskContract
 from harness.contracts.values import Point, encode
 from harness.projections.exploration import TARGETS, choices
@@ -61,9 +62,9 @@ def choice_refusal(mission: Mission, proposed: TaskContract) -> Refused | None:
     before, after = choices(current), choices(proposed)
     for name in {*current.bindings, *proposed.bindings} - {TARGETS}:
         if current.bindings.get(name) != proposed.bindings.get(name):
-            return Refused("bindings_changed", f"A plan keeps what the contract was compiled from; {name} changed.")
+            return refused("bindings_changed", field=name)
     if any(after.get(name) != choice for name, choice in before.items()):
-        return Refused("history_changed", "A target that was chosen stands; a plan may add one.")
+        return refused("history_changed", because("chosen_target_changed"))
     nodes = {node.node_id: node for node in proposed.nodes}
     for name in after.keys() - before.keys():
         if broken := _foreign(mission, after[name]) or _elsewhere(nodes.get(name), name, after[name]):
@@ -71,19 +72,20 @@ def choice_refusal(mission: Mission, proposed: TaskContract) -> Refused | None:
     known = {node.node_id for node in current.nodes}
     moving = (node for node in proposed.nodes if "navigate" in node.capabilities and node.node_id not in known)
     unbound = [node.node_id for node in moving if exploring(current) and node.node_id not in after]
-    return Refused("target_unbound", f"No choice stands behind {', '.join(unbound)}.") if unbound else None
+    return refused("target_unbound", nodes=tuple(unbound)) if unbound else None
 
 
 def _foreign(mission: Mission, choice: TargetChoice) -> Refused | None:
     if choice.mission_id != mission.mission_id:
-        return Refused("foreign_target", f"The target was chosen for {choice.mission_id}, not for this mission.")
+        return refused("foreign_target", mission_id=choice.mission_id)
     if choice.configuration != mission.configuration:
         pinned = mission.configuration[:12]
-        return Refused(
-            "wrong_configuration", f"The target was chosen under {choice.configuration[:12]}, not under {pinned}."
+        return refused(
+            "wrong_configuration",
+            because("target_of_another_configuration", configuration=choice.configuration[:12], pinned=pinned),
         )
     if choice.k != mission.k:
-        return Refused("obsolete_target", f"The target was chosen at state version {choice.k}; this is {mission.k}.")
+        return refused("obsolete_target", k=choice.k, mission_k=mission.k)
     return None
 
 
@@ -91,7 +93,7 @@ def _elsewhere(leg: Node | None, name: NodeId, choice: TargetChoice) -> Refused 
     effects = [one.effect for one in leg.success_conditions] if leg else []
     arrivals = [one.target_m for one in effects if isinstance(one, Metric)]
     if leg is None or leg.parameters.get("target") != choice.target_m or arrivals != [choice.target_m]:
-        return Refused("another_target", f"{name} does not lead to the target that was chosen for it.")
+        return refused("another_target", node_id=name)
     return None
 
 

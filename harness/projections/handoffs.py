@@ -29,7 +29,7 @@ from harness.contracts.handoff_events import (
     Snapshot,
 )
 from harness.contracts.ids import Digest, HandoffId, InvocationId
-from harness.contracts.reasons import Explanation
+from harness.contracts.reasons import Explanation, Reason
 from harness.contracts.values import Count, Value
 
 HandoffStatus = Literal[
@@ -93,7 +93,7 @@ class Unanswered(Value):
 
     action: str
     done: bool
-    reason: Explanation
+    reason: Reason
     at_s: float
 
 

@@ -1,7 +1,7 @@
 """Pure: which rule a recovery proposal breaks, whoever proposed it. The gate asks before it authorises (R132)."""
 
 from harness.contracts.configuration import RecoveryAction, RecoveryPolicy
-from harness.contracts.decisions import Refused
+from harness.contracts.decisions import Refused, refused
 from harness.contracts.ids import NodeId
 from harness.contracts.proposals import RecoveryProposal, Signature
 from harness.contracts.reasons import because
@@ -34,7 +34,7 @@ def first_broken_recovery(
     unsigned, excluded_provider, repeated_without_news, wrong_order.
     """
     if mission.of(node_id).failure is None:
-        return Refused("no_failure", f"Node {node_id} has no open failure, so there is nothing to recover from.")
+        return refused("no_failure", because("nothing_to_recover", node_id=node_id))
     standing = standing_of(mission, node_id)
     return (
         _wrong_word(proposal, standing)
@@ -46,15 +46,18 @@ def first_broken_recovery(
 
 def _wrong_word(proposal: RecoveryProposal, standing: Standing) -> Refused | None:
     if proposal.failure != standing.failure:
-        return Refused("wrong_failure", f"The proposal answers {proposal.failure}; the failure is {standing.failure}.")
+        return refused("wrong_failure", answered=proposal.failure, failure=standing.failure)
     if proposal.cost != cost_of(proposal.action):
-        return Refused("wrong_cost", f"{proposal.action} costs {cost_of(proposal.action)}, not {proposal.cost}.")
+        return refused(
+            "wrong_cost",
+            because("action_costs", action=proposal.action, cost=cost_of(proposal.action), offered=proposal.cost),
+        )
     return None
 
 
 def _over_budget(proposal: RecoveryProposal, standing: Standing) -> Refused | None:
     why = unaffordable(proposal.action, standing)
-    return Refused(why.code, because("action_unpaid", action=proposal.action, why=why)) if why else None
+    return refused(why.code, because("action_unpaid", action=proposal.action, why=why)) if why else None
 
 
 def _repeated(
@@ -63,16 +66,14 @@ def _repeated(
     if cost_of(proposal.action) == 0:
         return None
     if signature is None or (signature.action, signature.failure) != (proposal.action, proposal.failure):
-        return Refused("unsigned", f"{proposal.action} carries no signature of what would be done.")
+        return refused("unsigned", because("action_unsigned", action=proposal.action))
     state, standing = mission.of(node_id), standing_of(mission, node_id)
     if signature.provider_id in state.excluded:
-        return Refused("excluded_provider", f"{signature.provider_id} was given up for this node.")
+        return refused("excluded_provider", provider_id=signature.provider_id)
     if standing.news or all(spend.signature != signature for spend in state.spends):
         return None
-    return Refused(
-        "repeated_without_news",
-        f"{proposal.action} by {signature.provider_id} with these parameters answered {proposal.failure} before, "
-        "and no sensor has said anything since the failure.",
+    return refused(
+        "repeated_without_news", action=proposal.action, provider_id=signature.provider_id, failure=proposal.failure
     )
 
 
@@ -84,5 +85,8 @@ def _wrong_order(proposal: RecoveryProposal, standing: Standing, policy: Recover
         if action == proposal.action:
             return None
         if not (unaffordable(action, standing) or repeated(action, standing)):
-            return Refused("wrong_order", f"The next rung for {standing.failure} is {action}, not {proposal.action}.")
-    return Refused("wrong_order", f"{proposal.action} is no rung above the last one for {standing.failure}.")
+            return refused(
+                "wrong_order",
+                because("next_step_is", failure=standing.failure, expected=action, action=proposal.action),
+            )
+    return refused("wrong_order", because("no_step_above", action=proposal.action, failure=standing.failure))

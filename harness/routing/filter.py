@@ -71,7 +71,7 @@ def _safety(card: CapabilityCard, need: Need) -> Reason | None:
     if not card.moves:
         return None
     if need.vetoes:
-        return several([because("layer_vetoed", layer=layer, reason=why) for layer, why in sorted(need.vetoes.items())])
+        return several([because("layer_vetoed", layer=layer, why=why) for layer, why in sorted(need.vetoes.items())])
     if need.status is not None and need.status.charge < need.minimum_charge:
         return because("charge_too_low", charge=need.status.charge, bound=need.minimum_charge)
     return None

@@ -145,7 +145,7 @@ class AgentLoop:
         if isinstance(decision, Refused) and mission.of(node_id).failure is None:
             current = self._runtime.mission(self.mission_id)
             if current.of(node_id).failure is None:
-                self._report(current, node_id, decision.message, now_s)
+                self._report(current, node_id, decision.reason, now_s)
         return now_s
 
     def _report(self, mission: Mission, node_id: NodeId, reason: Explanation, now_s: float) -> None:

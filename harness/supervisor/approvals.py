@@ -1,12 +1,13 @@
 """Between a person's word and the one dispatch it authorises: void if anything it was bound to changed (D28)."""
 
 from harness.contracts.commands import EndInvocation, MarkDispatched, RecordEffect
-from harness.contracts.decisions import Refused
+from harness.contracts.decisions import Refused, refused
 from harness.contracts.events import DispatchIntended
 from harness.contracts.handoff_commands import VoidApproval
-from harness.contracts.ids import HandoffId, handoff_stream, mission_stream
-from harness.contracts.reasons import Explanation, because
-from harness.gate.commit import Request
+from harness.contracts.ids import HandoffId, RobotId, handoff_stream, mission_stream
+from harness.contracts.reasons import Explanation, Reason, because
+from harness.gate.commit import CommandEnvelope
+from harness.gate.rules import standing_vetoes
 from harness.projections.mission import Invocation, Mission
 from harness.runtime import Runtime
 from harness.supervisor.crew import Crew
@@ -24,20 +25,20 @@ def clear_to_send(runtime: Runtime, mission: Mission, invocation: Invocation) ->
         return _stopped(invocation)
     why = changed(mission, invocation)
     if why:
-        return Refused("approval_void", why)
+        return refused("approval_void", why)
     answer = runtime.handoff(intent.handoff_id).answer
     marked = MarkDispatched(invocation_id=intent.invocation_id, actor=answer.actor if answer else None)
-    decision = runtime.commit([Request(handoff_stream(intent.handoff_id), marked)])
+    decision = runtime.commit([CommandEnvelope(handoff_stream(intent.handoff_id), marked, mission.robot_id)])
     return decision if isinstance(decision, Refused) else None
 
 
-def changed(mission: Mission, invocation: Invocation) -> Explanation | None:
+def changed(mission: Mission, invocation: Invocation) -> Reason | None:
     """What an approval was bound to and is no longer so; None if all of it still holds."""
     intent = invocation.intent
     if mission.status != "active":
         return because("approval_mission_is", status=mission.status)
     if mission.vetoes:
-        return because("stopped_by_veto", vetoes=tuple(mission.vetoes.values()))
+        return because("vetoed", vetoes=standing_vetoes(mission))
     if invocation.stop_requested:
         return because("approval_stop_asked", reason=invocation.stop_requested)
     if mission.k != intent.k_ctx:
@@ -49,7 +50,7 @@ def _stopped(invocation: Invocation) -> Refused | None:
     """What was stopped before it was sent is not sent at all."""
     if not invocation.stop_requested:
         return None
-    return Refused("stopped", because("stopped_before_sending", reason=invocation.stop_requested))
+    return refused("stopped", because("stopped_before_sending", reason=invocation.stop_requested))
 
 
 def withdraw(runtime: Runtime, crew: Crew, mission: Mission, *, intent: DispatchIntended, reason: Explanation) -> None:
@@ -67,19 +68,19 @@ def withdraw(runtime: Runtime, crew: Crew, mission: Mission, *, intent: Dispatch
     )
     runtime.commit(
         [
-            *_void(intent.handoff_id, reason),
-            Request(mission_stream(mission.mission_id), ended),
+            *_void(crew.robot_id, intent.handoff_id, reason),
+            CommandEnvelope(mission_stream(mission.mission_id), ended, crew.robot_id),
             *give_back(runtime, Held(crew.robot_id, intent), at_rest=True, reason=because("it_was_never_sent")),
         ]
     )
 
 
-def _void(handoff_id: HandoffId | None, reason: Explanation) -> list[Request]:
+def _void(robot_id: RobotId, handoff_id: HandoffId | None, reason: Explanation) -> list[CommandEnvelope]:
     if handoff_id is None:
         return []
     stream = handoff_stream(handoff_id)
     lost = because("stopped_while_sending")
     return [
-        Request(stream, VoidApproval(reason=reason)),
-        Request(stream, RecordEffect(outcome="unknown", reason=lost)),
+        CommandEnvelope(stream, VoidApproval(reason=reason), robot_id),
+        CommandEnvelope(stream, RecordEffect(outcome="unknown", reason=lost), robot_id),
     ]

@@ -17,7 +17,7 @@ from harness.contracts.events import DispatchIntended, NodeCommitted
 from harness.contracts.ids import InvocationId, handoff_stream, mission_stream
 from harness.contracts.protocol import KEEPALIVE_LOST, TERMINAL, Identity, InvocationReport, StartRequest
 from harness.contracts.reasons import Explanation, Reason, because
-from harness.gate.commit import Request
+from harness.gate.commit import CommandEnvelope
 from harness.projections.mission import Invocation, Mission
 from harness.runtime import Live
 from harness.supervisor.approvals import clear_to_send, withdraw
@@ -69,7 +69,7 @@ class Attendant:
             report = self._report(mission, invocation)
             self._silent_since = None
             if isinstance(report, Refused):
-                withdraw(self._runtime, self._crew, mission, intent=invocation.intent, reason=report.message)
+                withdraw(self._runtime, self._crew, mission, intent=invocation.intent, reason=report.reason)
                 return now_s
             self._publish(mission, report)
             if report.status in TERMINAL:
@@ -195,7 +195,9 @@ class Attendant:
             self._abandon(mission, invocation, failure="verifier_unavailable", reason=str(error))
             return now_s
         requests = [
-            Request(mission_stream(mission.mission_id), CompleteNode(packet=packet, verdict=verdict)),
+            CommandEnvelope(
+                mission_stream(mission.mission_id), CompleteNode(packet=packet, verdict=verdict), mission.robot_id
+            ),
             *give_back(
                 self._runtime,
                 Held(self._crew.robot_id, intent),
@@ -219,7 +221,7 @@ class Attendant:
         self._stopping_since = self._ended_since = None
         if intent.handoff_id is not None:
             said = RecordEffect(outcome=effect, reason=EFFECTS[effect])
-            self._runtime.commit([Request(handoff_stream(intent.handoff_id), said)])
+            self._runtime.commit([CommandEnvelope(handoff_stream(intent.handoff_id), said, self._crew.robot_id)])
 
     def _silence(
         self,
@@ -251,7 +253,7 @@ class Attendant:
         settled = rest.static and failure in ("provider_unavailable", "verifier_unavailable")
         self._runtime.commit(
             [
-                Request(mission_stream(mission.mission_id), ended),
+                CommandEnvelope(mission_stream(mission.mission_id), ended, mission.robot_id),
                 *give_back(self._runtime, Held(self._crew.robot_id, intent), at_rest=settled, reason=reason),
             ]
         )

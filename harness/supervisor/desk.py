@@ -1,8 +1,11 @@
 """Where the harness asks a person, and takes the answer: observed again first, then one transaction (D27, D28)."""
 
-from dataclasses import replace
+import dataclasses
 from typing import assert_never
 
+from msgspec.structs import replace
+
+from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import (
     AnswerMission,
@@ -15,33 +18,25 @@ from harness.contracts.commands import (
 )
 from harness.contracts.configuration import RecoveryAction
 from harness.contracts.contexts import Context
-from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.handoff_commands import (
-    AttestCondition,
     ChooseAction,
-    ClaimHandoff,
-    CloseHandoff,
     CloseQuestion,
-    DecideHandoff,
     DropClaim,
     ExtendDeadline,
-    HandBack,
     LookAgain,
-    OnMyWay,
-    PersonCommand,
-    ReleaseHandoff,
     ReturnControl,
     TakeClaim,
     TakeControl,
-    TakeOver,
 )
 from harness.contracts.handoff_events import HandoffOpened
-from harness.contracts.ids import HandoffId, NodeId, handoff_stream, mission_stream, sha256
+from harness.contracts.ids import HandoffId, handoff_stream, mission_stream, sha256
+from harness.contracts.person_commands import PersonCommand
 from harness.contracts.proposals import RecoveryProposal
 from harness.contracts.reasons import Explanation, because
 from harness.contracts.revision_commands import RecordAttestation
 from harness.contracts.values import encode
-from harness.gate.commit import Request
+from harness.gate.commit import CommandEnvelope
 from harness.gate.handoffs import decide
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import Failure, Mission, required_contract
@@ -98,128 +93,90 @@ class Desk:
             context=c4.digest,
         )
         self._runtime.commit(
-            [Request(mission_stream(mission.mission_id), asking), Request(handoff_stream(handoff_id), opening)],
+            [
+                CommandEnvelope(mission_stream(mission.mission_id), asking, mission.robot_id),
+                CommandEnvelope(handoff_stream(handoff_id), opening, mission.robot_id),
+            ],
             records=(context_record(c4),),
         )
 
-    def answer(self, command: PersonCommand) -> Decision[AnyEvent]:
+    def answer(self, handoff_id: HandoffId, command: PersonCommand) -> Decision[AnyEvent]:
         """A person's word. What they saw must still hold after a fresh look (409 otherwise)."""
-        handoff = self._runtime.handoff(command.handoff_id)
-        if handoff.opened is None:
-            return Refused("not_open", "This handoff was never opened.")
-        mission = self._runtime.mission(handoff.opened.mission_id)
-        match command:
-            case DecideHandoff(decision="reject"):
-                return self._reject(mission, handoff, command)
-            case DecideHandoff():
-                return self._approve(mission, handoff, handoff.opened, command)
-            case AttestCondition():
-                return self._attest(mission, handoff, handoff.opened, command)
-            case LookAgain():
-                return self._asked_anew(mission, handoff, command, action=_proposed(handoff))
-            case ChooseAction():
-                return self._choose(mission, handoff, command)
-            case HandBack():
-                return self._hand_back(mission, handoff, handoff.opened, command)
-            case CloseHandoff():
-                return self._close(mission, handoff, command)
-            case ClaimHandoff() | ReleaseHandoff() | OnMyWay() | TakeOver():
-                return self._held(mission, handoff, command)
-            case _:
-                assert_never(command)
-
-    def _held(
-        self, mission: Mission, handoff: Handoff, command: ClaimHandoff | ReleaseHandoff | OnMyWay | TakeOver
-    ) -> Decision[AnyEvent]:
-        """Whose question it is and how long it waits: nothing of the robot needs to be known for it."""
-        match command:
-            case ClaimHandoff():
-                return self._said(handoff, TakeClaim(actor=command.actor, claim=command.claim))
-            case ReleaseHandoff():
-                dropped = DropClaim(actor=command.actor, claim=command.claim, reason=because("claim_released"))
-                return self._said(handoff, dropped)
-            case OnMyWay():
-                return self._said(handoff, ExtendDeadline(actor=command.actor, reason=command.reason))
-            case TakeOver():
-                if mission.status != "awaiting_human" or mission.handoff_id != handoff.handoff_id:
-                    return Refused("not_waiting", f"The mission is {mission.status}; it does not wait for this answer.")
-                taken = TakeControl(
-                    actor=command.actor,
-                    claim=command.claim,
-                    device=command.device,
-                    key=command.key,
-                    reason=command.reason,
-                )
-                return self._said(handoff, taken)
-            case _:
-                assert_never(command)
-
-    def _choose(self, mission: Mission, handoff: Handoff, command: ChooseAction) -> Decision[AnyEvent]:
-        """The question is recalled and asked anew with another action: approved, if at all, on its own digest."""
+        handoff = self._runtime.handoff(handoff_id)
         opened = handoff.opened
-        if opened is None or command.cycle != handoff.cycle:
-            return Refused("wrong_cycle", f"The question changed: it is in cycle {handoff.cycle}, not {command.cycle}.")
+        if opened is None:
+            return refused("not_open", because("handoff_never_opened"))
+        mission = self._runtime.mission(opened.mission_id)
+        match command:
+            case ApproveHandoff():
+                return self._approve(mission, handoff, opened, command)
+            case AttestHandoff():
+                return self._attest(mission, handoff, opened, command)
+            case ReturnControl():
+                return self._hand_back(mission, handoff, opened, command)
+            case RejectHandoff() | CloseQuestion():
+                return self._ends(mission, handoff, command)
+            case LookAgain():
+                return self._asked_anew(mission, handoff, opened, actor=command.actor, action=_proposed(handoff))
+            case ChooseAction():
+                return self._choose(mission, handoff, opened, command)
+            case TakeControl() if mission.status != "awaiting_human" or mission.handoff_id != handoff.handoff_id:
+                return _not_waiting(mission)
+            case TakeClaim() | DropClaim() | ExtendDeadline() | TakeControl():
+                return self._said(handoff, command)
+            case _:
+                assert_never(command)
+
+    def _choose(
+        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: ChooseAction
+    ) -> Decision[AnyEvent]:
+        """The question is recalled and asked anew with another action: approved, if at all, on its own digest."""
+        if command.cycle != handoff.cycle:
+            return refused("wrong_cycle", cycle=handoff.cycle, shown_cycle=command.cycle)
         if command.action not in self._questions.choices(mission, opened.node_id):
-            return Refused("no_choice", f"{command.action} is no rung that this stage's ladder and budget still offer.")
+            return refused("no_choice", because("action_not_offered", action=command.action))
         if self._questions.proposal(mission, opened.node_id, command.action) is None:
-            return Refused("not_possible", f"Nobody can do {command.action} now.")
-        return self._asked_anew(mission, handoff, command, action=command.action)
+            return refused("not_possible", because("action_not_possible", action=command.action))
+        return self._asked_anew(mission, handoff, opened, actor=command.actor, action=command.action)
 
     def _asked_anew(
-        self, mission: Mission, handoff: Handoff, command: LookAgain | ChooseAction, *, action: RecoveryAction
+        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, *, actor: Actor, action: RecoveryAction
     ) -> Decision[AnyEvent]:
         """Observe without motion and show the question as it stands now: a new cycle."""
-        if handoff.opened is None:
-            return Refused("not_open", "This handoff was never opened.")
-        node_id = handoff.opened.node_id
-        snapshot = self._questions.snapshot(mission, node_id)
+        snapshot = self._questions.snapshot(mission, opened.node_id)
         refreshed = RefreshHandoff(
             k=mission.k,
-            proposal=self._questions.proposal(mission, node_id, action),
+            proposal=self._questions.proposal(mission, opened.node_id, action),
             snapshot=snapshot,
-            evidence=self._questions.evidence(mission, node_id, snapshot),
-            choices=self._questions.choices(mission, node_id),
-            actor=command.actor,
+            evidence=self._questions.evidence(mission, opened.node_id, snapshot),
+            choices=self._questions.choices(mission, opened.node_id),
+            actor=actor,
         )
         return self._said(handoff, refreshed)
 
     def _approve(
-        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: DecideHandoff
+        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: ApproveHandoff
     ) -> Decision[AnyEvent]:
-        approve = ApproveHandoff(
-            actor=command.actor,
-            reason=command.reason,
-            key=command.key,
-            cycle=command.cycle,
-            subject=command.subject,
-            evidence=command.evidence,
-            k=mission.k,
-            fresh=self._questions.snapshot(mission, opened.node_id),
-            shown=command.shown or self._runtime.keep(encode(opened)),
-            claim=command.claim,
-        )
-        if settled := self._foreseen(mission, handoff, approve):
+        """The one invocation that was shown, prepared again from what is seen now, and committed with the approval."""
+        if settled := self._settled(mission, handoff, command):
             return settled
-        action = _proposed(handoff)
-        if self._questions.proposal(mission, opened.node_id, action) != opened.proposal:
-            return Refused("wrong_digest", "What would run now is not what you saw. Look again, then decide.")
-        approval = Approval(handoff_id=handoff.handoff_id, command=approve)
-        wish = self._questions.wish(mission, opened.node_id, action)
-        return self._dispatcher.dispatch(mission, replace(wish, approval=approval))
+        fresh = self._questions.snapshot(mission, opened.node_id)
+        shown = command.shown or self._runtime.keep(encode(opened))
+        approve = replace(command, k=mission.k, fresh=fresh, shown=shown)
+        wish = self._questions.wish(mission, opened.node_id, _proposed(handoff))
+        attempt = dataclasses.replace(wish, approval=Approval(handoff_id=handoff.handoff_id, command=approve))
+        prepared = self._dispatcher.prepare(mission, attempt)
+        same = self._questions.proposed(mission, attempt, prepared) == opened.proposal
+        if isinstance(prepared, Refused) or not same:
+            changed = refused("wrong_digest", because("action_changed_now"))
+            return self._refused(handoff, approve) or changed
+        return self._dispatcher.commit(mission, attempt, prepared)
 
     def _attest(
-        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: AttestCondition
+        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: AttestHandoff
     ) -> Decision[AnyEvent]:
         """A person's own observation: kept as evidence, and the one look without motion that it opens (D17)."""
-        attest = AttestHandoff(
-            actor=command.actor,
-            reason=command.statement,
-            key=command.key,
-            cycle=command.cycle,
-            condition_id=command.condition_id,
-            claim=command.claim,
-        )
-        if settled := self._foreseen(mission, handoff, attest):
+        if settled := self._settled(mission, handoff, command):
             return settled
         self._roles.senses.collect(None)
         record = RecordAttestation(
@@ -227,78 +184,65 @@ class Desk:
             node_id=opened.node_id,
             condition_id=command.condition_id,
             actor=command.actor,
-            statement=command.statement,
+            statement=command.reason,
             seen_s=self._crew.clock.now().mission_s,
-            blob=self._runtime.keep(command.statement.encode()),
+            blob=self._runtime.keep(command.reason.encode()),
         )
-        word = Approval(handoff_id=handoff.handoff_id, command=attest, attestation=record)
-        return self._dispatcher.dispatch(mission, _look(opened, opened.node_id, word, why="a person attested"))
+        word = Approval(handoff_id=handoff.handoff_id, command=command, attestation=record)
+        return self._look(mission, handoff, opened, word, why="a person attested")
 
     def _hand_back(
-        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: HandBack
+        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: ReturnControl
     ) -> Decision[AnyEvent]:
         """The robot is the harness's again: seen afresh, and one look without motion at the present state version."""
-        back = ReturnControl(
-            actor=command.actor,
-            claim=command.claim,
-            key=command.key,
-            reason=command.reason,
-            k=mission.k,
-            fresh=self._questions.snapshot(mission, opened.node_id),
-        )
-        if settled := self._foreseen(mission, handoff, back):
+        if settled := self._settled(mission, handoff, command):
             return settled
+        back = replace(command, k=mission.k, fresh=self._questions.snapshot(mission, opened.node_id))
         word = Approval(handoff_id=handoff.handoff_id, command=back)
-        return self._dispatcher.dispatch(mission, _look(opened, opened.node_id, word, why="a person handed it back"))
+        return self._look(mission, handoff, opened, word, why="a person handed it back")
 
-    def _reject(self, mission: Mission, handoff: Handoff, command: DecideHandoff) -> Decision[AnyEvent]:
-        reject = RejectHandoff(
-            actor=command.actor,
-            reason=command.reason,
-            key=command.key,
-            cycle=command.cycle,
-            subject=command.subject,
-            claim=command.claim,
-        )
-        ended = AnswerMission(
-            handoff_id=handoff.handoff_id, decision="rejected", actor=command.actor, reason=command.reason
-        )
-        return self._ends(mission, handoff, reject, ended)
-
-    def _close(self, mission: Mission, handoff: Handoff, command: CloseHandoff) -> Decision[AnyEvent]:
-        """The person keeps the robot."""
-        close = CloseQuestion(actor=command.actor, claim=command.claim, key=command.key, reason=command.reason)
-        ended = AnswerMission(
-            handoff_id=handoff.handoff_id, decision="closed", actor=command.actor, reason=command.reason
-        )
-        return self._ends(mission, handoff, close, ended)
-
-    def _ends(
-        self, mission: Mission, handoff: Handoff, said: RejectHandoff | CloseQuestion, ended: AnswerMission
+    def _look(
+        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, word: Approval, *, why: str
     ) -> Decision[AnyEvent]:
+        """One verification without motion, committed with the word that opens it."""
+        look = RecoveryProposal(action="verify_again", failure=opened.failure, provider_id=None, cost=0, reason=why)
+        attempt = Attempt(node_id=opened.node_id, recovery=look, approval=word)
+        prepared = self._dispatcher.prepare(mission, attempt)
+        if isinstance(prepared, Refused):
+            return self._refused(handoff, word.command) or prepared
+        return self._dispatcher.commit(mission, attempt, prepared)
+
+    def _ends(self, mission: Mission, handoff: Handoff, command: RejectHandoff | CloseQuestion) -> Decision[AnyEvent]:
         """The word and the mission's end together; a question that is over only says so."""
-        requests = [Request(handoff_stream(handoff.handoff_id), said)]
+        requests = [CommandEnvelope(handoff_stream(handoff.handoff_id), command, mission.robot_id)]
         if handoff.waits and mission.handoff_id == handoff.handoff_id:
-            requests.append(Request(mission_stream(mission.mission_id), ended))
+            ended = AnswerMission(
+                handoff_id=handoff.handoff_id,
+                decision="rejected" if isinstance(command, RejectHandoff) else "closed",
+                actor=command.actor,
+                reason=command.reason,
+            )
+            requests.append(CommandEnvelope(mission_stream(mission.mission_id), ended, mission.robot_id))
         return self._runtime.commit(requests)
 
-    def _foreseen(
+    def _settled(
         self, mission: Mission, handoff: Handoff, command: ApproveHandoff | AttestHandoff | ReturnControl
     ) -> Decision[AnyEvent] | None:
-        """What the gate would refuse, or has answered before; None where it would take the word now."""
+        """The answer to a word that can start nothing any more; None where the gate is to decide it with its start."""
+        waits = handoff.status == "taken_over" if isinstance(command, ReturnControl) else handoff.answerable
+        if waits:
+            return None if mission.handoff_id == handoff.handoff_id else _not_waiting(mission)
+        return self._refused(handoff, command) or Accepted(())
+
+    def _refused(self, handoff: Handoff, command: ApproveHandoff | AttestHandoff | ReturnControl) -> Refused | None:
+        """What the gate would say against this word; None where it would take it, or took it before."""
         decision = decide(handoff, command, self._crew.clock.now())
-        if isinstance(decision, Refused):
-            return decision
-        if not decision.events:
-            return Accepted(())
-        if mission.handoff_id != handoff.handoff_id:
-            return Refused("not_waiting", f"The mission is {mission.status}; it does not wait for this answer.")
-        return None
+        return decision if isinstance(decision, Refused) else None
 
     def _said(
         self, handoff: Handoff, command: TakeClaim | DropClaim | ExtendDeadline | TakeControl | RefreshHandoff
     ) -> Decision[AnyEvent]:
-        return self._runtime.commit([Request(handoff_stream(handoff.handoff_id), command)])
+        return self._runtime.commit([CommandEnvelope(handoff_stream(handoff.handoff_id), command, self._crew.robot_id)])
 
 
 def _proposed(handoff: Handoff) -> RecoveryAction:
@@ -307,6 +251,5 @@ def _proposed(handoff: Handoff) -> RecoveryAction:
     return proposal.action if proposal else "retry"
 
 
-def _look(opened: HandoffOpened, node_id: NodeId, word: Approval, *, why: str) -> Attempt:
-    look = RecoveryProposal(action="verify_again", failure=opened.failure, provider_id=None, cost=0, reason=why)
-    return Attempt(node_id=node_id, recovery=look, approval=word)
+def _not_waiting(mission: Mission) -> Refused:
+    return refused("not_waiting", because("not_waiting_for_answer", status=mission.status))

@@ -20,7 +20,7 @@ from harness.contracts.commands import (
 from harness.contracts.configuration import FailureClass
 from harness.contracts.contexts import Context
 from harness.contracts.control import CONTROL, RequireFreeWheel
-from harness.contracts.decisions import Accepted, Refused
+from harness.contracts.decisions import Accepted, Refused, refused
 from harness.contracts.events import DispatchIntended, NodePlanned
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.handoff_commands import ReturnControl
@@ -42,7 +42,7 @@ from harness.contracts.reasons import Explanation, Reason, because, several
 from harness.contracts.revision_commands import RecordAttestation
 from harness.contracts.tasks import Node
 from harness.contracts.values import digest
-from harness.gate.commit import Request
+from harness.gate.commit import CommandEnvelope
 from harness.gate.dispatch import spend
 from harness.planning.planner import Plan, planned
 from harness.planning.skill import LOOK_S, propose_skill
@@ -145,13 +145,19 @@ class Dispatcher:
         """Prepare and commit one invocation. Refused leaves nothing behind but a failure."""
         prepared = self.prepare(mission, attempt)
         if isinstance(prepared, Refused):
-            return self._fail(mission, attempt, "provider_unavailable", prepared.message)
+            return self._fail(mission, attempt, "provider_unavailable", prepared.reason)
+        return self.commit(mission, attempt, prepared, plan=plan)
+
+    def commit(
+        self, mission: Mission, attempt: Attempt, prepared: Prepared, *, plan: tuple[Plan, Context] | None = None
+    ) -> Accepted[AnyEvent] | Refused:
+        """Commit one invocation as it was prepared, with what authorises it."""
         command = self._command(attempt, prepared, plan)
         said = [record("plan", plan[0].proposal)] if plan and plan[0].proposal else []
         contexts = [context_record(one) for one in (plan[1] if plan else None, attempt.c4) if one is not None]
         decision = self._commit(mission, attempt, command, records=(*prepared.records, *contexts, *said))
         if isinstance(decision, Refused) and decision.rule in ("lease_held", "lease_quarantined", "stale_token"):
-            return self._fail(mission, attempt, "resource_conflict", decision.message)
+            return self._fail(mission, attempt, "resource_conflict", decision.reason)
         return decision
 
     def taken(self, mission: Mission, node_id: NodeId) -> Reason | None:
@@ -178,7 +184,7 @@ class Dispatcher:
                 because("provider_filtered", provider_id=one.provider_id, filter=one.refused_by, reason=one.reason)
                 for one in chosen.candidates
             )
-            return Refused("provider_unavailable", because("nobody_can_serve", node_id=attempt.node_id, why=why))
+            return refused("provider_unavailable", because("nobody_can_serve", node_id=attempt.node_id, why=why))
         card = self._crew.provider(chosen.chosen).card
         examples = self._roles.examples(mission, attempt.node_id, card)
         c2 = skill_context(replace(view, examples=examples), attempt.node_id, card)
@@ -286,16 +292,21 @@ class Dispatcher:
     ) -> Accepted[AnyEvent] | Refused:
         """The intent, its leases and the approval that pays for it: all or none."""
         requests = [
-            Request(mission_stream(mission.mission_id), command),
+            CommandEnvelope(mission_stream(mission.mission_id), command, mission.robot_id),
             *acquire(mission, command.intent),
         ]
         if attempt.approval is not None:
-            requests.insert(0, Request(handoff_stream(attempt.approval.handoff_id), attempt.approval.command))
+            requests.insert(
+                0,
+                CommandEnvelope(
+                    handoff_stream(attempt.approval.handoff_id), attempt.approval.command, mission.robot_id
+                ),
+            )
         if command.handed_back:
-            requests.insert(0, Request(CONTROL, RequireFreeWheel(robot_id=mission.robot_id)))
+            requests.insert(0, CommandEnvelope(CONTROL, RequireFreeWheel(robot_id=mission.robot_id), mission.robot_id))
         return self._runtime.commit(requests, records=records)
 
-    def _fail(self, mission: Mission, attempt: Attempt, failure: FailureClass, reason: Explanation) -> Refused:
+    def _fail(self, mission: Mission, attempt: Attempt, failure: FailureClass, reason: Reason) -> Refused:
         if attempt.approval is None and mission.of(attempt.node_id).failure is None:
             command = ReportFailure(
                 node_id=attempt.node_id,

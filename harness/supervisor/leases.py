@@ -24,7 +24,7 @@ from harness.contracts.ids import (
 from harness.contracts.observations import AnySample
 from harness.contracts.protocol import TERMINAL
 from harness.contracts.reasons import Explanation, because
-from harness.gate.commit import Request
+from harness.gate.commit import CommandEnvelope
 from harness.projections.control import Control
 from harness.projections.leases import Lease
 from harness.projections.mission import Mission
@@ -80,9 +80,9 @@ def tokens(runtime: Runtime, robot_id: RobotId, resources: tuple[ResourceId, ...
     return {resource: runtime.lease(leased(robot_id, resource)).token + 1 for resource in resources}
 
 
-def acquire(mission: Mission, intent: DispatchIntended) -> list[Request]:
+def acquire(mission: Mission, intent: DispatchIntended) -> list[CommandEnvelope]:
     return [
-        Request(
+        CommandEnvelope(
             lease_stream(leased(mission.robot_id, resource)),
             AcquireLease(
                 resource=leased(mission.robot_id, resource),
@@ -91,6 +91,7 @@ def acquire(mission: Mission, intent: DispatchIntended) -> list[Request]:
                 token=token,
                 expires_s=intent.deadline_s + GRACE_S,
             ),
+            mission.robot_id,
         )
         for resource, token in intent.resources.items()
     ]
@@ -102,7 +103,7 @@ def holds(runtime: Runtime, robot_id: RobotId, intent: Sent) -> bool:
     return all(lease.status == "held" and lease.invocation_id == intent.invocation_id for lease in leases)
 
 
-def give_back(runtime: Runtime, held: Held, *, at_rest: bool, reason: Explanation) -> list[Request]:
+def give_back(runtime: Runtime, held: Held, *, at_rest: bool, reason: Explanation) -> list[CommandEnvelope]:
     """Release what the invocation holds, or quarantine it while the body may still move."""
     requests, intent = [], held.intent
     for resource in intent.resources:
@@ -114,32 +115,36 @@ def give_back(runtime: Runtime, held: Held, *, at_rest: bool, reason: Explanatio
             if at_rest or not intent.moves
             else QuarantineLease(invocation_id=intent.invocation_id, reason=reason)
         )
-        requests.append(Request(lease_stream(lease.resource), command))
+        requests.append(CommandEnvelope(lease_stream(lease.resource), command, held.robot_id))
     return requests
 
 
-def expired(runtime: Runtime, robot_id: RobotId, resources: tuple[ResourceId, ...], *, now_s: float) -> list[Request]:
+def expired(
+    runtime: Runtime, robot_id: RobotId, resources: tuple[ResourceId, ...], *, now_s: float
+) -> list[CommandEnvelope]:
     """Quarantine what a holder kept past its expiry: it may be moving."""
     return [
-        Request(
+        CommandEnvelope(
             lease_stream(lease.resource),
             QuarantineLease(invocation_id=lease.invocation_id, reason=because("holder_unaccounted_for")),
+            robot_id,
         )
         for resource in resources
         if (lease := runtime.lease(leased(robot_id, resource))).status == "held" and lease.expires_s < now_s
     ]
 
 
-def free(runtime: Runtime, mission: Mission, *, static: dict[str, float]) -> list[Request]:
+def free(runtime: Runtime, mission: Mission, *, static: dict[str, float]) -> list[CommandEnvelope]:
     """Free what this mission's acknowledged executions left in quarantine, on static-body evidence. Never re-arms.
 
     An execution is acknowledged once its provider reported an end, which is when its packet is retained.
     """
     acknowledged = {p.identity.invocation_id for node in mission.nodes.values() for p in node.packets}
     return [
-        Request(
+        CommandEnvelope(
             stream,
             FreeLease(actor=SUPERVISOR, static=static, reason=because("stop_shown_static")),
+            mission.robot_id,
         )
         for stream in runtime.streams("lease/")
         if (lease := runtime.lease(ResourceId(stream.partition("/")[2]))).status == "quarantined"
@@ -160,7 +165,7 @@ def freed(runtime: Runtime, crew: Crew, order: FreeOrder) -> Accepted[AnyEvent] 
         _halt(crew, held, lost)
     crew.clock.wait_until(crew.clock.now().mission_s + WINDOW_S + LOOK_S)
     command = FreeLease(actor=order.actor, static=_static(crew), reason=order.reason)
-    return runtime.commit([Request(lease_stream(order.resource), command)])
+    return runtime.commit([CommandEnvelope(lease_stream(order.resource), command, crew.robot_id)])
 
 
 def _static(crew: Crew) -> dict[str, float]:

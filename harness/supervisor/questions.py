@@ -12,7 +12,7 @@ from harness.contracts.reasons import because
 from harness.contracts.values import digest
 from harness.projections.mission import Mission, required_contract, required_policy
 from harness.recovery.standing import cost_of, ladder_of, over_budget
-from harness.supervisor.dispatch import Attempt, Dispatcher
+from harness.supervisor.dispatch import Attempt, Dispatcher, Prepared
 from harness.supervisor.rest import at_rest
 from harness.supervisor.roles import Roles
 from harness.verification.preconditions import verify_preconditions
@@ -56,15 +56,18 @@ class Questions:
     def proposal(self, mission: Mission, node_id: NodeId, action: RecoveryAction = "retry") -> ProposedAction | None:
         """Exactly what an approval would let run, once; None where nobody can do it now."""
         wish = self.wish(mission, node_id, action)
-        prepared = self._dispatcher.prepare(mission, wish)
+        return self.proposed(mission, wish, self._dispatcher.prepare(mission, wish))
+
+    def proposed(self, mission: Mission, wish: Attempt, prepared: Prepared | Refused) -> ProposedAction | None:
+        """What a person is shown of an invocation that was prepared; None where nobody can do it."""
         if isinstance(prepared, Refused) or wish.recovery is None:
             return None
         intent = prepared.intent
         return ProposedAction(
             mission_id=mission.mission_id,
-            node_id=node_id,
+            node_id=wish.node_id,
             attempt=intent.attempt,
-            action=action,
+            action=wish.recovery.action,
             provider_id=intent.provider_id,
             provider_version=intent.provider_version,
             parameters=intent.parameters,

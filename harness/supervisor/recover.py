@@ -56,9 +56,9 @@ class Recovery:
             self.free(mission)
             if decision.rule in IMPOSSIBLE:
                 return self._ask(
-                    mission, failure, because("action_impossible", action=proposal.action, why=decision.message), c4
+                    mission, failure, because("action_impossible", action=proposal.action, why=decision.reason), c4
                 )
-            why = decision.message
+            why: Explanation = decision.reason
         else:
             why = blocked.reason
         if now_s > failure.at_s + required_policy(mission).wait_s:

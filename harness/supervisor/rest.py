@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 from harness.contracts.observations import AnySample, Odometry
-from harness.contracts.reasons import Explanation, because
+from harness.contracts.reasons import Reason, because
 from harness.contracts.values import Value
 from harness.verification.geometry import fixes, window_displacement
 
@@ -16,7 +16,7 @@ class Rest(Value):
     """Measured displacement over the window; `static` is False too when nothing shows it, with the reason."""
 
     static: bool
-    reason: Explanation
+    reason: Reason | None
     measured: dict[str, float]
 
 
@@ -32,5 +32,5 @@ def at_rest(samples: Iterable[AnySample], now_s: float) -> Rest:
     if moved is None:
         return Rest(static=False, reason=because("odometry_too_short"), measured={})
     static = moved < LIMIT_M
-    reason = "" if static else because("body_moved_in_second", moved_m=moved)
+    reason = None if static else because("body_moved_in_second", moved_m=moved)
     return Rest(static=static, reason=reason, measured={"displacement_m": moved, "window_s": WINDOW_S})

@@ -7,15 +7,15 @@ from harness.contracts.actors import Actor
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.commands import AcquireLease
 from harness.contracts.control import CONTROL
-from harness.contracts.decisions import Refused
+from harness.contracts.decisions import Refused, refused
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import HandoffId, MissionId, ProviderId, invocation_id, lease_stream, leased, request_id
 from harness.contracts.observations import Pose
 from harness.contracts.protocol import ParameterValue
-from harness.contracts.reasons import Explanation, Reason, because
+from harness.contracts.reasons import Explanation, Reason, because, recorded
 from harness.contracts.retreat_events import RETREAT, RetreatIntended, SendRetreat
 from harness.contracts.values import Point
-from harness.gate.commit import Request
+from harness.gate.commit import CommandEnvelope
 from harness.projections.control import Control
 from harness.projections.mission import Mission
 from harness.supervisor.leases import GRACE_S, tokens
@@ -44,37 +44,38 @@ class Order:
 def planned_retreat(roles: Roles, order: Order) -> RetreatIntended | Refused:
     """The motion as it would run, or why there is none now. Looks at the robot; writes nothing."""
     if not roles.senses.collect(None):
-        return Refused("robot_silent", "The robot does not answer.")
+        return refused("robot_silent")
     pose = newest_pose(roles)
     if pose is None or roles.senses.status is None:
-        return Refused("not_localised", "No pose says where the robot stands.")
+        return refused("not_localised")
     site, at = roles.runtime.site, (pose.x_m, pose.y_m)
     zone = zone_at(site.zones, at)
     if zone is None or zone.retreat is None:
-        return Refused("no_safe_place", f"{zone.name if zone else 'Where the robot stands'} declares no safe place.")
+        here = because("no_safe_place_here") if zone is None else because("zone_without_safe_place", zone=zone.name)
+        return refused("no_safe_place", here)
     try:
         way = way_of(site, zone)
     except ContractInvalid as error:
-        return Refused("retreat_invalid", error.what)
+        return refused("retreat_invalid", recorded(error.what))
     away_m = hypot(at[0] - way.place.approach_m[0], at[1] - way.place.approach_m[1])
     if away_m <= ARRIVED_M:
-        return Refused("already_there", f"It already stands {away_m:.2f} m from {way.place.name}.")
+        return refused("already_there", away_m=away_m, place=way.place.name)
     points = ahead(way, at)
     if len(points) < 2:
-        return Refused("off_the_way", f"It stands off the authorised way to {way.place.name}.")
+        return refused("off_the_way", place=way.place.name)
     hindered = hindrance(roles, map_version=site.map_version) or _standing_still(roles) or _vetoed(roles, order)
     if hindered:
-        return Refused("not_ready", f"{hindered}.")
+        return refused("not_ready", hindered)
     card = _able(roles, way)
     if card is None:
-        return Refused("no_provider", "Nothing on this robot can follow a way that slowly.")
+        return refused("no_provider", because("no_provider_that_slow"))
     return _intent(roles, order, way=way, points=points, card=card)
 
 
-def sending(intent: RetreatIntended) -> list[Request]:
+def sending(intent: RetreatIntended) -> list[CommandEnvelope]:
     """The intent with its leases: all or none, before anything is sent."""
     leases = [
-        Request(
+        CommandEnvelope(
             lease_stream(leased(intent.robot_id, resource)),
             AcquireLease(
                 resource=leased(intent.robot_id, resource),
@@ -83,10 +84,11 @@ def sending(intent: RetreatIntended) -> list[Request]:
                 token=token,
                 expires_s=intent.deadline_s + GRACE_S,
             ),
+            intent.robot_id,
         )
         for resource, token in intent.resources.items()
     ]
-    return [Request(CONTROL, SendRetreat(intent=intent)), *leases]
+    return [CommandEnvelope(CONTROL, SendRetreat(intent=intent), intent.robot_id), *leases]
 
 
 def hindrance(roles: Roles, *, map_version: str) -> Reason | None:

@@ -10,17 +10,16 @@ from harness.contracts.errors import HarnessError, ProviderFailed, ProviderUnrea
 from harness.contracts.ids import Digest, ProviderId
 from harness.contracts.observations import Odometry, Pose
 from harness.contracts.protocol import KEEPALIVE_LOST, TERMINAL, Identity, InvocationReport, StartRequest
-from harness.contracts.reasons import Explanation, Reason, because
+from harness.contracts.reasons import Reason, because, recorded
 from harness.contracts.retreat_events import (
     RETREAT,
     EndRetreat,
     RetreatEnded,
     RetreatIntended,
     RetreatOutcome,
-    RetreatStopping,
     StopRetreat,
 )
-from harness.gate.commit import Request
+from harness.gate.commit import CommandEnvelope
 from harness.projections.control import Control, Retreating
 from harness.runtime import Runtime
 from harness.supervisor.attend import ACKNOWLEDGE_S, POLL_S, REST_WITHIN_S, SETTLE_S, UNREACHABLE_S, own
@@ -75,14 +74,14 @@ class Returning:
                 return self._finish(retreat, report, now_s)
             return self._supervise(retreat, report, now_s)
         except ProviderUnreachable as error:
-            return self._silence(retreat.intent, now_s, str(error))
+            return self._silence(retreat.intent, now_s, recorded(str(error)))
         except ProviderFailed as error:
             refused = self._handle is None
             self._end(
                 retreat.intent,
                 "short" if refused else "unknown",
                 declared="refused" if refused else "lost",
-                reason=error.what,
+                reason=recorded(error.what),
             )
             return now_s
 
@@ -111,11 +110,11 @@ class Returning:
         self._handle = report.handle
         return report
 
-    def _in_the_way(self, retreat: Retreating) -> Explanation | None:
+    def _in_the_way(self, retreat: Retreating) -> Reason | None:
         """Why it must not go on: a person's stop, the deadline, the robot's own condition, a lost lease, a veto."""
         intent = retreat.intent
         if retreat.stop is not None:
-            return _stopped_by(retreat.stop)
+            return because("stopped_by", actor=retreat.stop.actor.name, reason=retreat.stop.reason)
         if self._crew.clock.now().mission_s > intent.deadline_s:
             return because("deadline_passed")
         if not holds(self._runtime, self._crew.robot_id, intent):
@@ -129,7 +128,7 @@ class Returning:
             reason = lost or self._in_the_way(retreat)
             if reason:
                 asked = StopRetreat(robot_id=intent.robot_id, actor=SUPERVISOR, reason=reason)
-                self._runtime.commit([Request(CONTROL, asked)])
+                self._runtime.commit([CommandEnvelope(CONTROL, asked, self._crew.robot_id)])
                 return now_s
         else:
             self._stopping_since = now_s if self._stopping_since is None else self._stopping_since
@@ -150,12 +149,12 @@ class Returning:
             return now_s + POLL_S
         away, why = self._measured(retreat.intent, now_s)
         said = f"{report.status}{f', {report.failure}' if report.failure else ''}"
-        stopped = _stopped_by(retreat.stop) if retreat.stop else report.message
+        stopped = _stopped(retreat, report)
         reached = not why and rest.static
         outcome: RetreatOutcome = "reached" if reached else "short"
-        measured = because("measured_from_place", distance_m=away.get("distance_m", 0.0), place=retreat.intent.place)
-        shown = measured if reached else why or rest.reason
-        reason = shown if reached or not stopped else because("one_and_other", one=shown, other=stopped)
+        measured = because("measured_from_place", distance_m=away.get("distance_m"), place=retreat.intent.place)
+        shown = measured if reached else why or rest.reason or because("rest_not_shown")
+        reason = shown if reached or stopped is None else because("one_and_other", one=shown, other=stopped)
         self._end(retreat.intent, outcome, declared=said, reason=reason, measured=away | rest.measured)
         return now_s
 
@@ -177,7 +176,7 @@ class Returning:
             return measured, because("localiser_and_odometry_differ")
         return measured, None
 
-    def _silence(self, intent: RetreatIntended, now_s: float, reason: str) -> float:
+    def _silence(self, intent: RetreatIntended, now_s: float, reason: Reason) -> float:
         """No answer: asked again for a while, never sent again; the robot stands by its own dead man meanwhile."""
         self._silent_since = now_s if self._silent_since is None else self._silent_since
         if now_s - self._silent_since >= UNREACHABLE_S:
@@ -204,7 +203,7 @@ class Returning:
         outcome: RetreatOutcome,
         *,
         declared: str,
-        reason: Explanation,
+        reason: Reason,
         measured: dict[str, float] | None = None,
     ) -> None:
         """The end and the leases in one commit: freed only at rest by odometry, and never where the end is unknown.
@@ -227,20 +226,19 @@ class Returning:
             then=intent.otherwise if done else "",
             then_done=done is not None and done.done,
         )
-        freed = give_back(
-            self._runtime,
-            Held(self._crew.robot_id, intent),
-            at_rest=free,
-            reason=because("retreat_over", outcome=outcome),
-        )
-        self._runtime.commit([Request(CONTROL, EndRetreat(ended=ended)), *freed])
+        over = because("retreat_over", outcome=outcome)
+        freed = give_back(self._runtime, Held(self._crew.robot_id, intent), at_rest=free, reason=over)
+        self._runtime.commit([CommandEnvelope(CONTROL, EndRetreat(ended=ended), self._crew.robot_id), *freed])
         self._handle = self._found = None
         self._sent = False
         self._silent_since = self._stopping_since = self._ended_since = None
 
 
-def _stopped_by(stop: RetreatStopping) -> Reason:
-    return because("stopped_by", actor=stop.actor.name, reason=stop.reason)
+def _stopped(retreat: Retreating, report: InvocationReport) -> Reason | None:
+    """Why it went no further: whoever stopped it, else the provider's own words, where it has any."""
+    if retreat.stop is not None:
+        return because("stopped_by", actor=retreat.stop.actor.name, reason=retreat.stop.reason)
+    return recorded(report.message) if report.message else None
 
 
 def _request(intent: RetreatIntended) -> StartRequest:

@@ -3,7 +3,7 @@
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.places import Otherwise
 from harness.contracts.protocol import PostureOrder
-from harness.contracts.reasons import Explanation, because
+from harness.contracts.reasons import Reason, because, recorded
 from harness.contracts.values import Value
 from harness.supervisor.crew import Crew
 from harness.supervisor.rest import Rest
@@ -13,7 +13,7 @@ class Settled(Value):
     """Whether something shows that it was done, and what."""
 
     done: bool
-    reason: Explanation
+    reason: Reason
 
 
 def settle(crew: Crew, action: Otherwise, *, rest: Rest, token: int) -> Settled:
@@ -25,5 +25,5 @@ def settle(crew: Crew, action: Otherwise, *, rest: Rest, token: int) -> Settled:
     try:
         status = crew.hand.rest(PostureOrder(posture="lying", token=token))
     except ProviderFailed as error:
-        return Settled(done=False, reason=str(error)[:200])
+        return Settled(done=False, reason=recorded(str(error)[:200]))
     return Settled(done=status.posture == "lying", reason=because("declares_posture", posture=status.posture))

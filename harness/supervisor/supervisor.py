@@ -8,10 +8,10 @@ from threading import Event, RLock, Thread
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import EndMission, StopMission
-from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.errors import HarnessError, StoreUnavailable, UnknownName
-from harness.contracts.handoff_commands import PersonCommand
-from harness.contracts.ids import MissionId, ResourceId, RobotId
+from harness.contracts.ids import HandoffId, MissionId, ResourceId, RobotId
+from harness.contracts.person_commands import PersonCommand
 from harness.contracts.reasons import because
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
@@ -45,7 +45,6 @@ class Supervisor:
         self._returning = {robot_id: Returning(runtime=runtime, crew=crew) for robot_id, crew in crews.items()}
         self._halt = Event()
         self._threads: list[Thread] = []
-        runtime.open_desk(self.answer)
 
     def unfinished(self, robot_id: RobotId) -> list[Mission]:
         """Missions of this robot that are neither over nor waiting for a person, oldest first."""
@@ -104,14 +103,14 @@ class Supervisor:
                 self.finish_unanswered(robot_id)
             return wake_s
 
-    def answer(self, command: PersonCommand) -> Decision[AnyEvent]:
+    def answer(self, handoff_id: HandoffId, command: PersonCommand) -> Decision[AnyEvent]:
         """A person's answer, between two steps of the robot's loop; what it lets happen begins at once."""
-        opened = self._runtime.handoff(command.handoff_id).opened
+        opened = self._runtime.handoff(handoff_id).opened
         if opened is None or opened.robot_id not in self._crews:
-            return Refused("no_robot", "The robot of this handoff is not connected, so nothing can be observed.")
+            return refused("no_robot", because("handoff_robot_away"))
         with self._turn_of(opened.robot_id):
             loop = self._loop(self._runtime.mission(opened.mission_id))
-            decision = loop.desk.answer(command)
+            decision = loop.desk.answer(handoff_id, command)
             if isinstance(decision, Accepted):
                 self._begin(loop, opened.robot_id)
             return decision
@@ -134,7 +133,7 @@ class Supervisor:
             raise UnknownName(f"{resource} was never leased", do="list the leases with `regen lease list`")
         robot_id = RobotId(resource.partition("/")[0])
         if robot_id not in self._crews:
-            return Refused("no_robot", "The robot of this lease is not connected, so nothing shows it at rest.")
+            return refused("no_robot", because("lease_robot_away"))
         with self._locks[robot_id]:
             return freed(self._runtime, self._crews[robot_id], FreeOrder(resource, actor, reason))
 

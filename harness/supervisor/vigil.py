@@ -3,7 +3,7 @@
 from harness.contracts.actors import Actor
 from harness.contracts.commands import AnswerMission, ExpireHandoff, SupersedeHandoff
 from harness.contracts.control import CONTROL
-from harness.contracts.decisions import Accepted, Refused
+from harness.contracts.decisions import Accepted, Refused, refused
 from harness.contracts.handoff_commands import DropClaim, Escalate, RecordNoAnswer
 from harness.contracts.handoff_events import HandoffExpired
 from harness.contracts.ids import HandoffId, RobotId, handoff_stream, leased, mission_stream
@@ -11,7 +11,7 @@ from harness.contracts.places import Otherwise
 from harness.contracts.reasons import Explanation, because
 from harness.contracts.retreat_events import RetreatIntended
 from harness.gate.claims import due_levels, live_claim
-from harness.gate.commit import Request
+from harness.gate.commit import CommandEnvelope
 from harness.projections.control import Control, Retreating
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
@@ -47,10 +47,12 @@ class Vigil:
         now_s = self._crew.clock.now().wall_s
         if handoff.claim is not None and live_claim(handoff, now_s) is None:
             lapsed = DropClaim(actor=TIMEOUT, claim=handoff.claim.claim, reason=because("claim_not_renewed"))
-            self._runtime.commit([Request(handoff_stream(handoff.handoff_id), lapsed)])
+            self._runtime.commit([CommandEnvelope(handoff_stream(handoff.handoff_id), lapsed, mission.robot_id)])
             handoff = self._runtime.handoff(mission.handoff_id)
         for level in due_levels(handoff, now_s):
-            self._runtime.commit([Request(handoff_stream(handoff.handoff_id), Escalate(level=level))])
+            self._runtime.commit(
+                [CommandEnvelope(handoff_stream(handoff.handoff_id), Escalate(level=level), mission.robot_id)]
+            )
         if handoff.answerable and handoff.opened is not None and now_s >= handoff.opened.deadline_at_s:
             self._expire(mission, handoff)
 
@@ -61,8 +63,8 @@ class Vigil:
         answered = AnswerMission(handoff_id=mission.handoff_id, decision="superseded", actor=TIMEOUT, reason=reason)
         self._runtime.commit(
             [
-                Request(handoff_stream(mission.handoff_id), SupersedeHandoff(reason=reason)),
-                Request(mission_stream(mission.mission_id), answered),
+                CommandEnvelope(handoff_stream(mission.handoff_id), SupersedeHandoff(reason=reason), mission.robot_id),
+                CommandEnvelope(mission_stream(mission.mission_id), answered, mission.robot_id),
             ]
         )
 
@@ -76,8 +78,8 @@ class Vigil:
             reason=MEANT[no_answer],
         )
         expiring = [
-            Request(handoff_stream(handoff.handoff_id), ExpireHandoff()),
-            Request(mission_stream(mission.mission_id), unanswered),
+            CommandEnvelope(handoff_stream(handoff.handoff_id), ExpireHandoff(), mission.robot_id),
+            CommandEnvelope(mission_stream(mission.mission_id), unanswered, mission.robot_id),
         ]
         retreat = self._retreat(mission, handoff) if no_answer == "retreat" else None
         if isinstance(retreat, RetreatIntended):
@@ -96,7 +98,7 @@ class Vigil:
         """
         if mission.status == "paused" or mission.level == "manual":
             held = because("held_by_pause") if mission.status == "paused" else because("held_by_autonomy")
-            return Refused("held", held)
+            return refused("held", held)
         order = Order(
             task_id=mission.mission_id,
             attempt=1,
@@ -117,7 +119,7 @@ class Vigil:
             return
         self._roles.senses.collect(None)
         done = told(retreat) if retreat is not None else self._acted(handoff, instead)
-        self._runtime.commit([Request(handoff_stream(handoff.handoff_id), done)])
+        self._runtime.commit([CommandEnvelope(handoff_stream(handoff.handoff_id), done, self._crew.robot_id)])
 
     def _sent(self, handoff: Handoff) -> Retreating | None:
         control: Control = self._runtime.fold(CONTROL)
@@ -130,12 +132,12 @@ class Vigil:
         wanted = opened.no_answer if opened else "hold"
         rest = at_rest(self._roles.senses.recent, self._crew.clock.now().mission_s)
         if instead is not None and instead.rule == "already_there":
-            return RecordNoAnswer(action="retreat", done=rest.static, measured=rest.measured, reason=instead.message)
+            return RecordNoAnswer(action="retreat", done=rest.static, measured=rest.measured, reason=instead.reason)
         action: Otherwise = ((opened.otherwise if opened else "") or "hold") if wanted == "retreat" else wanted
         settled = settle(self._crew, action, rest=rest, token=self._newest_token())
-        why = instead.message if instead else because("retreat_not_sent")
         reason = settled.reason
         if wanted == "retreat":
+            why = instead.reason if instead else because("retreat_not_sent")
             reason = because("no_retreat_instead", why=why, instead=settled.reason)
         return RecordNoAnswer(action=action, done=settled.done, measured=rest.measured, reason=reason)
 

@@ -1,19 +1,17 @@
 """Driving a robot by hand: under a lease of its base, never while a mission's execution runs, returned at rest."""
 
 from collections.abc import Mapping
-from threading import Event, Thread
 
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import AcquireLease, LeaseCommand, QuarantineLease, ReleaseLease
 from harness.contracts.control import CONTROL, OrderPosture, Posture, ReturnWheel, TakeWheel
-from harness.contracts.decisions import Accepted, Refused
+from harness.contracts.decisions import Accepted, Refused, refused
 from harness.contracts.errors import ProviderFailed, UnknownName
 from harness.contracts.ids import (
     InvocationId,
     MissionId,
     RequestId,
-    ResourceId,
     RobotId,
     lease_stream,
     leased,
@@ -22,8 +20,9 @@ from harness.contracts.ids import (
 from harness.contracts.observations import AnySample
 from harness.contracts.ports import HandDriven
 from harness.contracts.protocol import DriveOrder, DriveReport, PostureOrder
+from harness.contracts.reasons import Reason, because, recorded
 from harness.contracts.retreat_events import StopRetreat
-from harness.gate.commit import Request
+from harness.gate.commit import CommandEnvelope
 from harness.projections.control import Control, Wheel
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
@@ -33,6 +32,7 @@ from harness.supervisor.rest import WINDOW_S, Rest, at_rest
 from harness.supervisor.retreat import Order, planned_retreat, sending
 from harness.supervisor.roles import Roles
 from harness.supervisor.senses import BATCH, Senses
+from harness.workers import Worker
 
 BASE = "mobile_base"
 LONGEST_S = 900.0
@@ -50,19 +50,15 @@ class HandWheel:
         self._runtime = runtime
         self._crews = crews
         self._turned_s: dict[RequestId, float] = {}
-        self._halt = Event()
-        self._thread: Thread | None = None
+        self._worker = Worker("wheel", self._look, every_s=LOOK_S, close_within_s=SETTLE_WITHIN_S)
 
     def watch(self) -> None:
         """From now on, in the background: a wheel that nobody turns is returned after IDLE_S of wall time."""
-        self._thread = Thread(target=self._look, name="wheel", daemon=True)
-        self._thread.start()
+        self._worker.start()
 
     def close(self) -> None:
         """End the watch. Wheels stay taken: the robots' dead man stops them, the next start returns them."""
-        self._halt.set()
-        if self._thread is not None:
-            self._thread.join(timeout=SETTLE_WITHIN_S)
+        self._worker.close()
 
     def holder(self, robot_id: RobotId) -> Wheel | None:
         """Who drives this robot by hand now."""
@@ -76,10 +72,10 @@ class HandWheel:
         """
         crew = self._crew(robot_id)
         if crew.hand is None:
-            return Refused("no_hand", f"{robot_id} cannot be driven by hand.")
+            return refused("no_hand", because("not_drivable", robot_id=robot_id))
         in_the_way = self._in_control(robot_id, actor)
         if in_the_way:
-            return Refused("mission_in_control", in_the_way)
+            return refused("mission_in_control", in_the_way)
         base = leased(robot_id, BASE)
         now = crew.clock.now()
         token = self._runtime.lease(base).token + 1
@@ -92,8 +88,8 @@ class HandWheel:
             device=device,
             reason=reason,
         )
-        lease = self._acquired(base, session, token, until_s=now.mission_s + LONGEST_S)
-        return self._runtime.commit([Request(CONTROL, taken), lease])
+        lease = self._acquired(robot_id, session, token, until_s=now.mission_s + LONGEST_S)
+        return self._runtime.commit([CommandEnvelope(CONTROL, taken, robot_id), lease])
 
     def turn(self, robot_id: RobotId, session: RequestId, *, v_mps: float, w_radps: float) -> DriveReport:
         """One moment of driving. Raises ProviderFailed for a session that has not the wheel, or as the robot does."""
@@ -114,43 +110,44 @@ class HandWheel:
         """Brake, wait for the body to stand, then free the base; quarantined if nothing shows it at rest."""
         crew, wheel = self._crew(robot_id), self.holder(robot_id)
         if wheel is None:
-            return Refused("not_at_the_wheel", f"Nobody drives {robot_id} by hand.")
-        rest = self._settled(crew, wheel) if crew.hand is not None else Rest(static=False, reason="", measured={})
+            return refused("not_at_the_wheel", because("nobody_drives", robot_id=robot_id))
+        rest = self._settled(crew, wheel) if crew.hand is not None else Rest(static=False, reason=None, measured={})
         returned = ReturnWheel(
             robot_id=robot_id, session=wheel.session, actor=actor, reason=reason, measured=rest.measured
         )
-        requests = [Request(CONTROL, returned)]
+        requests = [CommandEnvelope(CONTROL, returned, robot_id)]
         lease = self._runtime.lease(leased(robot_id, BASE))
         if lease.status == "held" and lease.invocation_id == InvocationId(wheel.session):
             holder = lease.invocation_id
-            why = "the wheel was returned with the body at rest" if rest.static else rest.reason or "not shown at rest"
             end: LeaseCommand = (
-                ReleaseLease(invocation_id=holder, reason=why)
+                ReleaseLease(invocation_id=holder, reason=because("wheel_returned_at_rest"))
                 if rest.static
-                else QuarantineLease(invocation_id=holder, reason=why)
+                else QuarantineLease(invocation_id=holder, reason=rest.reason or because("rest_not_shown"))
             )
-            requests.append(Request(lease_stream(lease.resource), end))
+            requests.append(CommandEnvelope(lease_stream(lease.resource), end, robot_id))
         return self._runtime.commit(requests)
 
-    def rest(self, robot_id: RobotId, *, posture: Posture, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
+    def rest(
+        self, robot_id: RobotId, *, posture: Posture, actor: Actor, reason: Reason | str
+    ) -> Accepted[AnyEvent] | Refused:
         """Have a robot lie down or stand up, once no mission acts on it; one that is being stopped is waited for.
 
         Raises ProviderFailed as the robot does.
         """
         crew = self._crew(robot_id)
         if crew.hand is None:
-            return Refused("no_hand", f"{robot_id} cannot change its posture.")
+            return refused("no_hand", because("posture_fixed", robot_id=robot_id))
         acting = self._acting(crew)
         if acting is not None:
-            why = f"{acting.mission_id} is {acting.status.replace('_', ' ')}: stop or pause it first."
-            return Refused("mission_in_control", why)
+            acts = because("mission_acts", mission_id=acting.mission_id, status=acting.status)
+            return refused("mission_in_control", acts)
         base = leased(robot_id, BASE)
         token = self._runtime.lease(base).token + 1
         holder = RequestId(sha256(f"{robot_id}\n{posture}\n{token}".encode()))
         ordered = OrderPosture(robot_id=robot_id, posture=posture, actor=actor, reason=reason)
         until_s = crew.clock.now().mission_s + SETTLE_WITHIN_S
         decision = self._runtime.commit(
-            [Request(CONTROL, ordered), self._acquired(base, holder, token, until_s=until_s)]
+            [CommandEnvelope(CONTROL, ordered, robot_id), self._acquired(robot_id, holder, token, until_s=until_s)]
         )
         if isinstance(decision, Refused):
             return decision
@@ -158,7 +155,7 @@ class HandWheel:
         try:
             crew.hand.rest(PostureOrder(posture=posture, token=token))
         finally:
-            self._runtime.commit([Request(lease_stream(base), released)])
+            self._runtime.commit([CommandEnvelope(lease_stream(base), released, robot_id)])
         return decision
 
     def to_safety(self, robot_id: RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
@@ -170,8 +167,8 @@ class HandWheel:
         crew = self._crew(robot_id)
         acting = self._acting(crew)
         if acting is not None:
-            why = f"{acting.mission_id} is {acting.status.replace('_', ' ')}: stop or pause it first."
-            return Refused("mission_in_control", why)
+            acts = because("mission_acts", mission_id=acting.mission_id, status=acting.status)
+            return refused("mission_in_control", acts)
         base = self._runtime.lease(leased(robot_id, BASE))
         order = Order(task_id=MissionId(robot_id), attempt=base.token + 1, actor=actor, reason=reason)
         roles = Roles(runtime=self._runtime, crew=crew, senses=Senses(runtime=self._runtime, crew=crew))
@@ -180,22 +177,28 @@ class HandWheel:
             return self._runtime.commit(sending(planned))
         under_way = self._runtime.fold(CONTROL).retreating(robot_id)
         if under_way is not None:
-            return Refused("retreat_under_way", f"{robot_id} is on the way to {under_way.intent.place}.")
+            return refused(
+                "retreat_under_way", because("retreat_begun", robot_id=robot_id, place=under_way.intent.place)
+            )
         return self.rest(
-            robot_id, posture="lying", actor=actor, reason=f"{reason}. No retreat: {planned.message}"[:200]
+            robot_id,
+            posture="lying",
+            actor=actor,
+            reason=because("no_retreat_lies_down", reason=reason, why=planned.reason),
         )
 
     def stop_retreat(self, robot_id: RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
         """Ask a robot on its way to a safe place to stand; the supervisor sees the stop through."""
-        return self._runtime.commit([Request(CONTROL, StopRetreat(robot_id=robot_id, actor=actor, reason=reason))])
+        return self._runtime.commit(
+            [CommandEnvelope(CONTROL, StopRetreat(robot_id=robot_id, actor=actor, reason=reason), robot_id)]
+        )
 
     def _look(self) -> None:
-        while not self._halt.wait(LOOK_S):
-            control: Control = self._runtime.fold(CONTROL)
-            for robot_id, wheel in control.wheels.items():
-                crew = self._crews.get(robot_id)
-                if crew is not None and self._silent(crew, wheel):
-                    self.give_back(robot_id, actor=SUPERVISOR, reason=f"no sign from {wheel.device} for a while")
+        control: Control = self._runtime.fold(CONTROL)
+        for robot_id, wheel in control.wheels.items():
+            crew = self._crews.get(robot_id)
+            if crew is not None and self._silent(crew, wheel):
+                self.give_back(robot_id, actor=SUPERVISOR, reason=f"no sign from {wheel.device} for a while")
 
     def _silent(self, crew: Crew, wheel: Wheel) -> bool:
         """Nobody turned it for IDLE_S, or its lease is about to end."""
@@ -211,7 +214,7 @@ class HandWheel:
             if robot_id in self._crews:
                 self.give_back(robot_id, actor=SUPERVISOR, reason="the harness was started again")
 
-    def _in_control(self, robot_id: RobotId, actor: Actor) -> str:
+    def _in_control(self, robot_id: RobotId, actor: Actor) -> Reason | None:
         """What keeps people from driving: a mission that acts. One that this very person took over does not."""
         for mission in self._runtime.open_missions(robot_id):
             if mission.replay:
@@ -220,8 +223,8 @@ class HandWheel:
                 continue
             if mission.status == "paused" and mission.invocation is None:
                 continue
-            return f"{mission.mission_id} is {mission.status.replace('_', ' ')}: pause or stop it first."
-        return ""
+            return because("mission_in_control", mission_id=mission.mission_id, status=mission.status)
+        return None
 
     def _acting(self, crew: Crew) -> Mission | None:
         """The mission that may move this robot; one that is being stopped gets STOPPED_WITHIN_S to come to rest."""
@@ -243,19 +246,21 @@ class HandWheel:
     def _settled(self, crew: Crew, wheel: Wheel) -> Rest:
         """Ask for standstill, then look until odometry shows it or SETTLE_WITHIN_S of mission time are over."""
         hand, until_s = crew.hand, crew.clock.now().mission_s + SETTLE_WITHIN_S
-        rest = Rest(static=False, reason="the robot did not answer", measured={})
+        rest = Rest(static=False, reason=because("robot_did_not_answer"), measured={})
         while crew.clock.now().mission_s < until_s:
             try:
                 report = _released(hand, wheel.session)
                 crew.clock.wait_until(crew.clock.now().mission_s + WINDOW_S + LOOK_S)
                 rest = at_rest(_seen(crew), crew.clock.now().mission_s)
             except ProviderFailed as error:
-                return Rest(static=False, reason=error.what, measured={})
+                return Rest(static=False, reason=recorded(error.what), measured={})
             if rest.static and report.status == "ended":
                 return rest
-        return Rest(static=False, reason=rest.reason or "the robot did not end the session", measured=rest.measured)
+        why = rest.reason or because("drive_session_not_ended")
+        return Rest(static=False, reason=why, measured=rest.measured)
 
-    def _acquired(self, base: ResourceId, session: RequestId, token: int, *, until_s: float) -> Request:
+    def _acquired(self, robot_id: RobotId, session: RequestId, token: int, *, until_s: float) -> CommandEnvelope:
+        base = leased(robot_id, BASE)
         command = AcquireLease(
             resource=base,
             mission_id=MissionId(""),
@@ -263,7 +268,7 @@ class HandWheel:
             token=token,
             expires_s=until_s,
         )
-        return Request(lease_stream(base), command)
+        return CommandEnvelope(lease_stream(base), command, robot_id)
 
     def _crew(self, robot_id: RobotId) -> Crew:
         try:

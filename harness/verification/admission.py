@@ -40,7 +40,7 @@ def unsafe(evidence: Evidence) -> Reason | None:
         return None
     state = read(record, SafetyState)
     reasons: list[Explanation] = [
-        because("layer_vetoed", layer=layer, reason=reason) for layer, reason in sorted(state.vetoes.items())
+        because("layer_vetoed", layer=layer, why=why) for layer, why in sorted(state.vetoes.items())
     ]
     for track in evidence.tracks:
         if track.current:

@@ -17,6 +17,8 @@ from harness.contracts.configuration import Configuration, FailureClass, Recover
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import RobotId
+from harness.contracts.reasons import plain
+from harness.contracts.simulation import Simulator
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Name, Value
 from harness.planning.compile import compile_contract
@@ -137,14 +139,14 @@ def arm(name: str) -> Arm:
     return found
 
 
-def run(case: Case) -> Told:
+def run(case: Case, simulator: Simulator) -> Told:
     """Run one case from its seed; the same case tells the same story."""
-    return run_under(arm(case.arm), case)
+    return run_under(arm(case.arm), case, simulator)
 
 
-def run_under(chosen: Arm, case: Case) -> Told:
+def run_under(chosen: Arm, case: Case, simulator: Simulator) -> Told:
     """The same for an arm that is not one of the published ones, such as the harness under a candidate."""
-    with _world(case, chosen.settle(configuration())) as (harness, mission):
+    with _world(case, chosen.settle(configuration()), simulator) as (harness, mission):
         meant = _meant(case) if case.condition.aliased else None
         begun_s, worked_s = harness.clock.now().mission_s, process_time()
         if chosen.walk is None:
@@ -159,14 +161,16 @@ def run_under(chosen: Arm, case: Case) -> Told:
 
 
 @contextmanager
-def _world(case: Case, configured: Configuration) -> Iterator[tuple[Harness, Mission]]:
+def _world(case: Case, configured: Configuration, simulator: Simulator) -> Iterator[tuple[Harness, Mission]]:
     """The case's mission, compiled on a fresh robot and a fresh store; it is the second of its robot.
 
     Before it the harness walks a circuit without faults, so that evidence of another mission is on record.
     """
     site = surroundings(case.mission, aliased=case.condition.aliased)
     wire = MisdeliveringWire if case.condition.misdelivers else directly
-    with simulated(SIMULATED, seed=case.seed, configuration=configured, site=site, wire=wire) as harness:
+    with simulated(
+        SIMULATED, simulator=simulator, seed=case.seed, configuration=configured, site=site, wire=wire
+    ) as harness:
         earlier = _started(harness, Start(actor=ASKING, robot_id=ROBOT, template="circuit", seed=case.seed))
         harness.supervisor.run(earlier.mission_id)
         labels = {"faults": ",".join(case.condition.faults)} if case.condition.faults else {}
@@ -177,7 +181,7 @@ def _world(case: Case, configured: Configuration) -> Iterator[tuple[Harness, Mis
 def _started(harness: Harness, start: Start) -> Mission:
     decision = harness.runtime.start(start)
     if isinstance(decision, Refused):
-        raise ContractInvalid(f"The mission was refused: {decision.message}", where=start.template)
+        raise ContractInvalid(f"The mission was refused: {plain(decision.reason)}", where=start.template)
     return harness.runtime.missions()[0]
 
 

@@ -7,12 +7,12 @@ from collections.abc import Callable, Sequence
 
 import msgspec
 import numpy as np
+import scipy
 
 from harness.contracts.values import Count, Name, NonNegative, Value
 
 LEVEL = 0.95
 DRAWS = 2000
-STEPS = 200
 
 
 class MissionRow(Value):
@@ -124,9 +124,9 @@ def exact(count: int, n: int, *, level: float = LEVEL) -> Interval:
     if not n:
         return Interval(value=0.0, low=0.0, high=1.0, n=0)
     tail = (1.0 - level) / 2.0
-    low = 0.0 if not count else _solved(lambda p: 1.0 - cumulative(count - 1, n, p), tail, rising=True)
-    high = 1.0 if count == n else _solved(lambda p: cumulative(count, n, p), tail, rising=False)
-    return Interval(value=count / n, low=low, high=high, n=n)
+    low = scipy.special.betaincinv(count, n - count + 1, tail) if count else 0.0
+    high = scipy.special.betaincinv(count + 1, n - count, 1.0 - tail) if count < n else 1.0
+    return Interval(value=count / n, low=float(low), high=float(high), n=n)
 
 
 def wilson(count: int, n: int) -> Interval:
@@ -151,29 +151,6 @@ def bootstrap(values: Sequence[float], *, key: str, level: float = LEVEL) -> Int
     tail = 100.0 * (1.0 - level) / 2.0
     low, high = np.percentile(means, [tail, 100.0 - tail])
     return Interval(value=float(sample.mean()), low=float(low), high=float(high), n=len(sample))
-
-
-def cumulative(count: int, n: int, share: float) -> float:
-    """P(X <= count) of a binomial, exactly."""
-    if share <= 0.0:
-        return 1.0
-    if share >= 1.0:
-        return 1.0 if count >= n else 0.0
-    logs = (
-        math.lgamma(n + 1) - math.lgamma(k + 1) - math.lgamma(n - k + 1)
-        + k * math.log(share) + (n - k) * math.log1p(-share)
-        for k in range(count + 1)
-    )  # fmt: skip
-    return min(1.0, math.fsum(math.exp(one) for one in logs))
-
-
-def _solved(function: Callable[[float], float], value: float, *, rising: bool) -> float:
-    low, high = 0.0, 1.0
-    for _ in range(STEPS):
-        middle = 0.5 * (low + high)
-        below = function(middle) < value
-        low, high = (middle, high) if below == rising else (low, middle)
-    return 0.5 * (low + high)
 
 
 def _picks(seed: int, n: int) -> "np.ndarray[tuple[int, int], np.dtype[np.int64]]":

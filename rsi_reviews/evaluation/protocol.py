@@ -14,6 +14,7 @@ import msgspec
 
 from harness.contracts.errors import ContractInvalid, StoreUnavailable
 from harness.contracts.ids import Digest, sha256
+from harness.contracts.simulation import Simulator
 from harness.contracts.values import Count, Name, Value, encode
 from rsi_reviews.evaluation.adjudicator import adjudicate
 from rsi_reviews.evaluation.arms import ARMS, Case, run
@@ -55,10 +56,10 @@ def cases(ask: Ask) -> list[Case]:
     ]
 
 
-def judged(case: Case) -> MissionRow:
+def judged(case: Case, simulator: Simulator) -> MissionRow:
     """Run one case, and let the adjudicator judge it. An arm that breaks has declared nothing; its row says why."""
     try:
-        went = run(case)
+        went = run(case, simulator)
     except Exception as error:  # noqa: BLE001 - whatever leaves an arm is that arm's result
         return _broken(case, f"{type(error).__name__}: {error}")
     verdict = adjudicate(went.story)
@@ -133,7 +134,12 @@ def _notes(verdict: dict[str, Any]) -> tuple[str, ...]:
 
 
 def rows(
-    ask: Ask, *, processes: int, kept: Path | None, told: Callable[[int, int], None] = lambda done, of: None
+    ask: Ask,
+    simulator: Simulator,
+    *,
+    processes: int,
+    kept: Path | None,
+    told: Callable[[int, int], None] = lambda done, of: None,
 ) -> list[MissionRow]:
     """All missions of the ask, in the order of `cases`; finished ones are taken from `kept`, fresh ones added to it.
 
@@ -141,10 +147,10 @@ def rows(
     StoreUnavailable if workers cannot be kept alive.
     """
     wanted = cases(ask)
-    done = _kept(kept, ask) if kept else {}
+    done = _kept(kept, ask, simulator) if kept else {}
     waiting = [case for case in wanted if _key(case) not in done]
     told(len(wanted) - len(waiting), len(wanted))
-    for fresh in _run(waiting, processes=processes):
+    for fresh in _run(waiting, simulator, processes=processes):
         done.update((_key(row), row) for row in fresh)
         if kept is not None:
             _add(kept, fresh)
@@ -152,14 +158,14 @@ def rows(
     return [done[_key(case)] for case in wanted]
 
 
-def _run(waiting: Sequence[Case], *, processes: int) -> Iterator[list[MissionRow]]:
+def _run(waiting: Sequence[Case], simulator: Simulator, *, processes: int) -> Iterator[list[MissionRow]]:
     chunks = [list(waiting[start : start + CHUNK]) for start in range(0, len(waiting), CHUNK)]
     if processes < 2 or len(chunks) < 2:
-        yield from map(_chunk, chunks)
+        yield from (_chunk(chunk, simulator) for chunk in chunks)
         return
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
         try:
-            yield from _spread(pool, chunks, ahead=processes * AHEAD)
+            yield from _spread(pool, chunks, simulator, ahead=processes * AHEAD)
         except BrokenProcessPool as error:
             raise StoreUnavailable(
                 "A worker process ended without a word", where="--processes", do="run again: finished missions are kept"
@@ -168,18 +174,20 @@ def _run(waiting: Sequence[Case], *, processes: int) -> Iterator[list[MissionRow
             pool.shutdown(cancel_futures=True)
 
 
-def _spread(pool: ProcessPoolExecutor, chunks: Iterable[list[Case]], *, ahead: int) -> Iterator[list[MissionRow]]:
+def _spread(
+    pool: ProcessPoolExecutor, chunks: Iterable[list[Case]], simulator: Simulator, *, ahead: int
+) -> Iterator[list[MissionRow]]:
     open_ones: set[Future[list[MissionRow]]] = set()
     for chunk in chunks:
-        open_ones.add(pool.submit(_chunk, chunk))
+        open_ones.add(pool.submit(_chunk, chunk, simulator))
         if len(open_ones) >= ahead:
             finished, open_ones = wait(open_ones, return_when=FIRST_COMPLETED)
             yield from (one.result() for one in finished)
     yield from (one.result() for one in open_ones)
 
 
-def _chunk(chunk: list[Case]) -> list[MissionRow]:
-    return [judged(case) for case in chunk]
+def _chunk(chunk: list[Case], simulator: Simulator) -> list[MissionRow]:
+    return [judged(case, simulator) for case in chunk]
 
 
 def _key(one: Case | MissionRow) -> Key:
@@ -187,8 +195,8 @@ def _key(one: Case | MissionRow) -> Key:
     return (one.arm, condition, one.mission, one.seed)
 
 
-def _kept(file: Path, ask: Ask) -> dict[Key, MissionRow]:
-    heading = Heading(code=code(), seed=ask.seed)
+def _kept(file: Path, ask: Ask, simulator: Simulator) -> dict[Key, MissionRow]:
+    heading = Heading(code=code(simulator), seed=ask.seed)
     if not file.exists():
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_bytes(encode(heading) + b"\n")
@@ -215,8 +223,8 @@ def _add(file: Path, fresh: Iterable[MissionRow]) -> None:
         out.write(b"".join(encode(row) + b"\n" for row in fresh))
 
 
-def code() -> Digest:
-    """SHA-256 over the sources that a result depends on: the harness and this package, in order of their paths."""
+def code(simulator: Simulator) -> Digest:
+    """SHA-256 over the sources that a result depends on: the harness, this package and the simulator."""
     folders = (ROOT / "harness", ROOT / "rsi_reviews" / "evaluation")
     files = sorted(path for folder in folders for path in folder.rglob("*") if path.suffix in (".py", ".yaml"))
-    return sha256(b"".join(path.read_bytes() for path in files))
+    return sha256(b"".join((*(path.read_bytes() for path in files), simulator.sources().encode())))

@@ -14,6 +14,7 @@ from harness.contracts.contexts import Context
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.evidence import EvidencePacket
 from harness.contracts.observations import Trajectory
+from harness.contracts.simulation import Simulator
 from harness.contracts.tasks import Node
 from harness.contracts.values import Count, Name, Value, decode
 from harness.projections.mission import required_contract
@@ -112,14 +113,16 @@ def answered(model: Model, prompt: str) -> str:
     return word if word in ("satisfied", "violated", "ambiguous") else ""
 
 
-def adversarial(*, trials: int = ADVERSARIAL, controls: int = CONTROLS, seed: int = 1) -> tuple[Trial, ...]:
+def adversarial(
+    simulator: Simulator, *, trials: int = ADVERSARIAL, controls: int = CONTROLS, seed: int = 1
+) -> tuple[Trial, ...]:
     """That many trials with evidence that does not show the stage done, and controls with evidence that does."""
     unshown: list[Trial] = []
     shown: list[Trial] = []
     number = 0
     while len(unshown) < trials or len(shown) < controls:
         mission, fault = MISSIONS[number % len(MISSIONS)], FAULTS[number // len(MISSIONS) % len(FAULTS)]
-        for trial in _of_mission(mission, fault, seed=seed * 10_000 + number):
+        for trial in _of_mission(mission, fault, simulator, seed=seed * 10_000 + number):
             (shown if trial.shown else unshown).append(trial)
         number += 1
         if number > trials + controls:
@@ -127,9 +130,9 @@ def adversarial(*, trials: int = ADVERSARIAL, controls: int = CONTROLS, seed: in
     return (*unshown[:trials], *shown[:controls])
 
 
-def _of_mission(template: str, fault: str, *, seed: int) -> Iterator[Trial]:
+def _of_mission(template: str, fault: str, simulator: Simulator, *, seed: int) -> Iterator[Trial]:
     site = surroundings("circuit" if template == "circuit" else "patrol", aliased=False)
-    with simulated(SIMULATED, seed=seed, configuration=configuration(), site=site) as harness:
+    with simulated(SIMULATED, simulator=simulator, seed=seed, configuration=configuration(), site=site) as harness:
         harness.runtime.start(
             Start(actor=ASKING, robot_id=ROBOT, template=template, seed=seed, labels={"faults": fault})
         )

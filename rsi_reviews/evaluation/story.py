@@ -21,6 +21,7 @@ from harness.contracts.evidence import EvidencePacket
 from harness.contracts.observations import AnySample, Odometry, Pose
 from harness.contracts.ports import Robot
 from harness.contracts.reasons import plain
+from harness.contracts.stored_commands import without_command
 from harness.contracts.tasks import TaskContract
 from harness.projections.mission import Mission, required_contract
 
@@ -46,7 +47,7 @@ class _Witnessed(Protocol):
 
 def told(harness: Harness, mission: Mission, *, meant: TaskContract | None = None) -> dict[str, Any]:
     """The story of a mission that the harness ran in virtual time; `meant` where its places were bound wrongly."""
-    events = [_EVENTS.decode(stored.body) for stored in harness.runtime.events(mission.mission_id)]
+    events = [_EVENTS.decode(without_command(stored.body)) for stored in harness.runtime.events(mission.mission_id)]
     contract = required_contract(mission)
     ended = next((event for event in events if isinstance(event, MissionEnded)), None)
     return {
@@ -133,7 +134,7 @@ def _rejections(events: Sequence[AnyEvent]) -> Iterable[dict[str, Any]]:
                 "node_id": event.node_id,
                 "at_s": packet.collected_s,
                 "requests": _requests(packet, packets),
-                "why": f"{event.rule}: {plain(event.message)}",
+                "why": f"{event.rule}: {plain(event.reason)}",
                 "finished": packet.terminal == "succeeded",
             }
         elif isinstance(event, FailureClassified) and event.invocation_id in open_requests:

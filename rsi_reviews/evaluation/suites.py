@@ -12,6 +12,7 @@ from harness.contracts.commands import AcquireLease
 from harness.contracts.configuration import SPENDING, Configuration
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.ids import InvocationId, MissionId, lease_stream, leased
+from harness.contracts.simulation import Simulator
 from harness.contracts.values import Moment, Name, Value
 from harness.runtime import Start
 from rsi_reviews.commands import PromoteCandidate, RollBack
@@ -53,18 +54,18 @@ class Check(Value):
 Seen = tuple[bool, str]
 
 
-def checks(seed: int) -> tuple[Check, ...]:
+def checks(seed: int, simulator: Simulator) -> tuple[Check, ...]:
     """Both suites, every check really done."""
     return tuple(
         Check(suite=suite, name=name, text=text, holds=holds, seen=seen)
         for suite, name, text, check in CHECKS
-        for holds, seen in [check(seed)]
+        for holds, seen in [check(seed, simulator)]
     )
 
 
-def evidence(seed: int) -> Seen:
+def evidence(seed: int, simulator: Simulator) -> Seen:
     """A success that no pose shows is refused, and accepted only once a look has shown it."""
-    went = _gated("pose-absent", seed)
+    went = _gated("pose-absent", seed, simulator)
     story = went.story
     refused = [one["at_s"] for one in story["rejections"]]
     claimed = [one["at_s"] for one in story["claims"] if one["node_id"] == "circuit"]
@@ -72,24 +73,24 @@ def evidence(seed: int) -> Seen:
     return holds, f"refused {len(refused)} times before it was accepted"
 
 
-def completion(seed: int) -> Seen:
+def completion(seed: int, simulator: Simulator) -> Seen:
     """What is declared is what truly happened, where the provider speaks too soon."""
-    verdict = adjudicate(_gated("success-too-soon", seed).story)
+    verdict = adjudicate(_gated("success-too-soon", seed, simulator).story)
     holds = verdict["success"] and not verdict["contract_false"]
     return holds, f"declared {verdict['declared']}, truly done {verdict['truly_done']}"
 
 
-def dispatch_identity(seed: int) -> Seen:
+def dispatch_identity(seed: int, simulator: Simulator) -> Seen:
     """The same request twice is one physical start."""
-    story = _gated("request-twice", seed).story
+    story = _gated("request-twice", seed, simulator).story
     again = adjudicate(story)["duplicate_starts"]
     requests = {start["request_id"] for start in story["starts"]}
     return not again and len(requests) == len(story["starts"]), f"{len(story['starts'])} starts, {len(again)} repeated"
 
 
-def resource_owner(seed: int) -> Seen:
+def resource_owner(seed: int, simulator: Simulator) -> Seen:
     """While somebody else holds the base, nothing moves it."""
-    with simulated(SIMULATED, seed=seed, configuration=configuration()) as harness:
+    with simulated(SIMULATED, simulator=simulator, seed=seed, configuration=configuration()) as harness:
         now_s = harness.clock.now().mission_s
         taken = AcquireLease(
             resource=BASE,
@@ -105,16 +106,16 @@ def resource_owner(seed: int) -> Seen:
         return held and not moved and mission.status != "succeeded", f"{moved} motions, mission {mission.status}"
 
 
-def bounded_recovery(seed: int) -> Seen:
+def bounded_recovery(seed: int, simulator: Simulator) -> Seen:
     """A fault that never ends is met with no more than the budget, and then a person is asked."""
-    went = _gated("success-too-soon-always", seed)
+    went = _gated("success-too-soon-always", seed, simulator)
     node = next(one for one in configuration().templates if one.name == "circuit").nodes[-1]
     total = int(node["recovery"]["total"])
     limits = {name: node["recovery"][name] for name in SPENDING}
     return went.spent <= total and went.handoffs == 1, f"{went.spent} of {total} spent of {limits}; {went.status}"
 
 
-def named_difference(seed: int) -> Seen:
+def named_difference(seed: int, simulator: Simulator) -> Seen:
     """A change is named by its path, and one that loosens is refused before anything runs."""
     first = configuration()
     changes = difference(first, _waiting(first)).changes
@@ -125,13 +126,13 @@ def named_difference(seed: int) -> Seen:
     return holds, f"changed: {', '.join(named)}; refused: {', '.join(one.rule for one in refusals)}"
 
 
-def matched_regression(seed: int) -> Seen:
+def matched_regression(seed: int, simulator: Simulator) -> Seen:
     """Frozen harness against a candidate on the same seeds, providers and faults: the same is the same, worse is seen.
 
     One candidate changes how long recovery waits, which nothing here asks; the other gives recovery up.
     """
     frozen, same, worse = (
-        [_result(one, fault, seed) for fault in ("nominal", "run-interrupted")]
+        [_result(one, fault, seed, simulator) for fault in ("nominal", "run-interrupted")]
         for one in (Arm("frozen", "H_0"), Arm("candidate", "waits longer", settle=_waiting), Arm("candidate",
                     "no recovery", settle=without_recovery))
     )  # fmt: skip
@@ -141,9 +142,9 @@ def matched_regression(seed: int) -> Seen:
     return holds, f"successes {successes} and recovery spent {spent} of frozen, unchanged and worse"
 
 
-def _result(chosen: Arm, fault: str, seed: int) -> tuple[bool, int]:
+def _result(chosen: Arm, fault: str, seed: int, simulator: Simulator) -> tuple[bool, int]:
     case = Case(arm="evidence-gated", condition=condition(fault), mission="circuit", seed=seed)
-    went = run_under(chosen, case)
+    went = run_under(chosen, case, simulator)
     return bool(adjudicate(went.story)["success"]), went.spent
 
 
@@ -152,13 +153,13 @@ def _waiting(first: Configuration) -> Configuration:
     return msgspec.structs.replace(first, recovery=waits)
 
 
-def guarded_release(seed: int) -> Seen:
+def guarded_release(seed: int, simulator: Simulator) -> Seen:
     """What was not evaluated, reviewed and tried is not promoted."""
     decision = CANDIDATE.decide(Review(version=1, status="draft"), PromoteCandidate(), NOW)
     return isinstance(decision, Refused), decision.rule if isinstance(decision, Refused) else "promoted"
 
 
-def immediate_rollback(seed: int) -> Seen:
+def immediate_rollback(seed: int, simulator: Simulator) -> Seen:
     """A releaser's word takes a current candidate back at once."""
     current = Review(version=1, status="current")
     decision = CANDIDATE.decide(current, RollBack(actor=RELEASER, reason="it does worse", key=f"key-{seed}"), NOW)
@@ -168,11 +169,11 @@ def immediate_rollback(seed: int) -> Seen:
     return status == "rolled_back", status
 
 
-def _gated(name: str, seed: int) -> Told:
-    return run(Case(arm="evidence-gated", condition=condition(name), mission="circuit", seed=seed))
+def _gated(name: str, seed: int, simulator: Simulator) -> Told:
+    return run(Case(arm="evidence-gated", condition=condition(name), mission="circuit", seed=seed), simulator)
 
 
-CHECKS: tuple[tuple[Suite, str, str, Callable[[int], Seen]], ...] = (
+CHECKS: tuple[tuple[Suite, str, str, Callable[[int, Simulator], Seen]], ...] = (
     ("execution", "evidence", "no acceptance without evidence", evidence),
     ("execution", "completion", "declared only what truly happened", completion),
     ("execution", "dispatch-identity", "one request, one physical start", dispatch_identity),

@@ -1,4 +1,4 @@
-"""A person as a generator: an edited configuration, as JSON or YAML text, becomes a candidate like any other.
+"""A person's edit of a configuration, as JSON or YAML text, becomes a candidate like any other.
 
 The text is data from outside: strict, bounded and typed; whatever cannot be read is refused with the place in it.
 """
@@ -10,8 +10,6 @@ from harness.contracts.values import Positive, Value
 from rsi_reviews.candidates import read_configuration
 from rsi_reviews.contracts import BETTER, Author, Candidate, Manifest, Metric, Motive, Sentence
 from rsi_reviews.errors import CandidateInvalid
-from rsi_reviews.generate.interface import GenerationBudget
-from rsi_reviews.generate.trace import Trace
 from rsi_reviews.manifest import sections_changed
 
 
@@ -23,19 +21,6 @@ class Intention(Value):
     metric: Metric = "recovery_cost"
     smallest_effect: Positive = 0.05
     motives: tuple[Motive, ...] = ()
-
-
-class PersonsEdit:
-    """Implements `Generator` with one edit. Nothing is read from the records; the reason is the person's own."""
-
-    def __init__(self, text: str, intention: Intention, *, who: str) -> None:
-        self._text, self._intention = text, intention
-        self.name = who
-
-    def propose(self, trace: Trace, current: Configuration, budget: GenerationBudget) -> tuple[Candidate, ...]:
-        """The edit as a candidate; none if it was proposed before. Raises CandidateInvalid for a text that is wrong."""
-        found = edited(self._text, current, self._intention, who=self.name)
-        return () if found.configuration.configuration_id in budget.seen else (found,)
 
 
 def edited(text: str, current: Configuration, intention: Intention, *, who: str) -> Candidate:

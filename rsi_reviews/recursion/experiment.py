@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from harness.contracts.configuration import Configuration
 from harness.contracts.ids import Digest
 from harness.contracts.regularities import HiddenSite
+from harness.contracts.simulation import Simulator
 from harness.contracts.values import Count, Name, Value
 from rsi_reviews.contracts import Metric
 from rsi_reviews.held_out import Secret
@@ -74,7 +75,8 @@ class FleetOutcome(Value):
 class _Book:
     """Series that were run before: the same cases under the same configuration come out the same."""
 
-    def __init__(self) -> None:
+    def __init__(self, simulator: Simulator) -> None:
+        self._simulator = simulator
         self._held: dict[tuple[Digest, Digest], Series] = {}
         self.missions = 0
 
@@ -83,14 +85,14 @@ class _Book:
         key = (seeds_digest(tuple(cases)), configuration.configuration_id)
         held = self._held.get(key)
         if held is None or (stop is None and len(held.results) < len(cases)):
-            held = self._held[key] = series(cases, configuration, stop)
+            held = self._held[key] = series(cases, configuration, self._simulator, stop)
             self.missions += len(held.results)
         return held
 
 
-def run_fleet(task: Task) -> FleetOutcome:
+def run_fleet(task: Task, simulator: Simulator) -> FleetOutcome:
     """All six arms of one fleet, generation by generation."""
-    terms, book = task.terms, _Book()
+    terms, book = task.terms, _Book(simulator)
     key = f"{terms.seed}/{task.fleet}"
     lines = [Line(arm=arm) for arm in ARMS]
     gates = {arm: _gate(terms, key, book) for arm in ARMS}

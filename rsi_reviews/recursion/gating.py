@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from msgspec.structs import replace
 
 from harness.contracts.configuration import Configuration
+from harness.contracts.reasons import plain
 from harness.contracts.regularities import HiddenSite
 from harness.contracts.values import Count, Value, digest
 from rsi_reviews.acceptance import Evaluation, Predicate, accepted, predicate_digest
@@ -72,7 +73,7 @@ class SiteGate:
         """Accept or refuse. What fails early costs nothing more."""
         refused = (*loosened(current, candidate.configuration), *unfounded(candidate, current))
         if refused:
-            return _judgement(candidate, clause=f"static:{refused[0].rule}", sentence=refused[0].message)
+            return _judgement(candidate, clause=f"static:{refused[0].rule}", sentence=plain(refused[0].reason))
         cases = suite_cases(site, self._key, "regression", per_family=self._scale.per_family)
         before = self._run(cases, current, None)
         after = self._run(cases, candidate.configuration, lambda done: self._idle(done, before))

@@ -10,12 +10,13 @@ from harness.bootstrap import simulated
 from harness.contracts.commands import StopMission
 from harness.contracts.configuration import Configuration
 from harness.contracts.regularities import HiddenSite
+from harness.contracts.simulation import Simulator
 from harness.settings import HarnessSettings
 from rsi_reviews.contracts import CaseResult, Family
 from rsi_reviews.generate.trace import MissionTrace, Trace, mission_trace
 from rsi_reviews.recursion.chance import seed_of, uniform
 from rsi_reviews.regression.cases import Case, Outside, Situation
-from rsi_reviews.regression.conduct import ASKING, ROBOT, account_of, begun, stepped
+from rsi_reviews.regression.conduct import ASKING, ROBOT, account_of, begun, stepped, yardstick
 from rsi_reviews.regression.judge import judged
 
 TEMPLATE = "circuit"
@@ -66,7 +67,9 @@ def suite_cases(site: HiddenSite, *key: object, per_family: int) -> tuple[Case, 
     )
 
 
-def series(cases: Sequence[Case], configuration: Configuration, stop: Stop | None = None) -> Series:
+def series(
+    cases: Sequence[Case], configuration: Configuration, simulator: Simulator, stop: Stop | None = None
+) -> Series:
     """Run the cases one after another in one harness; all of them are on the same site.
 
     `stop` is asked after each mission whether that was enough.
@@ -77,7 +80,9 @@ def series(cases: Sequence[Case], configuration: Configuration, stop: Stop | Non
     results: list[CaseResult] = []
     traces: list[MissionTrace] = []
     site = cases[0].situation.site
-    with simulated(settings, seed=cases[0].seed, configuration=configuration, hidden=site) as harness:
+    with simulated(
+        settings, simulator=simulator, seed=cases[0].seed, configuration=configuration, hidden=site
+    ) as harness:
         runtime = harness.runtime
         for case in cases:
             after = runtime.head().position
@@ -85,7 +90,9 @@ def series(cases: Sequence[Case], configuration: Configuration, stop: Stop | Non
             begun_s = harness.clock.now().mission_s
             cut = stepped(harness, mission_id, case.situation.outside)
             traces.append(mission_trace(runtime, mission_id))
-            results.append(judged(account_of(harness, mission_id, case, begun_s=begun_s, cut=cut, after=after)))
+            wanted = yardstick(case.situation, simulator)
+            account = account_of(harness, mission_id, case, yardstick=wanted, begun_s=begun_s, cut=cut, after=after)
+            results.append(judged(account))
             if stop is not None and stop(results):
                 break
             if not runtime.mission(mission_id).ended:

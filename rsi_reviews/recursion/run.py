@@ -2,12 +2,14 @@
 
 import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import msgspec
 
 from harness.contracts.errors import ContractInvalid, StoreUnavailable
 from harness.contracts.ids import sha256
+from harness.contracts.simulation import Simulator
 from harness.contracts.values import digest, encode
 from rsi_reviews.hidden_sites import FOLDER, site_file, site_names
 from rsi_reviews.recursion.experiment import FleetOutcome, Task, Terms, run_fleet
@@ -52,7 +54,9 @@ def check_blind() -> None:
 FOLDER_PATH = Path(__file__).resolve().parents[1]
 
 
-def outcomes(wanted: Sequence[Task], *, folder: Path, processes: int, told: Told) -> tuple[FleetOutcome, ...]:
+def outcomes(
+    wanted: Sequence[Task], *, simulator: Simulator, folder: Path, processes: int, told: Told
+) -> tuple[FleetOutcome, ...]:
     """Every fleet's outcome, in order; what lies in `folder` from an earlier run on the same terms is taken from it.
 
     Raises StoreUnavailable if the folder cannot be written.
@@ -62,7 +66,7 @@ def outcomes(wanted: Sequence[Task], *, folder: Path, processes: int, told: Told
     except OSError as error:
         raise StoreUnavailable(f"The folder cannot be made: {error}", where=str(folder), do="name another") from error
     found = {task: outcome for task in wanted if (outcome := _kept(folder, task)) is not None}
-    for outcome in _run([task for task in wanted if task not in found], processes=processes):
+    for outcome in _run([task for task in wanted if task not in found], simulator, processes=processes):
         _keep(folder, outcome)
         found[outcome.task] = outcome
         told(outcome, len(found), len(wanted))
@@ -74,12 +78,12 @@ def kept(wanted: Sequence[Task], *, folder: Path) -> tuple[FleetOutcome, ...]:
     return tuple(outcome for task in wanted if (outcome := _kept(folder, task)) is not None)
 
 
-def _run(left: Sequence[Task], *, processes: int) -> Iterator[FleetOutcome]:
+def _run(left: Sequence[Task], simulator: Simulator, *, processes: int) -> Iterator[FleetOutcome]:
     if processes < 2 or len(left) < 2:
-        yield from map(run_fleet, left)
+        yield from (run_fleet(task, simulator) for task in left)
         return
     with multiprocessing.get_context("spawn").Pool(processes, maxtasksperchild=4) as pool:
-        yield from pool.imap_unordered(run_fleet, left)
+        yield from pool.imap_unordered(partial(run_fleet, simulator=simulator), left)
 
 
 def _file(folder: Path, task: Task) -> Path:

@@ -18,6 +18,8 @@ from harness.contracts.errors import HarnessError
 from harness.contracts.ids import Digest, InvocationId, MissionId, ResourceId, RobotId, StreamId, lease_stream, leased
 from harness.contracts.protocol import PhysicalStart
 from harness.contracts.reasons import plain
+from harness.contracts.simulation import Simulator
+from harness.contracts.stored_commands import without_command
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Value
 from harness.projections.mission import Mission
@@ -71,30 +73,31 @@ class Account:
     cut: bool
 
 
-def conducted(case: Case, configuration: Configuration) -> Account:
+def conducted(case: Case, configuration: Configuration, simulator: Simulator) -> Account:
     """Run the case under a configuration until it ends, waits for a person, or is cut.
 
     Raises HarnessError where the case itself is wrong: an unknown template, fault or site.
     """
-    with _opened(case, configuration) as harness:
+    with _opened(case, configuration, simulator) as harness:
         mission_id = begun(harness, case.situation, case.seed)
         begun_s = harness.clock.now().mission_s
         cut = stepped(harness, mission_id, case.situation.outside)
-        return account_of(harness, mission_id, case, begun_s=begun_s, cut=cut)
+        wanted = yardstick(case.situation, simulator)
+        return account_of(harness, mission_id, case, yardstick=wanted, begun_s=begun_s, cut=cut)
 
 
 @contextmanager
-def _opened(case: Case, configuration: Configuration | None) -> Iterator[Harness]:
+def _opened(case: Case, configuration: Configuration | None, simulator: Simulator) -> Iterator[Harness]:
     settings = HarnessSettings(speed=0, fidelity="kinematic", robot_id=ROBOT)
     site = case.situation.site
-    with simulated(settings, seed=case.seed, configuration=configuration, hidden=site) as harness:
+    with simulated(settings, simulator=simulator, seed=case.seed, configuration=configuration, hidden=site) as harness:
         yield harness
 
 
 @lru_cache(maxsize=64)
-def yardstick(situation: Situation) -> TaskContract:
+def yardstick(situation: Situation, simulator: Simulator) -> TaskContract:
     """The contract that H_0 compiles for a situation: what was asked, whatever a candidate's template says (D30)."""
-    with _opened(Case(situation=situation, seed=0), None) as harness:
+    with _opened(Case(situation=situation, seed=0), None, simulator) as harness:
         return _contract(harness.runtime.mission(begun(harness, situation, 0)))
 
 
@@ -104,7 +107,7 @@ def begun(harness: Harness, situation: Situation, seed: int) -> MissionId:
     start = Start(actor=ASKING, robot_id=ROBOT, template=situation.template, seed=seed, labels=labels)
     decision = harness.runtime.start(start)
     if isinstance(decision, Refused):
-        raise HarnessError(plain(decision.message), where=f"template {situation.template}", do="correct the suite")
+        raise HarnessError(plain(decision.reason), where=f"template {situation.template}", do="correct the suite")
     return harness.runtime.missions()[0].mission_id
 
 
@@ -152,23 +155,33 @@ def _do(harness: Harness, mission_id: MissionId, edge: Edge, act: Outside, *, un
 
 
 def account_of(
-    harness: Harness, mission_id: MissionId, case: Case, *, begun_s: float, cut: bool, after: int = 0
+    harness: Harness,
+    mission_id: MissionId,
+    case: Case,
+    *,
+    yardstick: TaskContract,
+    begun_s: float,
+    cut: bool,
+    after: int = 0,
 ) -> Account:
-    """What there is to say of a mission that has come to rest. `after`: the log's position before it was created."""
+    """What there is to say of a mission that has come to rest. `after`: the log's position before it was created.
+
+    `yardstick` as in `Account`.
+    """
     runtime = harness.runtime
-    mission, wanted = runtime.mission(mission_id), yardstick(case.situation)
+    mission = runtime.mission(mission_id)
     log = tuple(
-        Happened(stream=one.stream, kind=one.kind, mission_s=one.mission_s, body=one.body)
+        Happened(stream=one.stream, kind=one.kind, mission_s=one.mission_s, body=without_command(one.body))
         for one in runtime.log(after, limit=EVERYTHING)
     )
     return Account(
         case=case,
         configuration=mission.configuration,
         mission=mission,
-        yardstick=wanted,
+        yardstick=yardstick,
         log=log,
         starts=harness.starts(mission_id),
-        story={**told(harness, mission), **routes_of(wanted)},
+        story={**told(harness, mission), **routes_of(yardstick)},
         begun_s=begun_s,
         ended_s=harness.clock.now().mission_s,
         cut=cut,

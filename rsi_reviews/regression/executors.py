@@ -11,6 +11,7 @@ import msgspec
 
 from harness.contracts.configuration import Configuration
 from harness.contracts.errors import HarnessError
+from harness.contracts.simulation import Simulator
 from harness.contracts.values import Value, encode
 from rsi_reviews.contracts import CaseResult
 from rsi_reviews.regression.cases import Case
@@ -40,14 +41,14 @@ class Executor(Protocol):
         """Raises WorkersLost if no worker is left to go on; what was yielded stays valid."""
 
 
-def run_job(job: Job) -> tuple[CaseResult, ...]:
+def run_job(job: Job, simulator: Simulator) -> tuple[CaseResult, ...]:
     """Every case of a job, one after another. A case that breaks is a result that says so."""
-    return tuple(_one(case, job.configuration) for case in job.cases)
+    return tuple(_one(case, job.configuration, simulator) for case in job.cases)
 
 
-def _one(case: Case, configuration: Configuration) -> CaseResult:
+def _one(case: Case, configuration: Configuration, simulator: Simulator) -> CaseResult:
     try:
-        return judged(conducted(case, configuration))
+        return judged(conducted(case, configuration, simulator))
     except Exception as error:  # noqa: BLE001 - whatever a case raises is its result, never the end of the run
         return failed(case, configuration, outcome="crashed", note=f"{type(error).__name__}: {error}")
 
@@ -70,9 +71,12 @@ def failed(case: Case, configuration: Configuration, *, outcome: str, note: str)
 class Here:
     """One case after another in this process: for few cases, and to compare with."""
 
+    def __init__(self, simulator: Simulator) -> None:
+        self._simulator = simulator
+
     def run(self, jobs: Sequence[Job]) -> Running:
         """One tuple of results per job, in order."""
-        yield from map(run_job, jobs)
+        yield from (run_job(job, self._simulator) for job in jobs)
 
 
 class Processes:
@@ -81,8 +85,11 @@ class Processes:
     A worker that dies or is silent for `longest_s` per case costs its case, whose result says so, and is replaced.
     """
 
-    def __init__(self, count: int, *, longest_s: float = LONGEST_CASE_S, start_s: float = START_S) -> None:
-        self._count, self._longest_s, self._start_s = count, longest_s, start_s
+    def __init__(
+        self, count: int, simulator: Simulator, *, longest_s: float = LONGEST_CASE_S, start_s: float = START_S
+    ) -> None:
+        self._count, self._simulator = count, simulator
+        self._longest_s, self._start_s = longest_s, start_s
         self._context = multiprocessing.get_context("spawn")
 
     def run(self, jobs: Sequence[Job]) -> Running:
@@ -131,7 +138,9 @@ class Processes:
 
     def _worker(self) -> "_Worker":
         mine, theirs = self._context.Pipe()
-        process = self._context.Process(target=work, args=(theirs,), name="regression worker", daemon=True)
+        process = self._context.Process(
+            target=work, args=(theirs, self._simulator), name="regression worker", daemon=True
+        )
         process.start()
         theirs.close()
         return _Worker(process, mine)
@@ -173,7 +182,7 @@ class _Worker:
         self.line.close()
 
 
-def work(line: Connection) -> None:
+def work(line: Connection, simulator: Simulator) -> None:
     """A worker's life: it says hello, then answers each job with its results until the line is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     line.send_bytes(b"ready")
@@ -182,7 +191,7 @@ def work(line: Connection) -> None:
             body = line.recv_bytes()
         except EOFError:
             return
-        line.send_bytes(encode(run_job(msgspec.json.decode(body, type=Job))))
+        line.send_bytes(encode(run_job(msgspec.json.decode(body, type=Job), simulator)))
 
 
 def _parts(cases: tuple[Case, ...]) -> Iterator[tuple[Case, ...]]:
@@ -190,8 +199,8 @@ def _parts(cases: tuple[Case, ...]) -> Iterator[tuple[Case, ...]]:
         yield cases[begin : begin + CHUNK]
 
 
-def local(processes: int) -> Executor:
+def local(processes: int, simulator: Simulator) -> Executor:
     """The executor for so many local processes; none means in this one. Raises HarnessError for a negative count."""
     if processes < 0:
         raise HarnessError(f"{processes} processes", where="processes", do="ask for 0 or more")
-    return Processes(processes) if processes else Here()
+    return Processes(processes, simulator) if processes else Here(simulator)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import msgspec
 import ray
 
+from harness.contracts.simulation import Simulator
 from harness.contracts.values import encode
 from rsi_reviews.contracts import CaseResult
 from rsi_reviews.regression.errors import WorkersLost
@@ -15,15 +16,16 @@ LOCAL = "local"
 KNOCK_S = 5.0
 
 
-def answered(body: bytes) -> bytes:
+def answered(body: bytes, simulator: Simulator) -> bytes:
     """One job as JSON in, its results as JSON out: what a remote worker runs."""
-    return encode(run_job(msgspec.json.decode(body, type=Job)))
+    return encode(run_job(msgspec.json.decode(body, type=Job), simulator))
 
 
 class RayCluster:
     """`address`: `local` starts a cluster of its own on `cpus` cores and ends it; else one that is there is joined."""
 
-    def __init__(self, address: str, *, cpus: int = 2, longest_s: float = LONGEST_CASE_S) -> None:
+    def __init__(self, address: str, simulator: Simulator, *, cpus: int = 2, longest_s: float = LONGEST_CASE_S) -> None:
+        self._simulator = simulator
         self._address, self._cpus, self._longest_s = address, cpus, longest_s
 
     def run(self, jobs: Sequence[Job]) -> Running:
@@ -36,7 +38,7 @@ class RayCluster:
         self._join()
         try:
             task = ray.remote(answered).options(max_retries=2)
-            running = [task.remote(encode(part)) for part in parts]
+            running = [task.remote(encode(part), self._simulator) for part in parts]
             while running:
                 done, running = ray.wait(running, num_returns=1, timeout=self._longest_s * CHUNK)
                 if not done:

@@ -88,12 +88,15 @@ class Kept:
 
 
 @lru_cache(maxsize=1)
-def evaluator_version() -> str:
-    """Names the program that measures, by its sources: what can change a result changes this, the harness included."""
+def evaluator_version(simulator: Digest) -> str:
+    """Names the program that measures, by its sources: what can change a result changes this, the harness included.
+
+    `simulator` names the sources of the simulator that the cases run on.
+    """
     reviews, harness = files("rsi_reviews"), files("harness")
     judging = [reviews.joinpath("evaluation", name) for name in ("adjudicator.py", "story.py", "witnesses.py")]
     texts = [*_texts(harness), *_texts(reviews.joinpath("regression")), *(one.read_bytes() for one in judging)]
-    return f"regression-1+{sha256(b''.join(texts))[:16]}"
+    return f"regression-1+{sha256(b''.join((*texts, simulator.encode())))[:16]}"
 
 
 def _texts(folder: Traversable) -> Iterator[bytes]:

@@ -10,7 +10,7 @@ import yaml
 from harness.baseline.load import read_yaml
 from harness.contracts.ids import Digest
 from harness.contracts.values import Value
-from rsi_reviews.regression.cases import Case, Group, Suite, cases_of
+from rsi_reviews.regression.cases import Group, Suite, cases_of
 from rsi_reviews.regression.errors import SuiteEdited, SuiteInvalid, SuiteShrunk
 
 REGISTER = "register.yaml"
@@ -79,14 +79,6 @@ def written(suite: Suite) -> str:
 def file_name(suite: Suite) -> str:
     """Where a version of a suite lies in its folder."""
     return f"{suite.name}-{suite.version}.yaml"
-
-
-def one_case(suite: Suite, case_id: Digest) -> Case:
-    """The case of that digest. Raises SuiteInvalid if the suite does not hold it."""
-    found = next((case for case in cases_of(suite) if case.case_id == case_id), None)
-    if found is None:
-        raise SuiteInvalid(f"There is no case {case_id[:12]}", where=file_name(suite), do="name a case of this suite")
-    return found
 
 
 def _read(folder: Traversable, line: Registered) -> Suite:

@@ -4,7 +4,6 @@ import { tr } from "./phrases.js";
 
 const dock = document.getElementById("dock");
 const WIDTH = 99;
-const PARTS = ["head", "robot", "graph", "stages", "budget", "view", "timeline", "plots", "frames", "contract", "facts", "evidence", "contexts", "events"];
 
 document.addEventListener("change", (event) => {
   if ("go" in event.target.dataset) event.target.form.requestSubmit();
@@ -217,7 +216,7 @@ function begin() {
   // While the page shows the past, what happens now must not be drawn into it.
   document.addEventListener("htmx:before:request", (event) => {
     const from = event.detail.ctx?.sourceElement;
-    if ((!live || together) && from && PARTS.includes(from.id)) event.preventDefault();
+    if ((!live || together) && from?.dataset.region) event.preventDefault();
   });
   document.addEventListener("htmx:after:swap", () => {
     const list = marks();

@@ -17,7 +17,7 @@ from pydantic import SecretStr
 
 from app.fleet import Fleet
 from app.live import SignalBroker
-from app.main import bind, create_app
+from app.main import bind, create_app, open_accounts
 from app.scene import Scenes
 from app.settings import ConsoleSettings
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
@@ -55,7 +55,16 @@ def served() -> Iterator[Served]:
         listener = bind(0)
         settings = ConsoleSettings(port=listener.getsockname()[1], robots=("vbot-1",), owner_token=SecretStr("t"))
         fleet = Fleet(made.harness.robots, made.harness.cameras, lambda: asked.wall_s)
-        app = create_app(made.runtime, settings, broker, Scenes(made.runtime), starts=made.harness.starts, fleet=fleet)
+        app = create_app(
+            made.runtime,
+            settings,
+            broker,
+            Scenes(made.runtime),
+            accounts=open_accounts(settings),
+            answer=made.supervisor.answer,
+            starts=made.harness.starts,
+            fleet=fleet,
+        )
         server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1))
         thread = Thread(target=server.run, kwargs={"sockets": [listener]})
         thread.start()

@@ -16,7 +16,7 @@ from playwright.sync_api import Page, expect
 from pydantic import SecretStr
 
 from app.live import SignalBroker
-from app.main import bind, create_app
+from app.main import bind, create_app, open_accounts
 from app.permissions import Visitor
 from app.scene import Scenes
 from app.settings import ConsoleSettings
@@ -67,7 +67,15 @@ def served(open_page: OpenPage) -> Iterator[Served]:
         listener = bind(0)
         port = listener.getsockname()[1]
         console = ConsoleSettings(port=port, robots=("vbot-1",), owner_token=SecretStr("t"), password_memory_kib=19456)
-        app = create_app(harness.runtime, console, broker, Scenes(harness.runtime), starts=harness.starts)
+        app = create_app(
+            harness.runtime,
+            console,
+            broker,
+            Scenes(harness.runtime),
+            accounts=open_accounts(console),
+            answer=harness.supervisor.answer,
+            starts=harness.starts,
+        )
         for name, roles in PEOPLE.items():
             by = Visitor(name="setup", roles=("admin",), source="test")
             app.state.doors.accounts.add(name, roles=roles, password=PASSWORD, by=by)

@@ -17,7 +17,7 @@ from playwright.sync_api import Page, expect
 from pydantic import SecretStr
 
 from app.live import SignalBroker
-from app.main import bind, create_app
+from app.main import bind, create_app, open_accounts
 from app.scene import Scenes
 from app.settings import ConsoleSettings
 from harness.bootstrap import simulated
@@ -29,6 +29,7 @@ from harness.runtime import Start
 from harness.settings import HarnessSettings
 from rsi_reviews.deciding import DECIDERS
 from rsi_reviews.shelf import selected
+from simulator.in_process import SIMULATOR
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
 from tests.builders.patience import PATIENCE_S, comes_true
 
@@ -56,7 +57,7 @@ class Served:
 @pytest.fixture(scope="module")
 def served() -> Iterator[Served]:
     settings = HarnessSettings(fidelity="kinematic", speed=0)
-    with simulated(settings, seed=1, deciders=DECIDERS, select=selected) as harness:
+    with simulated(settings, simulator=SIMULATOR, seed=1, deciders=DECIDERS, select=selected) as harness:
         order = Start(
             actor=Actor(name="ada", role="operator"), robot_id=RobotId("vbot-1"), template="warehouse-inspection"
         )
@@ -67,7 +68,15 @@ def served() -> Iterator[Served]:
         listener = bind(0)
         settings = ConsoleSettings(port=listener.getsockname()[1], robots=("vbot-1",), owner_token=SecretStr("t"))
         broker = SignalBroker()
-        app = create_app(harness.runtime, settings, broker, Scenes(harness.runtime), starts=harness.starts)
+        app = create_app(
+            harness.runtime,
+            settings,
+            broker,
+            Scenes(harness.runtime),
+            accounts=open_accounts(settings),
+            answer=harness.supervisor.answer,
+            starts=harness.starts,
+        )
         server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1))
         thread = Thread(target=server.run, kwargs={"sockets": [listener]})
         thread.start()

@@ -8,9 +8,10 @@ from fastapi import FastAPI
 from fastapi.testclient import TestClient
 from pydantic import SecretStr
 
+from app.authority import authority
 from app.fleet import Fleet
 from app.live import SignalBroker
-from app.main import create_app
+from app.main import create_app, open_accounts
 from app.scene import Scenes
 from app.settings import ConsoleSettings
 from harness.bootstrap import Harness, simulated
@@ -23,6 +24,7 @@ from harness.runtime import Start
 from harness.settings import HarnessSettings
 from rsi_reviews.deciding import DECIDERS
 from rsi_reviews.shelf import selected
+from simulator.in_process import SIMULATOR
 
 BASE = "http://127.0.0.1:8000"
 OWN = {"Origin": BASE, "Sec-Fetch-Site": "same-origin"}
@@ -91,8 +93,14 @@ def console_stand(*, seed: int = 1, settings: ConsoleSettings | None = None) -> 
     settings = settings or ConsoleSettings(
         port=8000, robots=("vbot-1",), owner_token=SecretStr(OWNER), password_memory_kib=19456
     )
+    accounts = open_accounts(settings)
     with simulated(
-        HarnessSettings(fidelity="kinematic", speed=0), seed=seed, deciders=DECIDERS, select=selected
+        HarnessSettings(fidelity="kinematic", speed=0),
+        simulator=SIMULATOR,
+        seed=seed,
+        deciders=DECIDERS,
+        select=selected,
+        authority=authority(accounts),
     ) as harness:
         scenes = Scenes(harness.runtime)
         try:
@@ -103,6 +111,8 @@ def console_stand(*, seed: int = 1, settings: ConsoleSettings | None = None) -> 
                     settings,
                     SignalBroker(),
                     scenes,
+                    accounts=accounts,
+                    answer=harness.supervisor.answer,
                     starts=harness.starts,
                     fleet=Fleet(harness.robots, harness.cameras, lambda: harness.clock.now().wall_s),
                     wheel=harness.wheel,

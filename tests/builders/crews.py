@@ -8,10 +8,6 @@ from msgspec.structs import replace
 
 from harness.adapters.clock import LockstepClock
 from harness.adapters.ids import SeededIds
-from harness.adapters.providers.simulation.camera import CAMERA
-from harness.adapters.providers.simulation.faults import parse_faults
-from harness.adapters.providers.simulation.robot import SimulatedRobot
-from harness.adapters.providers.simulation.world import WorldSettings
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.baseline.load import baseline
 from harness.bootstrap import Deciders, Harness, Parts, Select, Unheard, assemble, local_providers, nothing_selected
@@ -28,6 +24,10 @@ from harness.projections.mission import Mission
 from harness.runtime import Start
 from harness.settings import HarnessSettings
 from harness.verification.verdict import Verifier, verify
+from simulator.camera import CAMERA
+from simulator.faults import parse_faults
+from simulator.robot import SimulatedRobot
+from simulator.world import WorldSettings
 from tests.builders.missions_run import OPERATOR, ROBOT, Ran
 
 Wrap = Callable[[Provider], Provider]

@@ -5,20 +5,22 @@ from contextlib import contextmanager
 
 from pydantic import SecretStr
 
+from app.authority import authority
 from app.fleet import Fleet
 from app.live import SignalBroker
-from app.main import create_app
+from app.main import create_app, open_accounts
 from app.scene import Scenes
 from app.settings import ConsoleSettings
 from harness.bootstrap import Harness, simulated
 from harness.contracts.actors import Actor
-from harness.contracts.decisions import Accepted
+from harness.contracts.decisions import Accepted, Authority, unquestioned
 from harness.contracts.events import MissionCreated
 from harness.contracts.ids import MissionId, RobotId
 from harness.runtime import Start
 from harness.settings import HarnessSettings
 from rsi_reviews.deciding import DECIDERS
 from rsi_reviews.shelf import selected
+from simulator.in_process import SIMULATOR
 from tests.builders.consoles import OWNER, Stand
 
 ONE, TWO = RobotId("vbot-1"), RobotId("vbot-2")
@@ -26,10 +28,12 @@ ADA = Actor(name="ada", role="operator")
 
 
 @contextmanager
-def two_robots(seed: int = 3) -> Iterator[Harness]:
+def two_robots(seed: int = 3, *, authority: Authority = unquestioned) -> Iterator[Harness]:
     """Kinematic robots, stores in memory."""
     settings = HarnessSettings(fidelity="kinematic", speed=0, robots=(ONE, TWO))
-    with simulated(settings, seed=seed, deciders=DECIDERS, select=selected) as harness:
+    with simulated(
+        settings, simulator=SIMULATOR, seed=seed, deciders=DECIDERS, select=selected, authority=authority
+    ) as harness:
         yield harness
 
 
@@ -37,7 +41,8 @@ def two_robots(seed: int = 3) -> Iterator[Harness]:
 def fleet_stand(seed: int = 3, *, port: int = 8000) -> Iterator[Stand]:
     """A console over two robots, which takes itself for the one at this port."""
     settings = ConsoleSettings(port=port, robots=(ONE, TWO), owner_token=SecretStr(OWNER), password_memory_kib=19456)
-    with two_robots(seed) as harness:
+    accounts = open_accounts(settings)
+    with two_robots(seed, authority=authority(accounts)) as harness:
         scenes = Scenes(harness.runtime)
         fleet = Fleet(harness.robots, harness.cameras, lambda: harness.clock.now().wall_s)
         app = create_app(
@@ -45,6 +50,8 @@ def fleet_stand(seed: int = 3, *, port: int = 8000) -> Iterator[Stand]:
             settings,
             SignalBroker(),
             scenes,
+            accounts=accounts,
+            answer=harness.supervisor.answer,
             starts=harness.starts,
             fleet=fleet,
             wheel=harness.wheel,

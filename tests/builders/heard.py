@@ -5,10 +5,6 @@ from contextlib import ExitStack, contextmanager
 
 from harness.adapters.clock import LockstepClock
 from harness.adapters.ids import SeededIds
-from harness.adapters.providers.simulation.camera import CAMERA
-from harness.adapters.providers.simulation.hand import SimulatedHand
-from harness.adapters.providers.simulation.robot import SimulatedRobot
-from harness.adapters.providers.simulation.world import WorldSettings
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.assembly import Harness, Member, Parts, joined, local_providers
 from harness.baseline.load import site
@@ -16,6 +12,10 @@ from harness.contracts.ports import Signals
 from harness.settings import HarnessSettings
 from rsi_reviews.deciding import DECIDERS
 from rsi_reviews.shelf import selected
+from simulator.camera import CAMERA
+from simulator.robot import SimulatedRobot
+from simulator.teleoperation import SimulatedTeleoperation
+from simulator.world import WorldSettings
 from tests.builders.missions_run import ROBOT
 
 
@@ -43,6 +43,6 @@ def heard(signals: Signals, *, seed: int = 3) -> Iterator[Harness]:
             local=local_providers(parts, camera=CAMERA, folder=None),
             configure=lambda mission: robot.configure(mission.mission_id, mission.seed, ()),
             camera=robot,
-            hand=SimulatedHand(robot),
+            hand=SimulatedTeleoperation(robot),
         )
         yield joined(stack, HarnessSettings(speed=0, fidelity="kinematic"), parts, [member])

@@ -5,8 +5,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from math import hypot
 
-from harness.adapters.providers.simulation.robot import SimulatedRobot
-from harness.adapters.providers.simulation.truth import Truth
 from harness.bootstrap import Harness, simulated
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted
@@ -18,6 +16,9 @@ from harness.projections.mission import Mission, required_contract
 from harness.projections.starts import repeated_starts
 from harness.runtime import Start
 from harness.settings import HarnessSettings
+from simulator.in_process import SIMULATOR
+from simulator.robot import SimulatedRobot
+from simulator.truth import Truth
 
 ROBOT = RobotId("vbot-1")
 OPERATOR = Actor(name="ada", role="operator")
@@ -73,7 +74,7 @@ class Ran:
 @contextmanager
 def ran(template: str, *faults: str, seed: int = 3) -> Iterator[Ran]:
     """Run one mission at speed 0 on the kinematic robot."""
-    with simulated(HarnessSettings(speed=0, fidelity="kinematic"), seed=seed) as harness:
+    with simulated(HarnessSettings(speed=0, fidelity="kinematic"), simulator=SIMULATOR, seed=seed) as harness:
         mission_id = begin(harness, template, *faults, seed=seed)
         mission = harness.supervisor.run(mission_id)
         robot = harness.robots[ROBOT]

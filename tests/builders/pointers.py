@@ -8,7 +8,7 @@ from harness.baseline.load import baseline
 from harness.contracts.actors import Actor, Command, Event
 from harness.contracts.configuration import Configuration
 from harness.contracts.decider import Codec, Decider
-from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.decisions import Accepted, Decision, refused
 from harness.contracts.ids import Digest, RobotId, StreamId
 from harness.contracts.values import Moment, Value
 from harness.contracts.versions import configuration_record
@@ -36,7 +36,7 @@ class Pointed(Event, tag=True):
 def decide(state: Pointer, command: Point, now: Moment) -> Decision[Pointed]:
     """Every version but the one it points at already."""
     if state.configuration == command.configuration:
-        return Refused("current", "It points there already.")
+        return refused("current")
     return Accepted((Pointed(configuration=command.configuration),))
 
 

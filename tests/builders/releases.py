@@ -35,6 +35,7 @@ from rsi_reviews.deciding import DECIDERS
 from rsi_reviews.desk import Desk, Say, Seen
 from rsi_reviews.regression.cases import Case, Situation, seeds_digest
 from rsi_reviews.shelf import on_trial, selected
+from simulator.in_process import SIMULATOR
 
 ROBOT = RobotId("vbot-1")
 MINER = "trace-miner 1"
@@ -215,7 +216,9 @@ def bench(*, seed: int = 3, store: EventStore | None = None, watched: bool = Fal
     """
     settings = HarnessSettings(speed=0, fidelity="kinematic")
     trial = on_trial if watched else nothing_on_trial
-    with simulated(settings, seed=seed, store=store, deciders=DECIDERS, select=selected, trial=trial) as harness:
+    with simulated(
+        settings, simulator=SIMULATOR, seed=seed, store=store, deciders=DECIDERS, select=selected, trial=trial
+    ) as harness:
         yield Bench(harness=harness, desk=Desk(harness.runtime, judge=partial(accepted, predicate=PREDICATE)))
 
 

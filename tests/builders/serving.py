@@ -13,7 +13,7 @@ from pydantic import SecretStr
 
 from app.fleet import Fleet
 from app.live import SignalBroker
-from app.main import bind, create_app
+from app.main import bind, create_app, open_accounts
 from app.scene import Scenes
 from app.settings import ConsoleSettings
 from harness.contracts.decisions import Accepted
@@ -90,6 +90,8 @@ def serving(*, finished: bool = False, waits: bool = True, wire: Wire | None = N
             settings,
             broker,
             Scenes(made.runtime),
+            accounts=open_accounts(settings),
+            answer=made.supervisor.answer,
             starts=made.harness.starts,
             fleet=fleet,
             wheel=made.harness.wheel,

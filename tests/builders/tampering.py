@@ -46,12 +46,13 @@ def rewritten(
     events: dict[int, Change] | None = None,
     records: dict[Digest, Callable[[Body], Body]] | None = None,
     snapshots: Snapshots | None = None,
+    every: Change | None = None,
 ) -> Runtime:
-    """A runtime that reads the log as it was written again; `events` by position."""
+    """A runtime that reads the log as it was written again; `events` by position, `every` for all the others."""
     store = DoctoredStore(records or {})
     versions: dict[str, int] = {}
     for stored in parts.store.read(0, 100_000):
-        body = _changed(stored, (events or {}).get(stored.position))
+        body = _changed(stored, (events or {}).get(stored.position, every))
         if body is None:
             continue
         version = versions.get(stored.stream, 0)

@@ -6,36 +6,32 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
-from msgspec.structs import replace
+from msgspec.structs import asdict, replace
 
 from harness.adapters.clock import LockstepClock
 from harness.adapters.failpoints import parse, with_failpoint
 from harness.adapters.ids import SeededIds
-from harness.adapters.providers.simulation.camera import CAMERA
-from harness.adapters.providers.simulation.faults import parse_faults
-from harness.adapters.providers.simulation.hand import SimulatedHand
-from harness.adapters.providers.simulation.robot import SimulatedRobot
-from harness.adapters.providers.simulation.world import WorldSettings
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.adapters.stores.sql import SqlEventStore
 from harness.assembly import Harness, Member, Parts, Unheard, joined, local_providers
 from harness.baseline.load import site as shipped_site
 from harness.contracts.actors import Actor
-from harness.contracts.decisions import Accepted, Decision
+from harness.contracts.commands import ApproveHandoff, RejectHandoff
+from harness.contracts.decisions import Accepted, Authority, Decision, unquestioned
 from harness.contracts.errors import ProviderUnreachable
 from harness.contracts.handoff_commands import (
     ChooseAction,
-    ClaimHandoff,
-    CloseHandoff,
-    DecideHandoff,
-    HandBack,
+    CloseQuestion,
+    DropClaim,
+    ExtendDeadline,
     LookAgain,
-    OnMyWay,
-    ReleaseHandoff,
-    TakeOver,
+    ReturnControl,
+    TakeClaim,
+    TakeControl,
 )
 from harness.contracts.handoff_events import HandoffEvent
 from harness.contracts.ids import HandoffId, MissionId, RequestId, handoff_stream
+from harness.contracts.person_commands import PersonCommand
 from harness.contracts.places import Site
 from harness.contracts.ports import EventStore, Provider, Signals
 from harness.contracts.protocol import InvocationReport, PhysicalStart, StartRequest
@@ -46,6 +42,11 @@ from harness.runtime import Start
 from harness.settings import HarnessSettings
 from rsi_reviews.deciding import DECIDERS
 from rsi_reviews.shelf import selected
+from simulator.camera import CAMERA
+from simulator.faults import parse_faults
+from simulator.robot import SimulatedRobot
+from simulator.teleoperation import SimulatedTeleoperation
+from simulator.world import WorldSettings
 from tests.builders.crews import CrewRobot, Wrapped
 from tests.builders.missions_run import ROBOT
 
@@ -55,11 +56,15 @@ ASKS = "frozen-localiser:persistent"
 
 
 class Link:
-    """The way to the robot's providers. `down`: nobody answers; `losing`: a start never arrives. `sent` counts them."""
+    """The way to the robot's providers. `down`: nobody answers; `losing`: a start never arrives. `sent` counts them.
+
+    `authority` is what the gate asks of whoever commands.
+    """
 
     def __init__(self) -> None:
         self.down = self.losing = False
         self.sent = 0
+        self.authority: Authority = unquestioned
 
 
 class Linked(Wrapped):
@@ -110,6 +115,10 @@ class Waiting:
         self.harness = self._opened()
         self.runtime, self.supervisor = self.harness.runtime, self.harness.supervisor
 
+    def obey(self, authority: Authority) -> None:
+        """From now on the gate is answered so, in every round of every commit."""
+        self.link.authority = authority
+
     @property
     def wall_s(self) -> float:
         return self._wall[0]
@@ -157,52 +166,48 @@ class Waiting:
     def decide(self, decision: str = "approve", **changes: Any) -> Decision[Any]:
         opened = self.handoff.opened
         assert opened is not None
-        command = DecideHandoff(
-            handoff_id=self.handoff_id,
-            decision="approve" if decision == "approve" else "reject",
-            actor=ADA,
-            reason="seen on camera",
-            key="key-1",
-            cycle=self.handoff.cycle,
-            subject=opened.subject,
-            evidence=opened.evidence,
+        reject = RejectHandoff(
+            actor=ADA, reason="seen on camera", key="key-1", cycle=self.handoff.cycle, subject=opened.subject
         )
-        return self.runtime.answer(replace(command, **changes))
+        approve = ApproveHandoff(**asdict(reject), evidence=opened.evidence)
+        return self.say(replace(approve if decision == "approve" else reject, **changes))
+
+    def say(self, command: PersonCommand) -> Decision[Any]:
+        return self.supervisor.answer(self.handoff_id, command)
 
     def look(self, actor: Actor = ADA) -> Decision[Any]:
-        return self.runtime.answer(LookAgain(handoff_id=self.handoff_id, actor=actor))
+        return self.say(LookAgain(actor=actor))
 
     def claim(self, actor: Actor = ADA, token: str = "t-ada") -> Decision[Any]:
-        return self.runtime.answer(ClaimHandoff(handoff_id=self.handoff_id, actor=actor, claim=token))
+        return self.say(TakeClaim(actor=actor, claim=token))
 
     def release(self, actor: Actor = ADA, token: str = "t-ada") -> Decision[Any]:
-        return self.runtime.answer(ReleaseHandoff(handoff_id=self.handoff_id, actor=actor, claim=token))
+        return self.say(DropClaim(actor=actor, claim=token, reason="released by its holder"))
 
     def on_my_way(self, actor: Actor = ADA) -> Decision[Any]:
-        return self.runtime.answer(OnMyWay(handoff_id=self.handoff_id, actor=actor, reason="two corridors away"))
+        return self.say(ExtendDeadline(actor=actor, reason="two corridors away"))
 
     def choose(self, action: Any, **changes: Any) -> Decision[Any]:
-        command = ChooseAction(handoff_id=self.handoff_id, actor=ADA, action=action, cycle=self.handoff.cycle)
-        return self.runtime.answer(replace(command, **changes))
+        command = ChooseAction(actor=ADA, action=action, cycle=self.handoff.cycle)
+        return self.say(replace(command, **changes))
 
     def take_over(self, actor: Actor = ADA, token: str = "t-ada") -> Decision[Any]:
-        command = TakeOver(
-            handoff_id=self.handoff_id,
+        command = TakeControl(
             actor=actor,
             claim=token,
             device="keyboard at desk 2",
             key="key-2",
             reason="easier by hand",
         )
-        return self.runtime.answer(command)
+        return self.say(command)
 
     def hand_back(self, actor: Actor = ADA, token: str = "t-ada") -> Decision[Any]:
-        command = HandBack(handoff_id=self.handoff_id, actor=actor, claim=token, key="key-3", reason="drove it round")
-        return self.runtime.answer(command)
+        command = ReturnControl(actor=actor, claim=token, key="key-3", reason="drove it round")
+        return self.say(command)
 
     def close(self, actor: Actor = ADA, token: str = "t-ada") -> Decision[Any]:
-        command = CloseHandoff(handoff_id=self.handoff_id, actor=actor, claim=token, key="key-4", reason="I keep it")
-        return self.runtime.answer(command)
+        command = CloseQuestion(actor=actor, claim=token, key="key-4", reason="I keep it")
+        return self.say(command)
 
 
 @contextmanager
@@ -221,6 +226,7 @@ def waiting(
     With `journals` the robot keeps its own in that folder; `failpoint` kills the process that runs into it.
     """
     wall = [time.time()]
+    link = Link()
     with ExitStack() as stack:
         robot = SimulatedRobot(WorldSettings(fidelity="kinematic", seed=seed), journals, robot_id=ROBOT)
         stack.callback(robot.world.truth.close)
@@ -236,9 +242,9 @@ def waiting(
             signals=signals or Unheard(),
             deciders=DECIDERS,
             select=selected,
+            authority=lambda command: link.authority(command),
             site=site or shipped_site(),
         )
-        link = Link()
         member = Member(
             robot_id=ROBOT,
             robot=CrewRobot(robot, lambda provider: Linked(provider, link)),
@@ -246,7 +252,7 @@ def waiting(
             local=local_providers(parts, camera=CAMERA, folder=None),
             configure=_configured(robot),
             camera=robot,
-            hand=SimulatedHand(robot),
+            hand=SimulatedTeleoperation(robot),
         )
         settings = HarnessSettings(speed=0, fidelity="kinematic", failpoint=failpoint)
         yield Waiting(lambda: joined(stack, settings, parts, [member]), robot, wall=wall, link=link)

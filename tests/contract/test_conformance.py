@@ -12,8 +12,7 @@ from threading import Thread
 import msgspec
 import pytest
 
-from harness.adapters.providers.simulation.cards import OBSERVER
-from harness.adapters.providers.simulation.child import RobotProcess, RobotSettings
+from harness.adapters.providers.http.process import RobotProcess, RobotSettings
 from harness.conformance.address import addressed
 from harness.conformance.crew import fresh_name, installed, installed_cards, protocol
 from harness.conformance.declaration import Declaration, read, shipped
@@ -23,7 +22,9 @@ from harness.conformance.rows import NAMES, ROWS
 from harness.conformance.subject import Stand, Subject
 from harness.contracts.errors import ContractInvalid, ProviderFailed, ProviderUnreachable, UnknownName
 from harness.contracts.ids import ProviderId
-from harness.settings import HarnessSettings
+from harness.settings import ROBOT_COMMAND, HarnessSettings
+from simulator.cards import OBSERVER
+from simulator.in_process import SIMULATOR
 from tests.fakes import broken
 from tests.fakes.passing import Passing
 from tests.integration.runs import ROOT, answer, regen
@@ -39,7 +40,7 @@ Break = Callable[[Subject], Subject]
 
 @pytest.fixture
 def stands(tmp_path: Path) -> Iterator[Stands]:
-    with installed(tmp_path, SETTINGS) as found:
+    with installed(tmp_path, SETTINGS, SIMULATOR) as found:
         yield found
 
 
@@ -58,7 +59,7 @@ def failed(checked: Checked) -> dict[str, str]:
 
 def test_the_crew_of_these_tests_is_the_installed_one(stands: Stands, tmp_path: Path) -> None:
     assert tuple(stands) == CREW
-    assert tuple(card.provider_id for card in installed_cards(tmp_path / "cards")) == CREW
+    assert tuple(card.provider_id for card in installed_cards(tmp_path / "cards", SIMULATOR)) == CREW
 
 
 @pytest.mark.ledger("R190", "R23", symbol="harness.conformance.kit:check")
@@ -176,7 +177,9 @@ def test_a_file_with_an_unknown_row_and_a_missing_file_are_refused(stands: Stand
 
 
 def test_the_command_checks_the_simulated_robot_behind_http(tmp_path: Path) -> None:
-    process = RobotProcess(RobotSettings(folder=str(tmp_path / "r"), speed=0.0, fidelity="kinematic", linger_s=0.2))
+    process = RobotProcess(
+        RobotSettings(command=ROBOT_COMMAND, folder=str(tmp_path / "r"), speed=0.0, fidelity="kinematic", linger_s=0.2)
+    )
     try:
         token = process.attachment.token
         some = ("--provider", "route-follower", "--provider", "observer")
@@ -264,4 +267,6 @@ def test_the_list_shows_every_provider_with_its_exemptions() -> None:
 
 
 def test_the_published_openapi_document_is_the_one_that_is_served() -> None:
-    assert json.loads((ROOT / "docs" / "provider-openapi.json").read_text()) == json.loads(json.dumps(protocol()))
+    assert json.loads((ROOT / "docs" / "provider-openapi.json").read_text()) == json.loads(
+        json.dumps(protocol(SIMULATOR))
+    )

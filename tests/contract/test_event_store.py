@@ -17,9 +17,10 @@ from harness.adapters.stores.chain import GENESIS, event_digest
 from harness.adapters.stores.memory import MemoryEventStore
 from harness.adapters.stores.postgres import PostgresEventStore
 from harness.adapters.stores.sql import SqlEventStore
-from harness.contracts.errors import ConcurrencyConflict, ContractInvalid, UnknownName
+from harness.contracts.errors import ConcurrencyConflict, ContractInvalid, LogDamaged, UnknownName
 from harness.contracts.ids import StreamId, sha256
 from harness.contracts.ports import Batch, EventStore, NewEvent, Record
+from harness.contracts.stored_commands import with_command
 from harness.contracts.values import Moment
 from tests.unit.stores.builders import NOW, batch, record
 from tools.postgres import PostgresServer
@@ -153,6 +154,18 @@ def test_a_record_under_a_wrong_digest_is_refused_with_its_events(store: EventSt
     with pytest.raises(ContractInvalid, match="digest"):
         store.append([batch("mission/a", 0, "Asked")], [forged], NOW)
     assert store.head() == GENESIS
+
+
+def test_an_event_that_names_a_command_verifies_with_its_record_alone(store: EventStore) -> None:
+    command = record("command", {"command": "AskIt"})
+    named = NewEvent(kind="Asked", body=with_command(b'{"kind":"Asked"}', command.digest))
+    store.append([Batch(stream=StreamId("mission/a"), expected_version=0, events=(named,))], [command], NOW)
+    assert store.verify().position == 1
+    lost = NewEvent(kind="Asked", body=with_command(b'{"kind":"Asked"}', sha256(b"never stored")))
+    store.append([Batch(stream=StreamId("mission/b"), expected_version=0, events=(lost,))], [], NOW)
+    with pytest.raises(LogDamaged, match="names is not stored") as damaged:
+        store.verify()
+    assert "position 2" in str(damaged.value)
 
 
 def test_streams_are_found_by_the_start_of_their_names_in_order_of_appearance(store: EventStore) -> None:

@@ -15,9 +15,9 @@ from pathlib import Path
 import httpx
 import pytest
 
+from harness.adapters.providers.http.process import RobotProcess, RobotSettings
 from harness.adapters.providers.http.robot import HttpRobot
-from harness.adapters.providers.simulation.child import ATTACHMENT, Attachment, RobotProcess, RobotSettings
-from harness.adapters.providers.simulation.kept import KeptRobot
+from harness.adapters.providers.http.supervised_process import SupervisedProcess
 from harness.contracts.errors import (
     BlobDamaged,
     FencingRefused,
@@ -30,6 +30,8 @@ from harness.contracts.errors import (
 from harness.contracts.ids import Digest, MissionId
 from harness.contracts.protocol import PhysicalStart
 from harness.contracts.values import decode
+from harness.provider_protocol.wire import ATTACHMENT, Attachment
+from harness.settings import ROBOT_COMMAND
 from tests.contract.test_providers import truths
 from tests.unit.simulation.builders import MISSION, Bench, along
 
@@ -46,7 +48,9 @@ def start(tmp_path: Path) -> Iterator[Start]:
 
 
 def _start(stack: ExitStack, folder: Path, *, speed: float = 0.0, linger_s: float = 0.2) -> tuple[RobotProcess, Bench]:
-    process = RobotProcess(RobotSettings(folder=str(folder), speed=speed, fidelity="kinematic", linger_s=linger_s))
+    process = RobotProcess(
+        RobotSettings(command=ROBOT_COMMAND, folder=str(folder), speed=speed, fidelity="kinematic", linger_s=linger_s)
+    )
     stack.callback(process.kill)
     stack.callback(process.robot.close)
     robot = process.robot
@@ -139,7 +143,7 @@ def test_a_start_is_never_sent_twice_by_the_client(start: Start) -> None:
     assert made.robot.struck() == {"duplicate-request": 1}  # type: ignore[attr-defined]
 
 
-@pytest.mark.ledger("R89", symbol="harness.adapters.providers.simulation.journals:StartJournal.write")
+@pytest.mark.ledger("R89", symbol="simulator.journals:StartJournal.write")
 def test_a_killed_robot_remembers_its_starts_and_starts_none_of_them_again(start: Start, tmp_path: Path) -> None:
     process, made = start()
     made.configure(MISSION, 1, ())
@@ -166,7 +170,9 @@ def test_a_killed_robot_remembers_its_starts_and_starts_none_of_them_again(start
 
 def test_a_robot_that_died_between_two_missions_is_started_again_for_the_next(tmp_path: Path) -> None:
     folder = tmp_path / "vbot-1"
-    kept = KeptRobot(RobotSettings(folder=str(folder), speed=400.0, fidelity="kinematic", linger_s=60.0))
+    kept = SupervisedProcess(
+        RobotSettings(command=ROBOT_COMMAND, folder=str(folder), speed=400.0, fidelity="kinematic", linger_s=60.0)
+    )
     try:
         kept.configure(MISSION, 1, ())
         before_s = kept.clock.now().mission_s
@@ -199,7 +205,11 @@ def test_an_ended_robot_keeps_its_world_and_its_terminal_reports(start: Start) -
 def test_a_folder_belongs_to_one_robot_process(start: Start, tmp_path: Path) -> None:
     start(speed=0.0)
     with pytest.raises(StoreOwned, match="Another robot process"):
-        RobotProcess(RobotSettings(folder=str(tmp_path / "vbot-1"), speed=3.0, fidelity="kinematic", linger_s=0.0))
+        RobotProcess(
+            RobotSettings(
+                command=ROBOT_COMMAND, folder=str(tmp_path / "vbot-1"), speed=3.0, fidelity="kinematic", linger_s=0.0
+            )
+        )
 
 
 def test_a_busy_port_is_a_typed_error(tmp_path: Path) -> None:
@@ -208,14 +218,14 @@ def test_a_busy_port_is_a_typed_error(tmp_path: Path) -> None:
         listener.listen()
         port = listener.getsockname()[1]
         with pytest.raises(StoreUnavailable, match=f"Port {port}"):
-            RobotProcess(RobotSettings(folder=str(tmp_path), port=port, fidelity="kinematic"))
+            RobotProcess(RobotSettings(command=ROBOT_COMMAND, folder=str(tmp_path), port=port, fidelity="kinematic"))
 
 
 def test_when_the_harness_is_killed_the_robot_stands_within_two_seconds_and_can_be_adopted(tmp_path: Path) -> None:
     folder = tmp_path / "vbot-1"
     with harness(folder, linger_s=600.0) as (killed, attachment, killed_at_s):
         killed.kill()
-    process = RobotProcess(RobotSettings(folder=str(folder), speed=0.0, fidelity="kinematic"))
+    process = RobotProcess(RobotSettings(command=ROBOT_COMMAND, folder=str(folder), speed=0.0, fidelity="kinematic"))
     try:
         assert process.adopted
         assert process.pid == attachment.pid
@@ -247,10 +257,13 @@ def test_an_orphaned_robot_ends_by_itself_once_it_stands(tmp_path: Path) -> None
 
 _HARNESS = f"""
 import signal, sys
-from harness.adapters.providers.simulation.child import RobotProcess, RobotSettings
+from harness.adapters.providers.http.process import RobotProcess, RobotSettings
 from harness.contracts.values import encode
+from harness.settings import ROBOT_COMMAND
 from tests.unit.simulation.builders import Bench, along
-settings = RobotSettings(folder=sys.argv[1], speed=0.0, fidelity="kinematic", linger_s=float(sys.argv[2]))
+settings = RobotSettings(
+    command=ROBOT_COMMAND, folder=sys.argv[1], speed=0.0, fidelity="kinematic", linger_s=float(sys.argv[2])
+)
 process = RobotProcess(settings)
 robot = process.robot
 robot.configure("{MISSION}", 1, ())

@@ -15,7 +15,7 @@ from harness.contracts.decider import Codec
 from harness.contracts.decisions import Accepted
 from harness.contracts.ids import InvocationId, MissionId, ResourceId, lease_stream
 from harness.contracts.lease_events import LeaseAcquired, LeaseEvent
-from harness.gate.commit import Gate, Request
+from harness.gate.commit import CommandEnvelope, Gate
 from tools.postgres import PostgresServer
 
 pytestmark = pytest.mark.xdist_group("postgres")
@@ -57,12 +57,12 @@ class Worker:
                 token=lease.token + 1,
                 expires_s=2000.0,
             )
-            asked.append(Request(lease_stream(resource), command))
+            asked.append(CommandEnvelope(lease_stream(resource), command, None))
         return self.gate.commit(asked)
 
     def _free(self) -> None:
         release = ReleaseLease(invocation_id=self.name, reason="at rest")
-        self.gate.commit([Request(lease_stream(resource), release) for resource in RESOURCES])
+        self.gate.commit([CommandEnvelope(lease_stream(resource), release, None) for resource in RESOURCES])
 
 
 @pytest.fixture

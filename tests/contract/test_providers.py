@@ -5,11 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from harness.adapters.providers.simulation.child import RobotProcess, RobotSettings
-from harness.adapters.providers.simulation.truth import Truth
+from harness.adapters.providers.http.process import RobotProcess, RobotSettings
 from harness.contracts.errors import FencingRefused, ProviderFailed
 from harness.contracts.ids import RequestId
 from harness.contracts.values import decode
+from harness.settings import ROBOT_COMMAND
+from simulator.truth import Truth
 from tests.unit.simulation.builders import MISSION, Bench, along, bench
 
 BRAKED_MPS = 0.01
@@ -26,7 +27,9 @@ def made(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Bench]:
 
 def served(folder: Path) -> Iterator[Bench]:
     """A robot process of kinematic fidelity in lockstep."""
-    process = RobotProcess(RobotSettings(folder=str(folder), speed=0.0, fidelity="kinematic", linger_s=0.2))
+    process = RobotProcess(
+        RobotSettings(command=ROBOT_COMMAND, folder=str(folder), speed=0.0, fidelity="kinematic", linger_s=0.2)
+    )
     robot = process.robot
     truth_file = folder / "truth" / f"{MISSION}.jsonl"
     made = Bench(robot, robot.advance, robot.configure, lambda: truths(truth_file))
@@ -63,7 +66,7 @@ def test_every_card_fills_its_twelve_fields(made: Bench) -> None:
     assert all("mobile_base" in card.resources and card.side_effects and card.preconditions for card in movers)
 
 
-@pytest.mark.ledger("R81", symbol="harness.adapters.providers.simulation.robot:SimulatedRobot.find")
+@pytest.mark.ledger("R81", symbol="simulator.robot:SimulatedRobot.find")
 def test_repeating_a_start_returns_the_same_execution_and_starts_nothing(made: Bench) -> None:
     request = made.request("route-follower", along("A-B"))
     provider = made.provider("route-follower")
@@ -100,7 +103,7 @@ def test_a_report_echoes_the_identity_it_was_asked_for(made: Bench) -> None:
     assert report.status == "succeeded"
 
 
-@pytest.mark.ledger("R80", symbol="harness.adapters.providers.simulation.invocations:Invocation.report")
+@pytest.mark.ledger("R80", symbol="simulator.invocations:Invocation.report")
 def test_progress_is_structured_and_rises(made: Bench) -> None:
     report = made.start("route-follower", along("A-B"))
     assert report.status == "accepted"
@@ -113,7 +116,7 @@ def test_progress_is_structured_and_rises(made: Bench) -> None:
     assert earlier.progress.remaining_m - later.progress.remaining_m == pytest.approx(2.5, abs=0.3)
 
 
-@pytest.mark.ledger("R91", symbol="harness.adapters.providers.simulation.invocations:Invocation._stand")
+@pytest.mark.ledger("R91", symbol="simulator.invocations:Invocation._stand")
 def test_a_stop_is_acknowledged_only_once_the_body_stands(made: Bench) -> None:
     report = made.watch(made.start("route-follower", along("A-B")), until_s=5.0)
     provider = made.provider("route-follower")
@@ -128,7 +131,7 @@ def test_a_stop_is_acknowledged_only_once_the_body_stands(made: Bench) -> None:
     assert provider.stop(report.handle).status == "cancelled"
 
 
-@pytest.mark.ledger("R90", symbol="harness.adapters.providers.simulation.robot:SimulatedRobot._mover")
+@pytest.mark.ledger("R90", symbol="simulator.robot:SimulatedRobot._mover")
 def test_a_second_mover_is_refused_while_the_first_has_the_base(made: Bench) -> None:
     report = made.watch(made.start("route-follower", along("A-B")), until_s=2.0)
     with pytest.raises(ProviderFailed, match="still has the base"):

@@ -7,9 +7,9 @@ import pytest
 
 from app.reasons.rendering import sentence
 from harness.auditing.replay import replay_mission
+from harness.contracts.commands import AttestHandoff
 from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.events import DispatchIntended, HandoffAnswered, OperatorRetryGranted
-from harness.contracts.handoff_commands import AttestCondition
 from harness.contracts.ids import ConditionId, MissionId, NodeId
 from harness.contracts.revision_events import AttestationRecorded
 from harness.contracts.tasks import TaskTemplate
@@ -46,14 +46,13 @@ class Asked:
 
     def attest(self, condition: str = CLOSED, **changes: Any) -> Decision[Any]:
         fields: dict[str, Any] = {
-            "handoff_id": self.handoff.handoff_id,
             "condition_id": ConditionId(condition),
             "actor": OPERATOR,
-            "statement": "I walked along; it came back to the dock.",
+            "reason": "I walked along; it came back to the dock.",
             "key": "key-1",
             "cycle": self.handoff.cycle,
         }
-        return self.stage.runtime.answer(AttestCondition(**(fields | changes)))
+        return self.stage.supervisor.answer(self.handoff.handoff_id, AttestHandoff(**(fields | changes)))
 
     def on(self) -> Ran:
         return self.stage.run(self.mission_id)
@@ -96,7 +95,7 @@ def test_the_same_attestation_again_is_the_same_receipt_and_opens_nothing_more(a
     assert isinstance(asked.attest(), Accepted)
     again = asked.attest()
     assert isinstance(again, Accepted) and again.events == ()
-    other = asked.attest(key="key-2", statement="I am sure.")
+    other = asked.attest(key="key-2", reason="I am sure.")
     assert isinstance(other, Refused) and other.rule == "decided"
 
 

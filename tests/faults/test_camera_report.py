@@ -28,6 +28,7 @@ from harness.planning.templates import by_name
 from harness.projections.mission import required_contract
 from harness.runtime import Start
 from harness.settings import HarnessSettings
+from simulator.in_process import SIMULATOR
 from tests.builders.crews import Wrapped, only, staged
 from tests.builders.missions_run import OPERATOR, ROBOT, Ran
 from tests.builders.tampering import rewritten
@@ -38,7 +39,7 @@ CAPTURE, PERSIST, DESCRIBE = NodeId("capture"), NodeId("persist"), NodeId("descr
 
 @contextmanager
 def reported(planner: StagePlanner = ONE_AFTER_ANOTHER, *, goal: str = GOAL) -> Iterator[Ran]:
-    with simulated(HarnessSettings(speed=0, fidelity="kinematic"), seed=3) as harness:
+    with simulated(HarnessSettings(speed=0, fidelity="kinematic"), simulator=SIMULATOR, seed=3) as harness:
         start = Start(actor=OPERATOR, robot_id=ROBOT, goal=goal, seed=3)
         assert isinstance(begin(harness.runtime, start, planner=planner), Accepted)
         mission = harness.supervisor.run(harness.runtime.missions()[0].mission_id)
@@ -148,7 +149,7 @@ def test_a_keeper_that_names_another_picture_is_not_accepted() -> None:
 
 
 def test_templates_beside_the_configuration_are_offered_and_drafted_as_they_start() -> None:
-    with simulated(HarnessSettings(speed=0, fidelity="kinematic"), seed=3) as harness:
+    with simulated(HarnessSettings(speed=0, fidelity="kinematic"), simulator=SIMULATOR, seed=3) as harness:
         names = [template.name for template in offered(harness.runtime, ROBOT)]
         assert names == ["circuit", "recording", "warehouse-inspection", "camera-report", "exploration"]
         start = Start(actor=OPERATOR, robot_id=ROBOT, template="camera-report")

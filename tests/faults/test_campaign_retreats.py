@@ -6,10 +6,10 @@ from dataclasses import replace
 import msgspec
 import pytest
 
-from campaigns.adjudicate import judged
-from campaigns.course import Course
-from campaigns.mission import Played, WatchedStore
-from campaigns.plan import MissionPlan
+from experiments.campaigns.adjudicate import judged
+from experiments.campaigns.course import Course
+from experiments.campaigns.mission import Played, WatchedStore
+from experiments.campaigns.plan import MissionPlan
 from harness.contracts.ports import StoredEvent
 from harness.contracts.retreat_events import RETREAT
 from tests.builders.retreating import ASKS, LATE_S, heal, retreating_site, sent

@@ -12,20 +12,20 @@ from threading import Event
 import msgspec
 import pytest
 
-from campaigns.adjudicate import judged
-from campaigns.bounds import incomplete_beta, upper_bound
-from campaigns.kills import Point, killed_twice
-from campaigns.ledgers import read_books
-from campaigns.mission import Played, played
-from campaigns.plan import DISTURBANCES, ROBOT_FAULTS, Disturbance, MissionPlan, mission_plan
-from campaigns.publish import BEGIN, END, publish, with_figures
-from campaigns.races import answer_rounds, append_rounds
-from campaigns.simulate import WorkersLost, one_mission, seeds_of, spread
-from campaigns.suspended import suspensions
-from campaigns.tally import Tally, counted, summary, tallied
-from campaigns.truths import torn
+from experiments.campaigns.adjudicate import judged
+from experiments.campaigns.kills import Point, killed_twice
+from experiments.campaigns.ledgers import read_books
+from experiments.campaigns.mission import Played, played
+from experiments.campaigns.plan import DISTURBANCES, ROBOT_FAULTS, Disturbance, MissionPlan, mission_plan
+from experiments.campaigns.publish import BEGIN, END, publish, with_figures
+from experiments.campaigns.races import answer_rounds, append_rounds
+from experiments.campaigns.simulate import WorkersLost, one_mission, seeds_of, spread
+from experiments.campaigns.suspended import suspensions
+from experiments.campaigns.tally import Tally, counted, summary, tallied
+from experiments.campaigns.truths import torn
 from harness.contracts.observations import Odometry, Pose, Trajectory
 from harness.contracts.ports import StoredEvent
+from rsi_reviews.bounds import upper_bound
 
 MISSIONS = 36
 SEED = 11
@@ -57,7 +57,7 @@ def tally() -> Tally:
     return tallied(map(one_mission, seeds_of(SEED, MISSIONS)))
 
 
-@pytest.mark.ledger("R228", symbol="harness.adapters.providers.simulation.faults:FaultPlan.strikes")
+@pytest.mark.ledger("R228", symbol="simulator.faults:FaultPlan.strikes")
 def test_faulted_missions_leave_no_false_completion_no_second_start_and_no_unauthorised_commit(tally: Tally) -> None:
     assert tally.offences == []
     assert tally.missions == MISSIONS
@@ -95,7 +95,7 @@ def test_a_plan_depends_on_its_seed_alone_and_every_disturbance_is_drawn() -> No
         ("MissionActivated", '"MissionActivated"', '"VetoRaised","layer":"person","reason":"wait"', "person vetoed"),
     ],
 )
-@pytest.mark.ledger("R230", symbol="campaigns.ledgers:_committed")
+@pytest.mark.ledger("R230", symbol="experiments.campaigns.ledgers:_committed")
 def test_the_adjudicator_finds_a_commit_that_nobody_should_have_made(kind: str, old: str, new: str, found: str) -> None:
     with undisturbed() as mission:
         assert judged(mission).offences == ()
@@ -103,7 +103,7 @@ def test_the_adjudicator_finds_a_commit_that_nobody_should_have_made(kind: str, 
         assert any(found in sentence for sentence in (*findings.unauthorised, *findings.breaches)), findings
 
 
-@pytest.mark.ledger("R233", symbol="campaigns.truths:truly_reached")
+@pytest.mark.ledger("R233", symbol="experiments.campaigns.truths:truly_reached")
 def test_a_biased_localiser_is_an_epistemic_false_completion_and_no_contract_one() -> None:
     with undisturbed(faults=("biased-localiser",)) as mission:
         findings = judged(mission)
@@ -134,7 +134,7 @@ def test_seven_tenths_of_a_second_of_odometry_are_no_second_of_standstill() -> N
         assert judged(mission).offences == ()
 
 
-@pytest.mark.ledger("R233", symbol="campaigns.truths:contradicted")
+@pytest.mark.ledger("R233", symbol="experiments.campaigns.truths:contradicted")
 def test_a_completion_against_its_own_evidence_is_a_contract_false_completion() -> None:
     with undisturbed() as mission:
         further = rewritten(mission, "ContractCompiled", '"target_m":[0.0,0.0]', '"target_m":[0.9,0.0]')
@@ -172,7 +172,7 @@ def test_messages_that_are_lost_late_or_doubled_do_no_harm(name: str) -> None:
         assert mission.mission.status == "succeeded"
 
 
-@pytest.mark.ledger("R81", symbol="harness.adapters.providers.simulation.robot:SimulatedRobot.find")
+@pytest.mark.ledger("R81", symbol="simulator.robot:SimulatedRobot.find")
 def test_a_robot_that_dies_on_the_way_is_started_again_and_starts_nothing_twice() -> None:
     with undisturbed(disturbances=(Disturbance(name="robot-crash", at_s=12.0, for_s=4.0),)) as mission:
         assert mission.struck == {"robot-crash": 1}
@@ -203,7 +203,6 @@ def test_bounds_are_those_of_the_tables() -> None:
     assert upper_bound(1, 100) == pytest.approx(0.046559, abs=1e-5)
     assert upper_bound(5, 50) == pytest.approx(0.198833, abs=1e-5)
     assert upper_bound(7, 7) == 1.0
-    assert incomplete_beta(2.0, 3.0, 0.4) == pytest.approx(0.5248, abs=1e-12)
     with pytest.raises(ValueError, match="3 of 2"):
         upper_bound(3, 2)
 
@@ -215,7 +214,7 @@ def test_a_tally_does_not_depend_on_the_order_of_its_parts(tally: Tally) -> None
 
 
 def test_figures_are_written_between_their_marks_and_nowhere_else(tally: Tally) -> None:
-    made = {"command": "python -m campaigns run --only damage", "code": "0" * 64}
+    made = {"command": "python -m experiments.campaigns run --only damage", "code": "0" * 64}
     result = {
         **summary(tally),
         "kill_campaign": {"points": 2, "kills": 2, "second_kills": 1, "ends": {"awaiting_human": 2}, "offences": []},

@@ -20,20 +20,21 @@ from rsi_reviews.evaluation.report import BEGIN, END, evaluation, figures, load,
 from rsi_reviews.evaluation.roles import RoleReport
 from rsi_reviews.evaluation.rules import BINDING, BOUND, EVIDENCE
 from rsi_reviews.evaluation.suites import checks
+from simulator.in_process import SIMULATOR
 
 GATED, UNSEEN = "evidence-gated", ("biased-localiser", "place-aliasing")
 
 
 def row(arm: str, fault: str, mission: MissionName = "patrol", seed: int = 5) -> MissionRow:
     """One judged mission."""
-    return judged(Case(arm=arm, condition=condition(fault), mission=mission, seed=seed))
+    return judged(Case(arm=arm, condition=condition(fault), mission=mission, seed=seed), SIMULATOR)
 
 
 @pytest.mark.ledger("R227", symbol="rsi_reviews.evaluation.arms:run")
 @pytest.mark.parametrize("mission", ["circuit", "patrol"])
 def test_without_faults_all_three_modes_walk_the_same_routes_and_succeed(mission: MissionName) -> None:
     stories = [
-        run(Case(arm=arm, condition=condition("nominal"), mission=mission, seed=5)).story
+        run(Case(arm=arm, condition=condition("nominal"), mission=mission, seed=5), SIMULATOR).story
         for arm in ("direct", "monitored", GATED)
     ]
     assert all(adjudicate(story)["success"] for story in stories)
@@ -56,7 +57,7 @@ def test_a_success_declared_too_soon_passes_all_but_those_who_look(mission: Miss
 @pytest.mark.ledger("R228", symbol="rsi_reviews.evaluation.missions:condition")
 @pytest.mark.parametrize("fault", [one.name for one in CONDITIONS if one.protocol])
 def test_under_each_of_the_five_faults_the_gate_declares_only_what_truly_happened(fault: str) -> None:
-    story = run(Case(arm=GATED, condition=condition(fault), mission="patrol", seed=6)).story
+    story = run(Case(arm=GATED, condition=condition(fault), mission="patrol", seed=6), SIMULATOR).story
     verdict = adjudicate(story)
     struck = [line["text"].partition("=")[0] for line in story["truth"] if line["kind"] == "struck"]
     assert struck == [name.partition(":")[0] for name in condition(fault).faults]
@@ -131,7 +132,7 @@ def test_nothing_of_the_harness_knows_the_arms() -> None:
 @pytest.mark.ledger("R226", symbol="rsi_reviews.evaluation.suites:checks")
 @pytest.mark.ledger("R166", symbol="rsi_reviews.evaluation.suites:matched_regression")
 def test_both_check_suites_hold() -> None:
-    found = checks(2)
+    found = checks(2, SIMULATOR)
     assert {one.suite for one in found} == {"execution", "RSI"}
     assert [(one.name, one.seen) for one in found if not one.holds] == []
     assert len(found) == 9
@@ -140,31 +141,38 @@ def test_both_check_suites_hold() -> None:
 def test_a_run_that_broke_off_goes_on_and_comes_out_the_same(tmp_path: Path) -> None:
     kept = tmp_path / "missions.jsonl"
     ask = Ask(missions=2, seed=3, arms=("direct",), conditions=("nominal", "success-too-soon"))
-    whole = rows(ask, processes=1, kept=kept)
+    whole = rows(ask, SIMULATOR, processes=1, kept=kept)
     lines = kept.read_bytes().splitlines(keepends=True)
     kept.write_bytes(b"".join(lines[:3]) + lines[3][:40])
     counted: list[int] = []
-    again = rows(ask, processes=1, kept=kept, told=lambda done, of: counted.append(done))
+    again = rows(ask, SIMULATOR, processes=1, kept=kept, told=lambda done, of: counted.append(done))
     assert counted[0] == 2
     assert [_timeless(one) for one in again] == [_timeless(one) for one in whole]
 
 
 def test_finished_missions_of_another_seed_are_not_mixed_in(tmp_path: Path) -> None:
     kept = tmp_path / "missions.jsonl"
-    rows(Ask(missions=1, seed=3, arms=("always-hands-off",), conditions=("nominal",)), processes=1, kept=kept)
+    rows(
+        Ask(missions=1, seed=3, arms=("always-hands-off",), conditions=("nominal",)), SIMULATOR, processes=1, kept=kept
+    )
     with pytest.raises(ContractInvalid, match="another seed"):
-        rows(Ask(missions=1, seed=4, arms=("always-hands-off",), conditions=("nominal",)), processes=1, kept=kept)
+        rows(
+            Ask(missions=1, seed=4, arms=("always-hands-off",), conditions=("nominal",)),
+            SIMULATOR,
+            processes=1,
+            kept=kept,
+        )
 
 
 def test_processes_change_no_result() -> None:
     ask = Ask(missions=6, seed=3, arms=("direct", "behaviour-tree"), conditions=("nominal",))
-    alone, together = rows(ask, processes=1, kept=None), rows(ask, processes=2, kept=None)
+    alone, together = rows(ask, SIMULATOR, processes=1, kept=None), rows(ask, SIMULATOR, processes=2, kept=None)
     assert [_timeless(one) for one in alone] == [_timeless(one) for one in together]
 
 
 def test_results_are_published_between_the_marks_and_loaded_again(tmp_path: Path) -> None:
     ask = Ask(missions=1, seed=3, arms=("direct", GATED), conditions=("nominal", "success-too-soon"))
-    judged_rows = rows(ask, processes=1, kept=None)
+    judged_rows = rows(ask, SIMULATOR, processes=1, kept=None)
     found = evaluation(judged_rows, ask, code=Digest("0" * 64), roles=RoleReport(tested=False), suites=())
     save(found, tmp_path / "evaluation.json")
     assert load(tmp_path / "evaluation.json") == found

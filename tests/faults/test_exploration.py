@@ -9,7 +9,7 @@ import pytest
 from msgspec.structs import replace
 
 from app.reasons.rendering import sentence
-from harness.auditing.commands import asked
+from harness.auditing.legacy import asked
 from harness.auditing.replay import replay_mission
 from harness.baseline.load import further
 from harness.contracts.decisions import Accepted, Refused

@@ -51,7 +51,7 @@ def test_a_persistent_fault_ends_with_a_person_and_without_a_false_completion(te
         assert mission.mission.handoff_id is not None
 
 
-@pytest.mark.ledger("R81", "R89", symbol="harness.adapters.providers.simulation.robot:SimulatedRobot.find")
+@pytest.mark.ledger("R81", "R89", symbol="simulator.robot:SimulatedRobot.find")
 @pytest.mark.parametrize("fault", ["duplicate-request", "duplicate-request:persistent"])
 def test_a_request_that_arrives_twice_starts_once(fault: str) -> None:
     with ran("circuit", fault) as mission:

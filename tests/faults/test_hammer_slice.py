@@ -6,11 +6,11 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from campaigns.hammer import HammerReport, hammer
-from campaigns.hammer_asks import Answer, Ask, Journal, Kind, told
-from campaigns.hammer_judge import Keys, misplaced
-from campaigns.ledgers import exclusive_leases
-from campaigns.publish import BEGIN, END, with_figures
+from experiments.campaigns.hammer import HammerReport, hammer
+from experiments.campaigns.hammer_asks import Answer, Ask, Journal, Kind, told
+from experiments.campaigns.hammer_judge import Keys, misplaced
+from experiments.campaigns.ledgers import exclusive_leases
+from experiments.campaigns.publish import BEGIN, END, with_figures
 from harness.contracts.decider import Codec
 from harness.contracts.ids import InvocationId, MissionId, ResourceId, StreamId, sha256
 from harness.contracts.lease_events import LeaseAcquired, LeaseEvent, LeaseReleased

@@ -14,7 +14,7 @@ from harness.contracts.ids import InvocationId, MissionId, NodeId, RequestId, Re
 from harness.contracts.ports import Provider
 from harness.contracts.protocol import InvocationReport, StartRequest
 from harness.contracts.verdicts import NodeVerdict
-from harness.gate.commit import Request
+from harness.gate.commit import CommandEnvelope
 from harness.verification.verdict import verify
 from tests.builders.crews import Failing, Stage, Wrapped, only, staged
 from tests.builders.missions_run import Ran
@@ -181,7 +181,7 @@ def hold(stage: Stage) -> None:
         token=stage.runtime.lease(BASE).token + 1,
         expires_s=stage.harness.clock.now().mission_s + 10_000.0,
     )
-    assert isinstance(stage.runtime.commit([Request(lease_stream(BASE), taken)]), Accepted)
+    assert isinstance(stage.runtime.commit([CommandEnvelope(lease_stream(BASE), taken, None)]), Accepted)
 
 
 @pytest.mark.ledger("R85", symbol="harness.supervisor.dispatch:Dispatcher.taken")
@@ -193,7 +193,9 @@ def test_a_resource_that_is_held_is_waited_for_at_no_cost() -> None:
         began_s = stage.harness.clock.now().mission_s
         stage.until(mission_id, lambda _: stage.harness.clock.now().mission_s > began_s + 8.0)
         assert stage.runtime.mission(mission_id).invocation is None
-        stage.runtime.commit([Request(lease_stream(BASE), ReleaseLease(invocation_id=OTHER, reason="done"))])
+        stage.runtime.commit(
+            [CommandEnvelope(lease_stream(BASE), ReleaseLease(invocation_id=OTHER, reason="done"), None)]
+        )
         ran = stage.run(mission_id)
         sound(ran)
         assert classes(ran) == ["resource_conflict"] and rungs(ran) == ["wait"]

@@ -7,7 +7,6 @@ from contextlib import contextmanager, suppress
 import pytest
 from msgspec.structs import replace
 
-from harness.adapters.providers.simulation.robot import SimulatedRobot
 from harness.adapters.stores.memory import MemoryEventStore
 from harness.baseline.load import site
 from harness.bootstrap import Harness, simulated
@@ -21,6 +20,8 @@ from harness.projections.mission import Mission
 from harness.settings import HarnessSettings
 from harness.supervisor.agent_loop import AgentLoop
 from harness.supervisor.supervisor import OUTAGE_TRIES, OUTAGE_WAIT_S
+from simulator.in_process import SIMULATOR
+from simulator.robot import SimulatedRobot
 from tests.builders.missions_run import OPERATOR, ROBOT, begin
 from tests.builders.waiting import Waiting, waiting
 
@@ -67,7 +68,7 @@ def nth(number: int) -> Callable[[Sequence[str]], bool]:
 @contextmanager
 def house() -> Iterator[tuple[AwayStore, Harness, MissionId]]:
     store = AwayStore()
-    with simulated(HarnessSettings(speed=0, fidelity="kinematic"), seed=3, store=store) as harness:
+    with simulated(HarnessSettings(speed=0, fidelity="kinematic"), simulator=SIMULATOR, seed=3, store=store) as harness:
         yield store, harness, begin(harness, "circuit")
 
 
@@ -157,7 +158,7 @@ def unanswered(store: AwayStore) -> Iterator[Waiting]:
         yield made.asked()
 
 
-@pytest.mark.parametrize("kind", ["HandoffExpired", "NoAnswerTaken"])
+@pytest.mark.parametrize("kind", ["HandoffExpired", "NoAnswerTaken@2"])
 @pytest.mark.parametrize("after", [False, True], ids=["not stored", "stored"])
 def test_what_is_done_without_an_answer_is_done_and_told_once_though_the_log_was_away(kind: str, after: bool) -> None:
     store = AwayStore()
@@ -177,7 +178,7 @@ def test_the_loops_of_missions_that_are_over_do_not_stay_in_memory() -> None:
         gc.collect()
         return sum(isinstance(one, AgentLoop) for one in gc.get_objects())
 
-    with simulated(HarnessSettings(speed=0, fidelity="kinematic"), seed=3) as harness:
+    with simulated(HarnessSettings(speed=0, fidelity="kinematic"), simulator=SIMULATOR, seed=3) as harness:
         before = loops()
         for seed in range(3):
             mission_id = begin(harness, "circuit", seed=seed)

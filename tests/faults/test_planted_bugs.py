@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from campaigns.planted import BUGS, Bug, Edit, edited, planted_bugs
-from campaigns.regen import ROOT
+from experiments.campaigns.planted import BUGS, Bug, Edit, edited, planted_bugs
+from experiments.campaigns.regen import ROOT
 
 QUICK = ("no cycle check at the handoff", "planner text let into C3", "lease without fencing", "outbox not atomic")
 

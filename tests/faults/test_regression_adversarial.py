@@ -18,6 +18,7 @@ from rsi_reviews.regression.conduct import conducted
 from rsi_reviews.regression.errors import SuiteEdited
 from rsi_reviews.regression.judge import judged
 from rsi_reviews.regression.suite import newest, shipped
+from simulator.in_process import SIMULATOR
 from tests.builders.evaluations import BASELINE, Story, evaluation, manifest, patient, quietly
 
 OTHER = Digest("0" * 64)
@@ -111,11 +112,11 @@ def test_cases_that_were_added_after_the_terms_are_an_error() -> None:
 def test_a_candidate_that_declares_success_early_has_false_completions_not_gains() -> None:
     """Its templates would be satisfied 3 m from the goal; the judge measures by what was asked, not by what it asks."""
     case = Case(situation=Situation(family="interrupted_run", template="circuit", faults=("early-success",)), seed=5)
-    eager = judged(conducted(case, _lax()))
+    eager = judged(conducted(case, _lax(), SIMULATOR))
     assert eager.status == "succeeded"
     assert (eager.verified_completion, eager.contract_false_completion) == (0.0, 1.0)
     assert eager.recovery_cost >= 8.0
-    sober = judged(conducted(case, BASELINE))
+    sober = judged(conducted(case, BASELINE, SIMULATOR))
     assert (sober.verified_completion, sober.contract_false_completion) == (1.0, 0.0)
 
 
@@ -124,7 +125,7 @@ def test_a_candidate_that_hands_off_early_pays_the_whole_task_budget() -> None:
     ladders = {**BASELINE.recovery.ladders, "resource_conflict": ("human",), "stale_evidence": ("human",)}
     timid = msgspec.structs.replace(BASELINE, recovery=msgspec.structs.replace(BASELINE.recovery, ladders=ladders))
     situation = Situation(family="stale_evidence", template="circuit", faults=("stale-pose",))
-    before, after = (judged(conducted(Case(situation=situation, seed=5), one)) for one in (BASELINE, timid))
+    before, after = (judged(conducted(Case(situation=situation, seed=5), one, SIMULATOR)) for one in (BASELINE, timid))
     assert (before.verified_completion, before.recovery_cost) == (1.0, 1.0)
     assert (after.verified_completion, after.handoffs, after.recovery_cost) == (0.0, 1.0, 8.0)
     assert after.mission_s > before.mission_s
@@ -143,7 +144,7 @@ def test_waiting_for_a_lease_is_a_gain_that_the_judge_sees() -> None:
         family="resource_conflict", template="circuit", outside=(Outside(kind="lease", at_s=0.0, for_s=50.0),)
     )
     case = Case(situation=situation, seed=5)
-    before, after = (judged(conducted(case, one)) for one in (BASELINE, patient()))
+    before, after = (judged(conducted(case, one, SIMULATOR)) for one in (BASELINE, patient()))
     assert (before.verified_completion, after.verified_completion) == (0.0, 1.0)
     assert before.recovery_cost - after.recovery_cost >= 8.0
     assert before.trace != after.trace

@@ -20,6 +20,7 @@ from rsi_reviews.held_out import Looks, Secret
 from rsi_reviews.regression.executors import Here, Processes
 from rsi_reviews.regression.on_ray import RayCluster
 from rsi_reviews.trial import HeldOut, Means, Trial, carried_out, judged_on, prepared
+from simulator.in_process import SIMULATOR
 from tests.builders.evaluations import BASELINE, Saying, candidate, suite
 from tests.builders.releases import LAUNCHER, bench, say
 
@@ -100,7 +101,7 @@ def test_the_executor_is_what_was_asked_for() -> None:
 
 def trial() -> Trial:
     suites = (suite("regression", 20), suite("safety", 600, 10_000))
-    return prepared(candidate(), BASELINE, suites, launched_by=(LAUNCHER.name,))
+    return prepared(candidate(), BASELINE, suites, launched_by=(LAUNCHER.name,), simulator=SIMULATOR)
 
 
 @pytest.mark.ledger("R161", symbol="rsi_reviews.trial:judged_on")

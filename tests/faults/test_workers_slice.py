@@ -6,10 +6,10 @@ from contextlib import contextmanager
 import msgspec
 import pytest
 
-from campaigns.mission import Played, played
-from campaigns.plan import MissionPlan
-from campaigns.publish import BEGIN, END, with_figures
-from campaigns.workers import WorkersReport, doubled, lost, worked_missions
+from experiments.campaigns.mission import Played, played
+from experiments.campaigns.plan import MissionPlan
+from experiments.campaigns.publish import BEGIN, END, with_figures
+from experiments.campaigns.workers import WorkersReport, doubled, lost, worked_missions
 
 MISSIONS, SEEDS = 6, (4, 5, 6, 7)
 

@@ -10,6 +10,7 @@ from harness.contracts.ids import NodeId, mission_stream
 from harness.contracts.ports import Batch, Head, Record
 from harness.contracts.values import Moment
 from harness.settings import HarnessSettings
+from simulator.in_process import SIMULATOR
 from tests.builders.missions_run import begin
 
 
@@ -28,7 +29,7 @@ class Counted(MemoryEventStore):
 @pytest.mark.ledger("R79", "R113", symbol="harness.supervisor.dispatch:Dispatcher._commit")
 def test_a_node_takes_two_commits_and_its_intent_stands_before_its_start() -> None:
     store = Counted()
-    with simulated(HarnessSettings(speed=0, fidelity="kinematic"), seed=3, store=store) as harness:
+    with simulated(HarnessSettings(speed=0, fidelity="kinematic"), simulator=SIMULATOR, seed=3, store=store) as harness:
         mission_id = begin(harness, "circuit")
         assert harness.supervisor.run(mission_id).status == "succeeded"
         (start,) = harness.starts(mission_id)

@@ -8,7 +8,7 @@ import pytest
 from fastapi.testclient import TestClient
 
 from app.live import SignalBroker
-from app.main import create_app
+from app.main import create_app, open_accounts
 from app.reasons.rendering import sentence
 from app.scene import Scenes
 from app.settings import ConsoleSettings
@@ -40,7 +40,14 @@ class Explored:
 
     def __init__(self, stage: Stage, *faults: str) -> None:
         self.stage, self.mission_id = stage, stage.begin(by_name("exploration", further()), *faults)
-        app = create_app(stage.runtime, ConsoleSettings(port=8000), SignalBroker(), Scenes(stage.runtime))
+        app = create_app(
+            stage.runtime,
+            ConsoleSettings(port=8000),
+            SignalBroker(),
+            Scenes(stage.runtime),
+            accounts=open_accounts(ConsoleSettings(port=8000)),
+            answer=stage.supervisor.answer,
+        )
         self.client: TestClient = Stand(stage.harness, app).operator()
 
     @property

@@ -13,7 +13,7 @@ from harness.contracts.actors import Actor
 from harness.contracts.commands import RejectHandoff
 from harness.contracts.decisions import Refused
 from harness.contracts.ids import Digest, HandoffId, handoff_stream, sha256
-from harness.gate.commit import Request
+from harness.gate.commit import CommandEnvelope
 from harness.projections.mission import Mission
 from tests.builders.consoles import Stand, console_stand
 from tests.builders.people import everybody, store_of
@@ -107,7 +107,7 @@ def test_another_answer_after_the_first_is_told_who_decided(stand: Stand, waitin
     assert "not safe" in late.text
 
 
-@pytest.mark.ledger("R174", symbol="harness.supervisor.desk:Desk._reject")
+@pytest.mark.ledger("R174", symbol="harness.supervisor.desk:Desk._ends")
 def test_a_rejection_ends_the_mission_safely(stand: Stand, waiting: tuple[Mission, HandoffId]) -> None:
     mission, handoff_id = waiting
     operator = stand.operator()
@@ -298,6 +298,6 @@ def test_a_role_taken_back_while_the_page_was_open_voids_the_answer(stand: Stand
     store.change_account(replace(account, roles=("viewer",)))
     refused = still(word)
     assert isinstance(refused, Refused) and refused.rule == "role_revoked"
-    decided = stand.harness.runtime.commit([Request(handoff_stream(handoff_id), word)])
+    decided = stand.harness.runtime.commit([CommandEnvelope(handoff_stream(handoff_id), word, None)])
     assert isinstance(decided, Refused) and decided.rule == "role_revoked"
     assert stand.harness.runtime.handoff(handoff_id).status == "open"

@@ -84,7 +84,7 @@ def test_what_the_gate_accepted_is_never_called_the_truth(operator: TestClient, 
     assert "The gate has not decided yet." in before
 
 
-@pytest.mark.ledger("R207", symbol="app.views.evidence:_receipt")
+@pytest.mark.ledger("R207", symbol="app.views.evidence:packet_view")
 def test_receipts_and_declared_distances_are_labelled_as_somebodys_word(operator: TestClient, mission: Mission) -> None:
     delivery = operator.get(f"/missions/{mission.mission_id}/evidence?node=delivery").text
     assert "receipts: the service's word, not a measurement" in html.unescape(delivery)
@@ -203,7 +203,7 @@ def test_events_are_searched_by_word_and_family_and_paged(operator: TestClient, 
     assert "First page" in later
 
 
-@pytest.mark.ledger("R191", symbol="app.views.places:_place")
+@pytest.mark.ledger("R191", symbol="app.views.places:PlacesPage")
 def test_places_show_their_whole_record_and_what_verification_means(operator: TestClient) -> None:
     text = operator.get("/places").text
     record = text[text.index("<b>Office storage area") :].split("</tr>")[0]

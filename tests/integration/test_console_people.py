@@ -175,7 +175,7 @@ def test_a_decision_is_stored_with_who_in_which_role_by_which_channel() -> None:
         answer = stand.harness.runtime.handoff(handoff_id).answer
         assert answer is not None
         assert (answer.actor.name, answer.actor.role, answer.actor.channel) == ("the-operator", "operator", "human")
-        entry = store_of(stand).trail(kind="command.DecideHandoff")[0]
+        entry = store_of(stand).trail(kind="command.RejectHandoff")[0]
         assert (entry.actor, entry.subject, entry.detail, entry.source) == (
             "the-operator", f"handoff/{handoff_id}", "accepted", "testclient",
         )  # fmt: skip

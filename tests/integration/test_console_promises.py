@@ -11,7 +11,7 @@ from pydantic import SecretStr
 
 from app.fleet import Fleet
 from app.live import SignalBroker
-from app.main import create_app
+from app.main import create_app, open_accounts
 from app.permissions import ROLES
 from app.reasons.rendering import sentence
 from app.scene import Scenes
@@ -33,7 +33,15 @@ def console_over(made: Waiting) -> FastAPI:
     settings = ConsoleSettings(port=8000, robots=("vbot-1",), owner_token=SecretStr(OWNER))
     harness = made.harness
     fleet = Fleet(harness.robots, harness.cameras, lambda: made.wall_s)
-    return create_app(harness.runtime, settings, SignalBroker(), Scenes(harness.runtime), fleet=fleet)
+    return create_app(
+        harness.runtime,
+        settings,
+        SignalBroker(),
+        Scenes(harness.runtime),
+        accounts=open_accounts(settings),
+        answer=harness.supervisor.answer,
+        fleet=fleet,
+    )
 
 
 class Offered(HTMLParser):

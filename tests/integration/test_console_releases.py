@@ -352,7 +352,7 @@ def test_the_evaluation_page_draws_what_is_published_and_says_where_nothing_is(h
 def test_the_watch_takes_the_pointer_up_and_ended_canary_missions_in(house: House) -> None:
     name = house.bench.in_canary(routed())
     runtime = house.stand.harness.runtime
-    watch = DeskWatch(desk=house.bench.desk, position=lambda: runtime.head().position, duplicate_starts=lambda one: 0)
+    watch = DeskWatch(desk=house.bench.desk, head=runtime.head, read=runtime.log, duplicate_starts=lambda one: 0)
     watch.step()
     assert [(one.worker, one.revision) for one in house.bench.desk.pointer().uptakes] == [("console", 1)]
     mission = house.bench.begun()

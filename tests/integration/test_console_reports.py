@@ -4,11 +4,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import pytest
 from fastapi.testclient import TestClient
 
 from app.live import SignalBroker
-from app.main import create_app
+from app.main import create_app, open_accounts
 from app.reasons.rendering import sentence
 from app.report_pdf import PictureUnreadable, report_pdf
 from app.routes.report import page_of
@@ -68,7 +69,9 @@ def test_a_picture_that_does_not_verify_is_not_printed(page: ReportPage, stand: 
 
 def test_signs_that_no_font_has_are_counted_and_european_and_chinese_ones_are_drawn(page: ReportPage) -> None:
     def lacking(goal: str) -> int:
-        told = replace(page, head=replace(page.head, goal=goal), pictures=())
+        told = replace(
+            page, head=replace(page.head, mission=msgspec.structs.replace(page.head.mission, goal=goal)), pictures=()
+        )
         return report_pdf(told, {}, fonts=FONTS, made_s=0.0).lacking
 
     assert lacking("Prüfe “Łódź”, Ωmega, Склад – 5 €") == 0
@@ -99,6 +102,8 @@ def test_the_dossier_that_is_downloaded_verifies_offline(stand: Stand, ran: Miss
         ConsoleSettings(port=8000, password_memory_kib=19456),
         SignalBroker(),
         scenes,
+        accounts=open_accounts(ConsoleSettings(port=8000, password_memory_kib=19456)),
+        answer=stand.harness.supervisor.answer,
         folder=data,
     )
     client = TestClient(app, base_url=BASE, follow_redirects=False, headers=OWN)

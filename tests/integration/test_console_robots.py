@@ -13,9 +13,10 @@ from app.main import bind
 from app.reasons.rendering import sentence
 from app.settings import ConsoleSettings
 from app.starting import starting
-from harness.adapters.providers.simulation.robot import SimulatedRobot
 from harness.contracts.control import CONTROL
 from harness.contracts.ids import MissionId
+from harness.contracts.upcasting import name_of
+from simulator.robot import SimulatedRobot
 from tests.builders.consoles import Stand
 from tests.builders.fleets import ONE, TWO, fleet_stand, moving, run_together, started
 
@@ -157,7 +158,7 @@ def test_a_robot_is_sent_to_its_safe_place_shown_on_its_way_and_stopped_there_by
         to_the_end(stand)
         assert "declared succeeded. Nothing is accepted of it." in sentence(operator.get(f"/robots/{ONE}").text)
         assert from_dock_m(stand) < 0.4
-        ended = [one.recorded_s for one in stand.harness.runtime.stream(CONTROL) if one.kind == "RetreatEnded"]
+        ended = [one.recorded_s for one in stand.harness.runtime.stream(CONTROL) if name_of(one.kind) == "RetreatEnded"]
         said = re.findall(
             r'<time datetime="([^"]*)">[^<]+ UTC</time>: Last sent to', operator.get(f"/robots/{ONE}").text
         )

@@ -7,7 +7,7 @@ from fastapi.testclient import TestClient
 from pydantic import SecretStr
 
 from app.live import SignalBroker
-from app.main import create_app
+from app.main import create_app, open_accounts
 from app.scene import Scenes
 from app.settings import ConsoleSettings
 from tests.builders.consoles import OWNER, Stand, console_stand
@@ -20,7 +20,14 @@ def asked() -> Iterator[tuple[Waiting, TestClient]]:
     """A question in a zone with a safe place, and somebody who reads about it."""
     with unanswered() as made:
         settings = ConsoleSettings(port=8000, robots=("vbot-1",), owner_token=SecretStr(OWNER))
-        app = create_app(made.harness.runtime, settings, SignalBroker(), Scenes(made.harness.runtime))
+        app = create_app(
+            made.harness.runtime,
+            settings,
+            SignalBroker(),
+            Scenes(made.harness.runtime),
+            accounts=open_accounts(settings),
+            answer=made.harness.supervisor.answer,
+        )
         yield made, Stand(made.harness, app).operator()
 
 

@@ -15,11 +15,12 @@ from harness.contracts.actors import Actor
 from harness.contracts.commands import StopMission
 from harness.contracts.control import CONTROL, LimitAutonomy
 from harness.contracts.decisions import Accepted
-from harness.contracts.dossier import CONTENTS, EVENTS, DossierContents
+from harness.contracts.dossier import CONTENTS, EVENTS, RECORDS, DossierContents
 from harness.contracts.errors import DossierInvalid, HarnessError, LogDamaged
 from harness.contracts.ids import MissionId, sha256
 from harness.contracts.place_events import PlaceSaved, SavePlace, place_stream
-from harness.contracts.ports import StoredEvent
+from harness.contracts.ports import Record, StoredEvent
+from harness.contracts.stored_commands import command_of
 from harness.contracts.values import decode, encode
 from harness.dossiers import export_dossier, verify_dossier
 from harness.gate.places import DECIDER as PLACES
@@ -58,10 +59,19 @@ def test_an_untouched_dossier_verifies_and_every_decision_is_derived_again(expor
     found = verify_dossier(exported)
     assert found.status == "succeeded"
     assert found.differences == ()
+    assert found.reconstructed == 0
     assert found.absent == ()
     assert found.events > 20
     assert found.blobs > 3
     assert not found.trusted
+
+
+def test_a_dossier_carries_the_commands_that_its_events_name(exported: Path) -> None:
+    inside = members(exported)
+    events = [decode(line, StoredEvent) for line in inside[EVENTS].splitlines()]
+    commands = {command for event in events if (command := command_of(event)) is not None}
+    records = {one.digest: one.kind for one in (decode(line, Record) for line in inside[RECORDS].splitlines())}
+    assert len(commands) > 5 and {records[command] for command in commands} == {"command"}
 
 
 def test_a_dossier_signed_by_another_key_is_not_taken_for_one_of_the_named_key(exported: Path) -> None:
@@ -124,6 +134,7 @@ def written(collected: Collected, events: bytes, file: Path) -> Path:
 def test_a_dossier_carries_the_places_it_used_and_their_changes(replaced: Collected, tmp_path: Path) -> None:
     found = verify_dossier(written(replaced, replaced.files[EVENTS], tmp_path / "whole.zip"))
     assert found.differences == ()
+    assert found.reconstructed == 0
     assert [(one.place_id, one.revision, one.by, one.during) for one in found.places] == [
         ("office_storage", 1, "ada", False),
         ("office_storage", 2, "ada", True),

@@ -8,12 +8,15 @@ from typing import Any
 
 import pytest
 import uvicorn
+from fastapi import FastAPI
+from fastapi.testclient import TestClient
+from msgspec.structs import asdict
 from pydantic import SecretStr
 from typer.testing import CliRunner
 
 from app.cli import app as regen
 from app.live import SignalBroker
-from app.main import bind, create_app
+from app.main import bind, create_app, open_accounts
 from app.scene import Scenes
 from app.settings import ConsoleSettings
 from harness.adapters.stores.owner import OwnerLock
@@ -25,8 +28,8 @@ TOKEN = "the-owner"
 class Terminal:
     """A terminal on a folder that a console owns."""
 
-    def __init__(self, folder: Path, asked: Waiting) -> None:
-        self.folder, self.asked = folder, asked
+    def __init__(self, folder: Path, asked: Waiting, app: FastAPI, url: str) -> None:
+        self.folder, self.asked, self.app, self.url = folder, asked, app, url
 
     def says(self, *words: str, code: int = 0) -> dict[str, Any]:
         """The JSON that `regen handoff` prints."""
@@ -50,12 +53,21 @@ def terminal(tmp_path: Path) -> Iterator[Terminal]:
         listener = bind(0)
         port = listener.getsockname()[1]
         settings = ConsoleSettings(port=port, robots=("vbot-1",), owner_token=SecretStr(TOKEN))
-        app = create_app(made.runtime, settings, broker, Scenes(made.runtime), starts=made.harness.starts)
+        app = create_app(
+            made.runtime,
+            settings,
+            broker,
+            Scenes(made.runtime),
+            accounts=open_accounts(settings),
+            answer=made.supervisor.answer,
+            starts=made.harness.starts,
+        )
         server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1))
         thread = Thread(target=server.run, kwargs={"sockets": [listener]})
         thread.start()
-        lock.take(token=TOKEN, url=f"http://127.0.0.1:{port}")
-        yield Terminal(tmp_path, asked)
+        url = f"http://127.0.0.1:{port}"
+        lock.take(token=TOKEN, url=url)
+        yield Terminal(tmp_path, asked, app, url)
         server.should_exit = True
         thread.join(timeout=60)
         listener.close()
@@ -98,3 +110,43 @@ def test_an_approval_from_a_terminal_names_the_digest_and_follows_the_mission(te
     assert sum(start.moves for start in terminal.asked.starts[before:]) == 1
     answer = terminal.asked.handoff.answer
     assert answer is not None and (answer.actor.name, answer.reason) == ("owner", "seen on camera")
+
+
+def test_one_act_by_form_api_and_command_line_is_stored_alike(terminal: Terminal) -> None:
+    """One model behind three doors: only the name of who said it differs between the stored events."""
+    own = {"Origin": terminal.url, "Sec-Fetch-Site": "same-origin"}
+    form = TestClient(terminal.app, base_url=terminal.url, follow_redirects=False, headers=own)
+    assert form.get(terminal.app.state.doors.invite()).status_code == 200
+    api = TestClient(terminal.app, base_url=terminal.url, headers={"Authorization": f"Bearer {TOKEN}"})
+    name = terminal.asked.handoff_id
+    at = f"/handoffs/{name}"
+    cycle = str(terminal.asked.handoff.cycle)
+
+    def stored(kind: str) -> dict[str, Any]:
+        event = terminal.asked.told[-1]
+        assert type(event).__name__ == kind
+        return {field: value for field, value in asdict(event).items() if field != "actor"}
+
+    assert form.post(f"{at}/claim", data={"claim": "t"}).status_code == 303
+    by_form = [stored("HandoffClaimed")]
+    assert form.post(f"{at}/release", data={"claim": "t", "cycle": cycle}).status_code == 303
+    by_form.append(stored("HandoffReleased"))
+    assert api.post(f"/api/v1{at}/claim", json={"claim": "t"}).status_code == 200
+    by_api = [stored("HandoffClaimed")]
+    assert api.post(f"/api/v1{at}/release", json={"claim": "t"}).status_code == 200
+    by_api.append(stored("HandoffReleased"))
+    terminal.says("claim", name, "--claim", "t")
+    by_command = [stored("HandoffClaimed")]
+    terminal.says("release", name, "--claim", "t")
+    by_command.append(stored("HandoffReleased"))
+    assert by_form == by_api == by_command
+
+
+def test_the_old_words_of_the_command_line_still_say_the_same(terminal: Terminal) -> None:
+    name = terminal.asked.handoff_id
+    assert terminal.says("extend", name)["deadline_at_s"] > 0
+    assert "already" in terminal.refused("on-my-way", name)
+    terminal.says("claim", name, "--claim", "t")
+    words = ("--device", "desk 2", "--reason", "by hand", "--claim", "t")
+    assert terminal.says("take-control", name, *words)["status"] == "taken_over"
+    assert terminal.says("take-over", name, *words)["status"] == "taken_over"

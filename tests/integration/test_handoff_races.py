@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from campaigns.rivals import RIVALS, rival_rounds
+from experiments.campaigns.rivals import RIVALS, rival_rounds
 from harness.contracts.actors import Actor
 from harness.contracts.commands import RaiseVeto, StopMission
 from harness.contracts.decisions import Accepted, Refused

@@ -10,7 +10,7 @@ from harness.auditing.replay import replay_mission
 from harness.baseline.load import site
 from harness.contracts.actors import Actor
 from harness.contracts.commands import AnswerMission, ExpireHandoff, PauseMission, RaiseVeto, ResumeMission, StopMission
-from harness.contracts.decisions import Accepted, Refused
+from harness.contracts.decisions import Accepted, Refused, refused
 from harness.contracts.events import DispatchIntended, RecoveryAuthorised
 from harness.contracts.handoff_events import (
     HandoffApproved,
@@ -20,7 +20,8 @@ from harness.contracts.handoff_events import (
     NoAnswerTaken,
 )
 from harness.contracts.ids import handoff_stream, mission_stream
-from harness.gate.commit import Request
+from harness.contracts.reasons import because
+from harness.gate.commit import CommandEnvelope
 from harness.gate.decide import DECIDER as MISSION
 from harness.supervisor.vigil import TIMEOUT
 from tests.builders.missions_run import ROBOT
@@ -51,7 +52,7 @@ def test_whoever_claims_a_question_is_the_only_one_who_can_decide_it(asked: Wait
     assert asked.handoff.status == "claimed"
     told = asked.decide(actor=BOB)
     assert rule(told) == "claimed"
-    assert isinstance(told, Refused) and "ada" in told.message
+    assert isinstance(told, Refused) and told.reason.facts["actor"] == "ada"
     assert rule(asked.claim(BOB, "t-bob")) == "claimed"
     assert rule(asked.look(BOB)) == "claimed"
     assert isinstance(asked.decide(claim="t-ada"), Accepted)
@@ -113,7 +114,7 @@ def test_on_my_way_extends_the_time_once_and_names_who_comes(asked: Waiting) -> 
     assert isinstance(asked.on_my_way(BOB), Accepted)
     assert asked.handoff.opened.deadline_at_s == pytest.approx(before + 600.0)
     told = asked.on_my_way()
-    assert rule(told) == "extended" and isinstance(told, Refused) and "bob" in told.message
+    assert rule(told) == "extended" and isinstance(told, Refused) and told.reason.facts["actor"] == "bob"
     asked.pass_s(before - asked.wall_s + 10.0)
     assert asked.handoff.status == "open"
     asked.pass_s(600.0)
@@ -162,8 +163,8 @@ def test_a_no_answer_action_that_a_crash_cut_off_is_taken_at_the_next_start() ->
         asked.turn_to(at_s)
         asked.runtime.commit(
             [
-                Request(handoff_stream(asked.handoff_id), ExpireHandoff()),
-                Request(mission_stream(asked.mission_id), expired),
+                CommandEnvelope(handoff_stream(asked.handoff_id), ExpireHandoff(), None),
+                CommandEnvelope(mission_stream(asked.mission_id), expired, None),
             ]
         )
         assert asked.robot.status().posture == "standing"
@@ -264,7 +265,8 @@ def test_the_gate_takes_no_robot_back_while_somebody_has_its_wheel(asked: Waitin
     before, starts = asked.runtime.head(), len(asked.starts)
     refused = asked.hand_back()
     assert rule(refused) == "wheel_held"
-    assert isinstance(refused, Refused) and "ada still has the wheel of vbot-1 from tablet" in refused.message
+    assert isinstance(refused, Refused)
+    assert refused.reason == because("wheel_held", actor="ada", robot_id="vbot-1", device="tablet")
     assert asked.runtime.head() == before and len(asked.starts) == starts
     assert isinstance(wheel.give_back(ROBOT, actor=ADA, reason="round it"), Accepted)
     assert isinstance(asked.hand_back(), Accepted)
@@ -297,8 +299,8 @@ def test_an_approval_is_void_once_what_it_was_bound_to_changes_and_nothing_is_se
     if change == "stop":
         asked.runtime.submit(asked.mission_id, StopMission(actor=BOB, reason="enough"))
     if change == "role":
-        asked.runtime.obey(
-            lambda command: Refused("role_revoked", "no longer") if type(command).__name__ == "MarkDispatched" else None
+        asked.obey(
+            lambda command: refused("role_revoked", actor="ada") if type(command).__name__ == "MarkDispatched" else None
         )
     asked.link.down = False
     asked.pass_s(121.0 if change == "late" else 0.0)
@@ -308,7 +310,7 @@ def test_an_approval_is_void_once_what_it_was_bound_to_changes_and_nothing_is_se
     moved = [start for start in asked.starts[before:] if start.moves]
     assert moved == []
     if change in ("late", "role"):
-        asked.runtime.obey(lambda command: None)
+        asked.obey(lambda command: None)
         asked.run()
         assert asked.mission.status == "awaiting_human" and asked.mission.handoff_id != asked.handoff_id
 
@@ -326,9 +328,9 @@ def test_a_role_that_was_taken_back_is_noticed_inside_the_commit(asked: Waiting)
     def gone(command: object) -> Refused | None:
         actor = getattr(command, "actor", None)
         mine = isinstance(actor, Actor) and actor.name == "ada"
-        return Refused("role_revoked", "ada may no longer answer") if mine else None
+        return refused("role_revoked", actor="ada") if mine else None
 
-    asked.runtime.obey(gone)
+    asked.obey(gone)
     assert rule(asked.decide()) == "role_revoked"
     assert "HandoffApproved" not in asked.kinds
     assert isinstance(asked.decide(actor=BOB), Accepted)

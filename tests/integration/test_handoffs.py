@@ -3,13 +3,13 @@
 from collections.abc import Iterator
 
 import pytest
-from msgspec.structs import replace
+from msgspec.structs import asdict, replace
 
 from harness.contracts.any_events import AnyEvent
-from harness.contracts.commands import StopMission
+from harness.contracts.commands import ApproveHandoff, RejectHandoff, StopMission
 from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.events import CommitRejected, DispatchIntended, NodeCommitted
-from harness.contracts.handoff_commands import DecideHandoff, LookAgain
+from harness.contracts.handoff_commands import LookAgain
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
 from tests.builders.missions_run import OPERATOR, Ran, ran
@@ -31,17 +31,12 @@ def handoff(waiting: Ran) -> Handoff:
 def decide(waiting: Ran, decision: str = "approve", **changes: object) -> Decision[AnyEvent]:
     asked = handoff(waiting)
     assert asked.opened is not None
-    command = DecideHandoff(
-        handoff_id=asked.handoff_id,
-        decision="approve" if decision == "approve" else "reject",
-        actor=OPERATOR,
-        reason="seen on camera",
-        key="key-1",
-        cycle=asked.cycle,
-        subject=asked.opened.subject,
-        evidence=asked.opened.evidence,
+    reject = RejectHandoff(
+        actor=OPERATOR, reason="seen on camera", key="key-1", cycle=asked.cycle, subject=asked.opened.subject
     )
-    return waiting.harness.runtime.answer(replace(command, **changes))
+    approve = ApproveHandoff(**asdict(reject), evidence=asked.opened.evidence)
+    command = approve if decision == "approve" else reject
+    return waiting.harness.supervisor.answer(asked.handoff_id, replace(command, **changes))
 
 
 def mission_of(waiting: Ran) -> Mission:
@@ -76,7 +71,7 @@ def test_the_same_answer_again_is_the_same_receipt_and_another_names_who_decided
     assert isinstance(again, Accepted) and again.events == ()
     other = decide(waiting, "reject", key="key-2")
     assert isinstance(other, Refused) and other.rule == "decided"
-    assert OPERATOR.name in other.message
+    assert other.reason.facts["actor"] == OPERATOR.name
 
 
 @pytest.mark.parametrize(
@@ -96,7 +91,7 @@ def test_an_answer_to_another_question_is_refused(waiting: Ran, changes: dict[st
 
 def test_looking_again_is_a_new_cycle_and_voids_an_answer_to_the_old_one(waiting: Ran) -> None:
     old = handoff(waiting)
-    assert isinstance(waiting.harness.runtime.answer(LookAgain(handoff_id=old.handoff_id, actor=OPERATOR)), Accepted)
+    assert isinstance(waiting.harness.supervisor.answer(old.handoff_id, LookAgain(actor=OPERATOR)), Accepted)
     assert handoff(waiting).cycle == old.cycle + 1
     refused = decide(waiting, cycle=old.cycle)
     assert isinstance(refused, Refused) and refused.rule == "wrong_cycle"

@@ -9,7 +9,7 @@ from harness.contracts.commands import AcquireLease, QuarantineLease
 from harness.contracts.decisions import Accepted
 from harness.contracts.ids import InvocationId, ResourceId, lease_stream
 from harness.contracts.lease_events import LeaseEvent, LeaseFreed
-from harness.gate.commit import Request
+from harness.gate.commit import CommandEnvelope
 from harness.gate.leases import DECIDER
 from harness.settings import HarnessSettings
 from tests.builders.missions_run import begin
@@ -29,7 +29,7 @@ def settings(tmp_path: Path) -> HarnessSettings:
             resource=ResourceId("vbot-1/mobile_base"), mission_id=mission_id, invocation_id=lost, token=1, expires_s=9e9
         )
         for command in (acquire, QuarantineLease(invocation_id=lost, reason="the line was cut")):
-            assert isinstance(harness.runtime.commit([Request(BASE, command)]), Accepted)
+            assert isinstance(harness.runtime.commit([CommandEnvelope(BASE, command, None)]), Accepted)
     return chosen
 
 

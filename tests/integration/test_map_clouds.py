@@ -17,6 +17,7 @@ from harness.contracts.ids import Digest
 from harness.contracts.maps import AttachCloud, MapCloud, map_stream
 from harness.map_clouds import stored_cloud
 from harness.settings import HarnessSettings
+from simulator.in_process import SIMULATOR
 from tests.integration.runs import answer, regen
 
 ADA = Actor(name="ada", role="operator")
@@ -33,7 +34,7 @@ def attached(harness: Harness, cloud: MapCloud) -> object:
 
 
 def test_a_cloud_is_attached_once_and_one_that_does_not_add_up_is_refused(tmp_path: Path) -> None:
-    with simulated(HarnessSettings(), seed=1) as harness:
+    with simulated(HarnessSettings(), simulator=SIMULATOR, seed=1) as harness:
         cloud = imported(harness, tmp_path)
         assert isinstance(attached(harness, cloud), Accepted)
         assert attached(harness, cloud) == Accepted(())
@@ -46,7 +47,7 @@ def test_a_cloud_is_attached_once_and_one_that_does_not_add_up_is_refused(tmp_pa
 def test_a_view_shows_the_coarsest_level_first_and_then_all_of_it(tmp_path: Path) -> None:
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
-        with simulated(HarnessSettings(), seed=1) as harness:
+        with simulated(HarnessSettings(), simulator=SIMULATOR, seed=1) as harness:
             cloud = imported(harness, tmp_path)
             drawing, view = Drawing(server, origin_m=(0.0, 0.0)), MapView(harness.runtime, whole=False)
             view.draw(drawing, cloud)
@@ -61,7 +62,7 @@ def test_a_view_shows_the_coarsest_level_first_and_then_all_of_it(tmp_path: Path
 def test_a_chunk_whose_bytes_are_gone_is_left_out_and_counted(tmp_path: Path) -> None:
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
-        with simulated(HarnessSettings(), seed=1) as harness:
+        with simulated(HarnessSettings(), simulator=SIMULATOR, seed=1) as harness:
             cloud = imported(harness, tmp_path)
             gone = replace(cloud.chunks[0], blob=Digest("ab" * 32))
             view = MapView(harness.runtime, whole=True)

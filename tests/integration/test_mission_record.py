@@ -12,6 +12,7 @@ from harness.contracts.observations import Trajectory
 from harness.contracts.values import decode
 from harness.gate.decide import DECIDER
 from harness.settings import HarnessSettings
+from simulator.in_process import SIMULATOR
 from tests.builders.missions_run import Ran, begin, ran
 
 
@@ -108,7 +109,7 @@ def test_postconditions_are_judged_after_the_execution_all_of_them(inspection: R
 
 @pytest.mark.ledger("R31", "R30", symbol="harness.projections.mission_fold:apply")
 def test_time_and_poses_move_no_version_and_become_no_fact() -> None:
-    with simulated(HarnessSettings(speed=0, fidelity="kinematic"), seed=3) as harness:
+    with simulated(HarnessSettings(speed=0, fidelity="kinematic"), simulator=SIMULATOR, seed=3) as harness:
         mission_id = begin(harness, "circuit")
         runtime, supervisor = harness.runtime, harness.supervisor
         while runtime.mission(mission_id).of(NodeId("circuit")).status != "dispatched":
@@ -145,7 +146,7 @@ def test_what_roles_observe_carries_its_source_and_time(inspection: Ran) -> None
 # what the stages prove together -------------------------------------------------------------------------------------
 
 
-@pytest.mark.ledger("R199", symbol="harness.adapters.providers.simulation.navigation:RouteFollower.claim")
+@pytest.mark.ledger("R199", symbol="simulator.navigation:RouteFollower.claim")
 def test_the_drive_is_disarmed_before_the_observation_begins(inspection: Ran) -> None:
     go, panorama = committed(inspection, "go"), committed(inspection, "panorama")
     assert 0.0 <= go.declared["distance_m"] <= 0.4
@@ -193,7 +194,7 @@ def test_samples_reach_past_the_arrival_and_the_missions_length_comes_from_its_l
     assert stored[-1].mission_s - stored[0].mission_s > track.until_s - track.from_s
 
 
-@pytest.mark.ledger("R111", symbol="harness.adapters.providers.simulation.truth:TruthLog.add")
+@pytest.mark.ledger("R111", symbol="simulator.truth:TruthLog.add")
 def test_a_biased_localiser_deceives_every_check_and_only_the_truth_shows_it() -> None:
     with ran("circuit", "biased-localiser") as mission:
         assert mission.mission.status == "succeeded"

@@ -13,6 +13,7 @@ from harness.contracts.ids import NodeId
 from harness.projections.mission import Mission
 from harness.settings import HarnessSettings
 from harness.verification.finding import UNAVAILABLE
+from simulator.in_process import SIMULATOR
 from tests.builders.missions_run import begin
 
 
@@ -22,7 +23,9 @@ def narrow(**items: int) -> Configuration:
 
 def run(configuration: Configuration, *faults: str) -> Mission:
     """A circuit under it, in virtual time, with its audit replay."""
-    with simulated(HarnessSettings(speed=0, fidelity="kinematic"), seed=3, configuration=configuration) as harness:
+    with simulated(
+        HarnessSettings(speed=0, fidelity="kinematic"), simulator=SIMULATOR, seed=3, configuration=configuration
+    ) as harness:
         mission = harness.supervisor.run(begin(harness, "circuit", *faults))
         assert replay_mission(harness.runtime, mission.mission_id).differences == ()
         return mission

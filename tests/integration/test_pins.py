@@ -27,6 +27,7 @@ from harness.gate.decide import DECIDER
 from harness.projections.mission import Mission, required_policy
 from harness.routing.question import RoutingQuestion
 from harness.settings import HarnessSettings
+from simulator.in_process import SIMULATOR
 from tests.builders.crews import Stage, staged
 from tests.builders.gate import POLICY, contract
 from tests.builders.missions_run import OPERATOR, ROBOT, begin
@@ -165,15 +166,15 @@ def test_a_mission_on_the_current_configuration_is_not_paused_for_another(stage:
 @pytest.mark.ledger("R163", symbol="harness.supervisor.pins:check_readable")
 def test_a_mission_whose_configuration_cannot_be_read_is_listed_and_not_run(caplog: pytest.LogCaptureFixture) -> None:
     store, settings = DoctoredStore({}), HarnessSettings(speed=0, fidelity="kinematic")
-    with simulated(settings, seed=3, store=store, configuration=sterner()) as harness:
+    with simulated(settings, simulator=SIMULATOR, seed=3, store=store, configuration=sterner()) as harness:
         mission_id = begin(harness, "circuit")
     version = sterner().configuration_id
     store.doctored = {Digest(version): lambda body: body | {"fifth_section": {}}}
-    with simulated(settings, seed=4, store=store, configuration=baseline()) as serving:
+    with simulated(settings, simulator=SIMULATOR, seed=4, store=store, configuration=baseline()) as serving:
         serving.supervisor.serve()
     (told,) = [line for line in caplog.messages if line.startswith("not_run_here")]
     assert f"mission={mission_id}" in told
-    with simulated(settings, seed=4, store=store, configuration=baseline()) as later:
+    with simulated(settings, simulator=SIMULATOR, seed=4, store=store, configuration=baseline()) as later:
         (unreadable,) = later.runtime.unreadable()
         assert (unreadable.mission_id, unreadable.configuration) == (mission_id, version)
         assert "fifth_section" in sentence(unreadable.reason)
@@ -201,7 +202,7 @@ def test_the_doctor_names_a_mission_whose_configuration_is_not_here(tmp_path: Pa
     )
     with (
         closing(open_log(prepare(tmp_path).log_url)) as log,
-        simulated(HarnessSettings(speed=0, fidelity="kinematic"), seed=3, store=log) as harness,
+        simulated(HarnessSettings(speed=0, fidelity="kinematic"), simulator=SIMULATOR, seed=3, store=log) as harness,
     ):
         harness.runtime.decide([(mission_stream(known.mission_id), known)])
     answer = CliRunner().invoke(app, ["doctor", "--data", str(tmp_path), "--json"])

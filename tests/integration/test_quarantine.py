@@ -7,7 +7,7 @@ from harness.contracts.commands import AcquireLease, QuarantineLease, StopMissio
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import InvocationId, ResourceId, RobotId, lease_stream
-from harness.gate.commit import Request
+from harness.gate.commit import CommandEnvelope
 from harness.runtime import Start
 from tests.builders.crews import only, staged
 from tests.builders.missions_run import OPERATOR
@@ -65,7 +65,7 @@ def test_a_resource_that_nobody_had_and_a_robot_that_is_not_there_cannot_be_free
         mission_id, lost = stage.runtime.missions()[0].mission_id, InvocationId("inv_lost")
         held = AcquireLease(resource=elsewhere_base, mission_id=mission_id, invocation_id=lost, token=1, expires_s=9e9)
         for command in (held, QuarantineLease(invocation_id=lost, reason="lost")):
-            stage.runtime.commit([Request(lease_stream(elsewhere_base), command)])
+            stage.runtime.commit([CommandEnvelope(lease_stream(elsewhere_base), command, None)])
         refused = stage.supervisor.free(elsewhere_base, actor=OPERATOR, reason="not mine")
         assert isinstance(refused, Refused) and refused.rule == "no_robot"
 

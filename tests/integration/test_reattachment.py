@@ -8,9 +8,6 @@ import pytest
 
 from harness.adapters.clock import LockstepClock
 from harness.adapters.ids import SeededIds
-from harness.adapters.providers.simulation.camera import CAMERA
-from harness.adapters.providers.simulation.robot import SimulatedRobot
-from harness.adapters.providers.simulation.world import WorldSettings
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.bootstrap import Parts, Unheard, assemble, local_providers
 from harness.contracts.events import (
@@ -18,6 +15,9 @@ from harness.contracts.events import (
 )
 from harness.contracts.ids import MissionId
 from harness.settings import HarnessSettings
+from simulator.camera import CAMERA
+from simulator.robot import SimulatedRobot
+from simulator.world import WorldSettings
 from tests.builders.crews import CrewRobot, Stage, Wrap, only, staged
 from tests.builders.missions_run import ROBOT
 from tests.builders.walking import base, starts, walking

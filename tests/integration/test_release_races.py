@@ -1,6 +1,6 @@
-"""Sixteen persons at one release: a slice of `python -m campaigns run --only releases`."""
+"""Sixteen persons at one release: a slice of `python -m experiments.campaigns run --only releases`."""
 
-from campaigns.release_races import release_races
+from experiments.campaigns.release_races import release_races
 
 
 def test_one_decision_is_taken_and_the_pointer_moves_once() -> None:

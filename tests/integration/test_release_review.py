@@ -2,8 +2,11 @@
 
 import pytest
 
+from app.reasons.rendering import sentence
 from harness.contracts.actors import Actor
+from harness.contracts.decisions import Refused
 from harness.contracts.ids import Digest
+from harness.contracts.reasons import plain
 from rsi_reviews.contracts import Author, ReleasePolicy
 from rsi_reviews.desk import Seen
 from tests.builders.releases import (
@@ -33,7 +36,7 @@ def test_an_author_cannot_approve_whatever_their_part() -> None:
         name = on.in_review(candidate())
         refused = on.desk.approve(name, say(author), on.seen(name))
         assert rule_of(refused) == "own_candidate"
-        assert "launched" in getattr(refused, "message", "")
+        assert isinstance(refused, Refused) and "launched" in plain(refused.reason)
         wrote = candidate(tried(wait_s=9.0), author=Author(name=REVIEWER.name, kind="person"))
         second = on.in_review(wrote, look=2)
         assert rule_of(on.desk.approve(second, say(REVIEWER), on.seen(second))) == "own_candidate"
@@ -92,7 +95,8 @@ def test_the_same_word_again_is_the_same_receipt_and_another_one_names_who_decid
         expect(on.desk.reject(name, say(OTHER_REVIEWER, "It helps in one corner only."), seen))
         refused = on.desk.authorise(name, say(RELEASER), seen)
         assert rule_of(refused) == "decided"
-        message = getattr(refused, "message", "")
+        assert isinstance(refused, Refused) and refused.reason.code == "candidate_decided"
+        message = sentence(refused.reason)
         assert "ria" in message and "one corner only" in message and "UTC" in message
 
 

@@ -12,8 +12,7 @@ import pytest
 from msgspec.structs import replace
 
 from app.reasons.rendering import sentence
-from campaigns.races import opened_gates, together
-from harness.adapters.providers.simulation.faults import FaultPlan, parse_faults
+from experiments.campaigns.races import opened_gates, together
 from harness.auditing.replay import replay_mission
 from harness.contracts.commands import AcquireLease, AnswerMission, PauseMission, RaiseVeto, RejectHandoff, StopMission
 from harness.contracts.control import CONTROL, PostureOrdered, SetAutonomy, TakeWheel
@@ -34,10 +33,12 @@ from harness.contracts.ids import (
 from harness.contracts.observations import Pose
 from harness.contracts.place_events import RemovePlace, place_stream
 from harness.contracts.protocol import Observations
+from harness.contracts.reasons import Reason, because, plain
 from harness.contracts.retreat_events import RETREAT, SendRetreat, StopRetreat
-from harness.gate.commit import Gate, Request
+from harness.gate.commit import CommandEnvelope, Gate
 from harness.gate.control import DECIDER as HOUSE
 from harness.gate.decide import DECIDER as MISSION
+from simulator.faults import FaultPlan, parse_faults
 from tests.builders.crews import CrewRobot
 from tests.builders.missions_run import ROBOT
 from tests.builders.retreating import LATE_S, from_dock_m, newest, retreating_site, sent, step, unanswered
@@ -100,7 +101,7 @@ def test_a_way_that_is_blocked_ends_short_and_the_robot_lies_down_there_instead(
         asked.run()
         told, ended = taken(asked), newest(asked).ended
         assert ended is not None and ended.outcome == "short" and ended.measured["distance_m"] > 0.4
-        assert (told.action, told.done) == ("lie_down", True) and "short" in sentence(told.reason)
+        assert (told.action, told.done) == ("lie_down", True) and told.reason.facts["outcome"] == "short"
         assert asked.robot.status().posture == "lying"
         assert len(sent(asked)) == 1 and asked.runtime.lease(BASE).status == "free"
 
@@ -119,7 +120,7 @@ def test_where_it_must_not_move_nothing_is_sent_and_the_robot_does_otherwise(wha
         assert sent(asked) == []
         told = taken(asked)
         assert (told.action, told.done) == ("lie_down", True)
-        assert sentence(told.reason).startswith("No retreat: ") and "lying" in sentence(told.reason)
+        assert told.reason.code == "no_retreat_instead" and "lying" in str(told.reason.facts["instead"])
 
 
 def hinder(asked: Waiting, what: str) -> None:
@@ -139,7 +140,7 @@ def hinder(asked: Waiting, what: str) -> None:
             drives = TakeWheel(
                 robot_id=ROBOT, session=RequestId("pad"), token=9, actor=BOB, device="pad", reason="by hand"
             )
-            asked.runtime.commit([Request(CONTROL, drives)])
+            asked.runtime.commit([CommandEnvelope(CONTROL, drives, None)])
         case "lease":
             held = AcquireLease(
                 resource=BASE,
@@ -148,13 +149,13 @@ def hinder(asked: Waiting, what: str) -> None:
                 token=asked.runtime.lease(BASE).token + 1,
                 expires_s=asked.harness.clock.now().mission_s + 1e6,
             )
-            asked.runtime.commit([Request(lease_stream(BASE), held)])
+            asked.runtime.commit([CommandEnvelope(lease_stream(BASE), held, None)])
         case "off the way":
             asked.robot.world.body.state.x_m = 3.0
             asked.robot.world.body.state.y_m = 0.0
         case _:
             gone = RemovePlace(place_id=PlaceId("anchor_a"), basis=0, actor=BOB, reason="the dock was moved")
-            asked.runtime.commit([Request(place_stream(asked.runtime.site.name), gone)])
+            asked.runtime.commit([CommandEnvelope(place_stream(asked.runtime.site.name), gone, None)])
 
 
 def test_a_person_stops_a_retreat_and_its_stop_is_acknowledged() -> None:
@@ -163,7 +164,7 @@ def test_a_person_stops_a_retreat_and_its_stop_is_acknowledged() -> None:
         step(asked, 6)
         assert asked.robot.status().posture == "moving"
         stopped = StopRetreat(robot_id=ROBOT, actor=BOB, reason="somebody is in the way")
-        assert isinstance(asked.runtime.commit([Request(CONTROL, stopped)]), Accepted)
+        assert isinstance(asked.runtime.commit([CommandEnvelope(CONTROL, stopped, None)]), Accepted)
         asked.run()
         ended, told = newest(asked).ended, taken(asked)
         assert ended is not None and (ended.outcome, ended.declared) == ("short", "cancelled")
@@ -221,7 +222,7 @@ def test_poses_at_the_place_that_odometry_belies_show_no_arrival() -> None:
         asked.run()
         ended = newest(asked).ended
         assert ended is not None and ended.measured["distance_m"] == 0.0
-        assert ended.outcome == "short" and "do not tell the same" in sentence(ended.reason)
+        assert ended.outcome == "short" and "localiser_and_odometry_differ" in plain(ended.reason)
 
 
 def test_a_robot_that_stands_at_its_safe_place_already_is_not_sent_anywhere() -> None:
@@ -230,7 +231,7 @@ def test_a_robot_that_stands_at_its_safe_place_already_is_not_sent_anywhere() ->
         asked.harness.clock.wait_until(asked.harness.clock.now().mission_s + 4.0)
         asked.pass_s(LATE_S)
         told = taken(asked)
-        assert (told.action, told.done) == ("retreat", True) and "already stands" in sentence(told.reason)
+        assert (told.action, told.done) == ("retreat", True) and told.reason.code == "already_there"
         assert sent(asked) == []
 
 
@@ -288,7 +289,7 @@ def test_an_answer_that_lands_inside_the_expirys_commit_wins_and_nothing_is_sent
                 answered.append(other.commit(rejection(asked)))
             return None
 
-        asked.runtime.obey(meanwhile)
+        asked.obey(meanwhile)
         asked.pass_s(LATE_S)
         asked.run()
         assert isinstance(answered[0], Accepted)
@@ -306,10 +307,10 @@ def test_more_time_that_is_given_inside_the_expirys_commit_keeps_the_question_an
         def meanwhile(command: object) -> Refused | None:
             if isinstance(command, SendRetreat) and not given:
                 extended = ExtendDeadline(actor=BOB, reason="two corridors away")
-                given.append(other.commit([Request(handoff_stream(asked.handoff_id), extended)]))
+                given.append(other.commit([CommandEnvelope(handoff_stream(asked.handoff_id), extended, None)]))
             return None
 
-        asked.runtime.obey(meanwhile)
+        asked.obey(meanwhile)
         asked.pass_s(LATE_S)
         assert isinstance(given[0], Accepted)
         assert (asked.handoff.status, asked.mission.status) == ("open", "awaiting_human")
@@ -336,13 +337,16 @@ def test_answers_against_the_expiry_that_starts_a_retreat_leave_exactly_one_winn
             assert len(sent(asked)) == (ends == ["HandoffExpired"])
 
 
-def rejection(asked: Waiting) -> list[Request]:
+def rejection(asked: Waiting) -> list[CommandEnvelope]:
     """A person's no, with the mission's end."""
     opened = asked.handoff.opened
     assert opened is not None
     refused = RejectHandoff(actor=BOB, reason="no", key="k", cycle=opened.cycle, subject=opened.subject)
     ended = AnswerMission(handoff_id=opened.handoff_id, decision="rejected", actor=BOB, reason="no")
-    return [Request(handoff_stream(opened.handoff_id), refused), Request(mission_stream(opened.mission_id), ended)]
+    return [
+        CommandEnvelope(handoff_stream(opened.handoff_id), refused, None),
+        CommandEnvelope(mission_stream(opened.mission_id), ended, None),
+    ]
 
 
 # on a person's word --------------------------------------------------------------------------------------------------
@@ -373,7 +377,8 @@ def test_where_the_zone_has_no_safe_place_it_lies_down_and_the_log_says_why() ->
         assert isinstance(asked.harness.wheel.to_safety(ROBOT, actor=BOB, reason="enough"), Accepted)
         assert sent(asked) == [] and asked.robot.status().posture == "lying"
         told = [HOUSE.codec.decode(one) for one in asked.runtime.stream(CONTROL)]
-        assert isinstance(told[-1], PostureOrdered) and "declares no safe place" in sentence(told[-1].reason)
+        assert isinstance(told[-1], PostureOrdered) and isinstance(told[-1].reason, Reason)
+        assert told[-1].reason.facts["why"] == because("zone_without_safe_place", zone="office")
 
 
 def stopped(asked: Waiting) -> None:

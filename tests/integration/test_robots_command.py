@@ -12,9 +12,9 @@ from typer.testing import CliRunner, Result
 
 from app.cli import app as regen
 from app.main import bind
-from harness.adapters.providers.simulation.robot import SimulatedRobot
 from harness.adapters.stores.owner import OwnerLock
 from harness.contracts.control import CONTROL
+from simulator.robot import SimulatedRobot
 from tests.builders.consoles import OWNER, Stand
 from tests.builders.fleets import ONE, TWO, fleet_stand, run_together, started
 

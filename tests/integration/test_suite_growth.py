@@ -10,6 +10,7 @@ from rsi_reviews.regression.cases import cases_of
 from rsi_reviews.regression.growing import with_growth
 from rsi_reviews.regression.suite import shipped
 from rsi_reviews.trial import prepared
+from simulator.in_process import SIMULATOR
 from tests.builders.releases import REVIEWER, Bench, bench, candidate, expect, rule_of, say
 
 EVE = Actor(name="eve", role="operator")
@@ -51,7 +52,9 @@ def test_who_grew_the_suite_is_an_author_of_what_is_evaluated_on_it() -> None:
         growth, made = on.desk.growth(), candidate()
         suites = (with_growth(shipped("regression"), growth), shipped("safety"))
         baseline = on.harness.runtime.stored_configuration(made.baseline)
-        trial = prepared(made, baseline, suites, launched_by=("lea",), suite_edited_by=growth.hands)
+        trial = prepared(
+            made, baseline, suites, launched_by=("lea",), simulator=SIMULATOR, suite_edited_by=growth.hands
+        )
         expect(on.desk.propose(made, say(EVE)))
         expect(on.desk.begin(trial.terms, say(EVE)))
         assert REVIEWER.name in on.desk.review(made.candidate_id).authors

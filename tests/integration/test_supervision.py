@@ -4,7 +4,7 @@ import pytest
 
 from app.reasons.rendering import sentence
 from harness.contracts.capabilities import CapabilityCard
-from harness.contracts.commands import StopMission
+from harness.contracts.commands import ApproveHandoff, StopMission
 from harness.contracts.contexts import Context
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.events import (
@@ -14,7 +14,6 @@ from harness.contracts.events import (
     InvocationEnded,
     NodeCommitted,
 )
-from harness.contracts.handoff_commands import DecideHandoff
 from harness.contracts.ids import MissionId
 from harness.contracts.tasks import Node
 from harness.contracts.values import decode
@@ -172,9 +171,7 @@ def approved(stage: Stage, mission_id: MissionId) -> object:
     assert handoff_id is not None
     handoff = stage.runtime.handoff(handoff_id)
     assert handoff.opened is not None
-    answer = DecideHandoff(
-        handoff_id=handoff_id,
-        decision="approve",
+    answer = ApproveHandoff(
         actor=OPERATOR,
         reason="seen",
         key=f"key-{handoff.cycle}-{base(stage.harness).version}",
@@ -182,7 +179,7 @@ def approved(stage: Stage, mission_id: MissionId) -> object:
         subject=handoff.opened.subject,
         evidence=handoff.opened.evidence,
     )
-    return stage.runtime.answer(answer)
+    return stage.supervisor.answer(handoff_id, answer)
 
 
 def test_a_report_from_the_future_does_not_keep_the_mission_waiting() -> None:

@@ -2,18 +2,19 @@
 
 import pytest
 
-from harness.adapters.providers.simulation.robot import SimulatedRobot
 from harness.bootstrap import simulated
 from harness.contracts.commands import ClearVeto
 from harness.contracts.decisions import Refused
 from harness.contracts.ids import NodeId
 from harness.settings import HarnessSettings
+from simulator.in_process import SIMULATOR
+from simulator.robot import SimulatedRobot
 from tests.builders.missions_run import ROBOT, begin
 
 
 @pytest.mark.ledger("R43", "R170", "R126", symbol="harness.supervisor.watchdog:Watchdog._stop")
 def test_the_hardware_stop_vetoes_until_it_is_released_and_then_a_person_decides() -> None:
-    with simulated(HarnessSettings(speed=0, fidelity="kinematic"), seed=3) as harness:
+    with simulated(HarnessSettings(speed=0, fidelity="kinematic"), simulator=SIMULATOR, seed=3) as harness:
         robot = harness.robots[ROBOT]
         assert isinstance(robot, SimulatedRobot)
         mission_id = begin(harness, "circuit")

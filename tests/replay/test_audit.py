@@ -9,13 +9,16 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
-from harness.auditing.replay import UNEQUAL, ReplayReport, replay_all, replay_mission
+from harness.auditing.replay import NONE_STORED, UNEQUAL, ReplayReport, replay_all, replay_mission
 from harness.bootstrap import read_harness
-from harness.contracts.commands import PauseMission, ResumeMission, StopMission
+from harness.contracts.commands import ApproveHandoff, PauseMission, ResumeMission, StopMission
 from harness.contracts.decisions import Accepted
-from harness.contracts.handoff_commands import DecideHandoff, LookAgain
+from harness.contracts.errors import LogDamaged
+from harness.contracts.handoff_commands import LookAgain
 from harness.contracts.ids import Digest, MissionId, StreamId, mission_stream
 from harness.contracts.ports import State, StoredEvent
+from harness.contracts.stored_commands import command_of
+from harness.contracts.upcasting import name_of
 from harness.projections.mission import Mission, all_required_committed
 from harness.settings import HarnessSettings
 from tests.builders.crews import Failing, Stage, only, staged, template
@@ -33,7 +36,7 @@ class Told:
         self.stage, self.mission_id = stage, mission_id
 
     def stored(self, kind: str, place: int = 0) -> StoredEvent:
-        return [event for event in self.stage.parts.store.read(0, 10_000) if event.kind == kind][place]
+        return [event for event in self.stage.parts.store.read(0, 10_000) if name_of(event.kind) == kind][place]
 
     def body(self, kind: str, place: int = 0) -> Body:
         found: Body = msgspec.json.decode(self.stored(kind, place).body)
@@ -61,6 +64,7 @@ def test_every_decision_of_an_honest_log_is_derived_again(told: Told) -> None:
     derived = {name: counts[name] for name in ("plans", "routings", "skills", "verdicts", "recoveries", "goals")}
     assert derived == {"plans": 2, "routings": 4, "skills": 4, "verdicts": 4, "recoveries": 2, "goals": 1}
     assert report.decisions == 11 and report.leases == 4
+    assert report.reconstructed == 0, "every command is read where it was stored"
     live = told.stage.runtime.mission(told.mission_id)
     assert report.k == live.k
 
@@ -200,20 +204,19 @@ def test_a_reopened_goal_is_derived_again() -> None:
         assert report.differences == () and report.goals == 2
 
 
-@pytest.mark.ledger("R146", symbol="harness.auditing.neighbours:asked_of_handoff")
+@pytest.mark.ledger("R146", symbol="harness.auditing.replay:_handoff")
+@pytest.mark.ledger("R146", symbol="harness.auditing.legacy_neighbours:asked_of_handoff")
 def test_persons_decisions_are_derived_again_with_their_handoff() -> None:
     with staged() as stage:
         ran = stage.run(stage.begin("circuit", "frozen-localiser:persistent"))
         assert ran.mission.handoff_id is not None
         handoff = stage.runtime.handoff(ran.mission.handoff_id)
         assert handoff.opened is not None
-        look = LookAgain(handoff_id=handoff.handoff_id, actor=OPERATOR)
-        assert isinstance(stage.runtime.answer(look), Accepted)
+        look = LookAgain(actor=OPERATOR)
+        assert isinstance(stage.supervisor.answer(handoff.handoff_id, look), Accepted)
         opened = stage.runtime.handoff(handoff.handoff_id).opened
         assert opened is not None
-        approve = DecideHandoff(
-            handoff_id=handoff.handoff_id,
-            decision="approve",
+        approve = ApproveHandoff(
             actor=OPERATOR,
             reason="seen on camera",
             key="key-1",
@@ -221,11 +224,14 @@ def test_persons_decisions_are_derived_again_with_their_handoff() -> None:
             subject=opened.subject,
             evidence=opened.evidence,
         )
-        assert isinstance(stage.runtime.answer(approve), Accepted)
+        assert isinstance(stage.supervisor.answer(handoff.handoff_id, approve), Accepted)
         stage.run(ran.mission.mission_id)
         report = replay_mission(stage.runtime, ran.mission.mission_id)
         assert report.differences == ()
-        assert report.handoffs >= 4
+        assert report.handoffs >= 4 and report.reconstructed == 0
+        before = replay_mission(rewritten(stage.parts, every=uncommanded), ran.mission.mission_id)
+        assert before.differences == ()
+        assert before.handoffs == report.handoffs and before.reconstructed > before.handoffs
 
 
 def test_a_pause_and_a_stop_are_derived_again() -> None:
@@ -254,3 +260,48 @@ def test_a_log_of_the_first_release_is_replayed_without_a_difference_of_the_gate
     blobless = ("VerdictRecorded", "GoalVerified")
     assert [line for line in report.differences if not any(kind in line for kind in blobless)] == []
     assert report.decisions > 10 and report.skills == 7
+    assert report.reconstructed == report.decisions + report.leases
+
+
+def test_a_log_from_before_commands_were_stored_is_derived_again_and_says_so(told: Told) -> None:
+    stored, guessed = told.replayed(), told.replayed(every=uncommanded)
+    assert guessed.differences == ()
+    assert (guessed.decisions, guessed.leases, guessed.state) == (stored.decisions, stored.leases, stored.state)
+    assert guessed.reconstructed == guessed.decisions + guessed.leases
+
+
+@pytest.mark.ledger("R146", symbol="harness.auditing.commands:command_at")
+@pytest.mark.parametrize("kind", ["NodePlanned", "PacketRetained", "LeaseAcquired"])
+def test_a_changed_command_is_named_by_its_digest(told: Told, kind: str) -> None:
+    command = command_of(told.stored(kind))
+    assert command is not None
+    report = told.replayed(records={command: lambda body: body | {"command": "StopMission"}})
+    assert any(f"command {command[:12]} was changed" in line for line in report.differences)
+
+
+def test_a_command_that_was_taken_out_of_one_event_is_missed(told: Told) -> None:
+    position = told.stored("PacketRetained", 1).position
+    report = told.replayed(events={position: uncommanded})
+    assert any(f"position {position}," in line and NONE_STORED in line for line in report.differences)
+
+
+def test_a_command_that_another_decision_was_given_is_named(told: Told) -> None:
+    first, second = told.stored("LeaseAcquired", 0), told.stored("LeaseAcquired", 1)
+    other = command_of(first)
+    assert other is not None and other != command_of(second)
+    report = told.replayed(events={second.position: lambda body: body | {"command": other}})
+    assert any(f"position {second.position}," in line for line in report.differences)
+
+
+def test_verification_names_an_event_whose_command_is_not_stored(told: Told) -> None:
+    position = told.stored("GoalVerified").position
+    assert told.stage.parts.store.verify().position > position
+    doctored = rewritten(told.stage.parts, events={position: lambda body: body | {"command": "0" * 64}})
+    with pytest.raises(LogDamaged, match="command 000000000000 that it names is not stored") as damaged:
+        doctored.verify()
+    assert f"position {position}" in str(damaged.value)
+
+
+def uncommanded(body: Body) -> Body:
+    """The event as a release before commands were stored would have written it."""
+    return {name: value for name, value in body.items() if name != "command"}

@@ -59,7 +59,7 @@ def is_record(kind: object) -> bool:
 
 
 def inside(kind: object) -> Iterator[type]:
-    """Every record class reachable from a page class through its fields, itself included."""
+    """Every record class reachable from a page class through its fields and properties, itself included."""
     stack, seen = [kind], set()
     while stack:
         here = stack.pop()
@@ -67,7 +67,16 @@ def inside(kind: object) -> Iterator[type]:
         if isinstance(here, type) and is_record(here) and here not in seen:
             seen.add(here)
             stack.extend(typing.get_type_hints(here).values())
+            stack.extend(_computed(here))
             yield here
+
+
+def _computed(kind: type) -> Iterator[object]:
+    """Types of the properties of a class, cached or not."""
+    for _, member in inspect.getmembers(kind):
+        getter = member.fget if isinstance(member, property) else getattr(member, "func", None)
+        if getter is not None:
+            yield typing.get_type_hints(getter).get("return")
 
 
 def plain(kind: object) -> object:

@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-BUILDINGS = ("app", "harness", "rsi_reviews")
+BUILDINGS = ("app", "harness", "rsi_reviews", "simulator")
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 

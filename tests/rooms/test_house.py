@@ -8,7 +8,6 @@ import pytest
 
 from tests.rooms.sources import BUILDINGS, Module, functions, module, modules
 
-FILE_LINES = 400
 BANNED_WORDS = frozenset({"manager", "helper", "helpers", "util", "utils", "common", "misc", "v2", "enhanced", "smart"})
 BANNED_LAST = frozenset({"data", "info"})
 BANNED_VERBS = frozenset({"handle", "process"})
@@ -24,13 +23,6 @@ def furnished(source: Module) -> Iterator[str]:
     """An __init__ that is not empty."""
     if source.is_init and source.text.strip():
         yield "is not empty"
-
-
-def oversized(source: Module) -> Iterator[str]:
-    """A file that holds more than one room."""
-    lines = source.text.count("\n")
-    if lines > FILE_LINES:
-        yield f"has {lines} lines, {FILE_LINES} are allowed: does it hold two rooms?"
 
 
 def hidden_imports(source: Module) -> Iterator[str]:
@@ -78,7 +70,6 @@ def doubts(source: Module) -> Iterator[str]:
 RULES: tuple[Callable[[Module], Iterator[str]], ...] = (
     unopened,
     furnished,
-    oversized,
     hidden_imports,
     banned_names,
     doubts,
@@ -87,7 +78,7 @@ RULES: tuple[Callable[[Module], Iterator[str]], ...] = (
 
 @pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.__name__)
 def test_every_file_keeps_the_rule(rule: Callable[[Module], Iterator[str]]) -> None:
-    everywhere = modules(*BUILDINGS, "benchmarks", "tools")
+    everywhere = modules(*BUILDINGS, "experiments/benchmarks", "tools")
     assert [f"{source.path}: {wrong}" for source in everywhere for wrong in rule(source)] == []
 
 
@@ -96,7 +87,6 @@ def test_every_file_keeps_the_rule(rule: Callable[[Module], Iterator[str]]) -> N
     [
         (unopened, "harness/x.py", "x = 1"),
         (furnished, "harness/__init__.py", "from harness.x import y"),
-        (oversized, "harness/x.py", "x = 1\n" * 401),
         (hidden_imports, "harness/x.py", "def f():\n    import os"),
         (hidden_imports, "harness/x.py", "from . import y"),
         (hidden_imports, "harness/x.py", "import typing\nif typing.TYPE_CHECKING:\n    x = 1"),

@@ -14,6 +14,10 @@ from tests.rooms.sources import BUILDINGS, ROOT
 PLANTED = {
     "Buildings: app above rsi_reviews above harness": {"harness/contracts/ids.py": "import rsi_reviews"},
     "Floors of the harness": {"harness/contracts/ids.py": "import harness.gate"},
+    "The simulator knows contracts and the provider protocol only": {
+        "simulator/planted.py": "import harness.adapters.clock"
+    },
+    "Nothing below app imports the simulator": {"rsi_reviews/planted.py": "import simulator.robot"},
     "Adapters know only contracts": {"harness/adapters/planted.py": "import harness.projections"},
     "SQL, web and robots stay at the edges": {"harness/routing/planted.py": "import sqlalchemy"},
     "The console enters by the front door": {"app/routes/planted.py": "import harness.supervisor"},

@@ -1,5 +1,6 @@
 """Page classes and templates agree both ways: nothing read that is not offered, nothing offered that nobody reads."""
 
+import inspect
 import re
 from dataclasses import dataclass
 
@@ -43,8 +44,13 @@ def unread(reading: Reading, kinds: set[type], *, elsewhere: set[str]) -> list[s
         f"{kind.__name__}.{name}"
         for kind in kinds
         for name in fields_of(kind)
-        if (kind, name) not in reading.fields and name not in known
+        if (kind, name) not in reading.fields and name not in known | computed_from(kind)
     )
+
+
+def computed_from(kind: type) -> set[str]:
+    """Fields that the class's own properties read."""
+    return set(re.findall(r"(?<=self\.)\w+", inspect.getsource(kind)))
 
 
 def test_templates_and_page_classes_agree_both_ways() -> None:

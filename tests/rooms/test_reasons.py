@@ -11,17 +11,26 @@ from harness.contracts.reasons import RECORDED, SEVERAL
 from tools import translations
 
 SPEAKERS = ("harness", "rsi_reviews", "app")
-MAKERS = ("because",)
+MAKERS = ("because", "refused")
 
 
 def given() -> Iterator[tuple[str, frozenset[str], str]]:
     """(code, names of its facts, where) of every reason that the sources make."""
     for path in sorted(path for part in SPEAKERS for path in (ROOT / part).rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in MAKERS:
+            if isinstance(node, ast.Call) and _name(node.func) in MAKERS and not _has_reason(node):
                 facts = frozenset(str(one.arg) for one in node.keywords)
                 where = f"{path.relative_to(ROOT)}:{node.lineno}"
                 yield from ((code, facts, where) for code in _codes(node.args[0]))
+
+
+def _name(function: ast.expr) -> str:
+    return getattr(function, "id", None) or getattr(function, "attr", "")
+
+
+def _has_reason(call: ast.Call) -> bool:
+    """Whether a refusal has a reason of its own, so that its rule is no code."""
+    return _name(call.func) == "refused" and len(call.args) > 1
 
 
 def _codes(node: ast.expr) -> Iterator[str]:

@@ -8,14 +8,14 @@ from typing import Any
 
 import msgspec
 
-from harness.adapters.providers.journal import Entry, Journal
-from harness.adapters.providers.parameters import parameter_problems
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import FencingRefused, HarnessError, ProviderFailed
 from harness.contracts.ids import Digest, RequestId
 from harness.contracts.ports import BlobStore, Clock
 from harness.contracts.protocol import TERMINAL, InvocationReport, Progress, Receipt, StartRequest
 from harness.contracts.values import Value, digest
+from harness.provider_protocol.journal import Entry, Journal
+from harness.provider_protocol.parameters import parameter_problems
 
 
 class Draft(Value):

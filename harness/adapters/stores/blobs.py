@@ -7,11 +7,13 @@ import os
 import re
 import tempfile
 from collections.abc import Iterator
+from logging import getLogger
 from pathlib import Path
 
 from harness.contracts.errors import BlobDamaged, StoreUnavailable
 from harness.contracts.ids import Digest, sha256
 
+LOG = getLogger(__name__)
 _DIGEST = re.compile("[0-9a-f]{64}")
 _INCOMING = "incoming"
 
@@ -74,10 +76,16 @@ class FileBlobStore:
                         yield Digest(path.name)
 
     def discard_unfinished(self) -> int:
-        """Remove what a killed writer left behind and say how much; only for the owner of the data folder."""
-        left = list(self._incoming.iterdir())
-        for path in left:
-            path.unlink(missing_ok=True)
+        """Remove what a killed writer left behind and say how much; only for the owner of the data folder.
+
+        Raises StoreUnavailable.
+        """
+        try:
+            left = list(self._incoming.iterdir())
+            for path in left:
+                path.unlink(missing_ok=True)
+        except OSError as error:
+            raise self._unavailable(error) from error
         return len(left)
 
     def _write(self, path: Path, body: bytes) -> None:
@@ -107,6 +115,14 @@ class FileBlobStore:
             where=str(self._folder),
             do="free some space or make the folder writable, then try again",
         )
+
+
+def owned_blobs(folder: Path) -> FileBlobStore:
+    """The blob store for the owner of the data folder, cleared of the unfinished blobs of a writer that was killed."""
+    blobs = FileBlobStore(folder)
+    if discarded := blobs.discard_unfinished():
+        LOG.info("unfinished_blobs_discarded count=%d folder=%s", discarded, folder)
+    return blobs
 
 
 def _holds(path: Path, body: bytes) -> bool:

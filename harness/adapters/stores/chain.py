@@ -9,13 +9,14 @@ import hashlib
 import math
 import re
 import struct
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 
 import msgspec
 
 from harness.contracts.errors import ConcurrencyConflict, ContractInvalid, LogDamaged
 from harness.contracts.ids import Digest, StreamId, sha256
 from harness.contracts.ports import Batch, Head, NewEvent, Record, StoredEvent
+from harness.contracts.stored_commands import command_of
 from harness.contracts.values import Moment
 
 GENESIS = Head(position=0, digest=Digest("0" * 64))
@@ -83,6 +84,33 @@ def check(events: Iterable[StoredEvent], after: Head = GENESIS) -> Head:
             raise damaged(event.position, "its digest does not match its content")
         head = Head(position=event.position, digest=event.digest)
     return head
+
+
+def check_commands(
+    events: Iterable[StoredEvent], stored: Callable[[Sequence[Digest]], Collection[Digest]], *, page: int = 500
+) -> Iterator[StoredEvent]:
+    """The same events; raises LogDamaged for one that names a command which is not stored.
+
+    `stored` says which of these records are there; it is asked once for so many events.
+    """
+    waiting: dict[Digest, int] = {}
+    for number, event in enumerate(events, start=1):
+        yield event
+        if (command := command_of(event)) is not None:
+            waiting.setdefault(command, event.position)
+        if number % page == 0:
+            _check_stored(waiting, stored)
+            waiting = {}
+    _check_stored(waiting, stored)
+
+
+def _check_stored(waiting: Mapping[Digest, int], stored: Callable[[Sequence[Digest]], Collection[Digest]]) -> None:
+    if not waiting:
+        return
+    found = frozenset(stored(list(waiting)))
+    for command, position in waiting.items():
+        if command not in found:
+            raise damaged(position, f"the command {command[:12]} that it names is not stored")
 
 
 def check_record(record: Record) -> None:

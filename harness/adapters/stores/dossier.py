@@ -17,6 +17,7 @@ from harness.contracts.dossier import CONTENTS, EVENTS, FORMAT, RECORDS, SIGNATU
 from harness.contracts.errors import BlobDamaged, ContractInvalid, DossierInvalid, StoreUnavailable, UnknownName
 from harness.contracts.ids import Digest, StreamId, sha256
 from harness.contracts.ports import MISSION_ENDED, MISSION_STREAMS, Batch, Head, Record, StoredEvent
+from harness.contracts.stored_commands import command_of
 from harness.contracts.values import Moment, decode, encode
 
 T = TypeVar("T")
@@ -142,6 +143,10 @@ class DossierLog:
                 raise damaged(event.position, "it does not name the digest of the event before it")
             at[event.stream] = event.version
             before = event
+        commands = {name: one.position for one in self._log if (name := command_of(one)) is not None}
+        for name, position in commands.items():
+            if name not in self._records:
+                raise damaged(position, f"the command {name[:12]} that it names is not in the dossier")
         for record in self._records.values():
             check_record(record)
         return self._head

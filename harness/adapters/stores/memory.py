@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 from threading import Lock
 
-from harness.adapters.stores.chain import GENESIS, admit, check, check_record, link
+from harness.adapters.stores.chain import GENESIS, admit, check, check_commands, check_record, link
 from harness.contracts.errors import BlobDamaged, UnknownName
 from harness.contracts.ids import Digest, InvocationId, StreamId, sha256
 from harness.contracts.observations import AnySample
@@ -75,7 +75,8 @@ class MemoryEventStore:
         """Recompute the chain and every record's digest; raises LogDamaged that names the first bad position."""
         with self._lock:
             log, records = list(self._log), list(self._records.values())
-        head = check(log)
+        kept = {record.digest for record in records}
+        head = check(check_commands(log, kept.intersection))
         for record in records:
             check_record(record)
         return head

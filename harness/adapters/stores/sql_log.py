@@ -16,7 +16,7 @@ import msgspec
 from sqlalchemy import Connection, Engine, Row
 from sqlalchemy.exc import DBAPIError
 
-from harness.adapters.stores.chain import GENESIS, admit, check, check_record, link
+from harness.adapters.stores.chain import GENESIS, admit, check, check_commands, check_record, link
 from harness.adapters.stores.sql_statements import Statements
 from harness.contracts.errors import ConcurrencyConflict, ContractInvalid, StoreUnavailable, UnknownName
 from harness.contracts.ids import Digest, StreamId
@@ -226,11 +226,16 @@ class SqlLog(ABC):
     # shared ---------------------------------------------------------------------------------------------------------
 
     def _verified(self, connection: Connection) -> Head:
-        head = check(self.walk(connection))
+        head = check(check_commands(self.walk(connection), lambda names: self._held(connection, names)))
         for _ in self.records(connection):
             pass
         self._check_indexes(connection, head)
         return head
+
+    def _held(self, connection: Connection, names: Sequence[Digest]) -> Sequence[Digest]:
+        """Which of these records there are."""
+        with self._examined():
+            return [row[0] for row in connection.exec_driver_sql(self._sql.held(len(names)), tuple(names)).all()]
 
     def _write(self, group: Sequence[_Append]) -> None:
         """Several appends in one transaction: one that does not fit is refused alone, a failing database fails all."""

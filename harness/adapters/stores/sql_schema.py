@@ -12,7 +12,7 @@ from sqlalchemy import Connection, inspect
 
 from harness.contracts.errors import StoreNewer, StoreUnavailable
 
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 MIGRATIONS = Path(__file__).parent / "migrations"
 
 _OF_THE_LOG = frozenset({"event", "record", "meta"})

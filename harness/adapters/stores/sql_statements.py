@@ -37,6 +37,10 @@ class Statements:
         """Takes `count` streams; a row for each: stream, its last version, the log's last position and digest."""
         return _ends(self.mark, count)
 
+    def held(self, count: int) -> str:
+        """Takes `count` digests; a row for each that a record has."""
+        return f"SELECT digest FROM record WHERE digest IN ({', '.join([self.mark] * count)})"
+
 
 def statements(mark: str) -> Statements:
     """With `mark` for each argument: `?` for SQLite, `%s` for psycopg."""

@@ -49,7 +49,7 @@ def linked(effect: AnyEffect, evidence: Evidence) -> Finding:
     nodes = {node.node_id: node for node in evidence.nodes}
     strangers = [name for name in (effect.subject, effect.object) if name not in nodes]
     if strangers:
-        return ambiguous(because("not_accepted", stages=tuple(strangers)))
+        return ambiguous(because("stages_not_accepted", stages=tuple(strangers)))
     frames = tuple(evidence.fact("panorama").arguments["frames"])
     analysed = evidence.fact("analysis_of")
     sent = evidence.fact("delivered")

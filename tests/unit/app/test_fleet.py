@@ -5,11 +5,11 @@ import pytest
 from app.fleet import KEPT_S, MOST_BYTES, MOST_SHOTS, PICTURE_EVERY_S, Fleet
 from app.presence import Presence
 from app.views.robots import camera_view, robot_word
-from harness.adapters.providers.simulation.robot import SimulatedRobot
-from harness.adapters.providers.simulation.world import WorldSettings
 from harness.contracts.errors import ProviderUnreachable, UnknownName
 from harness.contracts.ids import RobotId
 from harness.contracts.protocol import Picture, RobotStatus
+from simulator.robot import SimulatedRobot
+from simulator.world import WorldSettings
 
 ONE = RobotId("vbot-1")
 

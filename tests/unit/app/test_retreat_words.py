@@ -7,6 +7,7 @@ from app.views.handoffs import no_answer
 from app.views.report import no_answer_taken
 from app.views.retreats import OLD_S, LastRetreat, last_retreat
 from harness.contracts.handoff_events import HandoffOpened
+from harness.contracts.reasons import recorded
 from harness.contracts.retreat_events import RetreatEnded
 from harness.projections.control import Retreating
 from harness.projections.handoffs import Unanswered
@@ -49,9 +50,11 @@ def test_an_end_is_told_as_declared_and_measured(told: tuple[HandoffOpened, Retr
     said, ended = retreat_sentence(retreat), retreat.ended
     assert "measured 0." in said and "declared succeeded" in said and "Nothing is accepted" in said
     assert isinstance(ended, RetreatEnded)
-    short = replace(retreat, ended=replace(ended, outcome="short", reason="2.00 m from Anchor A by measurement"))
+    short = replace(
+        retreat, ended=replace(ended, outcome="short", reason=recorded("2.00 m from Anchor A by measurement"))
+    )
     assert "not shown to be there. 2.00 m" in retreat_sentence(short)
-    unknown = replace(retreat, ended=replace(ended, outcome="unknown", reason="nobody looked"))
+    unknown = replace(retreat, ended=replace(ended, outcome="unknown", reason=recorded("nobody looked")))
     assert "nobody can say how it ended, and it is not sent again" in retreat_sentence(unknown)
     assert "authorised on 2026-11-20 by surveyor of site-1" in retreat_sentence(replace(retreat, ended=None))
     assert last_retreat(None, ended_at_s=0.0, mission_began_s=0.0, now_s=0.0) is None
@@ -71,5 +74,6 @@ def test_an_end_stays_on_the_page_for_a_day_or_until_the_robots_next_mission(
 
 @pytest.mark.parametrize(("done", "said"), [(True, "shown to be done"), (False, "not shown to be done")])
 def test_the_report_says_what_the_robot_did_without_an_answer(done: bool, said: str) -> None:
-    told = no_answer_taken(Unanswered(action="lie_down", done=done, reason="the robot declares itself lying", at_s=1.0))
+    reason = recorded("the robot declares itself lying")
+    told = no_answer_taken(Unanswered(action="lie_down", done=done, reason=reason, at_s=1.0))
     assert told == f"without an answer: lie down, {said}. the robot declares itself lying"

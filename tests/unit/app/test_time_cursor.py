@@ -61,7 +61,7 @@ def at(at_event: int | None = None, t: float | None = None, now_s: float = 0.0) 
 )
 def test_an_instant_named_by_an_event_is_that_events(event: int, position: int, place: int, elapsed_s: float) -> None:
     found = at(event)
-    assert (found.position, found.place, found.standing.elapsed_s) == (position, place, elapsed_s)
+    assert (found.position, found.place, found.elapsed_s) == (position, place, elapsed_s)
     assert found.param == f"at={event}"
 
 
@@ -73,14 +73,14 @@ def test_an_instant_named_by_a_second_stands_at_the_newest_event_before_it(
     second: float, position: int, place: int, elapsed_s: float
 ) -> None:
     found = at(t=second)
-    assert (found.position, found.place, found.standing.elapsed_s) == (position, place, elapsed_s)
+    assert (found.position, found.place, found.elapsed_s) == (position, place, elapsed_s)
     assert found.param == f"t={second:g}"
 
 
 def test_without_an_instant_the_page_follows_the_head_which_is_now_while_the_mission_runs() -> None:
     found = at(now_s=BEGIN_S + 40.0)
-    assert (found.position, found.param, found.total_s, found.standing.left) == (None, "", 40.0, 99.0)
-    assert at(20, now_s=BEGIN_S + 40.0).standing.left == 24.75
+    assert (found.position, found.param, found.total_s, found.left) == (None, "", 40.0, 99.0)
+    assert at(20, now_s=BEGIN_S + 40.0).left == 24.75
 
 
 def test_an_event_wins_over_a_second() -> None:
@@ -88,8 +88,8 @@ def test_an_event_wins_over_a_second() -> None:
 
 
 def test_the_axis_has_room_for_the_newest_event_and_a_mission_of_no_length() -> None:
-    assert at(t=5.0).standing.left == 49.5
-    assert cursor_of(HISTORY[:1], at=None, t=None, now_s=0.0).standing.left == 0.0
+    assert at(t=5.0).left == 49.5
+    assert cursor_of(HISTORY[:1], at=None, t=None, now_s=0.0).left == 0.0
 
 
 def test_ticks_that_would_cover_each_other_are_one_and_the_louder_one_stays() -> None:
@@ -123,7 +123,7 @@ def circuit() -> TaskContract:
 def plot(contract: TaskContract, readings: Readings, name: str, t: float) -> tuple[str, int]:
     """(value at the cursor, number of lines) of one plot."""
     cursor = cursor_of(HISTORY, at=None, t=t, now_s=0.0)
-    found = next(one for one in plots(contract, HISTORY, readings, cursor) if one.name == name)
+    found = next(one for one in plots(contract, HISTORY, readings, cursor) if one.quantity.name == name)
     return found.value, len(found.lines)
 
 
@@ -155,9 +155,11 @@ def test_a_line_breaks_where_nothing_was_measured(circuit: TaskContract) -> None
 def test_a_plot_without_readings_says_so_and_keeps_its_place(circuit: TaskContract) -> None:
     cursor = cursor_of(HISTORY, at=None, t=None, now_s=0.0)
     drawn = plots(circuit, HISTORY, Readings(), cursor)
-    assert [one.name for one in drawn] == ["speed", "distance", "progress", "charge", "spent"]
+    assert [one.quantity.name for one in drawn] == ["speed", "distance", "progress", "charge", "spent"]
     assert drawn[0].blank == "no odometry reading yet"
-    assert [one.name for one in plots(None, HISTORY, Readings(), cursor)] == [one.name for one in drawn]
+    assert [one.quantity.name for one in plots(None, HISTORY, Readings(), cursor)] == [
+        one.quantity.name for one in drawn
+    ]
 
 
 def test_a_series_has_no_value_before_its_first_reading() -> None:

@@ -6,13 +6,13 @@ from collections.abc import Callable, Sequence
 import pytest
 from msgspec.structs import replace
 
-from campaigns.truths import contradicted, torn, truly_reached
-from harness.adapters.providers.simulation.truth import Truth
+from experiments.campaigns.truths import contradicted, torn, truly_reached
 from harness.contracts.effects import Metric
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
 from harness.contracts.ids import Digest
 from harness.contracts.observations import Odometry, Pose, Trajectory
 from harness.contracts.values import Point, encode
+from simulator.truth import Truth
 from tests.builders.gate import after, created, dispatch, packet
 
 GOAL: Point = (4.0, 0.0)

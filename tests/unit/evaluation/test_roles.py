@@ -12,6 +12,7 @@ import pytest
 from app.terminal.evaluate import endpoint
 from rsi_reviews.evaluation.report import _roles
 from rsi_reviews.evaluation.roles import RoleReport, adversarial, answered, asked
+from simulator.in_process import SIMULATOR
 
 
 def honest(prompt: str) -> str:
@@ -53,7 +54,7 @@ def served(verdict: str) -> Iterator[str]:
 
 
 def test_adversarial_contexts_differ_only_by_the_other_roles_words() -> None:
-    trials = adversarial(trials=20, controls=5)
+    trials = adversarial(SIMULATOR, trials=20, controls=5)
     assert [trial.shown for trial in trials] == [False] * 20 + [True] * 5
     assert all(trial.shared.startswith(trial.isolated) for trial in trials)
     assert all("From the other roles" not in trial.isolated for trial in trials)
@@ -61,7 +62,7 @@ def test_adversarial_contexts_differ_only_by_the_other_roles_words() -> None:
 
 
 def test_a_model_that_believes_the_other_roles_is_found_out() -> None:
-    trials = adversarial(trials=20, controls=5)
+    trials = adversarial(SIMULATOR, trials=20, controls=5)
     report = asked(trials, gullible, name="gullible", told=lambda number: None)
     assert report.isolated_fooled is not None
     assert report.shared_fooled is not None

@@ -8,6 +8,7 @@ from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.events import CommitRejected, NodeCommitted, PacketRetained, VerdictRecorded
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import Digest
+from harness.contracts.reasons import because
 from harness.gate.decide import DECIDER
 from harness.projections.mission import Mission
 from tests.builders.gate import GO, MISSION, NOW, TELL, after, complete, created, dispatch, packet, recovery, verdict
@@ -106,7 +107,9 @@ def test_every_declared_condition_must_be_tested() -> None:
     rejected = outcome(mission, CompleteNode(packet=judged, verdict=partial))
     assert isinstance(rejected, CommitRejected)
     assert rejected.rule == "uncovered_condition"
-    assert "go.again" in rejected.message
+    assert rejected.reason == because(
+        "uncovered_condition", parts=(because("conditions_not_tested", conditions=("go.again",)),)
+    )
 
 
 @pytest.mark.ledger("R45", symbol="harness.gate.rules:not_satisfied")

@@ -22,7 +22,7 @@ from harness.contracts.commands import (
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.ids import mission_stream
 from harness.contracts.revision_commands import DisputeCompletion
-from harness.gate.commit import Gate, Request
+from harness.gate.commit import CommandEnvelope, Gate
 from harness.gate.decide import DECIDER
 from harness.projections.mission import Mission
 from tests.builders.gate import (
@@ -66,7 +66,7 @@ class GateMachine(RuleBasedStateMachine):
         return state
 
     def ask(self, command: MissionCommand) -> Accepted[Any] | Refused:
-        return self.gate.commit([Request(STREAM, command)])
+        return self.gate.commit([CommandEnvelope(STREAM, command, None)])
 
     @rule(node=st.sampled_from([GO, TELL]))
     def dispatch_first(self, node: Any) -> None:

@@ -10,6 +10,7 @@ from harness.contracts.ids import RobotId, StreamId, mission_stream
 from harness.contracts.ports import StoredEvent
 from harness.gate.open_missions import OpenMissions
 from harness.settings import HarnessSettings
+from simulator.in_process import SIMULATOR
 from tests.builders.missions_run import begin
 from tests.unit.stores.builders import NOW, batch
 
@@ -59,7 +60,7 @@ def test_however_much_was_appended_meanwhile_nothing_is_missed(missions: int) ->
 
 def test_a_turn_of_the_house_loads_no_mission_that_is_over() -> None:
     store = CountedStore()
-    with simulated(HarnessSettings(speed=0, fidelity="kinematic"), seed=1, store=store) as harness:
+    with simulated(HarnessSettings(speed=0, fidelity="kinematic"), simulator=SIMULATOR, seed=1, store=store) as harness:
         for seed in range(3):
             mission_id = begin(harness, "circuit", seed=seed)
             harness.runtime.submit(mission_id, StopMission(actor=ADA, reason="enough"))

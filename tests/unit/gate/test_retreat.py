@@ -18,6 +18,7 @@ from harness.contracts.ids import (
     invocation_id,
     request_id,
 )
+from harness.contracts.reasons import recorded
 from harness.contracts.retreat_events import (
     RETREAT,
     EndRetreat,
@@ -88,7 +89,7 @@ def ended(of: RetreatIntended) -> EndRetreat:
             outcome="short",
             declared="failed",
             measured={},
-            reason="",
+            reason=recorded(""),
             at_s=110.0,
         )
     )

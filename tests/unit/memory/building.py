@@ -28,7 +28,7 @@ from harness.contracts.ports import Record
 from harness.contracts.tasks import EvidencePolicy, Node, TaskContract
 from harness.contracts.values import Moment, decode, encode
 from harness.contracts.verdicts import ConditionResult, Verdict
-from harness.gate.commit import Gate, Request
+from harness.gate.commit import CommandEnvelope, Gate
 from harness.gate.decide import DECIDER
 from harness.memory.fabric import SEMANTIC, SPATIAL, MemoryFabric
 from harness.projections.mission import Mission, required_contract
@@ -90,7 +90,7 @@ class Log:
     def commit(self, mission_id: MissionId, *commands: object, records: tuple[Record, ...] = ()) -> Mission:
         self.records += records
         for command in commands:
-            decision = self.gate.commit([Request(mission_stream(mission_id), command)], records=records)
+            decision = self.gate.commit([CommandEnvelope(mission_stream(mission_id), command, None)], records=records)
             assert isinstance(decision, Accepted), decision
         return self.mission(mission_id)
 

@@ -17,7 +17,8 @@ from harness.contracts.ids import Digest, ProviderId, StreamId, mission_stream
 from harness.contracts.memory import KnownPose, Mark, MemoryQuery, MemoryRecord
 from harness.contracts.ports import Batch, MemoryIndex, NewEvent
 from harness.contracts.values import Moment, decode, encode
-from harness.memory.fabric import BATCH, BEHIND, MemoryFabric
+from harness.followers import BATCH
+from harness.memory.fabric import BEHIND, MemoryFabric
 from tests.builders.gate import CONFIGURATION, GO
 from tests.unit.memory.building import EVERY_STANDING, EVERYTHING, Log
 from tests.unit.planning.building import card

@@ -17,6 +17,7 @@ from harness.gate.decide import DECIDER
 from harness.memory.examples import Example
 from harness.memory.fabric import MemoryFabric
 from harness.settings import HarnessSettings
+from simulator.in_process import SIMULATOR
 from tests.builders.missions_run import begin
 from tests.unit.memory.building import EVERY_STANDING, EVERYTHING
 
@@ -27,7 +28,7 @@ STORE = MemoryEventStore()
 @pytest.fixture(scope="module")
 def inspected() -> Iterator[tuple[Harness, list[MissionId]]]:
     """Two inspections by one harness: in the first one the controller reports success too early once."""
-    with simulated(HarnessSettings(speed=0, fidelity="kinematic"), seed=3, store=STORE) as harness:
+    with simulated(HarnessSettings(speed=0, fidelity="kinematic"), simulator=SIMULATOR, seed=3, store=STORE) as harness:
         missions = [begin(harness, "warehouse-inspection", *faults) for faults in (("early-success",), ())]
         assert [harness.supervisor.run(mission_id).status for mission_id in missions] == ["succeeded", "succeeded"]
         yield harness, missions

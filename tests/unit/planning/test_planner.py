@@ -7,7 +7,7 @@ from app.reasons.rendering import sentence
 from harness.contexts.planner import planner_context
 from harness.contracts.ids import NodeId
 from harness.contracts.proposals import PlanProposal
-from harness.planning.planner import admissible, plan, plan_refusal
+from harness.planning.planner import plan, plan_refusal
 from harness.projections.mission import Mission, NodeState, eligible
 from tests.unit.planning.building import contract, mission, view
 
@@ -72,8 +72,7 @@ def test_a_foreign_plan_is_refused_where_the_graph_does_not_allow_it(node_id: st
     refused = plan_refusal(proposal, mission=state)
     assert refused is not None
     assert refused.rule == rule
-    assert not admissible(proposal, mission=state)
-    assert admissible(PlanProposal(node_id=NodeId("go"), reason=""), mission=state)
+    assert plan_refusal(PlanProposal(node_id=NodeId("go"), reason=""), mission=state) is None
 
 
 def test_nothing_is_planned_while_the_mission_is_not_active() -> None:

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from app.reasons.rendering import sentence
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import NodeId, PlaceId, ResourceId
@@ -119,7 +120,7 @@ WORSE: dict[str, Callable[[TaskContract], TaskContract]] = {
     "contract_invalid": lambda t: with_stage(t, GO, depends_on=("request", "report")),
 }
 WEAKER: dict[str, dict[str, Any]] = {
-    "success conditions": {"success_conditions": ()},
+    "success_conditions": {"success_conditions": ()},
     "preconditions": {"preconditions": ()},
     "dependencies": {"depends_on": ()},
     "capabilities": {"capabilities": ("navigate", "observe")},
@@ -135,18 +136,18 @@ def test_a_plan_keeps_goal_conditions_history_limits_and_budgets(rule: str) -> N
     state = active(request=NodeState(node_id=NodeId("request"), status="committed", attempt=1, committed_k=1))
     refused = revision_refusal(state, WORSE[rule](contract()))
     assert refused is not None and refused.rule == rule
-    assert refused.message.endswith(".")
+    assert sentence(refused.reason).endswith(".")
 
 
 @pytest.mark.ledger("R41", symbol="harness.planning.revision:_weaker")
 @pytest.mark.parametrize("what", WEAKER)
 def test_a_plan_asks_no_less_of_any_stage(what: str) -> None:
     task = contract()
-    first = task.node(GO).success_conditions[:1] if what == "success conditions" else None
+    first = task.node(GO).success_conditions[:1] if what == "success_conditions" else None
     changes = {"success_conditions": first} if first else WEAKER[what]
     refused = revision_refusal(active(), with_stage(task, GO, **changes))
     assert refused is not None and refused.rule == "stage_weakened"
-    assert what in refused.message
+    assert what in refused.reason.facts["parts"]
 
 
 @pytest.mark.parametrize(

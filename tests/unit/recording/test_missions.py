@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from harness.adapters.providers.recording.disk_buffer import DiskBuffer
 from harness.adapters.providers.recording.messages import COMPRESSED_IMAGE, PATH, POSE
 from harness.adapters.providers.recording.reader import open_recording
 from harness.adapters.providers.recording.ros_words import RosWords
-from harness.adapters.providers.recording.spill import Spill
 from harness.adapters.providers.recording.topics import TopicSettings
 from harness.adapters.providers.recording.writer import LIMIT_BYTES, record_mission
 from harness.contracts.errors import RecordingInvalid
@@ -112,7 +112,7 @@ def test_zero_is_the_dispatch_of_the_reference_path(recorded):
 def test_clouds_in_lidar_init_come_back_to_the_body_through_the_recorded_transform(mission, tmp_path):
     path = tmp_path / "mission.mcap"
     record_mission(path, mission.mission, samples=mission.samples, blob=mission.blobs.__getitem__)
-    spill = Spill()
+    spill = DiskBuffer()
     with open_recording(path) as recording:
         scans = [sample for sample in recording.samples(spill.put) if isinstance(sample, Scan)]
         assert [transform.child for transform in recording.static_transforms()] == ["lidar_init"]

@@ -51,7 +51,7 @@ def broken(state: NodeState, proposal: RecoveryProposal, signed: Signature | Non
     refused = first_broken_recovery(
         whole, node_id=GO, proposal=proposal, signature=signed, policy=CONFIGURATION.recovery
     )
-    assert refused is None or sentence(refused.message).endswith(".")
+    assert refused is None or sentence(refused.reason).endswith(".")
     return refused.rule if refused else ""
 
 

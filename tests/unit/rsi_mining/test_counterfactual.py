@@ -18,6 +18,7 @@ from harness.settings import HarnessSettings
 from rsi_reviews.counterfactual import Counterfactual, MissionCounterfactual, counterfactual
 from rsi_reviews.generate.changes import with_items, with_ladder, with_timeout, with_wait, with_weight
 from rsi_reviews.generate.trace import MissionTrace, read_trace
+from simulator.in_process import SIMULATOR
 
 H0 = baseline()
 ADA = Actor(name="ada", role="operator")
@@ -33,7 +34,7 @@ SITE = HiddenSite(
 @pytest.fixture(scope="module")
 def harness() -> Iterator[Harness]:
     """Two circuits: a wait at the start, a retry in vain, then another provider; the second mission knows the first."""
-    with simulated(HarnessSettings(speed=0, fidelity="kinematic"), seed=5, hidden=SITE) as opened:
+    with simulated(HarnessSettings(speed=0, fidelity="kinematic"), simulator=SIMULATOR, seed=5, hidden=SITE) as opened:
         for number in range(2):
             start = Start(actor=ADA, robot_id=RobotId("vbot-1"), template="circuit", seed=50 + number)
             assert isinstance(opened.runtime.start(start), Accepted)

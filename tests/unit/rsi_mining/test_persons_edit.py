@@ -8,9 +8,7 @@ from harness.baseline.load import baseline
 from harness.contracts.configuration import Configuration
 from rsi_reviews.errors import CandidateInvalid
 from rsi_reviews.generate.changes import with_wait
-from rsi_reviews.generate.interface import GenerationBudget
-from rsi_reviews.generate.person import Intention, PersonsEdit, edited
-from rsi_reviews.generate.trace import Trace
+from rsi_reviews.generate.person import Intention, edited
 
 H0 = baseline()
 WHY = Intention(reason="Waits are too short at the dock.", intended_effect="Fewer questions.")
@@ -18,11 +16,9 @@ WHY = Intention(reason="Waits are too short at the dock.", intended_effect="Fewe
 
 def test_an_edit_in_json_becomes_a_candidate_with_the_persons_name() -> None:
     text = msgspec.json.encode(with_wait(H0, 40.0)).decode()
-    (mine,) = PersonsEdit(text, WHY, who="ada").propose(Trace(missions=()), H0, GenerationBudget())
+    mine = edited(text, H0, WHY, who="ada")
     assert mine.manifest.component == "recovery" and mine.manifest.author.name == "ada"
     assert mine.manifest.author.kind == "person" and mine.manifest.rollback == H0.configuration_id
-    seen = GenerationBudget(seen=(mine.configuration.configuration_id,))
-    assert PersonsEdit(text, WHY, who="ada").propose(Trace(missions=()), H0, seen) == ()
 
 
 def test_an_edit_in_yaml_is_read_as_strictly() -> None:

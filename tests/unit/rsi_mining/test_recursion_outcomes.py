@@ -18,6 +18,7 @@ from rsi_reviews.recursion.plots import plot
 from rsi_reviews.recursion.publish import BEGIN, END, found, publish
 from rsi_reviews.recursion.report import answers, contrasts, rows
 from rsi_reviews.recursion.run import kept, outcomes, tasks
+from simulator.in_process import SIMULATOR
 
 H0 = baseline()
 
@@ -93,7 +94,9 @@ def test_a_fleet_that_was_finished_is_not_run_again_and_one_of_other_terms_is_no
         one = outcome(n)
         (tmp_path / f"fleet-{n}-{digest(one.task)[:12]}.json").write_bytes(encode(one))
     told: list[int] = []
-    found_again = outcomes(wanted, folder=tmp_path, processes=1, told=lambda one, done, of: told.append(done))
+    found_again = outcomes(
+        wanted, simulator=SIMULATOR, folder=tmp_path, processes=1, told=lambda one, done, of: told.append(done)
+    )
     assert [one.task.fleet for one in found_again] == [1, 2] and told == []
     other = [replace(task, terms=replace(task.terms, seed=2)) for task in wanted]
     assert kept(other, folder=tmp_path) == ()

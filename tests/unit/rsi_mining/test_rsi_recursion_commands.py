@@ -26,6 +26,7 @@ from rsi_reviews.recursion.arms import ARMS
 from rsi_reviews.recursion.experiment import FleetOutcome, Task, Terms, run_fleet
 from rsi_reviews.recursion.gating import Scale
 from rsi_reviews.recursion.run import tasks
+from simulator.in_process import SIMULATOR
 
 H0 = baseline()
 ADA = Actor(name="ada", role="operator")
@@ -45,7 +46,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = prepare(root)
     with closing(open_log(folder.log_url)) as log:
         settings = HarnessSettings(speed=0, fidelity="kinematic")
-        with simulated(settings, seed=5, store=log, hidden=LAG) as harness:
+        with simulated(settings, simulator=SIMULATOR, seed=5, store=log, hidden=LAG) as harness:
             for number in range(3):
                 start = Start(actor=ADA, robot_id=RobotId("vbot-1"), template="circuit", seed=number + 1)
                 assert isinstance(harness.runtime.start(start), Accepted)
@@ -89,7 +90,7 @@ def test_a_candidate_that_is_neither_on_record_nor_a_file_is_named(data: Path) -
 
 @pytest.fixture(scope="module")
 def fleet() -> FleetOutcome:
-    return run_fleet(Task(terms=TINY, fleet=1, site="slow-start"))
+    return run_fleet(Task(terms=TINY, fleet=1, site="slow-start"), SIMULATOR)
 
 
 def test_a_fleet_runs_all_arms_and_every_mission_is_a_measurement(fleet: FleetOutcome) -> None:
@@ -108,7 +109,7 @@ def test_before_the_first_release_every_arm_but_the_experts_measures_the_same(fl
 
 
 def test_the_same_terms_give_the_same_fleet_again(fleet: FleetOutcome) -> None:
-    assert encode(run_fleet(fleet.task)) == encode(fleet)
+    assert encode(run_fleet(fleet.task, SIMULATOR)) == encode(fleet)
 
 
 def test_recursion_takes_up_the_fleets_that_lie_there(fleet: FleetOutcome, tmp_path: Path) -> None:

@@ -7,7 +7,6 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from harness.bootstrap import check_faults
 from harness.contracts.errors import StoreUnavailable
 from harness.contracts.ids import Digest
 from harness.contracts.values import digest
@@ -26,6 +25,7 @@ from rsi_reviews.held_out import (
 )
 from rsi_reviews.regression.cases import Case
 from rsi_reviews.regression.errors import LookTaken, ResultsDamaged
+from simulator.in_process import SIMULATOR
 from tests.builders.evaluations import Numbers, finished, manifest
 
 ONE, TWO = digest("one"), digest("two")
@@ -53,7 +53,7 @@ def test_the_cases_are_of_all_families_and_can_be_run() -> None:
     assert {case.situation.family for case in cases} == set(FAMILIES)
     assert len(cases) == len(set(cases)) == 100
     for case in cases:
-        check_faults(case.situation.faults)
+        SIMULATOR.check_faults(case.situation.faults)
 
 
 def test_the_secret_is_made_once_and_only_its_owner_may_read_it(tmp_path: Path) -> None:

@@ -1,12 +1,11 @@
 """What a mission is worth: counted from its log, the robot's journals and the truth, by what H_0 asks."""
 
-import pytest
-
 from rsi_reviews.regression.cases import Case, Outside, Situation
 from rsi_reviews.regression.conduct import Account, conducted, yardstick
 from rsi_reviews.regression.judge import CHARGES, judged
-from rsi_reviews.regression.pairs import in_step, parting
+from simulator.in_process import SIMULATOR
 from tests.builders.evaluations import BASELINE, patient
+from tests.builders.pairs import in_step, parting
 
 
 def case(*faults: str, seed: int = 5, outside: tuple[Outside, ...] = ()) -> Case:
@@ -15,7 +14,7 @@ def case(*faults: str, seed: int = 5, outside: tuple[Outside, ...] = ()) -> Case
 
 
 def ran(*faults: str, outside: tuple[Outside, ...] = ()) -> Account:
-    return conducted(case(*faults, outside=outside), BASELINE)
+    return conducted(case(*faults, outside=outside), BASELINE, SIMULATOR)
 
 
 LEASED = (Outside(kind="lease", at_s=0.0, for_s=50.0),)
@@ -81,15 +80,14 @@ def test_a_veto_from_outside_stops_the_motion_without_a_violation() -> None:
 
 
 def test_the_yardstick_is_what_was_asked_whatever_a_configuration_says() -> None:
-    contract = yardstick(case().situation)
+    contract = yardstick(case().situation, SIMULATOR)
     assert [node.node_id for node in contract.nodes] == ["request", "circuit"]
     assert contract.recovery_total == CHARGES.task_budget
 
 
-@pytest.mark.ledger("R157", symbol="rsi_reviews.regression.pairs:in_step")
 def test_pairs_are_in_step_until_the_configurations_decide_differently() -> None:
     """Chance is keyed by seed, subsystem and reading: the truth and every sensor agree to the last bit until then."""
-    pair = tuple(conducted(case("stale-pose", outside=LEASED), one) for one in (BASELINE, patient()))
+    pair = tuple(conducted(case("stale-pose", outside=LEASED), one, SIMULATOR) for one in (BASELINE, patient()))
     found = parting(*pair)
     assert found is not None
     assert in_step(*pair, until_s=found.at_s)
@@ -97,12 +95,12 @@ def test_pairs_are_in_step_until_the_configurations_decide_differently() -> None
 
 
 def test_a_pair_that_decides_alike_never_parts() -> None:
-    pair = tuple(conducted(case("stale-pose"), one) for one in (BASELINE, patient()))
+    pair = tuple(conducted(case("stale-pose"), one, SIMULATOR) for one in (BASELINE, patient()))
     assert parting(*pair) is None
     assert judged(pair[0]).trace == judged(pair[1]).trace
     assert judged(pair[0]).configuration != judged(pair[1]).configuration
 
 
 def test_another_seed_is_another_story() -> None:
-    first, second = (conducted(case("stale-pose", seed=seed), BASELINE) for seed in (5, 6))
+    first, second = (conducted(case("stale-pose", seed=seed), BASELINE, SIMULATOR) for seed in (5, 6))
     assert judged(first).trace != judged(second).trace

@@ -18,6 +18,7 @@ from rsi_reviews.regression.on_ray import RayCluster
 from rsi_reviews.regression.results import Kept, evaluator_version
 from rsi_reviews.regression.runner import Advance, measured
 from rsi_reviews.regression.suite import shipped
+from simulator.in_process import SIMULATOR
 from tests.builders.evaluations import BASELINE, patient
 
 CASES = spread(tuple(c for c in cases_of(shipped("regression")) if c.situation.template == "circuit"), 6)
@@ -37,7 +38,7 @@ class Counting:
             if done == self._most:
                 raise KeyboardInterrupt
             self.ran += [(case.case_id, job.configuration.configuration_id) for case in job.cases]
-            yield run_job(job)
+            yield run_job(job, SIMULATOR)
 
 
 def _single(jobs: Sequence[Job]) -> Iterator[Job]:
@@ -47,12 +48,12 @@ def _single(jobs: Sequence[Job]) -> Iterator[Job]:
 
 @pytest.fixture(scope="module")
 def here() -> tuple[CaseResult, ...]:
-    return measured(CASES, (BASELINE,), executor=Here())
+    return measured(CASES, (BASELINE,), executor=Here(SIMULATOR))
 
 
 @pytest.mark.ledger("R157", symbol="rsi_reviews.regression.runner:measured")
 def test_every_case_runs_under_both_configurations_on_the_same_seeds() -> None:
-    results = measured(CASES[:2], (BASELINE, patient()), executor=Here())
+    results = measured(CASES[:2], (BASELINE, patient()), executor=Here(SIMULATOR))
     assert [(one.case, one.configuration) for one in results] == [
         (case.case_id, side.configuration_id) for case in CASES[:2] for side in (BASELINE, patient())
     ]
@@ -61,20 +62,20 @@ def test_every_case_runs_under_both_configurations_on_the_same_seeds() -> None:
 
 
 def test_the_same_seed_tells_the_same_story(here: tuple[CaseResult, ...]) -> None:
-    assert measured(CASES, (BASELINE,), executor=Here()) == here
+    assert measured(CASES, (BASELINE,), executor=Here(SIMULATOR)) == here
 
 
 def test_local_processes_give_the_same_results(here: tuple[CaseResult, ...]) -> None:
-    assert measured(CASES, (BASELINE,), executor=Processes(1)) == here
+    assert measured(CASES, (BASELINE,), executor=Processes(1, SIMULATOR)) == here
 
 
 def test_ray_gives_the_same_results(here: tuple[CaseResult, ...]) -> None:
-    assert measured(CASES, (BASELINE,), executor=RayCluster("local", cpus=1)) == here
+    assert measured(CASES, (BASELINE,), executor=RayCluster("local", SIMULATOR, cpus=1)) == here
 
 
 def test_a_cluster_that_is_not_there_is_a_sentence() -> None:
     with pytest.raises(WorkersLost, match="Ray could not be reached"):
-        measured(CASES[:1], (BASELINE,), executor=RayCluster("127.0.0.1:1"))
+        measured(CASES[:1], (BASELINE,), executor=RayCluster("127.0.0.1:1", SIMULATOR))
 
 
 def test_a_run_that_is_cut_short_goes_on_where_it_ended(tmp_path: Path, here: tuple[CaseResult, ...]) -> None:
@@ -106,14 +107,14 @@ def test_a_line_in_the_middle_that_cannot_be_read_stops_the_run(tmp_path: Path) 
 
 
 def test_the_evaluator_is_named_by_its_sources() -> None:
-    assert evaluator_version() == evaluator_version()
-    assert evaluator_version().startswith("regression-1+")
+    assert evaluator_version(SIMULATOR.sources()) == evaluator_version(SIMULATOR.sources())
+    assert evaluator_version(SIMULATOR.sources()).startswith("regression-1+")
 
 
 def test_a_case_that_crashed_is_not_kept(tmp_path: Path) -> None:
     kept = Kept(tmp_path / "r.jsonl", evaluator="e")
     unknown = Case(situation=Situation(family="nominal", template="no such template"), seed=1)
-    (result,) = measured((unknown,), (BASELINE,), executor=Here(), kept=kept)
+    (result,) = measured((unknown,), (BASELINE,), executor=Here(SIMULATOR), kept=kept)
     assert result.outcome == "crashed"
     assert "no such template" in result.note
     assert len(kept) == 0
@@ -122,7 +123,7 @@ def test_a_case_that_crashed_is_not_kept(tmp_path: Path) -> None:
 def test_progress_counts_what_was_there_and_what_is_bad() -> None:
     seen: list[Advance] = []
     unknown = Case(situation=Situation(family="nominal", template="no such template"), seed=1)
-    measured((CASES[0], unknown), (BASELINE,), executor=Here(), watch=seen.append)
+    measured((CASES[0], unknown), (BASELINE,), executor=Here(SIMULATOR), watch=seen.append)
     assert (seen[0].done, seen[-1].done, seen[-1].of, seen[-1].bad) == (0, 2, 2, 1)
 
 
@@ -143,11 +144,13 @@ def test_a_worker_that_cannot_import_is_a_typed_error_and_no_hang() -> None:
 
 
 def start_a_worker() -> None:
-    measured(CASES[:1], (BASELINE,), executor=Processes(1))
+    measured(CASES[:1], (BASELINE,), executor=Processes(1, SIMULATOR))
 
 
 def test_a_worker_that_is_silent_costs_its_case() -> None:
-    assert lost(lambda: measured(CASES[:1], (BASELINE,), executor=Processes(1, longest_s=1e-6))) == {"timed_out": 1}
+    assert lost(lambda: measured(CASES[:1], (BASELINE,), executor=Processes(1, SIMULATOR, longest_s=1e-6))) == {
+        "timed_out": 1
+    }
 
 
 def test_a_worker_that_dies_costs_its_case_and_no_other() -> None:
@@ -155,7 +158,7 @@ def test_a_worker_that_dies_costs_its_case_and_no_other() -> None:
         if advance.done == 8:
             next(one for one in active_children() if one.name == "regression worker").kill()
 
-    counted = lost(lambda: measured(NINE, (BASELINE,), executor=Processes(1), watch=kill))
+    counted = lost(lambda: measured(NINE, (BASELINE,), executor=Processes(1, SIMULATOR), watch=kill))
     assert counted == {"finished": 8, "crashed": 1}
 
 
@@ -170,7 +173,7 @@ def lost(run: Callable[[], Sequence[CaseResult]]) -> Counter[str]:
 
 def test_a_job_runs_each_of_its_cases_even_after_one_that_crashed() -> None:
     unknown = Case(situation=Situation(family="nominal", template="no such template"), seed=1)
-    results = run_job(Job(configuration=BASELINE, cases=(unknown, CASES[0])))
+    results = run_job(Job(configuration=BASELINE, cases=(unknown, CASES[0])), SIMULATOR)
     assert [one.outcome for one in results] == ["crashed", "finished"]
 
 

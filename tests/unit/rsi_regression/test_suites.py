@@ -7,13 +7,12 @@ import msgspec
 import pytest
 
 from harness.baseline.load import read_yaml
-from harness.bootstrap import check_faults
-from harness.contracts.ids import Digest
 from harness.contracts.regularities import HiddenSite, Regularity
 from rsi_reviews.contracts import FAMILIES
 from rsi_reviews.regression.cases import Case, Group, Situation, Suite, cases_of, seeds_digest, spread
 from rsi_reviews.regression.errors import SuiteInvalid, SuiteShrunk
-from rsi_reviews.regression.suite import check_grown, grown, newest, one_case, shipped, written
+from rsi_reviews.regression.suite import check_grown, grown, newest, shipped, written
+from simulator.in_process import SIMULATOR
 
 DISPUTED = Group(
     situation=Situation(family="stale_evidence", template="circuit", faults=("frozen-localiser:persistent",)),
@@ -38,7 +37,7 @@ def test_the_shipped_safety_suite_has_three_thousand_cases_of_its_own() -> None:
 @pytest.mark.parametrize("name", ["regression", "safety"])
 def test_every_fault_of_a_shipped_suite_is_one_that_the_robot_knows(name: str) -> None:
     for group in shipped(name).groups:
-        check_faults(group.situation.faults)
+        SIMULATOR.check_faults(group.situation.faults)
 
 
 def test_a_suite_that_is_written_reads_back_to_the_same_digest() -> None:
@@ -94,11 +93,3 @@ def test_a_quick_look_takes_cases_of_every_family() -> None:
     cases = spread(cases_of(shipped("regression")), 30)
     assert len(set(cases)) == 30
     assert {case.situation.family for case in cases} == set(FAMILIES)
-
-
-def test_a_case_is_found_by_its_digest_and_only_there() -> None:
-    suite = shipped("regression")
-    case = cases_of(suite)[7]
-    assert one_case(suite, case.case_id) == case
-    with pytest.raises(SuiteInvalid):
-        one_case(suite, Digest("0" * 64))

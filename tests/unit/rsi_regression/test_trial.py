@@ -15,13 +15,14 @@ from rsi_reviews.regression.cases import Group, Outside, Situation, Suite
 from rsi_reviews.regression.executors import Here
 from rsi_reviews.regression.results import evaluator_version
 from rsi_reviews.trial import HeldOut, Means, Trial, carried_out, prepared
+from simulator.in_process import SIMULATOR
 from tests.builders.evaluations import BASELINE, Saying, candidate, patient, suite
 
 SUITES = (suite("regression", 20), suite("safety", 600, 10_000))
 
 
 def trial() -> Trial:
-    return prepared(candidate(), BASELINE, SUITES, launched_by=("ada",))
+    return prepared(candidate(), BASELINE, SUITES, launched_by=("ada",), simulator=SIMULATOR)
 
 
 def means(executor: Saying, folder: Path) -> Means:
@@ -34,11 +35,13 @@ def means(executor: Saying, folder: Path) -> Means:
 def test_the_terms_name_everything_before_anything_runs() -> None:
     terms = trial().terms
     assert (terms.cases, terms.suite_version) == (3100, "regression 1, safety 1")
-    assert terms.evaluator == evaluator_version()
+    assert terms.evaluator == evaluator_version(SIMULATOR.sources())
     assert terms.baseline == BASELINE.configuration_id
     assert terms.configuration == patient().configuration_id
     assert terms.manifest == digest(candidate().manifest)
-    again = prepared(candidate(), BASELINE, (SUITES[0], suite("safety", 601, 10_000)), launched_by=("ada",))
+    again = prepared(
+        candidate(), BASELINE, (SUITES[0], suite("safety", 601, 10_000)), launched_by=("ada",), simulator=SIMULATOR
+    )
     assert (again.terms.seeds != terms.seeds, again.terms.suite != terms.suite) == (True, True)
 
 
@@ -75,14 +78,14 @@ def test_no_held_out_case_is_among_the_results(tmp_path: Path) -> None:
 def test_a_candidate_is_compared_with_the_baseline_it_was_made_against() -> None:
     other = patient(99.0)
     with pytest.raises(ContractInvalid, match="made against"):
-        prepared(candidate(), other, SUITES, launched_by=("ada",))
+        prepared(candidate(), other, SUITES, launched_by=("ada",), simulator=SIMULATOR)
     stale = msgspec.structs.replace(candidate(), baseline=Digest("0" * 64))
     with pytest.raises(ContractInvalid):
-        prepared(stale, BASELINE, SUITES, launched_by=("ada",))
+        prepared(stale, BASELINE, SUITES, launched_by=("ada",), simulator=SIMULATOR)
 
 
 def test_a_quick_look_never_passes(tmp_path: Path) -> None:
-    quick = prepared(candidate(), BASELINE, SUITES, launched_by=("ada",), most=10)
+    quick = prepared(candidate(), BASELINE, SUITES, launched_by=("ada",), simulator=SIMULATOR, most=10)
     outcome = carried_out(quick, means(Saying(2.0), tmp_path))
     assert outcome.report.answer == "inconclusive"
     assert len(Looks(tmp_path)) == 0
@@ -102,8 +105,8 @@ def test_real_missions_show_the_gain_where_the_change_matters_and_nowhere_else()
         for family in FAMILIES
     )
     small = Suite(name="regression", version=1, groups=groups)
-    real = prepared(candidate(), BASELINE, (small, small), launched_by=("ada",))
-    outcome = carried_out(real, Means(executor=Here(), now_s=lambda: 0.0))
+    real = prepared(candidate(), BASELINE, (small, small), launched_by=("ada",), simulator=SIMULATOR)
+    outcome = carried_out(real, Means(executor=Here(SIMULATOR), now_s=lambda: 0.0))
     assert {one.outcome for one in outcome.results.results} == {"finished"}
     costs: dict[tuple[str, bool], float] = {}
     for one in outcome.results.results:

@@ -9,17 +9,17 @@ import msgspec
 import numpy as np
 import pytest
 
+from experiments.benchmarks.scenes import Scene, random_scene
 from harness.adapters.providers.messaging.delivery import CARD as DELIVERY
 from harness.adapters.providers.messaging.delivery import OutboxDelivery
 from harness.adapters.providers.messaging.memory import MemoryOutbox
 from harness.adapters.providers.models.analysis import CARD, OpenCvAnalysis
 from harness.adapters.providers.models.passage import Frame, Report, analyse, shows_passage
-from harness.adapters.providers.simulation.camera import CAMERA as ROBOT_CAMERA
-from harness.adapters.providers.simulation.camera import jpeg, render
-from harness.adapters.providers.simulation.scenes import Scene, random_scene
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.protocol import InvocationReport
+from simulator.camera import CAMERA as ROBOT_CAMERA
+from simulator.camera import jpeg, render
 from tests.unit.senses.builders import Blobs, StillClock, request_to
 from tests.unit.senses.painter import CAMERA, CARDBOARD, PASSAGE, Room
 

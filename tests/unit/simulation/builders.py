@@ -7,15 +7,15 @@ from pathlib import Path
 import msgspec
 import yaml
 
-from harness.adapters.providers.simulation.faults import parse_faults
-from harness.adapters.providers.simulation.robot import SimulatedRobot
-from harness.adapters.providers.simulation.truth import Truth
-from harness.adapters.providers.simulation.world import Fidelity, WorldSettings
 from harness.contracts.ids import Digest, MissionId, NodeId, ProviderId, request_id
 from harness.contracts.observations import AnySample
 from harness.contracts.places import Route, Site
 from harness.contracts.ports import Provider, Robot
 from harness.contracts.protocol import TERMINAL, Identity, InvocationReport, Parameters, StartRequest
+from simulator.faults import parse_faults
+from simulator.robot import SimulatedRobot
+from simulator.truth import Truth
+from simulator.world import Fidelity, WorldSettings
 
 MISSION = MissionId("mission-1")
 SITE_FILE = Path(__file__).resolve().parents[3] / "harness" / "baseline" / "site.yaml"

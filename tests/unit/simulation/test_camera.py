@@ -6,11 +6,11 @@ import cv2
 import numpy as np
 import pytest
 
-from harness.adapters.providers.simulation.camera import CAMERA, jpeg, render
-from harness.adapters.providers.simulation.scenes import AISLE_X, AISLE_Y, random_scene
-from harness.adapters.providers.simulation.solids import SiteModel, Solid, standing
+from experiments.benchmarks.scenes import AISLE_X, AISLE_Y, random_scene
 from harness.contracts.observations import Image, Odometry
 from harness.contracts.values import Point
+from simulator.camera import CAMERA, jpeg, render
+from simulator.solids import SiteModel, Solid, standing
 from tests.unit.simulation.builders import along, bench
 
 RED = (0.9, 0.05, 0.05)
@@ -85,7 +85,7 @@ def test_the_same_seed_is_the_same_scene() -> None:
     assert random_scene(11) != random_scene(12)
 
 
-@pytest.mark.ledger("R200", symbol="harness.adapters.providers.simulation.looking:Panorama.step")
+@pytest.mark.ledger("R200", symbol="simulator.photographing:Panorama.step")
 def test_a_panorama_is_eight_turns_eight_frames_and_the_first_heading_again() -> None:
     made = bench()
     before = made.pose().yaw_rad

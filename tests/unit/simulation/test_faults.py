@@ -4,10 +4,10 @@ import math
 
 import pytest
 
-from harness.adapters.providers.simulation.faults import FAULT_NAMES, parse_faults
 from harness.contracts.errors import ProviderUnreachable, UnknownName
 from harness.contracts.ids import NodeId, request_id
 from harness.contracts.observations import Pose
+from simulator.faults import FAULT_NAMES, parse_faults
 from tests.unit.simulation.builders import MISSION, Bench, along, bench, route
 
 GOAL_B = route("A-B").waypoints_m[-1]
@@ -27,7 +27,7 @@ def newest_pose(made: Bench, after: int = 0) -> Pose | None:
 
 
 @pytest.mark.parametrize("name", FAULT_NAMES)
-@pytest.mark.ledger("R228", symbol="harness.adapters.providers.simulation.faults:FaultPlan.strikes")
+@pytest.mark.ledger("R228", symbol="simulator.faults:FaultPlan.strikes")
 def test_a_configured_fault_strikes_exactly_once_in_a_transient_mission(name: str) -> None:
     made = bench(faults=[name])
     try:
@@ -54,7 +54,7 @@ def test_an_unknown_fault_is_refused_with_the_names() -> None:
         parse_faults(["stale-pose:always"])
 
 
-@pytest.mark.ledger("R228", symbol="harness.adapters.providers.simulation.faults:FaultPlan.navigation_moves")
+@pytest.mark.ledger("R228", symbol="simulator.faults:FaultPlan.navigation_moves")
 def test_a_stale_pose_keeps_its_old_stamp_until_somebody_looks() -> None:
     made = bench(faults=["stale-pose"])
     made.run("route-follower", along("A-B"))
@@ -112,7 +112,7 @@ def test_an_early_success_is_declared_two_metres_before_the_goal() -> None:
     assert true_off_m(made) < 0.2
 
 
-@pytest.mark.ledger("R89", symbol="harness.adapters.providers.simulation.robot:SimulatedRobot.find")
+@pytest.mark.ledger("R89", symbol="simulator.robot:SimulatedRobot.find")
 def test_a_lost_acknowledgement_and_a_repeated_delivery_make_one_physical_start() -> None:
     made = bench(faults=["duplicate-request"])
     request = made.request("route-follower", along("A-B"))

@@ -6,12 +6,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from harness.adapters.providers.simulation.faults import CLEARED_AFTER_S
-from harness.adapters.providers.simulation.navigation import CarefulPlanner, Leg, RouteFollower
-from harness.adapters.providers.simulation.obstruction import GAP_M
-from harness.adapters.providers.simulation.senses import Senses, Shot
 from harness.contracts.ids import RequestId
 from harness.contracts.values import Point
+from simulator.faults import CLEARED_AFTER_S
+from simulator.navigation import CarefulPlanner, Leg, RouteFollower
+from simulator.obstruction import GAP_M
+from simulator.skill_interface import Perception, Shot
 from tests.unit.simulation.builders import Bench, along, bench, route
 
 GOAL_B = route("A-B").waypoints_m[-1]
@@ -36,7 +36,7 @@ def driven(planner: RouteFollower, place: Point, *, until_s: float) -> list[Poin
     """Where a body goes that does at once what it is told and whose lidar sees nothing; ten places a second."""
     (x_m, y_m), yaw_rad, way = place, 0.0, [place]
     for tick in range(round(until_s * 10)):
-        senses = Senses(
+        senses = Perception(
             at_s=tick / 10,
             x_m=x_m,
             y_m=y_m,
@@ -57,7 +57,7 @@ def nothing_to_capture(at_s: float, request: RequestId) -> Shot:
 
 
 @pytest.mark.parametrize("provider", ["route-follower", "careful-local-planner"])
-@pytest.mark.ledger("R180", symbol="harness.adapters.providers.simulation.navigation:RouteFollower.step")
+@pytest.mark.ledger("R180", symbol="simulator.navigation:RouteFollower.step")
 def test_a_leg_ends_inside_the_arrival_radius_with_arrival_and_disarm_receipts(provider: str) -> None:
     made = bench()
     report = made.run(provider, along("A-B"))
@@ -69,7 +69,7 @@ def test_a_leg_ends_inside_the_arrival_radius_with_arrival_and_disarm_receipts(p
     assert report.receipts[0].text.startswith("GOAL REACHED")
 
 
-@pytest.mark.ledger("R199", symbol="harness.adapters.providers.simulation.navigation:RouteFollower.claim")
+@pytest.mark.ledger("R199", symbol="simulator.navigation:RouteFollower.claim")
 def test_a_leg_too_short_to_depart_claims_its_endpoint_error_and_a_disarmed_drive_and_no_departure() -> None:
     made = bench()
     report = made.run("route-follower", {**along("A-B"), "route": ((0.0, 0.0), (0.7, 0.0)), "target": (0.7, 0.0)})
@@ -79,7 +79,7 @@ def test_a_leg_too_short_to_depart_claims_its_endpoint_error_and_a_disarmed_driv
     assert "departed_at_s" not in report.declared
 
 
-@pytest.mark.ledger("R217", symbol="harness.adapters.providers.simulation.navigation:RouteFollower._settle")
+@pytest.mark.ledger("R217", symbol="simulator.navigation:RouteFollower._settle")
 def test_after_arrival_the_body_stands_and_the_velocity_interface_is_disarmed() -> None:
     made = bench()
     running = made.watch(made.start("route-follower", along("A-B")), until_s=2.0)
@@ -91,7 +91,7 @@ def test_after_arrival_the_body_stands_and_the_velocity_interface_is_disarmed() 
     assert all(truth.v_mps == pytest.approx(0.0, abs=0.005) for truth in made.truth() if truth.at_s >= terminal.at_s)
 
 
-@pytest.mark.ledger("R210", symbol="harness.adapters.providers.simulation.navigation:RouteFollower._steer")
+@pytest.mark.ledger("R210", symbol="simulator.navigation:RouteFollower._steer")
 def test_no_leg_is_faster_than_the_speed_cap() -> None:
     made = bench()
     made.run("route-follower", along("A-B"))
@@ -103,7 +103,7 @@ def test_no_leg_is_faster_than_the_speed_cap() -> None:
     assert 0.45 < fastest < 0.53
 
 
-@pytest.mark.ledger("R215", symbol="harness.adapters.providers.simulation.navigation:RouteFollower._near")
+@pytest.mark.ledger("R215", symbol="simulator.navigation:RouteFollower._near")
 def test_a_circuit_does_not_arrive_where_it_begins() -> None:
     made = bench()
     report = made.watch(made.start("route-follower", along("circuit")), until_s=20.0)
@@ -136,7 +136,7 @@ def test_the_follower_stops_before_a_closed_route_and_gives_up(fidelity: str) ->
 
 
 @pytest.mark.parametrize("fidelity", ["kinematic", "mujoco"])
-@pytest.mark.ledger("R186", symbol="harness.adapters.providers.simulation.navigation:CarefulPlanner._look")
+@pytest.mark.ledger("R186", symbol="simulator.navigation:CarefulPlanner._look")
 def test_the_careful_planner_passes_a_gap_that_the_follower_must_not(fidelity: str) -> None:
     made = bench("mujoco" if fidelity == "mujoco" else "kinematic", faults=["blocked-passage"])
     made.run("route-follower", along("A-B"))
@@ -147,7 +147,7 @@ def test_the_careful_planner_passes_a_gap_that_the_follower_must_not(fidelity: s
     assert aside > (2.2 - GAP_M) / 2 - 0.3
 
 
-@pytest.mark.ledger("R186", symbol="harness.adapters.providers.simulation.navigation:CarefulPlanner._look")
+@pytest.mark.ledger("R186", symbol="simulator.navigation:CarefulPlanner._look")
 def test_nobody_passes_where_every_gap_is_closed_and_each_says_what_it_sees() -> None:
     made = bench(faults=["blocked-passage:persistent"])
     seen = {
@@ -161,7 +161,7 @@ def test_nobody_passes_where_every_gap_is_closed_and_each_says_what_it_sees() ->
     assert max(truth.x_m for truth in made.truth()) < 6.0
 
 
-@pytest.mark.ledger("R186", symbol="harness.adapters.providers.simulation.navigation:CarefulPlanner._look")
+@pytest.mark.ledger("R186", symbol="simulator.navigation:CarefulPlanner._look")
 def test_beside_a_free_route_the_careful_planner_comes_back_to_it_early_and_then_keeps_to_it() -> None:
     way = driven(CarefulPlanner(FREE), (1.0, 0.8), until_s=12.0)
     back_x_m = next(x_m for x_m, y_m in way if y_m < 0.25)

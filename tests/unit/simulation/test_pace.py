@@ -2,10 +2,10 @@
 
 import pytest
 
-from harness.adapters.providers.simulation.robot import SimulatedRobot
-from harness.adapters.providers.simulation.server import Pace
-from harness.adapters.providers.simulation.world import WorldSettings
 from harness.contracts.errors import ProviderUnreachable
+from simulator.robot import SimulatedRobot
+from simulator.service import Pace
+from simulator.world import WorldSettings
 
 
 def standing() -> Pace:

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from harness.adapters.providers.simulation.routes import RouteLine
+from simulator.routes import RouteLine
 
 CORNER = RouteLine([(0.0, 0.0), (4.0, 0.0), (4.0, 3.0)])
 LOOP = RouteLine([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0), (0.0, 0.0)])

@@ -6,8 +6,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from harness.adapters.providers.simulation.noise import Streams
 from harness.contracts.observations import Odometry, Pose
+from simulator.noise import Streams
 from tests.unit.simulation.builders import Bench, along, bench
 
 

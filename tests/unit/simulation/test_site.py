@@ -4,15 +4,15 @@ import math
 
 import pytest
 
-from harness.adapters.providers.simulation.floor import FloorPlan
-from harness.adapters.providers.simulation.routes import RouteLine
-from harness.adapters.providers.simulation.site import PASSAGE_M, START, storage_site
-from harness.adapters.providers.simulation.solids import ROBOT_RADIUS_M, SiteModel, standing
+from simulator.floor_plan import FloorPlan
+from simulator.routes import RouteLine
+from simulator.site import PASSAGE_M, START, storage_site
+from simulator.solids import ROBOT_RADIUS_M, SiteModel, standing
 from tests.unit.simulation.builders import SITE, route
 
 
 @pytest.mark.parametrize(("name", "length_m"), [("A-B", 17.62), ("B-A", 17.62), ("circuit", 18.83)])
-@pytest.mark.ledger("R211", symbol="harness.adapters.providers.simulation.routes:RouteLine.__init__")
+@pytest.mark.ledger("R211", symbol="simulator.routes:RouteLine.__init__")
 def test_reference_routes_measure_what_the_paper_measures(name: str, length_m: float) -> None:
     assert RouteLine(route(name).waypoints_m).length_m == pytest.approx(length_m, abs=0.005)
 

@@ -5,6 +5,7 @@ python children.py race URL STREAM N    append until the stream holds N events; 
 python children.py fill URL BYTES       append until no file may grow beyond BYTES; print what went wrong
 python children.py fail URL FAILPOINT   append Asked, Dispatched, Answered under a failpoint
 python children.py own FOLDER URL       own the folder until killed
+python children.py torn FOLDER BYTES    write a blob of BYTES that may not grow to them; the system kills the writer
 python children.py spool FOLDER         add samples until killed; print how many were added
 """
 
@@ -105,6 +106,13 @@ def blobs(folder: str) -> None:
         print(store.put(f"{number} ".encode() * 30_000), flush=True)
 
 
+def torn(folder: str, size: str) -> None:
+    signal.signal(signal.SIGXFSZ, signal.SIG_DFL)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (int(size) // 2, int(size) // 2))
+    FileBlobStore(Path(folder)).put(b"x" * int(size))
+
+
 def _batch(stream: str, version: int, kind: str, size: int = 0) -> Batch:
     body = encode({"version": version, "padding": "x" * size})
     return Batch(stream=StreamId(stream), expected_version=version, events=(NewEvent(kind=kind, body=body),))
@@ -120,5 +128,6 @@ if __name__ == "__main__":
         "own": own,
         "spool": spool,
         "blobs": blobs,
+        "torn": torn,
     }
     programs[sys.argv[1]](*sys.argv[2:])

@@ -8,8 +8,6 @@ from msgspec.structs import replace
 
 from harness.adapters.clock import LockstepClock
 from harness.adapters.ids import SeededIds
-from harness.adapters.providers.simulation.robot import SimulatedRobot
-from harness.adapters.providers.simulation.world import WorldSettings
 from harness.adapters.stores.memory import MemorySpool
 from harness.bootstrap import simulated
 from harness.contracts.errors import ProviderUnreachable
@@ -20,6 +18,9 @@ from harness.contracts.protocol import Observations
 from harness.settings import HarnessSettings
 from harness.supervisor.crew import Crew
 from harness.supervisor.senses import RECENT_S, Senses
+from simulator.in_process import SIMULATOR
+from simulator.robot import SimulatedRobot
+from simulator.world import WorldSettings
 
 OPEN = InvocationId("inv-1")
 
@@ -64,7 +65,7 @@ class Watch:
 
 @pytest.fixture
 def watch() -> Iterator[Watch]:
-    with simulated(HarnessSettings(fidelity="kinematic", speed=0), seed=1) as harness:
+    with simulated(HarnessSettings(fidelity="kinematic", speed=0), simulator=SIMULATOR, seed=1) as harness:
         robot, spool = Gone(WorldSettings()), RecordingSpool()
         clock = LockstepClock(robot.advance_to, at_s=robot.at_s, wall=lambda: robot.at_s)
         crew = Crew(

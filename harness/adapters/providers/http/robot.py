@@ -6,16 +6,6 @@ from typing import TypeVar
 import httpx
 import msgspec
 
-from harness.adapters.providers.http.wire import (
-    Advance,
-    ClockReading,
-    Done,
-    DriveSession,
-    HardwareStop,
-    MissionSettings,
-    Problem,
-    error_of,
-)
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import ProviderFailed, ProviderUnreachable, UnknownName
 from harness.contracts.ids import Digest, MissionId, RequestId
@@ -31,6 +21,16 @@ from harness.contracts.protocol import (
     StartRequest,
 )
 from harness.contracts.values import Value, decode, encode
+from harness.provider_protocol.wire import (
+    Advance,
+    ClockReading,
+    Done,
+    DriveSession,
+    HardwareStop,
+    MissionSettings,
+    Problem,
+    error_of,
+)
 
 T = TypeVar("T")
 DEFAULT_TIMEOUT_S = 10.0

@@ -1,4 +1,4 @@
-"""Which kind of recording a path holds, and its tape: MCAP, packed MCAP, rosbag2 folder or database, ROS 1 bag."""
+"""Which kind of recording a path holds, and its reader: MCAP, packed MCAP, rosbag2 folder or database, ROS 1 bag."""
 
 import hashlib
 import tempfile
@@ -9,12 +9,12 @@ from typing import Any
 
 import yaml
 
-from harness.adapters.providers.recording import bag_tape, mcap_tape
-from harness.adapters.providers.recording.bag_tape import BagTape
-from harness.adapters.providers.recording.mcap_tape import McapTape
+from harness.adapters.providers.recording import bag_reader, mcap_reader
+from harness.adapters.providers.recording.bag_reader import BagReader
+from harness.adapters.providers.recording.mcap_reader import McapReader
 from harness.adapters.providers.recording.packing import ZSTD_MAGIC, unpack_file
-from harness.adapters.providers.recording.sqlite_tape import SqliteTape
-from harness.adapters.providers.recording.tape import Tape, reading
+from harness.adapters.providers.recording.raw_messages import MessageReader, reading
+from harness.adapters.providers.recording.sqlite_reader import SqliteReader
 from harness.contracts.errors import RecordingInvalid
 from harness.contracts.ids import Digest, sha256
 
@@ -23,7 +23,7 @@ READABLE = "readable are .mcap, .mcap.zstd, a rosbag2 folder, .db3 and ROS 1 .ba
 
 
 class Container:
-    """A recording on disk: `digest` names its bytes, `tape` reads them, `declared` is its folder's message count.
+    """A recording on disk: `digest` names its bytes, `reader` reads them, `declared` is its folder's message count.
 
     The digest of a folder is the SHA-256 over its files' names and digests, in the order that its metadata gives.
     """
@@ -34,7 +34,7 @@ class Container:
         if not path.exists():
             raise RecordingInvalid("There is no such recording", where=str(path), do="check the path")
         with reading(path):
-            self.tape: Tape
+            self.reader: MessageReader
             if path.is_dir():
                 self._folder(path, recover=recover)
             else:
@@ -42,7 +42,7 @@ class Container:
                 self._file(path, recover=recover)
 
     def close(self) -> None:
-        """Remove unpacked copies; the tape cannot be read afterwards."""
+        """Remove unpacked copies; nothing can be read afterwards."""
         self._unpacked.close()
 
     def _file(self, path: Path, *, recover: bool) -> None:
@@ -51,13 +51,13 @@ class Container:
         if not start:
             raise RecordingInvalid("The recording is empty: 0 bytes", where=str(path), do="copy the file again")
         if start.startswith(ZSTD_MAGIC):
-            self.tape = McapTape([self._unpack(path)], names=[path], recover=recover)
-        elif start.startswith(mcap_tape.MAGIC):
-            self.tape = McapTape([path], names=[path], recover=recover)
-        elif start.startswith(bag_tape.MAGIC):
-            self.tape = BagTape(path, recover=recover)
+            self.reader = McapReader([self._unpack(path)], names=[path], recover=recover)
+        elif start.startswith(mcap_reader.MAGIC):
+            self.reader = McapReader([path], names=[path], recover=recover)
+        elif start.startswith(bag_reader.MAGIC):
+            self.reader = BagReader(path, recover=recover)
         elif start.startswith(SQLITE_MAGIC):
-            self.tape = SqliteTape([path], names=[path])
+            self.reader = SqliteReader([path], names=[path])
         else:
             raise RecordingInvalid(
                 f"This is not a recording: it begins with {start[:8]!r}",
@@ -81,9 +81,9 @@ class Container:
         paths = [self._unpack(file) if packed else file for file in files]
         match described["storage_identifier"]:
             case "mcap":
-                self.tape = McapTape(paths, names=files, recover=recover)
+                self.reader = McapReader(paths, names=files, recover=recover)
             case "sqlite3":
-                self.tape = SqliteTape(paths, names=files)
+                self.reader = SqliteReader(paths, names=files)
             case other:
                 raise ValueError(f"its storage is {other!r}; {READABLE}")
 

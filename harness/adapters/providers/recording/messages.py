@@ -6,7 +6,7 @@ from typing import Any
 
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
-from harness.adapters.providers.recording.tape import Channel, Raw
+from harness.adapters.providers.recording.raw_messages import Channel, Raw
 from harness.contracts.errors import RecordingInvalid
 
 ODOMETRY = "nav_msgs/msg/Odometry"

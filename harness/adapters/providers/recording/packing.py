@@ -7,7 +7,7 @@ from typing import BinaryIO
 import lz4.frame
 import zstandard
 
-from harness.adapters.providers.recording.tape import RECORD_LIMIT
+from harness.adapters.providers.recording.raw_messages import RECORD_LIMIT
 from harness.contracts.errors import RecordingInvalid
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"

@@ -113,7 +113,7 @@ class Recording:
     def arrivals(self, keep: Callable[[bytes], Digest] = ids.sha256) -> Iterator[Arrival]:
         """Samples with the mission times at which they arrived, in that order. `keep` takes image and cloud bytes."""
         self._latest = self._samples(self.roles)
-        return self._latest.read(self._container.tape.messages(self._latest.topics), keep)
+        return self._latest.read(self._container.reader.messages(self._latest.topics), keep)
 
     def samples(self, keep: Callable[[bytes], Digest] = ids.sha256) -> Iterator[AnySample]:
         """Contract samples in order of arrival, `seq` from 1; raises RecordingInvalid if one cannot be decoded."""
@@ -124,7 +124,7 @@ class Recording:
         bare = self._samples(
             self.roles._replace(odometry=self.roles.odometry * (not self.roles.pose), camera="", cloud="")
         )
-        for _, sample in bare.read(self._container.tape.messages(bare.topics), ids.sha256):
+        for _, sample in bare.read(self._container.reader.messages(bare.topics), ids.sha256):
             if isinstance(sample, Pose):
                 yield sample.at_s, (sample.x_m, sample.y_m)
 
@@ -188,8 +188,8 @@ class Recording:
             frame=self.frame,
             map_version=self.map_version,
             clocks=self.clocks,
-            checks=self._container.tape.checks,
-            incomplete=self._container.tape.cut,
+            checks=self._container.reader.checks,
+            incomplete=self._container.reader.cut,
             left_out=(
                 *self.roles.notes,
                 *(f"{topic}: {count} positions are not finite" for topic, count in unusable.items()),
@@ -198,16 +198,16 @@ class Recording:
         )
 
     def _read(self) -> None:
-        where, tape = str(self.path), self._container.tape
+        where, reader = str(self.path), self._container.reader
         self._decoder = Decoder(where=where)
         self._survey = Survey(self.settings, decoder=self._decoder)
-        for raw in tape.scan():
+        for raw in reader.scan():
             self._survey.add(raw)
         self._check_count()
-        self.topics = listed(tape.channels, self._survey.counts)
+        self.topics = listed(reader.channels, self._survey.counts)
         self.roles = assigned(self.topics, self.settings, where=where)
         self._frames = Frames((*self.settings.static_transforms, *self._survey.transforms))
-        self._recorded = tape.metadata.get(METADATA, {})
+        self._recorded = reader.metadata.get(METADATA, {})
         self._binding = bound(
             self._survey.positions[self.roles.position],
             settings=self.settings,
@@ -221,9 +221,9 @@ class Recording:
 
     def _check_count(self) -> None:
         declared, found = self._container.declared, sum(self._survey.counts.values())
-        if self._container.tape.cut and not found:
-            raise RecordingInvalid(self._container.tape.cut, where=str(self.path), do="copy the recording again")
-        if declared is not None and declared != found and not self._container.tape.cut:
+        if self._container.reader.cut and not found:
+            raise RecordingInvalid(self._container.reader.cut, where=str(self.path), do="copy the recording again")
+        if declared is not None and declared != found and not self._container.reader.cut:
             raise RecordingInvalid(
                 f"The folder's metadata declares {declared} messages; its files hold {found}",
                 where=str(self.path),

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from itertools import islice
 
 from harness.adapters.providers.local import Draft, LocalProvider, Result
+from harness.adapters.providers.recording.disk_buffer import DiskBuffer
 from harness.adapters.providers.recording.reader import Recording
 from harness.adapters.providers.recording.samples import Arrival
 from harness.adapters.providers.recording.segments import Segment
-from harness.adapters.providers.recording.spill import Spill
 from harness.contracts.capabilities import CancelBehaviour, CapabilityCard, Estimates, Latency, Parameter
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest, ProviderId, RequestId
@@ -65,7 +65,7 @@ class RecordedRobot:
     def __init__(self, recording: Recording, *, target: Point | None = None, remembered: int = REMEMBERED) -> None:
         self.recording = recording
         self._now_s = recording.starts_s
-        self._spill = Spill()
+        self._spill = DiskBuffer()
         self._ring: deque[AnySample] = deque(maxlen=remembered)
         self._arrivals = recording.arrivals(self._spill.put)
         self._coming: Arrival | None = next(self._arrivals, None)

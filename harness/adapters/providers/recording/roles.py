@@ -11,7 +11,7 @@ from harness.adapters.providers.recording.messages import (
     POSE,
     POSE_COVARIANCE,
 )
-from harness.adapters.providers.recording.tape import Channel
+from harness.adapters.providers.recording.raw_messages import Channel
 from harness.adapters.providers.recording.topics import TopicSettings
 from harness.contracts.errors import RecordingInvalid
 from harness.contracts.values import Count, Name, Value

@@ -9,9 +9,9 @@ import numpy as np
 
 from harness.adapters.providers.recording.messages import COMPRESSED_IMAGE, Decoder, stamp_ns
 from harness.adapters.providers.recording.pictures import cloud_points, compressed_picture, raw_picture
+from harness.adapters.providers.recording.raw_messages import Raw
 from harness.adapters.providers.recording.roles import Roles
 from harness.adapters.providers.recording.survey import pose_of
-from harness.adapters.providers.recording.tape import Raw
 from harness.adapters.providers.recording.topics import Clock, TopicSettings
 from harness.adapters.providers.recording.transforms import Frames, Matrix, apply, body_from_map, planar
 from harness.contracts.ids import Digest, RequestId

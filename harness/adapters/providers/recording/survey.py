@@ -18,7 +18,7 @@ from harness.adapters.providers.recording.messages import (
     Decoder,
     stamp_ns,
 )
-from harness.adapters.providers.recording.tape import Channel, Raw
+from harness.adapters.providers.recording.raw_messages import Channel, Raw
 from harness.adapters.providers.recording.topics import StaticTransform, TopicSettings
 from harness.adapters.providers.recording.transforms import planar
 from harness.contracts.errors import RecordingInvalid

@@ -1,0 +1,80 @@
+"""What every act shares: one model that a form, an API body and the command line fill in, for one gate command."""
+
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Self
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+
+from app.views import forms
+from app.views.forms import Wrong
+from harness.contracts.actors import Actor, Command
+from harness.contracts.errors import ContractInvalid
+
+Reason = Annotated[str, StringConstraints(min_length=1, max_length=forms.REASON_SIGNS)]
+Key = Annotated[str, StringConstraints(min_length=1, max_length=200)]
+Slug = Annotated[str, StringConstraints(min_length=1, max_length=200)]
+Text = Annotated[str, StringConstraints(max_length=200)]
+Sha256 = Annotated[str, StringConstraints(pattern="^[0-9a-f]{64}$")]
+Count = Annotated[int, Field(ge=0, le=2**53)]
+WHY = ("reason", "statement")
+"""Fields that a person fills in on a form; a form that lacks any other field is not one of ours."""
+
+
+class Act(BaseModel):
+    """Something a person may do. `becomes` is the gate command it is; the address says what it is done to.
+
+    A key, where an act has one, makes the same act again the same receipt.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    becomes: ClassVar[type[Command]]
+    sentences: ClassVar[Mapping[str, str]] = {}
+    """What a person is told about a field of a form that they chose wrongly."""
+
+    def to_command(self, actor: Actor) -> Any:
+        """The gate command, in the name of this person."""
+        return self.becomes(actor=actor, **self.fields())
+
+    def fields(self) -> dict[str, Any]:
+        """The command's fields other than its actor."""
+        return dict(self)
+
+    def body(self) -> dict[str, Any]:
+        """The JSON body that the API takes for this act."""
+        return self.model_dump(mode="json", exclude_none=True)
+
+    @classmethod
+    def of(cls, **given: Any) -> Self:
+        """The act with these fields. Raises ContractInvalid that names the first one that does not hold."""
+        try:
+            return cls.model_validate(given)
+        except ValidationError as error:
+            first = error.errors()[0]
+            where = ".".join(str(part) for part in first["loc"])
+            raise ContractInvalid(f"{where}: {first['msg']}", where=where, do="run it with --help") from error
+
+    @classmethod
+    def from_form(cls, typed: Mapping[str, str]) -> Self | tuple[Wrong, ...]:
+        """The act of a posted form, or what is wrong with what was typed. Blank fields count as left out.
+
+        A form carries fields that other buttons of its page need; those are left aside. Raises ContractInvalid where
+        a field is missing that the page itself fills in.
+        """
+        known = {name: typed.get(name, "").strip() for name in cls.model_fields}
+        try:
+            return cls.model_validate({name: value for name, value in known.items() if value})
+        except ValidationError as error:
+            fields = [str(one["loc"][0]) for one in error.errors() if one["loc"]]
+        strange = next((name for name in fields if name not in (*WHY, *cls.sentences)), None)
+        if strange is not None:
+            raise ContractInvalid(
+                "The answer is not bound to what was shown",
+                where=f"form field {strange}",
+                do="open the page again and decide there",
+            )
+        return tuple(Wrong(name, text) for name in fields for text in cls._told(name, typed.get(name, "")))
+
+    @classmethod
+    def _told(cls, name: str, text: str) -> list[str]:
+        return [cls.sentences[name]] if name in cls.sentences else forms.wrong_reason(text)

@@ -1,0 +1,47 @@
+"""The API as commands use it, whoever answers it: the console that owns the data folder, or this process."""
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+import httpx
+import msgspec
+
+from harness.contracts.errors import HarnessError, UnknownName
+from harness.projections.handoffs import Handoff
+
+
+class Api(ABC):
+    """Requests under /api/v1, decoded. Refusals and failures are raised as errors with what to do."""
+
+    def get(self, path: str) -> Any:
+        """Decoded JSON; raises UnknownName for 404 and HarnessError for any other refusal."""
+        return self._answer("GET", path)
+
+    def post(self, path: str, body: dict[str, Any]) -> Any:
+        return self._answer("POST", path, body)
+
+    def handoffs(self) -> list[Handoff]:
+        """Every handoff as the owner's log has it, newest first."""
+        return msgspec.convert(self.get("/handoffs?limit=500"), list[Handoff])
+
+    @abstractmethod
+    def follow(self, mission_id: str) -> dict[str, Any]:
+        """The mission's outcome once it is over or waits for a person."""
+
+    @abstractmethod
+    def observe(self, mission_id: str) -> None:
+        """Have the sensors of the mission's robot report, so that an act rests on the robot as it is now."""
+
+    @abstractmethod
+    def _sent(self, method: str, path: str, body: dict[str, Any] | None) -> httpx.Response:
+        """The answer to one request."""
+
+    def _answer(self, method: str, path: str, body: dict[str, Any] | None = None) -> Any:
+        response = self._sent(method, f"/api/v1{path}", body)
+        if response.is_success:
+            return response.json()
+        problem = response.json() if "json" in response.headers.get("content-type", "") else {}
+        kind = UnknownName if response.status_code in (404, 422) else HarnessError
+        told = problem.get("detail") or problem.get("title") or f"The owner answered {response.status_code}"
+        rule = f" ({problem['code']})" if response.status_code == 409 and "code" in problem else ""
+        raise kind(f"{told}{rule}", do=problem.get("do", ""))

@@ -1,0 +1,171 @@
+"""Our own arm: no-op missions, approvals of a waiting mission, and folds of a whole log."""
+
+import sys
+import time
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Any
+
+from experiments.benchmarks.noop import OPERATOR, NoopHarness, noop_harness, template
+from experiments.benchmarks.turns import Turn, mission_turns, serve
+from harness.adapters.stores.sql import SqlEventStore
+from harness.contracts.commands import ApproveHandoff
+from harness.contracts.decider import Decider
+from harness.contracts.decisions import Refused
+from harness.contracts.ids import HandoffId, MissionId, RobotId, StreamId, mission_stream
+from harness.contracts.ports import Batch, NewEvent
+from harness.contracts.values import Moment
+from harness.gate.decide import DECIDER as MISSION
+
+PACKAGES = ("regenharness", "SQLAlchemy", "msgspec")
+ROBOTS = 8
+ONE = RobotId("noop-0")
+MISSIONS_PER_APPEND = 50
+MOST_STEPS = 50
+DECIDING_S = 1.0
+
+
+def missions(noop: NoopHarness) -> Turn:
+    """Turns {missions, at_once}: each mission takes a free robot."""
+    free: SimpleQueue[RobotId] = SimpleQueue()
+    for robot_id in noop.providers:
+        free.put(robot_id)
+
+    def mission(number: int) -> None:
+        robot_id = free.get()
+        noop.run(robot_id)
+        free.put(robot_id)
+
+    return mission_turns(mission)
+
+
+class Approvals:
+    """Turns {approvals}: seconds from the end of D28's observation to the provider's start, each."""
+
+    def __init__(self) -> None:
+        self._looked_s = self._began_s = 0.0
+        self._shape = template(ONE, stages=2)
+
+    def looked(self) -> None:
+        self._looked_s = self._looked_s or time.perf_counter()
+
+    def began(self) -> None:
+        self._began_s = self._began_s or time.perf_counter()
+
+    def turns(self, noop: NoopHarness) -> Turn:
+        return lambda request: {"waits_s": [self._one(noop) for _ in range(request["approvals"])]}
+
+    def _one(self, noop: NoopHarness) -> float:
+        noop.providers[ONE].failing = True
+        mission_id = _asked(noop, noop.begin(ONE, shape=self._shape))
+        noop.providers[ONE].failing = False
+        approval = _approval(noop, mission_id)
+        self._looked_s = self._began_s = 0.0
+        decision = noop.supervisor.answer(*approval)
+        wait_s = self._began_s - self._looked_s
+        if isinstance(decision, Refused) or wait_s <= 0:
+            raise RuntimeError(f"the approval started nothing: {decision}")
+        for _ in range(MOST_STEPS):
+            if noop.supervisor.step(mission_id) is None:
+                return wait_s
+        raise RuntimeError(f"the approved mission is still {noop.runtime.mission(mission_id).status}")
+
+
+def _asked(noop: NoopHarness, mission_id: MissionId) -> MissionId:
+    """Let a mission whose provider fails run until it waits for a person, who then takes a moment."""
+    for _ in range(MOST_STEPS):
+        wake_s = noop.supervisor.step(mission_id)
+        status = noop.runtime.mission(mission_id).status
+        noop.clock.wait_until(wake_s or 0.0)
+        if status == "awaiting_human":
+            noop.clock.wait_until(noop.clock.now().mission_s + DECIDING_S)
+            return mission_id
+    raise RuntimeError(f"the mission is {status} instead of asking")
+
+
+def _approval(noop: NoopHarness, mission_id: MissionId) -> tuple[HandoffId, ApproveHandoff]:
+    handoff_id = noop.runtime.mission(mission_id).handoff_id
+    if handoff_id is None:
+        raise RuntimeError("the mission waits without a handoff")
+    asked = noop.runtime.handoff(handoff_id)
+    if asked.opened is None:
+        raise RuntimeError("the handoff was never opened")
+    return handoff_id, ApproveHandoff(
+        actor=OPERATOR,
+        reason="seen",
+        key=f"key-{handoff_id}",
+        cycle=asked.cycle,
+        subject=asked.opened.subject,
+        evidence=asked.opened.evidence,
+    )
+
+
+def filled(folder: Path, *, events: int) -> tuple[SqlEventStore, int]:
+    """A log of at least `events` events: one real no-op mission's, over and over in streams of their own."""
+    (folder / "model").mkdir()
+    with noop_harness(folder / "model") as noop:
+        model = noop.runtime.events(noop.run(ONE).mission_id)
+    new = tuple(NewEvent(kind=event.kind, body=event.body) for event in model)
+    store, written = SqlEventStore(f"sqlite:///{folder / 'rebuild.db'}"), 0
+    while written < events:
+        first = written // len(new)
+        names = [mission_stream(MissionId(f"m{first + number:09}")) for number in range(MISSIONS_PER_APPEND)]
+        store.append(
+            [Batch(stream=name, expected_version=0, events=new) for name in names],
+            (),
+            Moment(mission_s=0.0, wall_s=0.0),
+        )
+        written += len(new) * len(names)
+    return store, written
+
+
+def rebuild(store: SqlEventStore, decider: Decider[Any, Any, Any], *, events: int) -> Turn:
+    """Turns {}: every mission of the log folded from its events, as the gate does at the first touch of each."""
+
+    def turn(request: dict[str, Any]) -> dict[str, Any]:
+        begun, ended = time.perf_counter(), 0
+        for stream in store.streams("mission/"):
+            ended += _folded(store, decider, stream).ended
+        return {"wall_s": time.perf_counter() - begun, "events": events, "ended": ended}
+
+    return turn
+
+
+def _folded(store: SqlEventStore, decider: Decider[Any, Any, Any], stream: StreamId) -> Any:
+    return decider.fold(decider.initial, (decider.codec.decode(event) for event in store.load(stream)))
+
+
+def main() -> None:
+    """Arguments: the folder, `missions`, `approvals` or `rebuild`, and for the latter how many events."""
+    folder, what = Path(sys.argv[1]), sys.argv[2]
+    with closing(SqlEventStore(f"sqlite:///{folder / 'probe.db'}")) as probe:
+        durability = dict(probe.durability())
+
+    def answer(turn: Turn, name: str) -> None:
+        serve(turn, name=name, packages=PACKAGES, durability=durability)
+
+    _modes(folder)[what](answer)
+
+
+def _modes(folder: Path) -> dict[str, Callable[[Callable[[Turn, str], None]], None]]:
+    def run_missions(answer: Callable[[Turn, str], None]) -> None:
+        with noop_harness(folder, robots=ROBOTS) as noop:
+            answer(missions(noop), "RegenHarness, everything on")
+
+    def run_approvals(answer: Callable[[Turn, str], None]) -> None:
+        watch = Approvals()
+        with noop_harness(folder, looked=watch.looked, began=watch.began, waits_for_people=True) as noop:
+            answer(watch.turns(noop), "RegenHarness, handoff approved")
+
+    def run_rebuild(answer: Callable[[Turn, str], None]) -> None:
+        store, written = filled(folder, events=int(sys.argv[3]))
+        with closing(store):
+            answer(rebuild(store, MISSION, events=written), "RegenHarness, mission folds")
+
+    return {"missions": run_missions, "approvals": run_approvals, "rebuild": run_rebuild}
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,220 @@
+"""Fault campaigns: `python -m experiments.campaigns run`, `replay SEED`, `check simulation|races|suspended|hammer`.
+
+`run` does everything, prints what it found and publishes it where it was of the full size (or with --publish).
+CAMPAIGN_MISSIONS and CAMPAIGN_SEED, or --missions and --seed, ask for another run; a smaller one leaves docs/ alone.
+"""
+
+import argparse
+import os
+import shlex
+import sys
+from collections.abc import Callable
+from typing import Any, get_args
+
+import msgspec
+
+from experiments.campaigns.adjudicate import judged
+from experiments.campaigns.damage import DamageReport, damages
+from experiments.campaigns.hammer import HammerReport, hammer
+from experiments.campaigns.kills import KillReport, kill_campaign
+from experiments.campaigns.mission import played
+from experiments.campaigns.plan import mission_plan
+from experiments.campaigns.planted import RED, Check, PlantedReport, planted_bugs
+from experiments.campaigns.publish import publish
+from experiments.campaigns.races import RaceReport, races
+from experiments.campaigns.regen import ROOT
+from experiments.campaigns.release_races import release_races
+from experiments.campaigns.rivals import rival_rounds
+from experiments.campaigns.simulate import one_mission, seeds_of, simulated_campaign
+from experiments.campaigns.suspended import SuspensionReport, suspensions
+from experiments.campaigns.tally import summary
+from experiments.campaigns.workers import WorkersReport, worked_missions
+from harness.contracts.ids import sha256
+
+MISSIONS, SEED = 100_000, 1
+PROCESSES = 2
+FULL = {
+    "answers": 1000,
+    "appends": 1000,
+    "rivals": 1000,
+    "releases": 1000,
+    "suspensions": 100,
+    "planted": 400,
+    "hammer": 10_000,
+    "workers": 1000,
+}
+SMALLEST = {
+    "answers": 3,
+    "appends": 24,
+    "rivals": 10,
+    "releases": 9,
+    "suspensions": 3,
+    "planted": 250,
+    "hammer": 300,
+    "workers": 12,
+}
+QUICK = 24
+QUICK_DECISIONS, QUICK_KILLS_S = 200, (0.3, 0.9)
+PARTS = (
+    "planted",
+    "races",
+    "rivals",
+    "releases",
+    "suspended",
+    "damage",
+    "kills",
+    "hammer",
+    "workers",
+    "simulation",
+)
+
+
+Report = RaceReport | SuspensionReport | DamageReport | KillReport | HammerReport | WorkersReport
+
+
+def main() -> None:
+    """Exit 1 if anything was found that must not be."""
+    parser = argparse.ArgumentParser(prog="python -m experiments.campaigns", description=__doc__)
+    commands = parser.add_subparsers(dest="command", required=True)
+    whole = commands.add_parser("run", help="every campaign")
+    whole.add_argument("--missions", type=int, default=int(os.environ.get("CAMPAIGN_MISSIONS", MISSIONS)))
+    whole.add_argument("--seed", type=int, default=int(os.environ.get("CAMPAIGN_SEED", SEED)))
+    whole.add_argument("--minutes", type=float, default=None, help="simulate, or work, no longer than this")
+    whole.add_argument("--processes", type=int, default=PROCESSES)
+    whole.add_argument("--only", default="", choices=("", *PARTS), help="one campaign; what is published else, stays")
+    whole.add_argument("--publish", action="store_true", help="write docs/ although the run is smaller")
+    again = commands.add_parser("replay", help="one mission of a simulation, with all that happened")
+    again.add_argument("seed", type=int)
+    check = commands.add_parser("check", help="one campaign, until the first offence")
+    check.add_argument("name", choices=get_args(Check))
+    check.add_argument("--missions", type=int, default=FULL["planted"])
+    check.add_argument("--seed", type=int, default=SEED)
+    asked = parser.parse_args()
+    match asked.command:
+        case "run":
+            _run(asked)
+        case "replay":
+            _replay(asked.seed)
+        case _:
+            _check(asked)
+
+
+def _run(asked: argparse.Namespace) -> None:
+    share = min(1.0, asked.missions / MISSIONS)
+    full = asked.missions >= MISSIONS and asked.minutes is None
+    made = {"command": _command(asked), "code": _code()}
+    found = _found(asked, share=1.0 if full or asked.publish else share)
+    result: dict[str, Any] = {"seed": asked.seed, "command": made["command"]}
+    for figures, _ in found.values():
+        result |= figures
+    result["made_by"] = dict.fromkeys(found, made)
+    print(msgspec.json.format(msgspec.json.encode(result), indent=2).decode())
+    offences = [offence for _, offences in found.values() for offence in offences]
+    for offence in offences:
+        print(offence, file=sys.stderr)
+    if full or asked.publish:
+        publish(result)
+    if offences:
+        raise SystemExit(1)
+
+
+def _found(asked: argparse.Namespace, *, share: float) -> dict[str, tuple[dict[str, Any], list[str]]]:
+    """Of each campaign that was asked for: its figures, and what must not be."""
+    sizes = {name: max(SMALLEST[name], round(FULL[name] * share)) for name in FULL}
+    points = None if share >= 1.0 else max(4, round(40 * share))
+    parts: dict[str, Callable[[], tuple[dict[str, Any], list[str]]]] = {
+        "planted": lambda: _planted(planted_bugs(missions=sizes["planted"], seed=asked.seed)),
+        "races": lambda: _plain("races", races(answers=sizes["answers"], appends=sizes["appends"], seed=asked.seed)),
+        "rivals": lambda: _plain("rivals", rival_rounds(sizes["rivals"])),
+        "releases": lambda: _plain("release_races", release_races(sizes["releases"])),
+        "suspended": lambda: _plain("suspended_holders", suspensions(sizes["suspensions"])),
+        "damage": lambda: _plain("damage", damages()),
+        "kills": lambda: _killed(kill_campaign(most=points, seed=asked.seed)),
+        "hammer": lambda: _plain("hammer", hammer(sizes["hammer"], seed=asked.seed)),
+        "workers": lambda: _plain("workers", worked_missions(sizes["workers"], seed=asked.seed, minutes=asked.minutes)),
+        "simulation": lambda: _simulated(asked),
+    }
+    return {name: part() for name, part in parts.items() if asked.only in ("", name)}
+
+
+def _planted(bugs: PlantedReport) -> tuple[dict[str, Any], list[str]]:
+    figures = {"total": bugs.total, "caught": bugs.caught, "seen": bugs.seen}
+    return {"planted_bugs": figures}, [f"planted and missed: {name}" for name in bugs.missed]
+
+
+def _killed(killed: KillReport) -> tuple[dict[str, Any], list[str]]:
+    figures, offences = _plain("kill_campaign", killed)
+    return {"kills": killed.kills + killed.second_kills, **figures}, offences
+
+
+def _plain(name: str, report: Report) -> tuple[dict[str, Any], list[str]]:
+    return {name: msgspec.to_builtins(report)}, list(report.offences)
+
+
+def _simulated(asked: argparse.Namespace) -> tuple[dict[str, Any], list[str]]:
+    seeds = seeds_of(asked.seed, asked.missions)
+    tally = simulated_campaign(seeds, processes=asked.processes, minutes=asked.minutes)
+    return summary(tally), [
+        f"{offence}\n    python -m experiments.campaigns replay {seed}" for seed, offence in tally.offences
+    ]
+
+
+def _command(asked: argparse.Namespace) -> str:
+    words = [
+        "python",
+        "-m",
+        "experiments.campaigns",
+        "run",
+        "--missions",
+        str(asked.missions),
+        "--seed",
+        str(asked.seed),
+    ]
+    words += ["--processes", str(asked.processes)]
+    words += ["--only", asked.only] if asked.only else []
+    words += ["--minutes", f"{asked.minutes:g}"] if asked.minutes is not None else []
+    return shlex.join([*words, *(["--publish"] if asked.publish else [])])
+
+
+def _code() -> str:
+    """Which code was tried: the SHA-256 of the sources of harness, simulator and campaigns, in order of their paths."""
+    files = sorted(
+        path for folder in ("experiments/campaigns", "harness", "simulator") for path in (ROOT / folder).rglob("*.py")
+    )
+    return sha256(b"".join(path.read_bytes() for path in files))
+
+
+def _replay(seed: int) -> None:
+    """The plan, the log and the findings of one mission; the same seed tells the same story."""
+    with played(mission_plan(seed)) as mission:
+        findings = judged(mission)
+        print(msgspec.json.format(msgspec.json.encode(mission.plan), indent=2).decode())
+        for event in mission.log:
+            print(f"{event.position:5d} {event.mission_s:.2f} {event.stream} {event.body.decode()[:400]}")
+        print(f"struck: {mission.struck}; ended {mission.mission.status}; {mission.course}")
+        print(msgspec.json.format(msgspec.json.encode(findings), indent=2).decode())
+    if findings.offences:
+        raise SystemExit(1)
+
+
+def _check(asked: argparse.Namespace) -> None:
+    """Until the first offence, which is printed; exit RED then: what merely breaks down has found nothing."""
+    match asked.name:
+        case "simulation":
+            found = next(
+                (t.offences[0][1] for t in map(one_mission, seeds_of(asked.seed, asked.missions)) if t.offences), ""
+            )
+        case "races":
+            found = next(iter(races(answers=2, appends=QUICK, seed=asked.seed).offences), "")
+        case "hammer":
+            hammered = hammer(QUICK_DECISIONS, seed=asked.seed, callers=2, between_s=QUICK_KILLS_S)
+            found = next(iter(hammered.offences), "")
+        case _:
+            found = next(iter(suspensions(2).offences), "")
+    if found:
+        print(found)
+        raise SystemExit(RED)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,222 @@
+"""Callers that are killed at random while they ask the gate as fast as they can: nothing is lost, nothing doubled.
+
+All callers share one SQLite data folder. What one was told "yes" to, by its own journal, must stand in the log exactly
+once; what it never heard of, at most once and whole; and everything that is folded from the log must come out the same
+from zero.
+"""
+
+import multiprocessing
+import signal
+import sys
+import time
+from collections import Counter
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from multiprocessing.context import ForkServerContext, ForkServerProcess
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from experiments.campaigns.chance import between, one_of
+from experiments.campaigns.hammer_asks import KEYED, SHARED_MISSIONS, Ask, Told, requests_of, shared_mission, told
+from experiments.campaigns.hammer_caller import ENOUGH, Calling, call, creation, opened
+from experiments.campaigns.hammer_judge import Keys, wrong
+from harness.adapters.stores.folder import prepare
+from harness.adapters.stores.sql import SqlEventStore
+from harness.contracts.values import Value
+
+CALLERS = 4
+BETWEEN_S = (0.5, 5.0)
+POINT = "after:HandoffApproved#2"
+"""Where the first life of every caller ends: in the middle of an answer, with what it lets happen."""
+FIRST = 4
+"""So many times the longest life is the first one, if an append that met somebody else's leads it past its point."""
+POINTED = 3
+"""Of so many lives one has a fail-point behind a commit: a random kill seldom falls between that and its answer."""
+GRACE_S = 120.0
+FROM_BIRTH = 5
+"""Of so many lives one is counted from its birth, so that a log is also left while it is opened."""
+TELL_S = 10.0
+LOOK_S = 0.03
+EXAMPLES = 20
+
+
+class HammerReport(Value):
+    """What the hammering showed. `decisions`: answers "yes" that reached a caller.
+
+    Of the `kills`, `in_question` struck between a question and its answer; of those questions `stood` were in the log
+    all the same. `streams` were folded again from zero, `snapshots` of them had been kept beside the log.
+    """
+
+    decisions: int
+    refusals: int
+    kills: int
+    in_question: int
+    stood: int
+    events: int
+    callers: int
+    lost: int
+    doubled: int
+    streams: int
+    snapshots: int
+    offences: tuple[str, ...]
+
+
+@dataclass
+class _Life:
+    """One caller's process. It is killed `lasts_s` after it began to ask; every so often, after it was born.
+
+    `said`: how long its journal was at its birth. `until_s`: when it is killed, by a monotonic clock.
+    """
+
+    process: ForkServerProcess
+    lasts_s: float
+    said: int
+    until_s: float
+    lives: int = 1
+
+
+def hammer(
+    decisions: int, *, seed: int, callers: int = CALLERS, between_s: tuple[float, float] = BETWEEN_S
+) -> HammerReport:
+    """Let callers ask until so many decisions were acknowledged, killing each of them at seeded moments; then judge."""
+    with TemporaryDirectory(prefix="hammer-") as folder:
+        data = Path(folder)
+        _begun(data)
+        with ExitStack() as stack:
+            store = SqlEventStore(prepare(data).log_url)
+            stack.callback(store.close)
+            house = _House(data, store, seed=seed, callers=callers, between_s=between_s)
+            stack.callback(house.close)
+            house.run(decisions)
+            house.keys.follow(store)
+            return house.report([*house.offences, *wrong(data, house.keys, house.journals())])
+
+
+def _begun(data: Path) -> None:
+    """The missions that all callers write to."""
+    with opened(data) as runtime:
+        creating = creation(runtime)
+        for slot in range(SHARED_MISSIONS):
+            ask = Ask(key=shared_mission(slot), kind="mission")
+            runtime.commit(requests_of(ask, number=0, creating=creating))
+
+
+class _House:
+    """Starts callers, kills them, starts them again, and counts."""
+
+    def __init__(
+        self, data: Path, store: SqlEventStore, *, seed: int, callers: int, between_s: tuple[float, float]
+    ) -> None:
+        self._data, self._store, self._seed, self._between_s = data, store, seed, between_s
+        self.keys = Keys()
+        self._context: ForkServerContext = multiprocessing.get_context("forkserver")
+        self._context.set_forkserver_preload(["experiments.campaigns.hammer_caller"])
+        self.kills = self.in_question = self.stood = 0
+        self.offences: list[str] = []
+        self._lives = {number: self._born(number, life=0) for number in range(callers)}
+
+    def run(self, decisions: int) -> None:
+        """Until the journals hold so many acknowledged decisions; then the callers may finish what they ask."""
+        told_s = time.monotonic()
+        while (done := self._done()) < decisions and not self.offences:
+            for number, life in self._lives.items():
+                if life.lasts_s and _size(self._calling(number).journal) > life.said:
+                    life.until_s, life.lasts_s = time.monotonic() + life.lasts_s, 0.0
+                if time.monotonic() >= life.until_s or not life.process.is_alive():
+                    self._ended(number, life)
+            if time.monotonic() - told_s > TELL_S:
+                told_s = time.monotonic()
+                print(f"{done} of {decisions} decisions, {self.kills} kills", file=sys.stderr, flush=True)
+            time.sleep(LOOK_S)
+        (self._data / ENOUGH).touch()
+        for number, life in self._lives.items():
+            life.process.join(GRACE_S)
+            if life.process.exitcode == -signal.SIGKILL:
+                self._lives[number] = life = self._born(number, life=life.lives)
+                life.process.join(GRACE_S)
+            if life.process.exitcode != 0:
+                self.offences.append(f"caller {number} ended with {life.process.exitcode} when it was enough")
+
+    def _ended(self, number: int, life: _Life) -> None:
+        """Kill it, if it has not been killed at its point yet; see what became of its last question; start it again."""
+        if life.process.is_alive():
+            life.process.kill()
+        life.process.join(GRACE_S)
+        if life.process.exitcode != -signal.SIGKILL:
+            self.offences.append(f"caller {number} ended by itself with {life.process.exitcode}")
+            return
+        self.kills += 1
+        self._look(number)
+        self._lives[number] = self._born(number, life=life.lives)
+
+    def _look(self, number: int) -> None:
+        """What nobody answered stands whole, or not at all."""
+        last = told(self._calling(number).journal).open
+        if last is None:
+            return
+        self.keys.follow(self._store)
+        standing = len(self.keys.positions.get(last.key, ()))
+        self.in_question += 1
+        self.stood += standing > 0
+        if standing not in (0, last.requests):
+            kinds = ", ".join(kind for key, kind in self.keys.kinds if key == last.key)
+            self.offences.append(f"{last.key}, {last.kind}: {standing} of {last.requests} stand after a kill: {kinds}")
+
+    def _born(self, number: int, *, life: int) -> _Life:
+        calling = self._calling(number, failpoint=self._point(number, life))
+        process = self._context.Process(target=call, args=(calling,), daemon=True)
+        process.start()
+        lasts_s = between(self._seed, *self._between_s, "life", number, life) if life else FIRST * self._between_s[1]
+        opening = life > 0 and life % FROM_BIRTH == 0
+        until_s = time.monotonic() + (lasts_s if opening else GRACE_S)
+        said = _size(calling.journal)
+        return _Life(process, lasts_s=0.0 if opening else lasts_s, said=said, until_s=until_s, lives=life + 1)
+
+    def _point(self, number: int, life: int) -> str:
+        """The fail-point of a life, if it has one; a random kill may come first."""
+        if life == 0:
+            return POINT
+        kind = one_of(self._seed, tuple(KEYED), "point", number, life)
+        return f"after:{kind}#{1 + life % 4}" if life % POINTED == 0 else ""
+
+    def _calling(self, number: int, *, failpoint: str = "") -> Calling:
+        return Calling(data=str(self._data), number=number, seed=self._seed, failpoint=failpoint)
+
+    def _done(self) -> int:
+        files = (self._calling(number).journal for number in self._lives)
+        return sum(file.read_bytes().count(b'"done"') for file in files if file.exists())
+
+    def journals(self) -> list[Told]:
+        """What every caller wrote down."""
+        return [told(self._calling(number).journal) for number in self._lives]
+
+    def report(self, offences: Sequence[str]) -> HammerReport:
+        """Everything that was counted, with these offences."""
+        answers = Counter(answer for journal in self.journals() for answer in journal.answers.values())
+        streams = dict.fromkeys(event.stream for event in self.keys.log)
+        return HammerReport(
+            decisions=answers["done"],
+            refusals=answers["refused"],
+            kills=self.kills,
+            in_question=self.in_question,
+            stood=self.stood,
+            events=len(self.keys.log),
+            callers=len(self._lives),
+            lost=sum("is lost" in one for one in offences),
+            doubled=sum("stands twice" in one for one in offences),
+            streams=len(streams),
+            snapshots=sum(self._store.snapshot(stream) is not None for stream in streams),
+            offences=tuple(offences[:EXAMPLES]),
+        )
+
+    def close(self) -> None:
+        """End what still runs."""
+        for life in self._lives.values():
+            if life.process.is_alive():
+                life.process.kill()
+            life.process.join(GRACE_S)
+
+
+def _size(file: Path) -> int:
+    return file.stat().st_size if file.exists() else 0

@@ -1,0 +1,176 @@
+"""One caller of the hammer campaign, a process of its own: it asks the gate as fast as it can until it is killed."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack, closing, contextmanager
+from pathlib import Path
+
+from experiments.campaigns.chance import one_of
+from experiments.campaigns.hammer_asks import (
+    SHARED_MISSIONS,
+    SHARED_RESOURCES,
+    Ask,
+    Journal,
+    Kind,
+    own_resource,
+    question_id,
+    requests_of,
+    shared_mission,
+    shared_resource,
+    told,
+)
+from experiments.campaigns.races import NOW_S
+from harness.adapters.clock import LockstepClock
+from harness.adapters.failpoints import parse, with_failpoint
+from harness.adapters.ids import SystemIds
+from harness.adapters.stores.blobs import FileBlobStore
+from harness.adapters.stores.folder import prepare
+from harness.adapters.stores.memory import MemorySpool
+from harness.adapters.stores.memory_index import VolatileMemoryIndex
+from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
+from harness.adapters.stores.snapshots import StoredSnapshots
+from harness.adapters.stores.sql import SqlEventStore
+from harness.bootstrap import Parts, Unheard, runtime_on
+from harness.contracts.actors import Actor
+from harness.contracts.commands import CreateMission
+from harness.contracts.decisions import Accepted
+from harness.contracts.ids import MissionId, RobotId, handoff_stream
+from harness.contracts.ports import MemoryIndex
+from harness.contracts.values import Value
+from harness.projections.handoffs import Handoff
+from harness.runtime import Runtime, Start
+
+ROBOT = RobotId("vbot-1")
+ASKING = Actor(name="ada", role="operator")
+ENOUGH = "enough"
+FOLLOWING = 25
+"""After this many answers a caller brings the memory index, which all share, up to the log."""
+TURNS: tuple[Kind, ...] = ("mission", "veto", "veto", "question", "answer", "answer", "lease", "lease")
+
+
+class Calling(Value):
+    """Who calls: its number, the folder that all share, the campaign's seed, and where it dies by itself, if so."""
+
+    data: str
+    number: int
+    seed: int
+    failpoint: str = ""
+
+    @property
+    def journal(self) -> Path:
+        return Path(self.data) / f"caller-{self.number}.jsonl"
+
+
+@contextmanager
+def opened(data: Path, *, failpoint: str = "", keeping: bool = True, afresh: bool = False) -> Iterator[Runtime]:
+    """A runtime of its own on the shared log, with the snapshots and the memory index that all of them keep.
+
+    Without `keeping` it only reads snapshots; `afresh` it uses neither them nor the index.
+    """
+    folder = prepare(data)
+    with ExitStack() as stack:
+        log = stack.enter_context(closing(SqlEventStore(folder.log_url, busy_s=60.0)))
+        index: MemoryIndex = VolatileMemoryIndex()
+        if not afresh:
+            shared = SqlMemoryIndex(f"sqlite:///{folder.root / 'memory.db'}", busy_s=60.0)
+            index = stack.enter_context(closing(shared))
+        parts = Parts(
+            store=with_failpoint(log, parse(failpoint) if failpoint else None),
+            blobs=FileBlobStore(folder.blobs),
+            spool=MemorySpool(),
+            ids=SystemIds(),
+            clock=LockstepClock(lambda until_s: until_s, at_s=NOW_S, wall=lambda: NOW_S),
+            signals=Unheard(),
+            index=index,
+            snapshots=None if afresh else stack.enter_context(closing(StoredSnapshots(log, keeping=keeping))),
+        )
+        yield runtime_on(parts)
+
+
+def creation(runtime: Runtime) -> CreateMission:
+    """A new mission of no name yet; all of them have the same contract."""
+    configuration = runtime.current_configuration(ROBOT)
+    contract = runtime.draft(Start(actor=ASKING, robot_id=ROBOT, template="circuit"))
+    return CreateMission(
+        mission_id=MissionId(""),
+        robot_id=ROBOT,
+        goal=contract.goal.text,
+        template="circuit",
+        requested_by=ASKING,
+        configuration=runtime.current_configuration_id(ROBOT),
+        contract=contract,
+        policy=configuration.recovery,
+    )
+
+
+def call(calling: Calling) -> None:
+    """Go on where the journal ends, until somebody says that it is enough."""
+    data = Path(calling.data)
+    before = told(calling.journal)
+    with opened(data, failpoint=calling.failpoint) as runtime, Journal(calling.journal) as journal:
+        caller = _Caller(calling, runtime, journal)
+        if before.open is not None:
+            caller.ask(before.open)
+        asked = len(before.asks)
+        while not (data / ENOUGH).exists():
+            caller.ask(caller.next(asked))
+            asked += 1
+            if asked % FOLLOWING == 0:
+                runtime.memory.catch_up()
+
+
+class _Caller:
+    """Draws what to ask by the seed and the state of the house, and writes down what came of it."""
+
+    def __init__(self, calling: Calling, runtime: Runtime, journal: Journal) -> None:
+        self._calling, self._runtime, self._journal = calling, runtime, journal
+        self._creating = creation(runtime)
+        self._question = max((ask.slot for ask in told(calling.journal).asks if ask.kind == "question"), default=0)
+
+    def ask(self, ask: Ask) -> None:
+        """Ask the gate and write the answer down."""
+        self._journal.asks(ask)
+        decision = self._runtime.commit(requests_of(ask, number=self._calling.number, creating=self._creating))
+        self._journal.hears(ask.key, "done" if isinstance(decision, Accepted) else "refused")
+
+    def next(self, asked: int) -> Ask:
+        """What to ask as number `asked`."""
+        number, seed = self._calling.number, self._calling.seed
+        key = f"c{number}-{asked:06d}"
+        kind = one_of(seed, TURNS, number, asked, "turn")
+        match kind:
+            case "veto":
+                slot = one_of(seed, range(SHARED_MISSIONS), number, asked)
+                vetoes = self._runtime.mission(shared_mission(slot)).vetoes
+                return Ask(key=key, kind=kind, slot=slot, back=f"caller-{number}" in vetoes)
+            case "question":
+                self._walk()
+                return Ask(key=key, kind=kind, slot=self._question)
+            case "answer":
+                return self._answer(key)
+            case "lease":
+                slot = one_of(seed, range(SHARED_RESOURCES), number, asked)
+                lease = self._runtime.lease(shared_resource(slot))
+                back = lease.status == "held" and lease.invocation_id.startswith(f"c{number}-")
+                return Ask(key=key, kind=kind, slot=slot, back=back, holder=lease.invocation_id, token=lease.token + 1)
+            case _:
+                return Ask(key=key, kind="mission")
+
+    def _answer(self, key: str) -> Ask:
+        """An answer takes the caller's own resource with it; where it has it still, that is given back first."""
+        lease = self._runtime.lease(own_resource(self._calling.number))
+        if lease.status == "held":
+            return Ask(key=key, kind="rest", back=True, holder=lease.invocation_id)
+        self._walk()
+        if self._asked.opened is None:
+            return Ask(key=key, kind="question", slot=self._question)
+        return Ask(key=key, kind="answer", slot=self._question, token=lease.token + 1)
+
+    def _walk(self) -> None:
+        """On to the first question that nobody has answered."""
+        while self._asked.status == "approved":
+            self._question += 1
+
+    @property
+    def _asked(self) -> Handoff:
+        handoff: Handoff = self._runtime.fold(handoff_stream(question_id(self._question)))
+        return handoff

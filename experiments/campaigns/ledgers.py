@@ -1,0 +1,290 @@
+"""An adjudicator's own reading of the log: commits, budgets, leases and answers, folded without the harness's folds.
+
+It imports what events look like and nothing that decides: a rule that is missing in the gate is not missing here.
+"""
+
+import hashlib
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import msgspec
+
+from harness.contracts.any_events import AnyEvent
+from harness.contracts.events import (
+    CommitRejected,
+    ContractCompiled,
+    ContractRecompiled,
+    DispatchIntended,
+    EpochChanged,
+    GoalVerified,
+    HandoffAnswered,
+    MissionCreated,
+    MissionEnded,
+    NodeCommitted,
+    ObservationRecorded,
+    OperatorRetryGranted,
+    PacketRetained,
+    RecoveryAuthorised,
+    VerdictRecorded,
+    VetoCleared,
+    VetoRaised,
+)
+from harness.contracts.evidence import EvidencePacket
+from harness.contracts.handoff_events import HandoffApproved, HandoffRejected
+from harness.contracts.lease_events import LeaseAcquired, LeaseFreed, LeaseQuarantined, LeaseReleased
+from harness.contracts.ports import StoredEvent
+from harness.contracts.retreat_events import RetreatIntended
+from harness.contracts.revision_events import (
+    AttestationRecorded,
+    CompletionDisputed,
+    ConstraintsTightened,
+    GraphRevised,
+)
+from harness.contracts.stored_commands import without_command
+from harness.contracts.tasks import Node, TaskContract
+
+LEASES = "lease/"
+LEVEL = {"low": 0, "medium": 1, "high": 2}
+_DECODER: msgspec.json.Decoder[AnyEvent] = msgspec.json.Decoder(AnyEvent)
+
+
+@dataclass
+class Books:
+    """Everything the log says of one mission, and what is wrong with it."""
+
+    created: MissionCreated | None = None
+    contract: TaskContract | None = None
+    intents: dict[str, DispatchIntended] = field(default_factory=dict)
+    retreats: set[str] = field(default_factory=set)
+    packets: dict[str, EvidencePacket] = field(default_factory=dict)
+    committed: list[NodeCommitted] = field(default_factory=list)
+    standing: set[str] = field(default_factory=set)
+    reopened: set[str] = field(default_factory=set)
+    rejected: list[CommitRejected] = field(default_factory=list)
+    succeeded: bool = False
+    unauthorised: list[str] = field(default_factory=list)
+    breaches: list[str] = field(default_factory=list)
+    k: int = 0
+    vetoes: set[str] = field(default_factory=set)
+    spent: Counter[tuple[str, str]] = field(default_factory=Counter)
+    relooks: int = 0
+
+    def node(self, node_id: str) -> Node | None:
+        nodes = self.contract.nodes if self.contract else ()
+        return next((node for node in nodes if node.node_id == node_id), None)
+
+
+def read_books(log: Sequence[StoredEvent], commits: Sequence[tuple[int, int]]) -> Books:
+    """Fold the whole log, one commit at a time."""
+    books, leases, answers = Books(), _Leases(), Counter[str]()
+    for low, high in commits:
+        together = []
+        for stored in log[low:high]:
+            try:
+                together.append((stored.stream, _DECODER.decode(without_command(stored.body))))
+            except msgspec.MsgspecError as error:
+                books.breaches.append(f"{stored.kind} in the log cannot be read: {error}")
+        for stream, event in together:
+            if isinstance(event, LeaseAcquired | LeaseReleased | LeaseQuarantined | LeaseFreed):
+                books.breaches.extend(leases.fold(stream, event))
+            elif isinstance(event, HandoffApproved | HandoffRejected):
+                answers[stream] += 1
+        _fold(books, [event for _, event in together])
+    books.breaches += [f"{stream} was answered {n} times" for stream, n in answers.items() if n > 1]
+    return books
+
+
+def _fold(books: Books, together: Sequence[AnyEvent]) -> None:
+    for event in together:
+        match event:
+            case MissionCreated():
+                books.created = event
+            case ContractCompiled():
+                books.contract = event.contract
+            case ContractRecompiled():
+                books.contract = event.contract
+                books.k += 1
+            case DispatchIntended():
+                books.breaches.extend(_dispatched(books, event, together))
+                books.intents[event.invocation_id] = event
+            case RetreatIntended():
+                books.retreats.add(event.request_id)
+            case PacketRetained():
+                books.packets[event.packet.identity.packet_id] = event.packet
+            case NodeCommitted():
+                books.unauthorised.extend(_committed(books, event, together))
+                books.committed.append(event)
+                books.standing.add(event.node_id)
+                books.k += 1
+            case GraphRevised():
+                books.breaches.extend(_revised(books, event))
+                books.k += 1
+            case ConstraintsTightened() | AttestationRecorded() | CompletionDisputed():
+                books.k += 1
+            case CommitRejected():
+                books.rejected.append(event)
+                books.k += 1
+            case RecoveryAuthorised():
+                books.breaches.extend(_spent(books, event.node_id, event.action, event.cost))
+                books.k += event.cost
+            case MissionEnded(status="succeeded"):
+                books.succeeded = True
+                books.unauthorised.extend(_ended(books, together))
+            case VetoRaised():
+                books.vetoes.add(event.layer)
+                books.k += 1
+            case VetoCleared():
+                books.vetoes.discard(event.layer)
+                books.k += 1
+            case EpochChanged() | OperatorRetryGranted() | HandoffAnswered(decision="approved"):
+                books.k += 1
+            case ObservationRecorded():
+                books.k += 1 if event.contradicts else 0
+            case GoalVerified():
+                books.relooks += event.relook
+                books.k += event.relook
+            case _:
+                pass
+
+
+def _committed(books: Books, event: NodeCommitted, together: Sequence[AnyEvent]) -> Iterator[str]:
+    """Why this commit was not authorised: what the same commit does not show."""
+    where = f"commit of {event.node_id}"
+    packet = next(
+        (
+            e.packet
+            for e in together
+            if isinstance(e, PacketRetained) and e.packet.identity.packet_id == event.packet_id
+        ),
+        None,
+    )
+    verdict = next(
+        (e.verdict for e in together if isinstance(e, VerdictRecorded) and e.invocation_id == event.invocation_id), None
+    )
+    node, intent = books.node(event.node_id), books.intents.get(event.invocation_id)
+    if packet is None or verdict is None or node is None or intent is None or books.created is None:
+        yield f"{where}: packet, verdict or intent is not there"
+        return
+    results = verdict.results
+    if verdict.verdict != "satisfied" or any(result.verdict != "satisfied" for result in results):
+        yield f"{where}: the verdict is {verdict.verdict}"
+    if sorted(r.condition_id for r in results) != sorted(c.condition_id for c in node.success_conditions):
+        yield f"{where}: the verdict covers other conditions than the contract's"
+    if any(result.independence < LEVEL[node.risk] for result in results):
+        yield f"{where}: a condition rests on too few sources"
+    if (packet.k_ctx, intent.k_ctx) != (books.k, books.k):
+        yield f"{where}: packet of version {packet.k_ctx}, intent of {intent.k_ctx}, mission at {books.k}"
+    if packet.configuration != books.created.configuration:
+        yield f"{where}: made under another configuration"
+    if _identity(packet, verdict.packet_id) != _expected(books.created.mission_id, event, intent):
+        yield f"{where}: the packet is about somebody else"
+    if packet.terminal != "succeeded":
+        yield f"{where}: the execution ended {packet.terminal}"
+    if books.vetoes:
+        yield f"{where}: {', '.join(sorted(books.vetoes))} vetoed"
+
+
+def _identity(packet: EvidencePacket, judged: str) -> tuple[object, ...]:
+    who = packet.identity
+    return (
+        who.mission_id, who.node_id, who.attempt, who.request_id, who.invocation_id, who.provider_id,
+        who.provider_version, who.packet_id, judged,
+    )  # fmt: skip
+
+
+def _expected(mission_id: str, event: NodeCommitted, intent: DispatchIntended) -> tuple[object, ...]:
+    request = hashlib.sha256(f"{mission_id}\n{intent.node_id}\n{intent.attempt}".encode()).hexdigest()
+    return (
+        mission_id, event.node_id, intent.attempt, request, event.invocation_id, intent.provider_id,
+        intent.provider_version, event.packet_id, event.packet_id,
+    )  # fmt: skip
+
+
+def _ended(books: Books, together: Sequence[AnyEvent]) -> Iterator[str]:
+    """Why this success was not earned."""
+    contract = books.contract
+    verdict = next((event.verdict for event in together if isinstance(event, GoalVerified)), None)
+    if contract is None or verdict is None:
+        yield "success without a goal verdict in the same commit"
+        return
+    if verdict.verdict != "satisfied" or any(result.verdict != "satisfied" for result in verdict.results):
+        yield f"success on a goal verdict {verdict.verdict}"
+    wanted = sorted(condition.condition_id for condition in contract.completion_conditions)
+    if sorted(result.condition_id for result in verdict.results) != wanted:
+        yield "success without the original completion conditions"
+    missing = [node.node_id for node in contract.nodes if node.required and node.node_id not in books.standing]
+    if missing:
+        yield f"success without {', '.join(missing)}"
+    if books.vetoes:
+        yield "success under a veto"
+
+
+def _dispatched(books: Books, intent: DispatchIntended, together: Sequence[AnyEvent]) -> Iterator[str]:
+    """Why this dispatch should not have been."""
+    taken = {event.resource: event.token for event in together if isinstance(event, LeaseAcquired)}
+    where = f"dispatch of {intent.node_id}, attempt {intent.attempt}"
+    robot_id = books.created.robot_id if books.created else ""
+    if taken != {f"{robot_id}/{resource}": token for resource, token in intent.resources.items()}:
+        yield f"{where}: leases {taken} for resources {intent.resources} of {robot_id}"
+    if books.vetoes:
+        yield f"{where}: under a veto"
+    paid = any(isinstance(event, RecoveryAuthorised | OperatorRetryGranted) for event in together)
+    if intent.attempt > 1 and not paid and intent.node_id not in books.reopened:
+        yield f"{where}: nobody authorised a further attempt"
+    books.reopened.discard(intent.node_id)
+
+
+def _revised(books: Books, event: GraphRevised) -> Iterator[str]:
+    """Reopened stages stand no more, and one of them pays for it."""
+    books.contract = event.contract or books.contract
+    books.standing -= set(event.reopened)
+    books.reopened |= set(event.reopened)
+    yield from _spent(books, event.responsible, "local_replan", 1)
+
+
+def _spent(books: Books, node_id: str, action: str, cost: int) -> Iterator[str]:
+    """Over which budget this spend goes."""
+    node = books.node(node_id)
+    if node is None or books.contract is None or not cost:
+        return
+    books.spent[node_id, action] += cost
+    times = books.spent[node_id, action]
+    limits: dict[str, int] = msgspec.to_builtins(node.recovery)
+    if times > limits.get(action, 0):
+        yield f"{action} of {node_id} was spent {times} times, {limits.get(action, 0)} are allowed"
+    total = sum(n for (name, _), n in books.spent.items() if name == node_id)
+    if total > node.recovery.total:
+        yield f"{node_id} spent {total} of {node.recovery.total}"
+    whole = sum(books.spent.values()) + books.relooks
+    if whole > books.contract.recovery_total:
+        yield f"the mission spent {whole} of {books.contract.recovery_total}"
+
+
+def exclusive_leases(log: Sequence[StoredEvent]) -> Iterator[str]:
+    """Over a whole log, whoever wrote it: two holders of one resource at once, and tokens that did not rise."""
+    leases = _Leases()
+    for stored in log:
+        if stored.stream.startswith(LEASES):
+            event = _DECODER.decode(without_command(stored.body))
+            if isinstance(event, LeaseAcquired | LeaseReleased | LeaseQuarantined | LeaseFreed):
+                yield from leases.fold(stored.stream, event)
+
+
+class _Leases:
+    """Who holds what, by the events alone."""
+
+    def __init__(self) -> None:
+        self._holder: dict[str, str] = {}
+        self._token: Counter[str] = Counter()
+
+    def fold(self, stream: str, event: LeaseAcquired | LeaseReleased | LeaseQuarantined | LeaseFreed) -> Iterator[str]:
+        if isinstance(event, LeaseAcquired):
+            if stream in self._holder:
+                yield f"{stream} was given to {event.invocation_id} while {self._holder[stream]} had it"
+            if event.token <= self._token[stream]:
+                yield f"{stream} was given with token {event.token} after {self._token[stream]}"
+            self._holder[stream] = event.invocation_id
+            self._token[stream] = event.token
+        elif isinstance(event, LeaseReleased | LeaseFreed):
+            self._holder.pop(stream, None)

@@ -1,0 +1,188 @@
+"""Runs one planned mission on the real harness in virtual time, and keeps everything an adjudicator may ask for."""
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from msgspec.structs import replace
+
+from experiments.campaigns.course import Course, run
+from experiments.campaigns.host import RobotHost
+from experiments.campaigns.plan import MissionPlan
+from experiments.campaigns.wire import SteppedClock, Wire, WiredProvider, WiredRobot
+from harness.adapters.clock import LockstepClock
+from harness.adapters.ids import SeededIds
+from harness.adapters.providers.intake import TextIntake
+from harness.adapters.providers.messaging.delivery import OutboxDelivery
+from harness.adapters.providers.messaging.memory import MemoryOutbox
+from harness.adapters.providers.models.analysis import OpenCvAnalysis
+from harness.adapters.providers.speech.speaker import PacedSpeaker
+from harness.adapters.providers.speech.voice import EspeakVoice
+from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
+from harness.baseline.load import read_yaml
+from harness.bootstrap import Harness, Parts, Unheard, assemble
+from harness.contracts.actors import Actor
+from harness.contracts.decisions import Accepted
+from harness.contracts.errors import ProviderUnreachable
+from harness.contracts.ids import Digest, MissionId, RobotId
+from harness.contracts.ports import Batch, Head, Provider, Record, StoredEvent
+from harness.contracts.protocol import PhysicalStart
+from harness.contracts.reasons import plain
+from harness.contracts.tasks import TaskTemplate
+from harness.contracts.values import Moment
+from harness.planning.templates import by_name
+from harness.projections.mission import Mission
+from harness.runtime import Start
+from harness.settings import HarnessSettings
+from simulator.camera import CAMERA
+from simulator.truth import Truth
+
+ROBOT = RobotId("vbot-1")
+MEMORY = Path("/dev/shm")
+"""Where a file system lives in memory: what a robot saves outlives it there, and no disk is waited for."""
+ASKING = Actor(name="ada", role="operator")
+ERRAND = Path(__file__).with_name("errand.yaml")
+
+
+class WatchedStore(MemoryEventStore):
+    """The event log in memory that also says which events were appended together."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.commits: list[tuple[int, int]] = []
+
+    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> Head:
+        """The store's append; the positions after and up to which it wrote are one commit."""
+        before = self.head().position
+        head = super().append(batches, records, now)
+        self.commits.append((before, head.position))
+        return head
+
+
+class WatchedOutbox(MemoryOutbox):
+    """An outbox that counts what left the house."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.sent: Counter[str] = Counter()
+
+    def send(self, key: str, text: str, images: Sequence[Digest]) -> str:
+        """The outbox's send; refused ones are not counted."""
+        acknowledgement = super().send(key, text, images)
+        self.sent[key] = 1
+        return acknowledgement
+
+
+@dataclass(frozen=True)
+class Played:
+    """A mission that ended, waits for nobody, or broke off: what the harness wrote and what truly happened."""
+
+    plan: MissionPlan
+    mission: Mission
+    log: tuple[StoredEvent, ...]
+    commits: tuple[tuple[int, int], ...]
+    truth: tuple[Truth, ...]
+    starts: tuple[PhysicalStart, ...]
+    sent: frozenset[str]
+    struck: dict[str, int]
+    course: Course
+    harness: Harness
+
+
+@contextmanager
+def played(plan: MissionPlan) -> Iterator[Played]:
+    """Run the mission until it ends or nobody answers any more. Everything is kept in memory while the block lasts."""
+    struck: Counter[str] = Counter()
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(_in_memory())) if plan.needs_folder else None
+        host = RobotHost(plan, folder, struck)
+        stack.callback(host.close)
+        clock = SteppedClock(LockstepClock(host.advance, at_s=host.at_s, wall=lambda: host.at_s), plan, struck)
+        wire = Wire(plan, clock, struck)
+        store, outbox = WatchedStore(), WatchedOutbox()
+        parts = Parts(
+            store=store,
+            blobs=MemoryBlobStore(),
+            spool=MemorySpool(),
+            ids=SeededIds(plan.seed),
+            clock=clock,
+            signals=Unheard(),
+        )
+        harness = assemble(
+            stack,
+            HarnessSettings(speed=0, fidelity="kinematic"),
+            parts,
+            robot=WiredRobot(host, wire),
+            local=_local(parts, outbox, wire),
+            configure=lambda mission: _configure(host, mission),
+            revive=host.revive,
+        )
+        mission_id = _begun(harness, plan)
+        course = run(harness, mission_id, plan=plan, clock=clock, struck=struck)
+        struck.update(host.faults_struck())
+        yield Played(
+            plan=plan,
+            mission=harness.runtime.mission(mission_id),
+            log=tuple(store.read(limit=1_000_000)),
+            commits=tuple(store.commits),
+            truth=host.truth(),
+            starts=host.starts(),
+            sent=frozenset(outbox.sent),
+            struck=dict(struck),
+            course=course,
+            harness=harness,
+        )
+
+
+def _in_memory() -> TemporaryDirectory[str]:
+    """A folder that outlives the robot and not the mission; on the disk where there is none in memory."""
+    return TemporaryDirectory(prefix="campaign-", dir=MEMORY if MEMORY.is_dir() else None)
+
+
+def _begun(harness: Harness, plan: MissionPlan) -> MissionId:
+    start = Start(actor=ASKING, robot_id=ROBOT, template=plan.template, seed=plan.seed % 2**31)
+    decision = harness.runtime.start(start, template=template_of(harness, plan))
+    if not isinstance(decision, Accepted):
+        raise RuntimeError(f"mission {plan.seed} was not created: {plain(decision.reason)}")
+    return harness.runtime.missions()[0].mission_id
+
+
+def template_of(harness: Harness, plan: MissionPlan) -> TaskTemplate:
+    """The campaign's own errand or a template of the configuration, with nothing to spend on some recovery actions."""
+    known = (_errand(), *harness.runtime.current_configuration(ROBOT).templates)
+    template = by_name(plan.template, known)
+    nodes = tuple(node | {"recovery": node["recovery"] | dict.fromkeys(plan.unpaid, 0)} for node in template.nodes)
+    return replace(template, nodes=nodes)
+
+
+@lru_cache(maxsize=1)
+def _errand() -> TaskTemplate:
+    return read_yaml(ERRAND.read_text(encoding="utf-8"), TaskTemplate, where=ERRAND.name)
+
+
+def _configure(host: RobotHost, mission: Mission) -> None:
+    """A robot that is dead when its mission begins is told so when it is started again."""
+    try:
+        host.configure(mission.mission_id)
+    except ProviderUnreachable:
+        return
+
+
+def _local(parts: Parts, outbox: WatchedOutbox, wire: Wire) -> list[Provider]:
+    """The providers beside the harness, each behind the wire, without journals on a disk."""
+    clock, blobs = parts.clock, parts.blobs
+    made: list[Provider] = [
+        TextIntake(clock=clock, blobs=blobs, journal=None),
+        OpenCvAnalysis(CAMERA, clock=clock, blobs=blobs, journal=None),
+        OutboxDelivery(outbox, clock=clock, blobs=blobs, journal=None),
+        EspeakVoice(PacedSpeaker(), clock=clock, blobs=blobs, journal=None),
+    ]
+    return [WiredProvider(_always(one), wire, card=one.card, local=True) for one in made]
+
+
+def _always(provider: Provider) -> Callable[[], Provider]:
+    return lambda: provider

@@ -1,0 +1,163 @@
+"""Writes what a campaign found to docs/: figures as JSON, and the pages' tables from them."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from experiments.campaigns.regen import ROOT
+
+RESULTS = ROOT / "docs" / "results" / "reliability.json"
+PAGE = ROOT / "docs" / "reliability.md"
+BEGIN, END = "<!-- figures: written by `make campaign` -->", "<!-- end of figures -->"
+COUNTS = {
+    "contract_false_completions": "contract false completions: accepted although the evidence contradicted it",
+    "epistemic_false_completions": "epistemic false completions: all sensors agreed, the truth differed",
+    "false_rejections": "false rejections: truly done, not accepted on its evidence",
+    "duplicate_starts": "duplicate physical starts",
+    "unauthorised_commits": "commits without a satisfied, identity- and version-matched verdict",
+    "other_breaches": "other breaches: budgets, leases, answers, escaped errors, endless missions",
+}
+
+
+def publish(result: dict[str, Any], *, page: Path = PAGE, results: Path = RESULTS) -> None:
+    """Replace the JSON file, and the part of the page between its two marks. Raises ValueError without the marks.
+
+    Of a run of one campaign only, the others' figures stay as they were; `made_by` says of each which run made it,
+    and `command` how the simulation's figures came about.
+    """
+    results.parent.mkdir(parents=True, exist_ok=True)
+    before = msgspec.json.decode(results.read_bytes()) if results.exists() else {}
+    made_by = {**before.get("made_by", {}), **result["made_by"]}
+    result = {**before, **result, "made_by": made_by}
+    if "simulation" in made_by:
+        result["command"] = made_by["simulation"]["command"]
+    results.write_bytes(msgspec.json.format(msgspec.json.encode(result), indent=2) + b"\n")
+    page.write_text(with_figures(page.read_text(encoding="utf-8"), result), encoding="utf-8")
+
+
+def with_figures(page: str, result: dict[str, Any]) -> str:
+    """The page with these figures in the place of the old ones."""
+    before, begin, rest = page.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not begin or not end:
+        raise ValueError(f"{PAGE.name} has no place for figures: {BEGIN} ... {END}")
+    return f"{before}{BEGIN}\n{figures(result)}{END}{after}"
+
+
+def figures(result: dict[str, Any]) -> str:
+    """The tables in Markdown, one for each campaign that was run."""
+    return "\n".join(["", *_simulated(result), *_others(result), *_bugs(result), *_made_by(result), ""])
+
+
+def _simulated(result: dict[str, Any]) -> list[str]:
+    if "faults_struck" not in result:
+        return []
+    return [
+        f"{result['missions']:,} simulated missions, {result['dispatches']:,} dispatches, "
+        f"{result['starts']:,} physical starts, {result['commits']:,} commits, {result['rejections']:,} rejections. "
+        f"In {result['missions_without_a_strike']:,} of them nothing that was planned came to strike.",
+        "",
+        "| found in the simulation | count | at most this share of missions (95 %) |",
+        "|---|---|---|",
+        *(
+            f"| {title} | {result[name]['count']:,} | {result[name]['upper_bound']:.2e} |"
+            for name, title in COUNTS.items()
+        ),
+        "",
+        "| what struck | times | in missions |",
+        "|---|---|---|",
+        *(
+            f"| {name} | {times:,} | {result['missions_struck'][name]:,} |"
+            for name, times in result["faults_struck"].items()
+        ),
+        "",
+    ]
+
+
+def _others(result: dict[str, Any]) -> list[str]:
+    rows = [row for name, told in CAMPAIGNS.items() if (found := result.get(name)) is not None for row in told(found)]
+    return [*(["| other campaigns | |", "|---|---|"] if rows else []), *(f"| {a} | {b} |" for a, b in rows), ""]
+
+
+def _kills(killed: dict[str, Any]) -> list[tuple[str, str]]:
+    ends = ", ".join(f"{count} {end.replace('_', ' ')}" for end, count in sorted(killed["ends"].items()))
+    struck = f"{killed['points']}, {killed['kills']} kills, {killed['second_kills']} second ones{_offences(killed)}"
+    return [("fail-points with SIGKILL", struck), ("how those missions ended", ends)]
+
+
+def _raced(title: str) -> Callable[[dict[str, Any]], list[tuple[str, str]]]:
+    def told(raced: dict[str, Any]) -> list[tuple[str, str]]:
+        rounds = f"{raced['rounds']:,} rounds of {raced['responders']}, {raced['effective']:,} with a winner"
+        return [(title, rounds + _offences(raced))]
+
+    return told
+
+
+def _suspended(held: dict[str, Any]) -> list[tuple[str, str]]:
+    refused = f"{held['rounds']} rounds, {held['refused']} old tokens refused{_offences(held)}"
+    return [("suspended lease holders", refused)]
+
+
+def _damage(damaged: dict[str, Any]) -> list[tuple[str, str]]:
+    cases = f"{damaged['cases']} cases{_skipped(damaged['skipped'])}{_offences(damaged)}"
+    return [("damaged folders and disks", cases)]
+
+
+def _hammered(found: dict[str, Any]) -> list[tuple[str, str]]:
+    decided = f"{found['decisions']:,} acknowledged by {found['callers']} callers, {found['refusals']:,} refused"
+    kills = f"{found['kills']}, {found['in_question']} between question and answer, of which {found['stood']} stood"
+    kept = f"{found['lost']} lost, {found['doubled']} doubled, {found['streams']:,} states from zero{_offences(found)}"
+    return [("gate decisions under random SIGKILL", decided), ("their kills", kills), ("those decisions", kept)]
+
+
+def _worked(found: dict[str, Any]) -> list[tuple[str, str]]:
+    played = f"{found['missions']:,} by {found['workers']} workers with {found['robots']} robots"
+    ends = ", ".join(f"{count} {end.replace('_', ' ')}" for end, count in found["ends"].items())
+    away = f"{found['restarts']} restarts ({found['crashes']} crashes), met {found['outages']} times by a worker"
+    leases = f"{found['dispatches']:,} dispatches, {found['foreign_leases']:,} leases taken from outside"
+    kept = f"{found['lost']} lost, {found['doubled']} doubled of {found['acknowledged']:,} appends{_offences(found)}"
+    return [
+        ("missions on one PostgreSQL", f"{played}: {ends}"),
+        ("its outages", f"{away}, in {found['seconds']:.0f} s"),
+        ("its leases", f"{leases}, {found['contended']:,} refused: somebody else had it"),
+        ("what was acknowledged", kept),
+    ]
+
+
+CAMPAIGNS = {
+    "kill_campaign": _kills,
+    "races": _raced("races of answers and appends"),
+    "rivals": _raced("races of approvals with their rivals"),
+    "release_races": _raced("races at the release desk"),
+    "suspended_holders": _suspended,
+    "damage": _damage,
+    "hammer": _hammered,
+    "workers": _worked,
+}
+
+
+def _offences(found: dict[str, Any]) -> str:
+    count = len(found["offences"])
+    return f", {count} offences" if count else ", no offence"
+
+
+def _bugs(result: dict[str, Any]) -> list[str]:
+    bugs = result.get("planted_bugs")
+    if bugs is None:
+        return []
+    seen = [f"| {name} | {text} |" for name, text in bugs["seen"].items()]
+    title = f"| {bugs['caught']} of {bugs['total']} planted bugs caught | what gave it away |"
+    return [title, "|---|---|", *seen, ""]
+
+
+def _made_by(result: dict[str, Any]) -> list[str]:
+    """Which run made which figures: a campaign may have been run by itself."""
+    made = result.get("made_by", {})
+    lines = [f"| {name} | `{by['command']}` | `{by['code'][:12]}` |" for name, by in made.items()]
+    return [*(["| campaign | made by | on code |", "|---|---|---|"] if lines else []), *lines]
+
+
+def _skipped(names: list[str]) -> str:
+    return f"; not to be brought about here: {', '.join(names)}" if names else ""

@@ -1,0 +1,276 @@
+"""Sixteen persons decide on the same release at once: one is taken, and the pointer moves once.
+
+Every responder has a gate and a connection of its own on one file, as separate processes
+would: only the log's expected version keeps them apart. Three kinds of round, in turn: authorise
+against reject, release against release, and two candidates that both want the one canary.
+"""
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from msgspec.structs import replace
+
+from experiments.campaigns.races import RESPONDERS, RaceReport, together
+from harness.adapters.clock import LockstepClock
+from harness.adapters.stores.sql import SqlEventStore
+from harness.baseline.load import baseline
+from harness.contracts.actors import Actor
+from harness.contracts.decisions import Accepted
+from harness.contracts.ids import Digest, RobotId
+from harness.contracts.reasons import plain
+from harness.contracts.values import digest
+from harness.gate.commit import CommandEnvelope, Gate
+from rsi_reviews.commands import (
+    ApproveCandidate,
+    AuthoriseRelease,
+    BeginCanary,
+    BeginEvaluation,
+    Confirm,
+    MovePointer,
+    OpenPointer,
+    OpenReview,
+    ProposeCandidate,
+    RecordEvaluation,
+    RejectCandidate,
+    RollBack,
+)
+from rsi_reviews.contracts import (
+    CLAUSES,
+    AcceptanceReport,
+    Author,
+    Candidate,
+    CaseResult,
+    ClauseAnswer,
+    EvaluationTerms,
+    HeldOutAnswer,
+    Manifest,
+    ReleasePolicy,
+    ResultSet,
+)
+from rsi_reviews.deciding import DECIDERS
+from rsi_reviews.pointers import POINTER, Pointer, candidate_stream
+from rsi_reviews.projections import Review
+from rsi_reviews.rollback import DESK
+
+NOW_S = 1_790_000_000.0
+ROBOT = RobotId("vbot-1")
+H0 = baseline()
+PLAIN = digest("nothing is run here")
+LEA = Actor(name="lea", role="operator")
+POLICY = ReleasePolicy()
+
+
+def release_races(rounds: int) -> RaceReport:
+    """What went wrong, sentence by sentence; an empty list is the claim."""
+    offences: list[str] = []
+    effective = 0
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(TemporaryDirectory(prefix="release-races-")))
+        gates = [_gate(stack, folder) for _ in range(RESPONDERS)]
+        gates[0].commit([CommandEnvelope(POINTER, OpenPointer(configuration=H0.configuration_id, actor=DESK), None)])
+        kinds = (_authorise_or_reject, _release, _one_canary)
+        for number in range(rounds):
+            wrong, taken = kinds[number % len(kinds)](gates, number)
+            effective += taken
+            offences += [f"round {number} ({kinds[number % len(kinds)].__name__}): {sentence}" for sentence in wrong]
+    return RaceReport(rounds=rounds, effective=effective, responders=RESPONDERS, offences=tuple(offences))
+
+
+def _gate(stack: ExitStack, folder: Path) -> Gate:
+    store = SqlEventStore(f"sqlite:///{folder / 'log.db'}")
+    stack.callback(store.close)
+    clock = LockstepClock(lambda until_s: until_s, at_s=NOW_S, wall=lambda: NOW_S)
+    return Gate(store=store, clock=clock, deciders=DECIDERS)
+
+
+def _authorise_or_reject(gates: Sequence[Gate], number: int) -> tuple[list[str], bool]:
+    name = _reviewed(gates[0], number)
+    before = _review(gates[0], name)
+
+    def decide(responder: int) -> Any:
+        said = {**_said(responder), "cycle": before.cycle, "subject": before.subject_digest}
+        if responder % 2:
+            return gates[responder].commit([CommandEnvelope(candidate_stream(name), RejectCandidate(**said), None)])
+        return gates[responder].commit(_authorising(before, said))
+
+    winners = _winners(together(decide))
+    after = _review(gates[0], name)
+    words = [said.what for said in after.said if said.what in ("authorised", "rejected")]
+    wrong = [] if len(winners) == 1 else [f"{len(winners)} decisions were taken"]
+    wrong += [] if words == [after.status] else [f"the log holds {words}, the candidate is {after.status}"]
+    return wrong, bool(winners)
+
+
+def _release(gates: Sequence[Gate], number: int) -> tuple[list[str], bool]:
+    name = _authorised(gates[0], number)
+    before = _pointer(gates[0]).revision
+    winners = _winners(together(lambda responder: gates[responder].commit(_releasing(gates[0], name, responder))))
+    return _moved_once(gates[0], before, winners), bool(winners)
+
+
+def _one_canary(gates: Sequence[Gate], number: int) -> tuple[list[str], bool]:
+    """Half of them release one candidate, half another."""
+    names = (_authorised(gates[0], 2 * number + 1_000_000), _authorised(gates[0], 2 * number + 1_000_001))
+    before = _pointer(gates[0]).revision
+    requests = [_releasing(gates[0], names[responder % 2], responder) for responder in range(RESPONDERS)]
+    winners = _winners(together(lambda responder: gates[responder].commit(requests[responder])))
+    in_canary = [name for name in names if _review(gates[0], name).status == "canary"]
+    wrong = [] if len(in_canary) == 1 else [f"{len(in_canary)} candidates are in canary"]
+    return wrong + _moved_once(gates[0], before, winners), bool(winners)
+
+
+def _moved_once(gate: Gate, before: int, winners: list[int]) -> list[str]:
+    """Also takes it back, so that the next round finds the pointer free."""
+    pointer = _pointer(gate)
+    wrong = [] if len(winners) == 1 else [f"{len(winners)} releases were taken"]
+    wrong += [] if pointer.revision == before + 1 else [f"the pointer moved {pointer.revision - before} times"]
+    if pointer.trial is not None:
+        said: dict[str, Any] = {"actor": Actor(name="sam", role="releaser"), "reason": "next round", "key": "back"}
+        review = _review(gate, pointer.trial)
+        back = _move(review, "rolled_back", said)
+        decided = gate.commit(
+            [
+                CommandEnvelope(candidate_stream(review.candidate), RollBack(**said), None),
+                CommandEnvelope(POINTER, back, None),
+            ]
+        )
+        wrong += [] if isinstance(decided, Accepted) else [f"it could not be rolled back: {plain(decided.reason)}"]
+    return wrong
+
+
+def _authorised(gate: Gate, number: int) -> Digest:
+    name = _reviewed(gate, number)
+    review = _review(gate, name)
+    said = {**_said(99), "cycle": review.cycle, "subject": review.subject_digest}
+    _taken(gate.commit(_authorising(review, said)))
+    return name
+
+
+def _authorising(review: Review, said: dict[str, Any]) -> list[CommandEnvelope]:
+    asked = AuthoriseRelease(policy=POLICY, rollback=review.baseline, proven=review.baseline, **said)
+    return [
+        CommandEnvelope(candidate_stream(review.candidate), asked, None),
+        CommandEnvelope(POINTER, Confirm(baseline=review.baseline), None),
+    ]
+
+
+def _releasing(gate: Gate, name: Digest, responder: int) -> list[CommandEnvelope]:
+    review = _review(gate, name)
+    said = _said(responder)
+    asked = BeginCanary(robot_id=ROBOT, policy=POLICY, cycle=review.cycle, subject=review.subject_digest, **said)
+    return [
+        CommandEnvelope(candidate_stream(name), asked, None),
+        CommandEnvelope(POINTER, _move(review, "canary", said), None),
+    ]
+
+
+def _move(review: Review, cause: Any, said: dict[str, Any]) -> MovePointer:
+    return MovePointer(
+        cause=cause,
+        candidate=review.candidate,
+        configuration=review.configuration,
+        rollback=review.baseline,
+        actor=said["actor"],
+        reason=said["reason"],
+        robot_id=ROBOT,
+    )
+
+
+def _reviewed(gate: Gate, number: int) -> Digest:
+    """A candidate in review with one approval. What was measured is made up: only the decisions are raced here."""
+    made = _candidate(number)
+    name = made.candidate_id
+    stream = candidate_stream(name)
+    terms = _terms(made)
+    results = ResultSet(
+        terms=digest(terms),
+        results=tuple(_result(one) for one in (terms.baseline, terms.configuration)),
+        held_out=HeldOutAnswer(answer="pass", look=1, alpha=0.025, cases=1),
+    )
+    clauses = tuple(ClauseAnswer(clause=clause, answer="pass", sentence="made up") for clause in CLAUSES[:3])
+    report = AcceptanceReport(
+        terms=digest(terms), result_set=digest(results), predicate=terms.predicate, clauses=clauses
+    )
+    said: dict[str, Any] = {"actor": LEA, "reason": "a race"}
+    for command in (
+        ProposeCandidate(candidate=made, baseline=H0, key="propose", **said),
+        BeginEvaluation(terms=terms, key="begin", **said),
+        RecordEvaluation(terms=terms, results=results, report=report, key="record", **said),
+        OpenReview(key="open", **said),
+    ):
+        _taken(gate.commit([CommandEnvelope(stream, command, None)]))
+    review = _review(gate, name)
+    yes = ApproveCandidate(
+        policy=POLICY,
+        cycle=review.cycle,
+        subject=review.subject_digest,
+        actor=Actor(name="rob", role="reviewer"),
+        reason="it holds",
+        key="yes",
+    )
+    _taken(gate.commit([CommandEnvelope(stream, yes, None)]))
+    return name
+
+
+def _candidate(number: int) -> Candidate:
+    wait_s = 1.0 + number / 100_000.0
+    changed = replace(H0, recovery=replace(H0.recovery, wait_s=wait_s))
+    manifest = Manifest(
+        component="recovery",
+        reason=f"Wait {wait_s:g} s.",
+        intended_effect="Shorter waits.",
+        metric="recovery_cost",
+        direction="lower",
+        smallest_effect=0.1,
+        baseline=H0.configuration_id,
+        rollback=H0.configuration_id,
+        author=Author(name="trace-miner 1", kind="optimiser"),
+    )
+    return Candidate(configuration=changed, manifest=manifest, baseline=H0.configuration_id)
+
+
+def _terms(made: Candidate) -> EvaluationTerms:
+    return EvaluationTerms(
+        candidate=made.candidate_id,
+        configuration=made.configuration.configuration_id,
+        manifest=digest(made.manifest),
+        baseline=made.baseline,
+        predicate=PLAIN,
+        suite=PLAIN,
+        suite_version="none",
+        seeds=PLAIN,
+        evaluator="none",
+        cases=1,
+        launched_by=(LEA.name,),
+    )
+
+
+def _result(configuration: Digest) -> CaseResult:
+    return CaseResult(case=PLAIN, family="nominal", seed=1, configuration=configuration, outcome="finished")
+
+
+def _said(responder: int) -> dict[str, Any]:
+    actor = Actor(name=f"responder-{responder}", role="reviewer+releaser")
+    return {"actor": actor, "reason": "my word", "key": f"key-{responder}"}
+
+
+def _winners(decisions: Sequence[Any]) -> list[int]:
+    return [at for at, decision in enumerate(decisions) if isinstance(decision, Accepted) and decision.events]
+
+
+def _review(gate: Gate, name: Digest) -> Review:
+    review: Review = gate.state(candidate_stream(name))
+    return review
+
+
+def _pointer(gate: Gate) -> Pointer:
+    pointer: Pointer = gate.state(POINTER)
+    return pointer
+
+
+def _taken(decision: Any) -> None:
+    if not isinstance(decision, Accepted):
+        raise RuntimeError(f"{decision.rule}: {plain(decision.reason)}")

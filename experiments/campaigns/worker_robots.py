@@ -1,0 +1,107 @@
+"""What one worker of the shared database has: its shift, its store, and robots that outlive the house above them."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from harness.adapters.clock import LockstepClock
+from harness.adapters.ids import SeededIds
+from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
+from harness.adapters.stores.postgres import PostgresEventStore
+from harness.bootstrap import Harness, Parts, Unheard, local_providers, runtime_on
+from harness.contracts.ids import ProviderId, RobotId
+from harness.contracts.ports import Batch, Clock, Head, Provider, Record
+from harness.contracts.regularities import HiddenSite
+from harness.contracts.values import Moment, Value
+from harness.projections.mission import Mission
+from harness.supervisor.crew import Crew
+from harness.supervisor.supervisor import Supervisor
+from harness.supervisor.wheel import HandWheel
+from simulator.camera import CAMERA
+from simulator.faults import parse_faults
+from simulator.robot import SimulatedRobot
+from simulator.world import WorldSettings
+
+BASE = "mobile_base"
+
+
+class Shift(Value):
+    """What one worker is to do, on which database. `robots` are its own, `fleet` everybody's. `folder` holds ENOUGH."""
+
+    url: str
+    folder: str
+    number: int
+    seeds: tuple[int, ...]
+    robots: tuple[str, ...]
+    fleet: tuple[str, ...]
+
+
+class AcknowledgedStore(PostgresEventStore):
+    """The log in the shared database; it notes which appends were answered."""
+
+    def __init__(self, url: str, acknowledged: list[tuple[int, str]]) -> None:
+        super().__init__(url)
+        self._acknowledged = acknowledged
+
+    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> Head:
+        """The store's append."""
+        head = super().append(batches, records, now)
+        self._acknowledged.append((head.position, head.digest))
+        return head
+
+
+class Robots:
+    """The robots of one worker with their clocks; they outlive the house that commands them."""
+
+    def __init__(self, shift: Shift) -> None:
+        self._parts = Parts(
+            store=MemoryEventStore(),
+            blobs=MemoryBlobStore(),
+            spool=MemorySpool(),
+            ids=SeededIds(shift.seeds[0]),
+            clock=LockstepClock(lambda until_s: until_s, at_s=0.0),
+            signals=Unheard(),
+        )
+        settings = WorldSettings(seed=shift.seeds[0], hidden=HiddenSite(name="nothing", regularities=()))
+        self.robots = {name: SimulatedRobot(settings, robot_id=name) for name in shift.robots}
+        self.clocks = {name: LockstepClock(one.advance_to, at_s=one.at_s) for name, one in self.robots.items()}
+        self.crews = {RobotId(name): self._crew(name) for name in shift.robots}
+
+    def house(self, store: AcknowledgedStore) -> Harness:
+        """One house over these robots on that log."""
+        clocks: dict[RobotId, Clock] = {robot_id: crew.clock for robot_id, crew in self.crews.items()}
+        clock = next(iter(clocks.values()))
+        runtime = runtime_on(replace(self._parts, store=store, clock=clock), clocks)
+        return Harness(
+            runtime=runtime,
+            supervisor=Supervisor(runtime=runtime, crews=self.crews),
+            robots={robot_id: crew.robot for robot_id, crew in self.crews.items()},
+            clock=clock,
+            wheel=HandWheel(runtime=runtime, crews=self.crews),
+            clocks=clocks,
+            cameras={},
+        )
+
+    def again(self, harness: Harness) -> Harness:
+        """The house with a supervisor that knows nothing of what was under way: it meets it from the log."""
+        return replace(harness, supervisor=Supervisor(runtime=harness.runtime, crews=self.crews))
+
+    def _crew(self, name: str) -> Crew:
+        robot, clock = self.robots[name], self.clocks[name]
+
+        def configure(mission: Mission) -> None:
+            faults = [fault for fault in mission.labels.get("faults", "").split(",") if fault]
+            robot.configure(mission.mission_id, mission.seed, parse_faults(faults))
+
+        local = local_providers(replace(self._parts, clock=clock), camera=CAMERA, folder=None)
+        providers: tuple[Provider, ...] = (*robot.providers(), *local)
+        return Crew(
+            robot_id=RobotId(name),
+            robot=robot,
+            providers={ProviderId(one.card.provider_id): one for one in providers},
+            clock=clock,
+            ids=self._parts.ids,
+            spool=self._parts.spool,
+            prepare=configure,
+            revive=lambda: False,
+            waits_for_people=False,
+        )

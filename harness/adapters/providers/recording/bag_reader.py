@@ -1,0 +1,140 @@
+"""ROS 1 bags (format 2.0), whole or cut, by rosbags' records. Without checksums: structure and index are compared."""
+
+import struct
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+from rosbags.rosbag1.reader import Header, RecordType, read_bytes, read_uint32
+
+from harness.adapters.providers.recording.packing import unpack
+from harness.adapters.providers.recording.raw_messages import Block, Channel, Cursor, Raw, Short, in_time_order, reading
+from harness.adapters.providers.recording.type_names import ros2_name
+from harness.contracts.errors import RecordingInvalid
+
+MAGIC = b"#ROSBAG V2.0\n"
+
+
+class BagReader:
+    """One .bag file. With `recover`, a cut or unindexed bag gives its whole part."""
+
+    def __init__(self, path: Path, *, recover: bool = False) -> None:
+        self.channels: list[Channel] = []
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.checks = "structure and index compared; the format carries no checksums"
+        self.cut = ""
+        self._path, self._recover = path, recover
+        self._table: dict[int, Channel] = {}
+        self._blocks: list[Block] = []
+        self._count = self._indexed = self._chunks = self._declared_chunks = 0
+
+    def scan(self) -> Iterator[Raw]:
+        with reading(self._path), self._path.open("rb") as file:
+            cursor = Cursor(file)
+            with reading(self._path, cursor):
+                try:
+                    self._opening(cursor)
+                    while cursor.left:
+                        header, body = _record(cursor)
+                        yield from self._read(header, body, cursor.at)
+                except Short:
+                    self.cut = f"The bag is truncated: it ends at byte {cursor.at + cursor.left} inside a record"
+                self._close()
+        self.channels = list(dict.fromkeys(self._table.values()))
+
+    def messages(self, topics: frozenset[str]) -> Iterator[Raw]:
+        blocks = [block for block in self._blocks if any(channel.topic in topics for channel in block.channels)]
+        return in_time_order(blocks, lambda block: self._load(block, topics))
+
+    def _load(self, block: Block, topics: frozenset[str]) -> list[Raw]:
+        with reading(self._path), self._path.open("rb") as file:
+            file.seek(block.offset)
+            body = unpack(file.read(block.length), packing=block.packing, size=block.unpacked)
+            return [raw for raw in self._messages(body) if raw.channel.topic in topics]
+
+    def _opening(self, cursor: Cursor) -> None:
+        if cursor.read(len(MAGIC)) != MAGIC:
+            raise ValueError("it is no bag of format 2.0")
+        header, _ = _record(cursor)
+        self._declared_chunks = header.get_uint32("chunk_count")
+        if header.get_uint64("index_pos") == 0:
+            self.cut = "The bag has no index: its recorder was cut off"
+
+    def _close(self) -> None:
+        if not self.cut and (self._chunks, self._count) != (self._declared_chunks, self._indexed):
+            raise ValueError(
+                f"its index declares {self._declared_chunks} blocks with {self._indexed} messages; "
+                f"it holds {self._chunks} with {self._count}"
+            )
+        if self.cut and not self._recover:
+            raise RecordingInvalid(
+                self.cut,
+                where=str(self._path),
+                do=f"{self._count} messages before that are whole: copy the file again, reindex it, or open it with "
+                "recovery, which labels it incomplete",
+            )
+        self.cut = self.cut and f"{self.cut}; {self._count} messages before that are whole"
+
+    def _read(self, header: Header, body: bytes, end: int) -> Iterator[Raw]:
+        match header.get_uint8("op"):
+            case RecordType.CHUNK:
+                packing, size = header.get_string("compression"), header.get_uint32("size")
+                unpacked = unpack(body, packing=packing, size=size)
+                messages = list(self._messages(unpacked))
+                self._chunks += 1
+                self._count += len(messages)
+                if messages:
+                    self._blocks.append(
+                        Block(
+                            file=0,
+                            offset=end - len(body),
+                            length=len(body),
+                            packing=packing,
+                            unpacked=size,
+                            first_ns=min(raw.log_ns for raw in messages),
+                            last_ns=max(raw.log_ns for raw in messages),
+                            channels=frozenset(raw.channel for raw in messages),
+                        )
+                    )
+                yield from messages
+            case RecordType.CONNECTION:
+                self._learn(header, body)
+            case RecordType.CHUNK_INFO:
+                self._indexed += sum(count for _, count in struct.iter_unpack("<II", body))
+            case _:
+                pass
+
+    def _messages(self, body: bytes) -> Iterator[Raw]:
+        cursor = Cursor(BytesIO(body))
+        while cursor.left:
+            try:
+                header, content = _record(cursor)
+            except Short:
+                raise ValueError("a record reaches beyond its block") from None
+            match header.get_uint8("op"):
+                case RecordType.CONNECTION:
+                    self._learn(header, content)
+                case RecordType.MSGDATA:
+                    number = header.get_uint32("conn")
+                    if number not in self._table:
+                        raise ValueError(f"a message belongs to connection {number}, which the bag does not declare")
+                    yield Raw(header.get_time("time"), self._table[number], content)
+                case _:
+                    pass
+
+    def _learn(self, header: Header, body: bytes) -> None:
+        described = Header.read(BytesIO(struct.pack("<I", len(body)) + body))
+        self._table[header.get_uint32("conn")] = Channel(
+            topic=header.get_string("topic"),
+            type=ros2_name(described.get_string("type")),
+            encoding="ros1",
+            schema_encoding="ros1msg",
+            definition=described.get_string("message_definition") if "message_definition" in described else "",
+        )
+
+
+def _record(cursor: Cursor) -> tuple[Header, bytes]:
+    """The next record's header and body. Raises Short where the file or the block ends inside it."""
+    file: Any = cursor
+    return Header.read(file), read_bytes(file, read_uint32(file))

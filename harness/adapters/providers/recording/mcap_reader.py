@@ -1,0 +1,219 @@
+"""MCAP files, whole or cut, by the stream reader of mcap: all is read once, with its checksums, before it counts."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from io import BytesIO
+from pathlib import Path
+from zlib import crc32
+
+from mcap import records
+from mcap.records import McapRecord
+from mcap.stream_reader import StreamReader
+
+from harness.adapters.providers.recording.packing import unpack, unpack_message
+from harness.adapters.providers.recording.raw_messages import (
+    RECORD_LIMIT,
+    Block,
+    Channel,
+    Cursor,
+    Raw,
+    Short,
+    in_time_order,
+    reading,
+)
+from harness.adapters.providers.recording.type_names import ros2_name
+from harness.contracts.errors import RecordingInvalid
+
+MAGIC = b"\x89MCAP0\r\n"
+RUN_BYTES = 1024 * 1024
+
+
+class McapReader:
+    """One MCAP file, or the splits of one recording in order. With `recover`, a cut file gives its whole part.
+
+    `names` are the files to speak of where `paths` are unpacked copies.
+    """
+
+    def __init__(self, paths: Sequence[Path], *, names: Sequence[Path], recover: bool = False) -> None:
+        self.channels: list[Channel] = []
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.checks = "checksum of every block verified"
+        self.cut = ""
+        self._paths, self._names, self._recover = paths, names, recover
+        self._tables: list[dict[int, Channel]] = [{} for _ in paths]
+        self._blocks: list[Block] = []
+
+    def scan(self) -> Iterator[Raw]:
+        for number, path in enumerate(self._paths):
+            table = self._tables[number]
+            scan = _Scan(number, table, self._blocks)
+            with reading(self._names[number]), path.open("rb") as file:
+                cursor = Cursor(file)
+                with reading(self._names[number], cursor):
+                    yield from scan.read(cursor)
+            if scan.cut:
+                self._refuse_or_note(scan, self._names[number])
+            if scan.unchecked:
+                self.checks = "structure only: the file carries no checksums for its messages"
+            self.metadata |= scan.metadata
+            self.channels += [channel for channel in table.values() if channel not in self.channels]
+
+    def messages(self, topics: frozenset[str]) -> Iterator[Raw]:
+        blocks = [block for block in self._blocks if any(channel.topic in topics for channel in block.channels)]
+        return in_time_order(blocks, lambda block: self._load(block, topics))
+
+    def _load(self, block: Block, topics: frozenset[str]) -> list[Raw]:
+        table = self._tables[block.file]
+        with reading(self._names[block.file]), self._paths[block.file].open("rb") as file:
+            file.seek(block.offset)
+            body = unpack(file.read(block.length), packing=block.packing, size=block.unpacked)
+            found = (_raw(record, table) for record in _inside(body) if isinstance(record, records.Message))
+            return [raw for raw in found if raw.channel.topic in topics]
+
+    def _refuse_or_note(self, scan: "_Scan", path: Path) -> None:
+        readable = f"{scan.count} messages before that are whole"
+        if not self._recover:
+            do = f"{readable}: copy the file again, or open it with recovery, which labels it incomplete"
+            raise RecordingInvalid(scan.cut, where=str(path), do=do if scan.count else "copy the file again")
+        self.cut = f"{scan.cut}; {readable}"
+
+
+class _Scan:
+    """The one full pass over a file: finds blocks, verifies checksums and compares the file's own statistics."""
+
+    def __init__(self, number: int, table: dict[int, Channel], blocks: list[Block]) -> None:
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.count = 0
+        self.cut = ""
+        self.unchecked = False
+        self._number, self._table, self._blocks = number, table, blocks
+        self._schemas: dict[int, records.Schema] = {}
+        self._declared: int | None = None
+        self._summary_from = 0
+        self._run: list[Raw] = []
+        self._run_from = self._run_until = 0
+        self._unguarded = 0
+        self._sets: dict[frozenset[Channel], frozenset[Channel]] = {}
+
+    def read(self, cursor: Cursor) -> Iterator[Raw]:
+        """All messages in file order; sets `cut` when the file ends early."""
+        stream = StreamReader(cursor, emit_chunks=True, validate_crcs=True, record_size_limit=RECORD_LIMIT)  # type: ignore[arg-type]
+        end = len(MAGIC)
+        try:
+            for record in stream.records:
+                start, end = end, cursor.at
+                if isinstance(record, records.Footer):
+                    self._check_summary(record, cursor.again(self._summary_from, end - 4))
+                yield from self._record(record, start, end)
+            if self._declared is not None and self._declared != self.count:
+                raise ValueError(f"the file declares {self._declared} messages and holds {self.count}")
+        except Short:
+            place = "inside a record" if cursor.left else "without its closing index"
+            self.cut = f"The recording is truncated: it ends at byte {cursor.at + cursor.left} {place}"
+        self._close_run()
+        self.unchecked = self.unchecked or self._unguarded > 0
+
+    def _check_summary(self, footer: records.Footer, body: bytes) -> None:
+        """The library checks the data section, not this one. A checksum of 0 means that there is none."""
+        if footer.summary_crc and footer.summary_crc != crc32(body):
+            raise ValueError("the checksum of the summary section is wrong")
+
+    def _record(self, record: McapRecord, start: int, end: int) -> Iterator[Raw]:
+        """One top-level record between two bytes of the file. What the summary repeats is known already."""
+        if isinstance(record, records.Schema | records.Channel | records.Message) and not self._summary_from:
+            self._run_from, self._run_until = self._run_from or start, end
+            for raw in self._known(record):
+                self._unguarded += 1
+                self._run.append(raw._replace(body=b""))
+                yield raw
+            if self._run_until - self._run_from > RUN_BYTES:
+                self._close_run()
+            return
+        self._close_run()
+        match record:
+            case records.Chunk():
+                yield from self._chunk(record, end)
+            case records.Metadata():
+                self.metadata[record.name] = record.metadata
+            case records.Statistics():
+                self._declared = record.message_count
+            case records.DataEnd():
+                self._unguarded = 0 if record.data_section_crc else self._unguarded
+                self._summary_from = end
+            case _:
+                pass
+
+    def _chunk(self, chunk: records.Chunk, end: int) -> Iterator[Raw]:
+        body = unpack(chunk.data, packing=chunk.compression, size=chunk.uncompressed_size)
+        if chunk.uncompressed_crc and crc32(body) != chunk.uncompressed_crc:
+            raise ValueError("the checksum of a block is wrong")
+        messages = [raw for record in _inside(body) for raw in self._known(record)]
+        if not chunk.uncompressed_crc:
+            self._unguarded += len(messages)
+        if messages:
+            self._add(end - len(chunk.data), len(chunk.data), messages, chunk.compression, len(body))
+        yield from messages
+
+    def _close_run(self) -> None:
+        if self._run:
+            length = self._run_until - self._run_from
+            self._add(self._run_from, length, self._run, "", length)
+        self._run, self._run_from, self._run_until = [], 0, 0
+
+    def _add(self, offset: int, length: int, messages: Sequence[Raw], packing: str, unpacked: int) -> None:
+        self._blocks.append(
+            Block(
+                file=self._number,
+                offset=offset,
+                length=length,
+                packing=packing,
+                unpacked=unpacked,
+                first_ns=min(raw.log_ns for raw in messages),
+                last_ns=max(raw.log_ns for raw in messages),
+                channels=self._shared(raw.channel for raw in messages),
+            )
+        )
+
+    def _shared(self, channels: Iterable[Channel]) -> frozenset[Channel]:
+        found = frozenset(channels)
+        return self._sets.setdefault(found, found)
+
+    def _known(self, record: McapRecord) -> Iterator[Raw]:
+        """The message that a record is, if it is one; schemas and channels are learnt."""
+        match record:
+            case records.Message():
+                self.count += 1
+                yield _raw(record, self._table)
+            case records.Schema():
+                self._schemas[record.id] = record
+            case records.Channel():
+                self._table[record.id] = self._channel(record)
+            case _:
+                pass
+
+    def _channel(self, channel: records.Channel) -> Channel:
+        schema = self._schemas.get(channel.schema_id)
+        if schema is None and channel.schema_id != 0:
+            raise ValueError(f"topic {channel.topic} has schema {channel.schema_id}, which is not defined")
+        return Channel(
+            topic=channel.topic,
+            type=ros2_name(schema.name) if schema else "",
+            encoding=channel.message_encoding,
+            schema_encoding=schema.encoding if schema else "",
+            definition=schema.data.decode() if schema else "",
+        )
+
+
+def _inside(body: bytes) -> Iterator[McapRecord]:
+    """The records of an unpacked block, or of a run of records outside blocks."""
+    cursor = Cursor(BytesIO(body))
+    try:
+        yield from StreamReader(cursor, skip_magic=True, record_size_limit=RECORD_LIMIT).records  # type: ignore[arg-type]
+    except Short:
+        if cursor.left:
+            raise ValueError("a record reaches beyond its block") from None
+
+
+def _raw(message: records.Message, table: dict[int, Channel]) -> Raw:
+    if message.channel_id not in table:
+        raise ValueError(f"a message belongs to channel {message.channel_id}, which the file does not declare")
+    return Raw(message.log_time, table[message.channel_id], unpack_message(message.data))

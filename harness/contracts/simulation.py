@@ -1,0 +1,46 @@
+"""The port through which suites and tests run a simulated robot in their own process, whatever simulator it is."""
+
+from collections.abc import Callable, Sequence
+from typing import Literal, Protocol
+
+import msgspec
+
+from harness.contracts.ids import Digest, MissionId
+from harness.contracts.ports import HandDriven, LiveCamera, Robot
+from harness.contracts.regularities import HiddenSite
+
+Fidelity = Literal["mujoco", "kinematic"]
+
+
+class InProcessRobot(msgspec.Struct, frozen=True):
+    """A simulated robot in this process. Its mission time starts at `at_s` and passes only by `advance_to`.
+
+    `advance_to` returns the mission time reached, in seconds. `configure` begins a mission with its seed and faults;
+    it raises UnknownName for a fault that the simulator does not know.
+    """
+
+    robot_id: str
+    robot: Robot
+    at_s: float
+    advance_to: Callable[[float], float]
+    configure: Callable[[MissionId, int, Sequence[str]], None]
+    camera: LiveCamera
+    hand: HandDriven
+
+
+class Simulator(Protocol):
+    """Makes simulated robots. Whoever composes a program gives it: the harness and the reviews name no simulator."""
+
+    def robot(
+        self, robot_id: str, *, seed: int, fidelity: Fidelity, hidden: HiddenSite | None = None
+    ) -> InProcessRobot:
+        """A new robot in a world of its own; `hidden` is what its site does to it again and again."""
+
+    def check_faults(self, names: Sequence[str]) -> None:
+        """Raise UnknownName for a fault that the simulator does not know."""
+
+    def sources(self) -> Digest:
+        """Names the simulator by its sources: whatever can change a result changes this."""
+
+    def __hash__(self) -> int:
+        """Equal simulators make equal robots, so that a result may be cached under its simulator."""

@@ -1,0 +1,34 @@
+"""What a robot may serve for people beside the provider protocol: a live camera, driving by hand, a posture."""
+
+from harness.contracts.ports import HandDriven, LiveCamera
+from harness.contracts.protocol import DriveOrder, DriveReport, Picture, PostureOrder, RobotStatus
+from harness.provider_protocol.operations import Names, Operation
+from harness.provider_protocol.wire import DriveSession
+
+
+def camera_operations(camera: LiveCamera) -> tuple[Operation, ...]:
+    """The live camera. It takes its own time: nothing waits for a picture."""
+
+    def picture(names: Names, body: None) -> Picture:
+        return camera.picture()
+
+    return (Operation("GET", "/camera", "What the camera sees now; no evidence", Picture, picture, apart=True),)
+
+
+def hand_operations(hand: HandDriven) -> tuple[Operation, ...]:
+    """Driving by hand and posture, both fenced by the token of the base's lease."""
+
+    def drive(names: Names, body: DriveOrder) -> DriveReport:
+        return hand.drive(body)
+
+    def release(names: Names, body: DriveSession) -> DriveReport:
+        return hand.release(body.session)
+
+    def rest(names: Names, body: PostureOrder) -> RobotStatus:
+        return hand.rest(body)
+
+    return (
+        Operation("POST", "/hand/drive", "Hold a velocity until the next order", DriveReport, drive, body=DriveOrder),
+        Operation("POST", "/hand/release", "End driving by hand", DriveReport, release, body=DriveSession),
+        Operation("POST", "/hand/posture", "Lie down or stand up", RobotStatus, rest, body=PostureOrder),
+    )

@@ -1,0 +1,75 @@
+"""Serves a table of operations over HTTP: token, JSON in and out, problems as typed bodies."""
+
+import secrets
+from collections.abc import Awaitable, Callable
+from contextlib import AbstractContextManager
+
+import msgspec
+from fastapi import FastAPI, Request, Response
+from starlette.concurrency import run_in_threadpool
+
+from harness.contracts.errors import HarnessError
+from harness.contracts.values import encode
+from harness.provider_protocol.operations import Operation, openapi
+from harness.provider_protocol.wire import Problem, problem, status_of
+
+JSON = "application/json"
+LARGEST_BODY = 2 * 1024 * 1024
+Endpoint = Callable[[Request], Awaitable[Response]]
+Turn = Callable[[], AbstractContextManager[object]]
+
+
+def provider_service(operations: tuple[Operation, ...], *, token: str, turn: Turn, title: str) -> FastAPI:
+    """The service. Calls run inside `turn()`, so that one of them at a time sees the robot, save those apart.
+
+    `/healthz` and `/openapi.json` answer strangers.
+    """
+    app = FastAPI(title=title, openapi_url=None, docs_url=None, redoc_url=None)
+    document = encode(openapi(operations, title))
+
+    async def healthz(request: Request) -> Response:
+        return Response(b'{"status":"ok"}', media_type=JSON)
+
+    async def description(request: Request) -> Response:
+        return Response(document, media_type=JSON)
+
+    app.add_route("/healthz", healthz, methods=["GET"])
+    app.add_route("/openapi.json", description, methods=["GET"])
+    for operation in operations:
+        endpoint = _endpoint(operation, token=token, turn=turn)
+        app.add_route(operation.path, endpoint, methods=[operation.method])
+    return app
+
+
+def _endpoint(operation: Operation, *, token: str, turn: Turn) -> Endpoint:
+    async def endpoint(request: Request) -> Response:
+        given = request.headers.get("authorization", "").encode()
+        if not secrets.compare_digest(given, f"Bearer {token}".encode()):
+            wrong = Problem(code="unauthorised", what="The token is missing or wrong", where="authorization header")
+            return _refused(401, wrong)
+        raw = await request.body()
+        if len(raw) > LARGEST_BODY:
+            return _refused(413, Problem(code="too_large", what=f"The body exceeds {LARGEST_BODY} bytes"))
+        try:
+            body = None if operation.body is None else msgspec.json.decode(raw, type=operation.body)
+            names = {**request.query_params, **request.path_params}
+            if operation.apart:
+                answer = await run_in_threadpool(operation.call, names, body)
+            else:
+                with turn():
+                    answer = operation.call(names, body)
+        except msgspec.MsgspecError as error:
+            do = "send what the OpenAPI document describes"
+            wrong = Problem(code="invalid_body", what=str(error), where=operation.path, do=do)
+            return _refused(422, wrong)
+        except HarnessError as error:
+            return _refused(status_of(error), problem(error))
+        if operation.answer is bytes:
+            return Response(answer, media_type="application/octet-stream")
+        return Response(encode(answer), media_type=JSON)
+
+    return endpoint
+
+
+def _refused(status: int, wrong: Problem) -> Response:
+    return Response(encode(wrong), status_code=status, media_type=JSON)

@@ -1,0 +1,112 @@
+"""What travels on the HTTP provider protocol beside the contracts: problems, clock readings, simulation commands."""
+
+from harness.contracts.errors import (
+    BlobDamaged,
+    FencingRefused,
+    HarnessError,
+    LogDamaged,
+    ProviderFailed,
+    ProviderUnreachable,
+    StoreOwned,
+    StoreUnavailable,
+    UnknownName,
+)
+from harness.contracts.ids import MissionId, RequestId
+from harness.contracts.values import Value
+
+
+class Problem(Value):
+    """The body of every 4xx and 5xx answer: a code for machines, and what, where and what to do for people."""
+
+    code: str
+    what: str
+    where: str = ""
+    do: str = ""
+
+
+ATTACHMENT = "robot.json"
+"""The file in a robot's own folder that says how to reach the robot, while its program runs."""
+
+
+class Attachment(Value):
+    """How to reach a running robot process: loopback port, bearer token, process id, its speed."""
+
+    port: int
+    token: str
+    pid: int
+    speed: float
+    robot_id: str
+
+    @property
+    def base_url(self) -> str:
+        return f"http://127.0.0.1:{self.port}"
+
+
+class ClockReading(Value):
+    """The robot's mission time. `speed` 0 is lockstep; `monotonic_s` is the serving machine's monotonic clock."""
+
+    at_s: float
+    speed: float
+    monotonic_s: float
+
+
+class Advance(Value):
+    """Lockstep only: let the world run to this mission time."""
+
+    until_s: float
+
+
+class MissionSettings(Value):
+    """A mission's seed and faults (`NAME` or `NAME:persistent`) for a simulated robot."""
+
+    mission_id: MissionId
+    seed: int
+    faults: tuple[str, ...] = ()
+
+
+class DriveSession(Value):
+    """Which session of driving by hand is meant."""
+
+    session: RequestId
+
+
+class HardwareStop(Value):
+    """Simulation only: somebody presses the red button on the robot, or releases it."""
+
+    engaged: bool
+
+
+class Done(Value):
+    """An acknowledgement with nothing to add, at this mission time."""
+
+    at_s: float
+
+
+STATUS: dict[type[HarnessError], int] = {
+    HarnessError: 500,
+    ProviderFailed: 409,
+    FencingRefused: 409,
+    ProviderUnreachable: 504,
+    UnknownName: 404,
+    BlobDamaged: 404,
+    StoreUnavailable: 503,
+    StoreOwned: 503,
+    LogDamaged: 500,
+}
+_BY_CODE = {kind.code: kind for kind in STATUS}
+
+
+def problem(error: HarnessError) -> Problem:
+    """An error as it travels."""
+    return Problem(code=error.code, what=error.what, where=error.where, do=error.do)
+
+
+def status_of(error: HarnessError) -> int:
+    """The HTTP status of an error: that of its nearest kind."""
+    return next(STATUS[kind] for kind in type(error).__mro__ if kind in STATUS)
+
+
+def error_of(received: Problem) -> HarnessError:
+    """The same error on the other side; an unknown code becomes ProviderFailed."""
+    kind = _BY_CODE.get(received.code, ProviderFailed)
+    return kind(received.what, where=received.where, do=received.do)

@@ -1,0 +1,126 @@
+"""The robot's camera: one ray per pixel through MuJoCo, shaded by light, distance and material. No GPU, no OpenGL.
+
+Body frame: x ahead, y left, z up. Image: u right, v down. A positive `pitch_rad` looks down.
+"""
+
+import math
+from functools import lru_cache
+from threading import Lock
+
+import cv2
+import msgspec
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.contracts.observations import Camera
+from simulator.mjcf import CompiledSite, compile_site
+from simulator.solids import SiteModel
+
+CAMERA = Camera(
+    width_px=1280, height_px=720, fx_px=834.0, fy_px=834.0, cx_px=639.5, cy_px=359.5,
+    height_m=0.55, forward_m=0.2, pitch_rad=0.12,
+)  # fmt: skip
+JPEG_QUALITY = 85
+BANDS = 24
+GRAIN = 1.6
+AMBIENT = 0.45
+FADE_M = 16.0
+TILE_M = 0.6
+JOINT_M = 0.012
+_one_at_a_time = Lock()
+"""MuJoCo casts rays with scratch space of the site's own: a live picture may come while a skill captures."""
+Picture = NDArray[np.uint8]
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+
+
+def render(site: SiteModel, pose: tuple[float, float, float], camera: Camera = CAMERA) -> Picture:
+    """What the camera sees from body pose (x_m, y_m, yaw_rad): uint8 RGB of shape (height_px, width_px, 3)."""
+    x, y, yaw = pose
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    origin = np.array([x + cos * camera.forward_m, y + sin * camera.forward_m, camera.height_m])
+    with _one_at_a_time:
+        view = _View(site=_compiled(site), origin=origin, lamp=_lamp(site, origin), brightness=site.brightness)
+        bands = [_band(view, rays @ turn) for rays in _rays(camera)]
+    picture = np.concatenate(bands) + _grain(camera)
+    frame: Picture = np.clip(picture, 0, 255).astype(np.uint8).reshape(camera.height_px, camera.width_px, 3)
+    return frame
+
+
+def jpeg(picture: Picture) -> bytes:
+    """The frame as a JPEG file."""
+    _, encoded = cv2.imencode(".jpg", picture[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    return encoded.tobytes()
+
+
+class _View(msgspec.Struct, frozen=True):
+    """Where the lens is, in which site, and the lamp that lights it."""
+
+    site: CompiledSite
+    origin: Floats
+    lamp: Floats
+    brightness: float
+
+
+def _band(view: _View, rays: Floats) -> Singles:
+    """Colours from 0 to 255 along these rays, shape (n, 3)."""
+    site, count = view.site, len(rays)
+    geoms, far, normals = np.empty(count, dtype=np.int32), np.empty(count), np.empty(3 * count)
+    mujoco.mj_multiRay(
+        site.model, site.data, view.origin, rays.reshape(-1), None, 1, site.chassis, geoms, far, normals, count, 1e9
+    )
+    distance, along = far.astype(np.float32), rays.astype(np.float32)
+    light = _light(view, along, distance, normals.reshape(-1, 3).astype(np.float32))
+    light *= _tiles(view.origin, along, distance, geoms == site.floor)
+    colours: Singles = site.rgb[geoms] * (255.0 * light)[:, None]
+    return colours
+
+
+def _light(view: _View, along: Singles, distance: Singles, normals: Singles) -> Singles:
+    """Share of the material's colour that reaches the lens: ambient and one lamp by Lambert, fading with distance."""
+    to_lamp = (view.lamp - view.origin).astype(np.float32) - along * distance[:, None]
+    falling = np.einsum("ij,ij->i", normals, to_lamp) / np.sqrt(np.einsum("ij,ij->i", to_lamp, to_lamp))
+    lit = (AMBIENT + (1.0 - AMBIENT) * np.maximum(falling, 0.0)) / (1.0 + (distance / FADE_M) ** 2)
+    light: Singles = (view.brightness * np.where(distance >= 0, lit, 1.0)).astype(np.float32)
+    return light
+
+
+def _tiles(origin: Floats, along: Singles, distance: Singles, floor: NDArray[np.bool_]) -> Singles:
+    """Joints between floor tiles are a little darker."""
+    shade = np.ones(len(along), dtype=np.float32)
+    across = (origin[:2].astype(np.float32) + along[floor, :2] * distance[floor, None]) % TILE_M
+    shade[floor] -= 0.09 * (across < JOINT_M).any(axis=1)
+    return shade
+
+
+def _lamp(site: SiteModel, origin: Floats) -> Floats:
+    """The lamp nearest to the lens lights the whole picture."""
+    lamps = np.asarray(site.lamps_m, dtype=np.float64)
+    nearest: Floats = lamps[np.argmin(((lamps - origin) ** 2).sum(axis=1))]
+    return nearest
+
+
+@lru_cache(maxsize=4)
+def _compiled(site: SiteModel) -> CompiledSite:
+    return compile_site(site)
+
+
+@lru_cache(maxsize=4)
+def _rays(camera: Camera) -> tuple[Floats, ...]:
+    """Unit rays in the body frame in BANDS bands of rows, each of shape (pixels, 3)."""
+    u, v = np.meshgrid(np.arange(camera.width_px), np.arange(camera.height_px))
+    right, down = (u.ravel() - camera.cx_px) / camera.fx_px, (v.ravel() - camera.cy_px) / camera.fy_px
+    cos, sin = math.cos(camera.pitch_rad), math.sin(camera.pitch_rad)
+    rays = np.stack([cos - sin * down, -right, -sin - cos * down], axis=1)
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    return tuple(np.array_split(rays, BANDS))
+
+
+@lru_cache(maxsize=4)
+def _grain(camera: Camera) -> Singles:
+    """The sensor's fixed grain, shape (pixels, 1)."""
+    generator = np.random.Generator(np.random.Philox(key=7))
+    grain: Singles = GRAIN * generator.standard_normal((camera.width_px * camera.height_px, 1), dtype=np.float32)
+    return grain

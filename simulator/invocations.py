@@ -1,0 +1,167 @@
+"""One invocation on the robot: the skill that runs, and what holds it: deadline, keepalive, stop."""
+
+from typing import Literal
+
+import msgspec
+
+from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.ids import Digest
+from harness.contracts.protocol import (
+    KEEPALIVE_LOST,
+    TERMINAL,
+    InvocationReport,
+    InvocationStatus,
+    Progress,
+    Receipt,
+    StartRequest,
+)
+from simulator.bodies import Velocity
+from simulator.skill_interface import Draft, Outcome, Perception, Skill, Step
+
+DEAD_MAN_S = 1.4
+STILL_S = 0.2
+CRUISING_M = 1.5
+Hold = Literal["", "keepalive", "stop", "end"]
+
+
+class Invocation:
+    """Runs one skill a tick at a time. Holding always brakes to a standstill before the status changes.
+
+    The dead man begins to brake DEAD_MAN_S after the last keepalive, so that the body stands within 2 s (D12).
+    """
+
+    def __init__(self, card: CapabilityCard, request: StartRequest, skill: Skill, *, at_s: float) -> None:
+        self.card, self.request, self.skill = card, request, skill
+        self.handle = f"{card.provider_id}:{request.identity.request_id}"
+        self._status: InvocationStatus = "accepted"
+        self._at_s = self._kept_s = at_s
+        self._hold: Hold = ""
+        self._still_s: float | None = None
+        self._text = "accepted"
+        self._outcome: Outcome | None = None
+        self._last = Step()
+        self._receipts: list[Receipt] = []
+        self._samples: list[int] = []
+        self._blobs: list[Digest] = []
+
+    @property
+    def terminal(self) -> bool:
+        return self._status in TERMINAL
+
+    @property
+    def braking(self) -> bool:
+        """Whether something outside the skill holds it."""
+        return self._hold != ""
+
+    @property
+    def cruising(self) -> bool:
+        """Whether it is on its way with nothing to decide for a while: far from its end, held by nobody."""
+        return self._hold == "" and self._status == "running" and (self.skill.remaining_m or 0.0) > CRUISING_M
+
+    @property
+    def held_still(self) -> bool:
+        """Whether the dead man has brought it to a standstill."""
+        return self._hold == "keepalive" and self._status == "blocked"
+
+    def keepalive(self, at_s: float) -> None:
+        self._kept_s = at_s
+
+    def stop(self) -> None:
+        """Acknowledged as cancelled only once the robot stands."""
+        if not self.terminal:
+            self._hold, self._status, self._still_s = "stop", "stopping", None
+
+    def brake_for(self, last: Step) -> None:
+        """Brake to a standstill, then let `last` be the skill's last word."""
+        if self._hold == "":
+            self._hold, self._last, self._still_s = "end", last, None
+
+    def resume(self, at_s: float) -> None:
+        """Go on after the dead man; anything else that holds it stays."""
+        if self._hold == "keepalive" and not self.terminal:
+            self._hold, self._still_s, self._kept_s, self._status = "", None, at_s, "running"
+            self.skill.resume(at_s)
+
+    def tick(self, perception: Perception) -> Velocity:
+        """One tick; the velocity that the body is to follow."""
+        self._at_s = perception.at_s
+        self._watch(perception.at_s)
+        if self._hold:
+            self._stand(perception)
+            return Velocity()
+        step = self.skill.step(perception)
+        self._take(step)
+        return step.command
+
+    def report(self) -> InvocationReport:
+        """What the robot says of it now."""
+        outcome = self._outcome
+        done = outcome is not None and outcome.status == "succeeded"
+        share = 1.0 if done else self.skill.share
+        return InvocationReport(
+            handle=self.handle,
+            identity=self.request.identity,
+            status=self._status,
+            at_s=self._at_s,
+            progress=Progress(share=share, text=self._text, remaining_m=self.skill.remaining_m),
+            failure=outcome.failure if outcome else KEEPALIVE_LOST if self.held_still else "",
+            message=self._text,
+            declared=outcome.declared if outcome else {},
+            receipts=tuple(self._receipts),
+            samples=tuple(self._samples),
+            blobs=tuple(self._blobs),
+        )
+
+    def _watch(self, at_s: float) -> None:
+        if self._hold in ("stop", "end"):
+            return
+        if at_s > self.request.deadline_s:
+            late = Outcome(status="failed", failure="timeout", message="The deadline passed.")
+            self._hold, self._last, self._still_s = "end", Step(outcome=late), None
+        elif self._hold == "" and self.card.moves and at_s - self._kept_s > DEAD_MAN_S:
+            self._hold, self._still_s = "keepalive", None
+
+    def _stand(self, perception: Perception) -> None:
+        if not perception.still:
+            self._still_s = None
+            return
+        self._still_s = perception.at_s if self._still_s is None else self._still_s
+        if perception.at_s - self._still_s < STILL_S:
+            return
+        if self._hold == "keepalive":
+            self._status, self._text = "blocked", "No keepalive came: the robot stands still by itself."
+        elif self._hold == "stop":
+            self._status, self._text = "cancelled", "Stopped on request."
+        else:
+            self._take(self._last)
+
+    def _take(self, step: Step) -> None:
+        for draft in step.drafts:
+            self._receipts.append(self._receipt(draft))
+        for shot in step.shots:
+            self._samples.append(shot.seq)
+            self._blobs.append(shot.blob)
+        if step.outcome is not None:
+            self._outcome, self._status, self._text = step.outcome, step.outcome.status, step.outcome.message
+            return
+        self._status = "blocked" if step.blocked else "running"
+        self._text = step.blocked or "under way"
+
+    def _receipt(self, draft: Draft) -> Receipt:
+        request = self.request.identity.request_id
+        return Receipt(
+            receipt_id=f"{draft.kind}-{request[:16]}-{len(self._receipts)}",
+            kind=draft.kind,
+            at_s=draft.at_s,
+            source=self.card.provider_id,
+            request_id=request,
+            text=draft.text,
+            blob=draft.blob,
+            values=draft.values,
+        )
+
+
+def restarted(report: InvocationReport) -> InvocationReport:
+    """What becomes of an invocation that a restart of the robot cut off."""
+    message = "The robot was restarted while this ran; it was not started again."
+    return msgspec.structs.replace(report, status="failed", failure="robot_restarted", message=message)

@@ -1,0 +1,217 @@
+"""Following a route: pure pursuit with a lookahead, an arrival that is declared, and a watch on progress.
+
+`RouteFollower` keeps to the route and stops where its lidar sees it closed. `CarefulPlanner` leaves the route to get
+round what its lidar shows, where a gap is wide enough.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from harness.contracts.values import Point, Value
+from simulator.bodies import BRAKING_MPS2, LIDAR_REACH_M, Floats, Velocity
+from simulator.local_map import LocalMap
+from simulator.routes import RouteLine
+from simulator.skill_interface import Draft, Outcome, Perception, Step
+
+NO_PROGRESS_S = 10.0
+PROGRESS_M = 0.2
+TURN_CAP_RADPS = 1.0
+DEPARTURE_M = 0.8
+SEARCH_M = 1.5
+SWATH_M = 0.3
+LOOK_S = 0.4
+REJOIN_M = tuple(np.arange(0.6, 3.5, 0.2).tolist())
+"""Where a detour may rejoin the route, metres ahead: early where it is clear, else as far on as the map shows."""
+AHEAD = np.radians(np.linspace(-75.0, 75.0, 51))
+AROUND = np.radians(np.linspace(-180.0, 180.0, 120, endpoint=False))
+
+
+class Leg(Value):
+    """What a navigation request asks for: a route in the map frame, where on it to begin, and limits."""
+
+    route_m: tuple[Point, ...]
+    target_m: Point
+    tolerance_m: float
+    speed_cap_mps: float
+    lookahead_m: float
+    begin_m: float
+
+
+class RouteFollower:
+    """The cheap way: along the route or not at all."""
+
+    def __init__(self, leg: Leg) -> None:
+        self._leg = leg
+        self.route = RouteLine(leg.route_m)
+        self._at_m = self._marked_m = leg.begin_m
+        self._marked_s: float | None = None
+        self._off_m = math.inf
+        self._arrived_s: float | None = None
+        self._departed_s: float | None = None
+        self._looked_s = -math.inf
+        self._held = ""
+
+    @property
+    def begin_m(self) -> float:
+        """Arc length where this attempt began."""
+        return self._leg.begin_m
+
+    @property
+    def at_m(self) -> float:
+        """Arc length reached so far."""
+        return self._at_m
+
+    @property
+    def remaining_m(self) -> float:
+        return max(self.route.length_m - self._at_m, 0.0)
+
+    @property
+    def share(self) -> float:
+        return min(1.0, self._at_m / self.route.length_m) if self.route.length_m > 0 else 1.0
+
+    def resume(self, at_s: float) -> None:
+        self._marked_s = at_s
+
+    def step(self, perception: Perception) -> Step:
+        """Steer, stop in front of an obstacle, settle at the goal, give up after NO_PROGRESS_S."""
+        self._follow(perception)
+        if self._arrived_s is not None:
+            return self._settle(perception, self._arrived_s)
+        if self._near(perception):
+            self._arrived_s = perception.at_s
+            return Step()
+        if perception.at_s - self._looked_s >= LOOK_S - 1e-6:
+            self._looked_s = perception.at_s
+            self._held = self._look(perception)
+        if self._stuck(perception.at_s):
+            message = f"No {PROGRESS_M} m of progress in {NO_PROGRESS_S:.0f} s. {self._held}".strip()
+            declared = {"distance_m": self._off_m, "route_progress": self.share, "remaining_m": self.remaining_m}
+            return Step(outcome=Outcome(status="failed", failure="no_progress", message=message, declared=declared))
+        if self._held:
+            return Step(blocked=self._held)
+        return Step(command=self._steer(perception, self._aim(), self._stretch_m(perception)))
+
+    def _look(self, perception: Perception) -> str:
+        """Why the way ahead cannot be taken; empty if it can."""
+        stretch = [self.route.point(self._at_m + ahead) for ahead in (0.2, 0.4, 0.6, 0.8, 1.0)]
+        far_m = max(math.hypot(x - perception.x_m, y - perception.y_m) for x, y in stretch) + SWATH_M
+        hits = _hits(perception, AHEAD, reach_m=min(far_m + 0.02, LIDAR_REACH_M))
+        return "The route ahead is closed for the lidar." if _touched(hits, stretch) else ""
+
+    def _aim(self) -> Point:
+        if self.remaining_m <= self._leg.lookahead_m:
+            return self._leg.target_m
+        return self.route.point(self._at_m + self._leg.lookahead_m)
+
+    def _stretch_m(self, perception: Perception) -> float:
+        """Metres to go before standing."""
+        return max(self.remaining_m, self._off_m) - 0.05
+
+    def _follow(self, perception: Perception) -> None:
+        if self._marked_s is None:
+            self._marked_s = perception.at_s
+        self._at_m = max(
+            self._at_m,
+            self.route.nearest(perception.x_m, perception.y_m, low_m=self._at_m, high_m=self._at_m + SEARCH_M),
+        )
+        if self._at_m - self._marked_m >= PROGRESS_M:
+            self._marked_m, self._marked_s = self._at_m, perception.at_s
+        target, start = self._leg.target_m, self._leg.route_m[0]
+        self._off_m = math.hypot(target[0] - perception.x_m, target[1] - perception.y_m)
+        if self._departed_s is None and math.hypot(start[0] - perception.x_m, start[1] - perception.y_m) > DEPARTURE_M:
+            self._departed_s = perception.at_s
+
+    def _near(self, perception: Perception) -> bool:
+        """Close enough on the last stretch, or just past the target: the circuit begins there too, and is not near."""
+        if self.remaining_m > self._leg.lookahead_m:
+            return False
+        reach_m = min(0.12, 0.4 * self._leg.tolerance_m)
+        target = self._leg.target_m
+        bearing = math.atan2(target[1] - perception.y_m, target[0] - perception.x_m)
+        passed = abs(math.remainder(bearing - perception.yaw_rad, math.tau)) > math.pi / 2
+        return self._off_m <= reach_m or (passed and self._off_m <= 0.6 * self._leg.tolerance_m)
+
+    def _stuck(self, at_s: float) -> bool:
+        return self._marked_s is not None and at_s - self._marked_s > NO_PROGRESS_S
+
+    def _steer(self, perception: Perception, aim: Point, stretch_m: float) -> Velocity:
+        dx, dy = aim[0] - perception.x_m, aim[1] - perception.y_m
+        error = math.remainder(math.atan2(dy, dx) - perception.yaw_rad, math.tau)
+        if abs(error) > 1.0:
+            return Velocity(w_radps=math.copysign(TURN_CAP_RADPS, error))
+        reach_m = max(math.hypot(dx, dy), 0.2)
+        stopping = math.sqrt(2.0 * 0.6 * BRAKING_MPS2 * max(stretch_m, 0.005))
+        v = min(self._leg.speed_cap_mps, stopping) * max(0.25, math.cos(error))
+        w = 2.0 * v * math.sin(error) / reach_m
+        return Velocity(v_mps=v, w_radps=max(-TURN_CAP_RADPS, min(TURN_CAP_RADPS, w)))
+
+    def _settle(self, perception: Perception, arrived_s: float) -> Step:
+        if not perception.still or perception.at_s - arrived_s < 0.3:
+            return Step()
+        return self.claim(perception.at_s, distance_m=self._off_m)
+
+    def claim(self, at_s: float, *, distance_m: float) -> Step:
+        """The follower's word that it arrived, `distance_m` from the target: declared, whatever is true."""
+        declared = {
+            "distance_m": round(distance_m, 4),
+            "route_progress": round(self.share, 4),
+            "remaining_m": round(distance_m, 4),
+        }
+        if self._departed_s is not None:
+            declared["departed_at_s"] = self._departed_s
+        text = f"GOAL REACHED within {distance_m:.2f} m"
+        arrival = Draft(kind="arrival", at_s=at_s, text=text, values={"distance_m": declared["distance_m"]})
+        disarm = Draft(kind="disarm", at_s=at_s, text="velocity interface disarmed")
+        return Step(drafts=(arrival, disarm), outcome=Outcome(status="succeeded", message=text, declared=declared))
+
+
+class CarefulPlanner(RouteFollower):
+    """The slow way: drives by a local map of its own lidar sweeps and rejoins the route behind an obstacle."""
+
+    def __init__(self, leg: Leg) -> None:
+        super().__init__(leg)
+        self._map = LocalMap()
+        self._detour: RouteLine | None = None
+
+    def _look(self, perception: Perception) -> str:
+        pose = (perception.x_m, perception.y_m, perception.yaw_rad)
+        self._map.add(pose, AROUND, perception.ranges(AROUND, LIDAR_REACH_M))
+        here = (perception.x_m, perception.y_m)
+        ahead = [self._at_m + 0.1 * step for step in range(1, 21)]
+        on_route = math.dist(here, self.route.point(self._at_m)) < 0.25
+        clear = all(self._map.free(self.route.point(at_m)) for at_m in ahead)
+        if on_route and clear:
+            self._detour = None
+            return ""
+        for ahead_m in REJOIN_M if clear else reversed(REJOIN_M):
+            path = self._map.path(here, self.route.point(self._at_m + ahead_m))
+            if path:
+                self._detour = RouteLine((here, *path[1:]))
+                return ""
+        self._detour = None
+        return "The lidar shows no gap wide enough."
+
+    def _aim(self) -> Point:
+        return super()._aim() if self._detour is None else self._detour.point(0.45)
+
+    def _stretch_m(self, perception: Perception) -> float:
+        return super()._stretch_m(perception) if self._detour is None else 0.5
+
+
+def _hits(perception: Perception, headings: Floats, *, reach_m: float) -> Floats:
+    """Where the lidar's rays end within reach, in the map frame by the robot's own estimate; shape (n, 2)."""
+    ranges = perception.ranges(headings, reach_m)
+    seen = ranges < reach_m - 0.01
+    turned = headings[seen] + perception.yaw_rad
+    return np.stack(
+        [perception.x_m + ranges[seen] * np.cos(turned), perception.y_m + ranges[seen] * np.sin(turned)], axis=1
+    )
+
+
+def _touched(hits: Floats, stretch: Sequence[Point]) -> bool:
+    if not len(hits):
+        return False
+    gaps = hits[:, None, :] - np.asarray(stretch)[None, :, :]
+    return bool(((gaps**2).sum(axis=2) < SWATH_M**2).any())

@@ -1,0 +1,58 @@
+"""Pictures on demand. At kinematic fidelity each place is photographed once in a process, coarsely, and remembered."""
+
+import math
+from functools import lru_cache
+
+import cv2
+import numpy as np
+from msgspec.structs import replace
+
+from harness.contracts.observations import Camera
+from simulator.camera import CAMERA, jpeg, render
+from simulator.solids import SiteModel
+
+GRID_M = 0.05
+GRID_RAD = math.radians(2.0)
+REMEMBERED = 1000
+
+
+def _coarser(times: float) -> Camera:
+    """The same lens with fewer rays each way."""
+    return replace(
+        CAMERA,
+        width_px=round(CAMERA.width_px / times),
+        height_px=round(CAMERA.height_px / times),
+        fx_px=CAMERA.fx_px / times,
+        fy_px=CAMERA.fy_px / times,
+        cx_px=(CAMERA.cx_px + 0.5) / times - 0.5,
+        cy_px=(CAMERA.cy_px + 0.5) / times - 0.5,
+    )
+
+
+LIVE = _coarser(2.5)
+"""What people see live: 512 x 288, so that looking costs the robot little."""
+COARSE = _coarser(2)
+"""The same lens with a ray for every second pixel each way; the picture is enlarged to the camera's size."""
+Pose = tuple[float, float, float]
+
+
+def photograph(site: SiteModel, pose: Pose) -> bytes:
+    """One JPEG from exactly this body pose."""
+    return jpeg(render(site, pose))
+
+
+def photograph_nearby(site: SiteModel, pose: Pose) -> bytes:
+    """One JPEG from the nearest pose on a grid of GRID_M and GRID_RAD, so that missions of a suite share frames."""
+    return _remembered(site, round(pose[0] / GRID_M), round(pose[1] / GRID_M), round(pose[2] / GRID_RAD))
+
+
+def live_frame(site: SiteModel, pose: Pose) -> bytes:
+    """One JPEG of LIVE's size from exactly this body pose."""
+    return jpeg(render(site, pose, LIVE))
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _remembered(site: SiteModel, x: int, y: int, yaw: int) -> bytes:
+    coarse = render(site, (x * GRID_M, y * GRID_M, yaw * GRID_RAD), COARSE)
+    whole = cv2.resize(coarse, (CAMERA.width_px, CAMERA.height_px), interpolation=cv2.INTER_LINEAR)
+    return jpeg(np.asarray(whole, dtype=np.uint8))

@@ -1,0 +1,279 @@
+"""The simulated robot: providers, senses and journals over one simulated world, in this process."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.errors import FencingRefused, ProviderFailed, ProviderUnreachable
+from harness.contracts.ids import Digest, MissionId, ProviderId, RequestId
+from harness.contracts.protocol import (
+    TERMINAL,
+    InvocationReport,
+    Observations,
+    PhysicalStart,
+    Picture,
+    RobotStatus,
+    StartRequest,
+)
+from harness.contracts.values import digest
+from harness.provider_protocol.journal import Entry, Journal
+from harness.provider_protocol.parameters import parameter_problems
+from simulator.camera import CAMERA
+from simulator.cards import CARDS
+from simulator.faults import DUPLICATE_AFTER_S, Fault
+from simulator.invocations import Invocation, restarted
+from simulator.journals import StartJournal
+from simulator.picture_cache import LIVE, live_frame
+from simulator.skills import skill_for
+from simulator.world import World, WorldSettings
+
+HAND = ProviderId("hand")
+"""Whose invocations are a person's driving; nobody can be routed to it."""
+
+
+class SimulatedRobot:
+    """Implements `contracts.ports.Robot`; `advance_to` moves its time. One thread at a time.
+
+    With a `folder`, journals and world survive the process; without one everything stays in memory.
+    """
+
+    def __init__(self, settings: WorldSettings, folder: Path | None = None, *, robot_id: str = "vbot-1") -> None:
+        self.robot_id = robot_id
+        if folder is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+        self.world = World(settings, folder)
+        self._journal = Journal(folder and folder / "requests.jsonl")
+        self._starts = StartJournal(folder and folder / "starts.jsonl")
+        self._running: dict[RequestId, Invocation] = {}
+        self.lying = False
+        self._repeats: list[tuple[float, CapabilityCard, StartRequest]] = []
+        self._providers = tuple(SimulatedProvider(self, card) for card in CARDS)
+        for report in list(self._journal.reports.values()):
+            if report.status not in TERMINAL:
+                self._journal.write(Entry(report=restarted(report)))
+
+    @property
+    def at_s(self) -> float:
+        """Mission time now."""
+        return self.world.at_s
+
+    @property
+    def moving(self) -> bool:
+        """Whether the body is not still, or an invocation that the dead man does not hold may move it."""
+        mover = self._mover()
+        return not self.world.body.state.still or (mover is not None and not mover.held_still)
+
+    def providers(self) -> Sequence["SimulatedProvider"]:
+        return self._providers
+
+    def status(self) -> RobotStatus:
+        world, mover = self.world, self._mover()
+        return RobotStatus(
+            robot_id=self.robot_id,
+            at_s=world.at_s,
+            posture="moving" if not world.still else "lying" if self.lying else "standing",
+            armed=mover is not None and mover.report().status in ("accepted", "running", "stopping"),
+            hardware_stop=world.hardware_stop,
+            charge=world.sensors.charge,
+            localised=world.sensors.mode != "lost",
+            map_version=world.site.map_version,
+            camera=CAMERA,
+            pose_age_s=world.ring.pose_age_s(world.at_s),
+            driven_by=mover.request.identity.request_id if mover is not None and mover.card.provider_id == HAND else "",
+        )
+
+    def picture(self) -> Picture:
+        """What the camera sees from where the body is, for people: no sample and no evidence comes of it."""
+        state = self.world.body.state
+        pose = (state.x_m, state.y_m, state.yaw_rad)
+        width, height = LIVE.width_px, LIVE.height_px
+        return Picture(at_s=self.at_s, width_px=width, height_px=height, body=live_frame(self.world.site, pose))
+
+    def observations(self, after: int, limit: int = 5000) -> Observations:
+        return self.world.ring.after(after, limit=limit, at_s=self.world.at_s)
+
+    def blob(self, digest: Digest) -> bytes:
+        return self.world.blobs.get(digest)
+
+    def starts(self) -> Sequence[PhysicalStart]:
+        return self._starts.all()
+
+    def configure(self, mission_id: MissionId, seed: int, faults: Sequence[Fault]) -> None:
+        """Begin a mission: its seed for every stream of chance, its faults, its own truth file."""
+        self.world.configure(mission_id, seed, faults)
+
+    def struck(self) -> dict[str, int]:
+        """How often each fault of the configured mission really struck."""
+        return dict(self.world.faults.struck)
+
+    def advance_to(self, mission_s: float) -> float:
+        """Let the world run to the first tick at or after mission time `mission_s`; returns the time reached."""
+        while self.world.at_s < mission_s - 1e-6:
+            self._tick()
+        return self.world.at_s
+
+    def press_hardware_stop(self, *, engaged: bool) -> None:
+        """The red button on the robot: below every software, it holds the body still while it is engaged."""
+        self.world.hardware_stop = engaged
+
+    def save(self) -> None:
+        """Write the world durably."""
+        self.world.save(durable=True)
+
+    def begin(self, card: CapabilityCard, request: StartRequest) -> InvocationReport:
+        """Start once per request id. Raises ProviderFailed, FencingRefused, or ProviderUnreachable by a fault."""
+        known = self.find(request.identity.request_id)
+        if known is not None:
+            self._same(card, request)
+            return known
+        self._check(card, request)
+        self.lying = self.lying and not card.moves
+        world = self.world
+        skill = skill_for(
+            card, request, frame=world.site.frame, here=world.believed, reached_m=world.reached_m.get(_way(request))
+        )
+        invocation = Invocation(card, request, skill, at_s=world.at_s)
+        self.take_up(invocation, Entry(report=invocation.report(), request=request))
+        if card.capability == "navigate" and world.faults.strikes("duplicate-request"):
+            self._repeats.append((world.at_s + DUPLICATE_AFTER_S, card, request))
+            raise ProviderUnreachable(
+                "The acknowledgement was lost", where=card.provider_id, do="ask for the request id before sending again"
+            )
+        return invocation.report()
+
+    def take_up(self, invocation: Invocation, entry: Entry) -> None:
+        """A physical start: in the journals first, then in the world with the next tick."""
+        self._journal.write(entry)
+        identity = invocation.request.identity
+        self._starts.write(
+            PhysicalStart(
+                request_id=identity.request_id,
+                mission_id=identity.mission_id,
+                node_id=identity.node_id,
+                attempt=identity.attempt,
+                provider_id=identity.provider_id,
+                at_s=self.world.at_s,
+                moves=invocation.card.moves,
+            )
+        )
+        self._running[identity.request_id] = invocation
+        self.world.invocation_starts(invocation, _way(invocation.request))
+
+    def running(self, request: RequestId) -> Invocation | None:
+        """The invocation of a request, while it is not terminal."""
+        return self._running.get(request)
+
+    def find(self, request: RequestId) -> InvocationReport | None:
+        """The newest report on a request, or None if it never came here."""
+        running = self._running.get(request)
+        return running.report() if running is not None else self._journal.reports.get(request)
+
+    def report(self, handle: str) -> InvocationReport:
+        """Raises ProviderFailed for an unknown handle."""
+        found = self.find(RequestId(handle.partition(":")[2]))
+        if found is None or found.handle != handle:
+            raise ProviderFailed(
+                f"No invocation has the handle {handle}", where=self.robot_id, do="find it by its request id"
+            )
+        return found
+
+    def invocation(self, handle: str) -> Invocation | None:
+        """The invocation if it still runs; raises ProviderFailed for an unknown handle."""
+        return self._running.get(self.report(handle).identity.request_id)
+
+    def _tick(self) -> None:
+        world = self.world
+        world.tick(tuple(self._running.values()))
+        for request, invocation in list(self._running.items()):
+            if invocation.terminal:
+                del self._running[request]
+                self._journal.write(Entry(report=invocation.report()))
+                world.invocation_ended(invocation, _way(invocation.request))
+        while self._repeats and self._repeats[0][0] <= world.at_s:
+            _, card, repeated = self._repeats.pop(0)
+            self.begin(card, repeated)
+
+    def _mover(self) -> Invocation | None:
+        return next((invocation for invocation in self._running.values() if invocation.card.moves), None)
+
+    def _same(self, card: CapabilityCard, request: StartRequest) -> None:
+        first = self._journal.requests[request.identity.request_id]
+        if _asked(first) != _asked(request):
+            raise ProviderFailed(
+                f"Request {request.identity.request_id} came again with other contents",
+                where=card.provider_id,
+                do="repeat it unchanged, or authorise a new attempt",
+            )
+
+    def _check(self, card: CapabilityCard, request: StartRequest) -> None:
+        named = (request.identity.provider_id, request.capability)
+        problems = [
+            *([f"The request is for {' / '.join(named)}"] if named != (card.provider_id, card.capability) else []),
+            *parameter_problems(card, request.parameters),
+            *(f"No fencing token for {name}" for name in card.resources if name not in request.fencing),
+        ]
+        if problems:
+            raise ProviderFailed(problems[0], where=card.provider_id, do="send what the capability card declares")
+        self.admit(request.fencing, where=card.provider_id, moves=card.moves)
+
+    def admit(self, fencing: Mapping[str, int], *, where: str, moves: bool = True) -> None:
+        """Raises FencingRefused for an old token, and ProviderFailed for a motion while something else moves."""
+        for resource, token in fencing.items():
+            newest = self._journal.tokens.get(resource, token)
+            if token < newest:
+                raise FencingRefused(
+                    f"Token {token} for {resource} is older than {newest}", where=where, do="take the lease again"
+                )
+        mover = self._mover()
+        if moves and mover is not None:
+            raise ProviderFailed(
+                f"Invocation {mover.handle} still has the base", where=where, do="stop it, then start again"
+            )
+
+
+class SimulatedProvider:
+    """One provider of the simulated robot, in this process."""
+
+    def __init__(self, robot: SimulatedRobot, card: CapabilityCard) -> None:
+        self._robot, self._card = robot, card
+
+    @property
+    def card(self) -> CapabilityCard:
+        return self._card
+
+    def start(self, request: StartRequest) -> InvocationReport:
+        return self._robot.begin(self._card, request)
+
+    def report(self, handle: str) -> InvocationReport:
+        return self._robot.report(handle)
+
+    def find(self, request: RequestId) -> InvocationReport | None:
+        return self._robot.find(request)
+
+    def keepalive(self, handle: str) -> None:
+        invocation = self._robot.invocation(handle)
+        if invocation is not None:
+            invocation.keepalive(self._robot.at_s)
+
+    def resume(self, handle: str) -> InvocationReport:
+        invocation = self._robot.invocation(handle)
+        if invocation is not None:
+            invocation.resume(self._robot.at_s)
+        return self._robot.report(handle)
+
+    def stop(self, handle: str) -> InvocationReport:
+        invocation = self._robot.invocation(handle)
+        if invocation is not None:
+            invocation.stop()
+        return self._robot.report(handle)
+
+
+def _way(request: StartRequest) -> str:
+    """The same route of the same node: what an earlier attempt covered of it counts."""
+    identity = request.identity
+    return f"{identity.mission_id}/{identity.node_id}/{digest(request.parameters.get('route', ()))[:12]}"
+
+
+def _asked(request: StartRequest) -> str:
+    """What makes two requests the same: who asks for what. The state version may move between repeats (D1)."""
+    return digest([request.identity, request.capability, request.parameters, request.blobs])

@@ -1,0 +1,169 @@
+"""The simulated robot as a service: the provider protocol, its clock, and the simulation's own commands."""
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from fastapi import FastAPI
+
+from harness.contracts.errors import ProviderFailed, ProviderUnreachable
+from harness.contracts.protocol import Picture
+from harness.provider_protocol.operations import Names, Operation, provider_operations
+from harness.provider_protocol.operator_operations import camera_operations, hand_operations
+from harness.provider_protocol.service import provider_service
+from harness.provider_protocol.wire import Advance, ClockReading, Done, HardwareStop, MissionSettings
+from simulator.bodies import TICK_S
+from simulator.faults import parse_faults
+from simulator.robot import SimulatedRobot
+from simulator.teleoperation import SimulatedTeleoperation
+
+FREE_RUN_AFTER_S = 2.0
+SLIP_S = 0.25
+PICTURE_S = 0.5
+LONGEST_ADVANCE_S = 120.0
+
+
+class Pace:
+    """Lets a robot's time pass, and lets one caller at a time see it.
+
+    At speed 0 only `advance` moves time; but when no request came for FREE_RUN_AFTER_S of wall time and something
+    moves, time runs by itself, so that the dead man works when the harness is gone.
+    """
+
+    def __init__(self, robot: SimulatedRobot, speed: float) -> None:
+        self.robot, self.speed = robot, speed
+        self._lock = threading.Lock()
+        self._asked_s = time.monotonic()
+        self._ended = threading.Event()
+        self._orphaned = threading.Event()
+        self._retired = False
+        self._thread = threading.Thread(target=self._run, name="pace", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def end(self) -> None:
+        """Stop time; returns when it stands."""
+        self._ended.set()
+        self._thread.join()
+
+    def orphan(self) -> None:
+        """Nobody will ask any more: do not wait before running free."""
+        self._orphaned.set()
+
+    @property
+    def silent_s(self) -> float:
+        """Wall seconds since the last request."""
+        return time.monotonic() - self._asked_s
+
+    def retire(self, *, after_s: float) -> bool:
+        """Take no request any more if the robot stands and nobody asked for `after_s`; whether that is so."""
+        with self._lock:
+            self._retired = not self.robot.moving and self.silent_s >= after_s
+            return self._retired
+
+    @contextmanager
+    def turn(self) -> Iterator[None]:
+        """One request at a time. Raises ProviderUnreachable once retired, so that nobody adopts a robot that ends."""
+        with self._lock:
+            if self._retired:
+                raise ProviderUnreachable(
+                    "This robot process is ending", where=self.robot.robot_id, do="start the robot again"
+                )
+            self._asked_s = time.monotonic()
+            yield
+            self._asked_s = time.monotonic()
+
+    def standing(self) -> bool:
+        """Whether nothing moves and nothing is about to."""
+        with self._lock:
+            return not self.robot.moving
+
+    def _run(self) -> None:
+        due_s = time.monotonic()
+        while not self._ended.is_set():
+            speed = self.speed or (1.0 if self._runs_free() else 0.0)
+            if speed == 0.0:
+                self._ended.wait(0.05)
+                due_s = time.monotonic()
+                continue
+            with self._lock:
+                self.robot.advance_to(self.robot.at_s + TICK_S)
+            due_s = max(due_s + TICK_S / speed, time.monotonic() - SLIP_S / speed)
+            self._ended.wait(max(due_s - time.monotonic(), 0.0))
+
+    def _runs_free(self) -> bool:
+        silent = self._orphaned.is_set() or self.silent_s > FREE_RUN_AFTER_S
+        return silent and not self.standing()
+
+
+class PacedCamera:
+    """Implements `contracts.ports.LiveCamera`: one picture every PICTURE_S of wall time, however many people look."""
+
+    def __init__(self, robot: SimulatedRobot) -> None:
+        self._robot = robot
+        self._lock = threading.Lock()
+        self._newest: Picture | None = None
+        self._taken_s = -PICTURE_S
+
+    def picture(self) -> Picture:
+        """The newest one, taken again if it is older than PICTURE_S."""
+        with self._lock:
+            if self._newest is None or time.monotonic() - self._taken_s > PICTURE_S:
+                self._newest, self._taken_s = self._robot.picture(), time.monotonic()
+            return self._newest
+
+
+def simulation_operations(pace: Pace) -> tuple[Operation, ...]:
+    """What only a simulated robot serves."""
+    robot = pace.robot
+
+    def clock(names: Names, body: None) -> ClockReading:
+        return ClockReading(at_s=robot.at_s, speed=pace.speed, monotonic_s=time.monotonic())
+
+    def advance(names: Names, body: Advance) -> Done:
+        if pace.speed:
+            raise ProviderFailed("This robot runs by itself", where="/simulation/advance", do="start it with speed 0")
+        if not 0 <= body.until_s - robot.at_s <= LONGEST_ADVANCE_S:
+            raise ProviderFailed(
+                f"{body.until_s - robot.at_s:.1f} s is no step forward of at most {LONGEST_ADVANCE_S:.0f} s",
+                where="/simulation/advance",
+                do="advance in smaller steps",
+            )
+        return Done(at_s=robot.advance_to(body.until_s))
+
+    def configure(names: Names, body: MissionSettings) -> Done:
+        robot.configure(body.mission_id, body.seed, parse_faults(body.faults))
+        return Done(at_s=robot.at_s)
+
+    def save(names: Names, body: None) -> Done:
+        robot.save()
+        return Done(at_s=robot.at_s)
+
+    def press(names: Names, body: HardwareStop) -> Done:
+        robot.press_hardware_stop(engaged=body.engaged)
+        return Done(at_s=robot.at_s)
+
+    def struck(names: Names, body: None) -> dict[str, int]:
+        return robot.struck()
+
+    return (
+        Operation("GET", "/clock", "Mission time", ClockReading, clock),
+        Operation("POST", "/simulation/advance", "Lockstep: run to a mission time", Done, advance, body=Advance),
+        Operation("POST", "/simulation/configure", "Begin a mission", Done, configure, body=MissionSettings),
+        Operation("POST", "/simulation/save", "Write the world durably", Done, save),
+        Operation("POST", "/simulation/hardware-stop", "Press the red button", Done, press, body=HardwareStop),
+        Operation("GET", "/simulation/struck", "Faults that struck", dict[str, int], struck),
+    )
+
+
+def robot_service(pace: Pace, token: str) -> FastAPI:
+    """The whole service of one simulated robot."""
+    operations = (
+        *provider_operations(pace.robot),
+        *camera_operations(PacedCamera(pace.robot)),
+        *hand_operations(SimulatedTeleoperation(pace.robot)),
+        *simulation_operations(pace),
+    )
+    return provider_service(operations, token=token, turn=pace.turn, title=f"Simulated robot {pace.robot.robot_id}")

@@ -1,0 +1,146 @@
+"""Driving the simulated robot by hand, and having it lie down: only where nothing else moves it, and fenced."""
+
+from typing import Literal
+
+from msgspec.structs import replace
+
+from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.errors import ProviderFailed
+from harness.contracts.ids import Digest, MissionId, NodeId, RequestId
+from harness.contracts.protocol import (
+    DRIVE_DEAD_MAN_S,
+    DriveOrder,
+    DriveReport,
+    Identity,
+    PostureOrder,
+    RobotStatus,
+    StartRequest,
+)
+from harness.provider_protocol.journal import Entry
+from simulator.bodies import Velocity
+from simulator.cards import BASE, ROUTE_FOLLOWER
+from simulator.invocations import Invocation
+from simulator.robot import HAND, SimulatedRobot
+from simulator.skill_interface import Perception, Step
+
+SPEED_CAP_MPS = 0.3
+TURN_CAP_RADPS = 0.6
+BY_HAND: CapabilityCard = replace(
+    ROUTE_FOLLOWER,
+    provider_id=HAND,
+    parameters=(),
+    side_effects=("moves the robot as a person steers it",),
+    reattach="none",
+    resumable=False,
+)
+"""Not among the robot's providers: no mission can be routed to a person's hand."""
+
+
+class TeleoperationSkill:
+    """Holds the last ordered velocity for DRIVE_DEAD_MAN_S, then none."""
+
+    def __init__(self) -> None:
+        self._wanted, self._ordered_s = Velocity(), 0.0
+
+    @property
+    def share(self) -> float:
+        return 0.0
+
+    @property
+    def remaining_m(self) -> float | None:
+        return None
+
+    def order(self, wanted: Velocity, at_s: float) -> None:
+        self._wanted, self._ordered_s = wanted, at_s
+
+    def step(self, perception: Perception) -> Step:
+        """Nothing is finished by itself: the session ends when it is released."""
+        fresh = perception.at_s - self._ordered_s <= DRIVE_DEAD_MAN_S
+        return Step(command=self._wanted if fresh else Velocity())
+
+    def resume(self, at_s: float) -> None:
+        """The dead man let go because another order came; that order says what to do."""
+
+
+class SimulatedTeleoperation:
+    """Implements `contracts.ports.HandDriven` for a simulated robot. One thread at a time, as for the robot."""
+
+    def __init__(self, robot: SimulatedRobot) -> None:
+        self._robot = robot
+        self._skills: dict[RequestId, TeleoperationSkill] = {}
+
+    def drive(self, order: DriveOrder) -> DriveReport:
+        """Hold this velocity for DRIVE_DEAD_MAN_S at most; the first order of a session begins it."""
+        robot = self._robot
+        running = robot.running(order.session)
+        if running is None:
+            running = self._begin(order)
+        if robot.world.hardware_stop:
+            return self._report(order.session, running, reason="the hardware stop is engaged")
+        v = min(max(order.v_mps, -SPEED_CAP_MPS), SPEED_CAP_MPS)
+        w = min(max(order.w_radps, -TURN_CAP_RADPS), TURN_CAP_RADPS)
+        self._skills[order.session].order(Velocity(v_mps=v, w_radps=w), robot.at_s)
+        running.keepalive(robot.at_s)
+        running.resume(robot.at_s)
+        return self._report(order.session, running)
+
+    def release(self, session: RequestId) -> DriveReport:
+        """Brake; `ended` once the body stands. A session that never began has ended."""
+        running = self._robot.running(session)
+        if running is None:
+            self._skills.pop(session, None)
+            return DriveReport(session=session, at_s=self._robot.at_s, status="ended")
+        running.stop()
+        return self._report(session, running)
+
+    def rest(self, order: PostureOrder) -> RobotStatus:
+        """Lie down or stand up; a body that moves does neither."""
+        robot = self._robot
+        robot.admit({BASE: order.token}, where="posture")
+        if not robot.world.still:
+            raise ProviderFailed("The body still moves", where=robot.robot_id, do="stop it, then ask again")
+        robot.lying = order.posture == "lying"
+        return robot.status()
+
+    def _begin(self, order: DriveOrder) -> Invocation:
+        robot = self._robot
+        if robot.find(order.session) is not None:
+            raise ProviderFailed(
+                f"Session {order.session[:12]} has ended", where=robot.robot_id, do="take the wheel again"
+            )
+        if robot.world.hardware_stop:
+            raise ProviderFailed(
+                "The hardware stop is engaged", where=robot.robot_id, do="release it at the robot, if it is safe"
+            )
+        if robot.lying:
+            raise ProviderFailed("The robot lies down", where=robot.robot_id, do="have it stand up first")
+        robot.admit({BASE: order.token}, where="hand")
+        skill = TeleoperationSkill()
+        self._skills = {order.session: skill}
+        request = StartRequest(
+            identity=Identity(
+                mission_id=MissionId(order.session),
+                node_id=NodeId("hand"),
+                attempt=1,
+                request_id=order.session,
+                provider_id=HAND,
+            ),
+            capability=BY_HAND.capability,
+            parameters={},
+            k_ctx=0,
+            configuration=Digest(""),
+            deadline_s=order.until_s,
+            fencing={BASE: order.token},
+        )
+        invocation = Invocation(BY_HAND, request, skill, at_s=robot.at_s)
+        robot.take_up(invocation, Entry(report=invocation.report(), request=request))
+        return invocation
+
+    def _report(self, session: RequestId, running: Invocation, *, reason: str = "") -> DriveReport:
+        v, w = self._robot.world.sensors.twist
+        still = self._robot.world.still
+        status: Literal["driving", "standing", "ended"] = (
+            "ended" if running.terminal else "standing" if still else "driving"
+        )
+        at_s = self._robot.at_s
+        return DriveReport(session=session, at_s=at_s, status=status, v_mps=v, w_radps=w, reason=reason)

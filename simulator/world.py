@@ -1,0 +1,318 @@
+"""The simulated world tick by tick: body, sensors, running invocations, faults, truth. Mission time is its clock."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+from harness.contracts.ids import MissionId, RequestId
+from harness.contracts.observations import Image
+from harness.contracts.regularities import HiddenSite, Regularity
+from harness.contracts.simulation import Fidelity
+from harness.contracts.values import Point, Value
+from simulator.bodies import (
+    TICK_S,
+    Body,
+    BodyState,
+    KinematicBody,
+    MujocoBody,
+    Velocity,
+)
+from simulator.camera import CAMERA
+from simulator.disturbances import Disturbances
+from simulator.faults import Fault, FaultPlan
+from simulator.invocations import Invocation
+from simulator.journals import SavedWorld, load_world, save_world
+from simulator.navigation import RouteFollower
+from simulator.noise import Streams
+from simulator.obstruction import boxes_across
+from simulator.picture_cache import photograph, photograph_nearby
+from simulator.pose_estimate import Estimate
+from simulator.routes import RouteLine
+from simulator.samples import SampleRing, SensorBlobs
+from simulator.sensors import Sensors
+from simulator.site import START, storage_site
+from simulator.skill_interface import Outcome, Perception, Shot, Step
+from simulator.solids import SiteModel
+from simulator.truth import Truth, TruthLog
+
+EPOCH_S = 1_790_000_000.0
+MOVING_TICKS = 4
+STANDING_TICKS = 20
+EARLY_CLAIM_M = 0.14
+
+
+class WorldSettings(Value):
+    """How to build a world. `epoch_s` is its first mission time, unless a saved world has reached a later one.
+
+    `hidden` is what its site does again and again; without it a robot starts a mission where the last one ended.
+    """
+
+    fidelity: Fidelity = "kinematic"
+    seed: int = 0
+    epoch_s: float = EPOCH_S
+    hidden: HiddenSite | None = None
+
+
+class World:
+    """One robot in one site. Only `tick` lets time pass."""
+
+    def __init__(self, settings: WorldSettings, folder: Path | None) -> None:
+        self._settings, self._folder = settings, folder
+        self._file = folder and folder / "world.json"
+        saved = load_world(self._file) if self._file else None
+        pose = saved.pose if saved else START
+        self._home: SiteModel = storage_site()
+        self.site: SiteModel = self._home
+        state = BodyState(x_m=pose[0], y_m=pose[1], yaw_rad=pose[2])
+        self.body: Body = (MujocoBody if settings.fidelity == "mujoco" else KinematicBody)(self.site, state)
+        self.ring = SampleRing(saved.seq if saved else 0)
+        self.blobs = SensorBlobs(folder and folder / "blobs")
+        self.truth = TruthLog(folder and folder / "truth")
+        self.faults = FaultPlan(None, (), began_s=0.0)
+        self._disturbances: Disturbances | None = None
+        self._standing: tuple[Regularity, ...] = ()
+        self.sensors = Sensors(
+            Streams(settings.seed), self.ring, frame=self.site.frame, map_version=self.site.map_version
+        )
+        self.hardware_stop = False
+        self.reached_m: dict[str, float] = dict(saved.reached_m) if saved else {}
+        self._epoch_s = max(saved.at_s, settings.epoch_s) if saved else settings.epoch_s
+        self._ticks = 0
+        self._command = Velocity()
+        self.at_s = self._epoch_s
+        """Mission time, seconds since the Unix epoch."""
+        if saved:
+            self.sensors.odometer, self.sensors.charge = saved.odometer, saved.charge
+        self._estimate = Estimate(pose)
+        self._estimate.begin(self.sensors.odometer)
+
+    @property
+    def still(self) -> bool:
+        """Whether odometry says that the robot stands."""
+        v, w = self.sensors.twist
+        return abs(v) < 0.01 and abs(w) < 0.02
+
+    @property
+    def believed(self) -> Point:
+        """Where the robot's controller believes it is."""
+        return (self._estimate.x_m, self._estimate.y_m)
+
+    def configure(self, mission_id: MissionId, seed: int, faults: Sequence[Fault]) -> None:
+        """Begin a mission: chance, faults and truth file of its own, and the site as it is without faults.
+
+        The mission that is under way goes on as it was: its supervisor came back.
+        """
+        if mission_id == self.faults.mission_id:
+            return
+        self.faults = FaultPlan(mission_id, faults, began_s=self.at_s)
+        self.sensors.reseed(Streams(seed))
+        self._furnish(self._home)
+        if self._settings.hidden is not None:
+            self._disturbances = Disturbances(self._settings.hidden.regularities, seed=seed, began_s=self.at_s)
+            self._carry_back()
+        self.truth.begin(mission_id)
+        self.note("mission", text=f"{mission_id} seed {seed}")
+
+    def invocation_starts(self, invocation: Invocation, node: str) -> None:
+        """A skill was accepted and begins with the next tick."""
+        skill = invocation.skill
+        identity = invocation.request.identity
+        self.note("start", request_id=identity.request_id, text=identity.provider_id)
+        self.faults.invocation_starts(identity.mission_id, navigates=isinstance(skill, RouteFollower))
+        if isinstance(skill, RouteFollower):
+            self.reached_m[node] = skill.at_m
+            if self.site is self._home and self.faults.strikes("blocked-passage"):
+                at_m = float(round(skill.begin_m + 0.5 * skill.remaining_m))
+                gap = not self.faults.persistent("blocked-passage")
+                boxes = boxes_across(self._home, skill.route, at_m, gap=gap)
+                self._furnish(self._home.with_solids(*boxes))
+            if self.site is self._home and self._disturbances is not None:
+                self._obstruct(self._disturbances, skill.route)
+
+    def invocation_ended(self, invocation: Invocation, node: str) -> None:
+        """A skill is terminal: what it reached is remembered and the world saved."""
+        report = invocation.report()
+        self.note("terminal", request_id=report.identity.request_id, text=f"{report.status} {report.failure}".strip())
+        if isinstance(invocation.skill, RouteFollower):
+            self.reached_m[node] = invocation.skill.at_m
+            self.faults.navigation_ends(self.at_s)
+            struck = "blocked-passage" in self.faults.struck and not self.faults.persistent("blocked-passage")
+            if struck and report.status == "succeeded":
+                self._furnish(self._home)
+        self.save(durable=True)
+
+    def tick(self, invocations: Sequence[Invocation]) -> None:
+        """TICK_S of mission time: skills decide, the body moves, sensors read."""
+        sensors = self.sensors
+        sensors.mode = self.faults.mode(self.at_s)
+        if self._disturbances is not None:
+            self._live_with(self._disturbances)
+        coarse = self._settings.fidelity == "kinematic" and self._ticks % 2 == 1
+        if not (coarse and invocations and all(one.cruising for one in invocations)):
+            self._command = self._decided(invocations)
+        self.body.step(Velocity() if self.hardware_stop else self._command)
+        self._ticks += 1
+        at_s = self.at_s = self._epoch_s + self._ticks * TICK_S
+        state = self.body.state
+        sensors.sample(state, at_s)
+        if sensors.scan_due:
+            sensors.scan(self.body.cloud(), at_s, self.blobs.keep)
+        self._estimate.update(sensors.odometer, sensors.fix)
+        if self.faults.untold:
+            self._tell_struck()
+        if self._ticks % MOVING_TICKS == 0:
+            still = state.still
+            if not still or self._ticks % STANDING_TICKS == 0:
+                self.note("pose")
+            if not still:
+                self.save(durable=False)
+
+    def _decided(self, invocations: Sequence[Invocation]) -> Velocity:
+        """What the skills want the body to do now. At kinematic fidelity a cruising one is asked every second tick."""
+        command = Velocity()
+        if not invocations:
+            return command
+        perception = self._perception()
+        for invocation in invocations:
+            wanted = invocation.tick(perception)
+            if invocation.card.moves:
+                command = wanted
+            self._strike(invocation)
+            if self._disturbances is not None and self._hindered(self._disturbances, invocation):
+                command = Velocity()
+        return command
+
+    def note(self, kind: Literal["pose", "start", "terminal", "struck", "mission"], **facts: str) -> None:
+        """One line of truth."""
+        state = self.body.state
+        x, y, yaw = state.x_m, state.y_m, state.yaw_rad
+        self.truth.add(Truth(kind=kind, at_s=self.at_s, x_m=x, y_m=y, yaw_rad=yaw, v_mps=state.v_mps, **facts))
+
+    def save(self, *, durable: bool) -> None:
+        """Write clock, body and counters, if there is a folder."""
+        if self._file is not None:
+            state = self.body.state
+            world = SavedWorld(
+                at_s=self.at_s,
+                seq=self.ring.newest,
+                pose=(state.x_m, state.y_m, state.yaw_rad),
+                odometer=self.sensors.odometer,
+                charge=self.sensors.charge,
+                reached_m=self.reached_m,
+            )
+            save_world(self._file, world, durable=durable)
+
+    def _strike(self, invocation: Invocation) -> None:
+        """What the mission's faults do to a navigation that is under way."""
+        skill = invocation.skill
+        idle = not self.faults.strikes_motion or invocation.terminal or invocation.braking
+        if idle or not isinstance(skill, RouteFollower):
+            return
+        whole_m = max(skill.route.length_m - skill.begin_m, 1e-6)
+        share, remaining_m = (skill.at_m - skill.begin_m) / whole_m, skill.remaining_m
+        self.faults.navigation_moves(share=share, remaining_m=remaining_m)
+        if self.faults.ends_early(remaining_m):
+            invocation.brake_for(skill.claim(self.at_s, distance_m=EARLY_CLAIM_M))
+        elif self.faults.interrupts(share):
+            words = Outcome(status="failed", failure="interrupted", message="The controller was interrupted.")
+            invocation.brake_for(Step(outcome=words))
+
+    def _live_with(self, disturbances: Disturbances) -> None:
+        """What the place does to the localiser, and whether what stood in the way is still there."""
+        state = self.body.state
+        disturbances.pass_by((state.x_m, state.y_m), self.at_s)
+        if disturbances.moods and self.sensors.mode == "good":
+            self.sensors.mode = disturbances.mode(self.at_s)
+        if self._standing and disturbances.in_the_way(self.at_s) != self._standing:
+            self._standing = ()
+            self._furnish(self._home)
+
+    def _obstruct(self, disturbances: Disturbances, route: RouteLine) -> None:
+        """Set up what stands across this route."""
+        standing = tuple(
+            one
+            for one in disturbances.in_the_way(self.at_s)
+            if math.dist(one.at_m, _nearest(route, one.at_m)) <= one.radius_m
+            for one in disturbances.in_the_way(self.at_s)
+            if math.dist(one.at_m, _nearest(route, one.at_m)) <= one.radius_m
+        )
+        solids = [
+            solid
+            for one in standing
+            for solid in boxes_across(self._home, route, route.nearest(*one.at_m), gap=one.kind == "obstructed")
+        ]
+        if solids:
+            self._standing = disturbances.in_the_way(self.at_s)
+            self._furnish(self._home.with_solids(*solids))
+
+    def _hindered(self, disturbances: Disturbances, invocation: Invocation) -> bool:
+        """What the place does to a navigation that comes by; whether it has to stand there without a word."""
+        skill, provider_id = invocation.skill, invocation.card.provider_id
+        if not isinstance(skill, RouteFollower) or invocation.terminal or invocation.braking:
+            return False
+        if disturbances.holds("claiming", provider_id, self.at_s):
+            invocation.brake_for(skill.claim(self.at_s, distance_m=EARLY_CLAIM_M))
+        elif disturbances.holds("giving_up", provider_id, self.at_s):
+            words = Outcome(status="failed", failure="interrupted", message="The controller was interrupted.")
+            invocation.brake_for(Step(outcome=words))
+        elif disturbances.holds("stalling", provider_id, self.at_s):
+            skill.resume(self.at_s)
+            return True
+        return False
+
+    def _carry_back(self) -> None:
+        """A person carries the robot to where it starts: neither odometry nor localiser takes it for a drive."""
+        state = self.body.state
+        state.x_m, state.y_m, state.yaw_rad = START
+        state.v_mps = state.w_radps = state.sway_mps = 0.0
+        self._command, self._standing = Velocity(), ()
+        self.body.furnish(self.site)
+        self.sensors.put_down()
+        self._estimate = Estimate(START)
+        self._estimate.begin(self.sensors.odometer)
+
+    def _tell_struck(self) -> None:
+        """A line of truth whenever a fault struck since the last one."""
+        self.faults.untold = False
+        self.note("struck", text=" ".join(f"{name}={count}" for name, count in sorted(self.faults.struck.items())))
+
+    def _furnish(self, site: SiteModel) -> None:
+        if site is not self.site:
+            self.site = site
+            self.body.furnish(site)
+
+    def _perception(self) -> Perception:
+        estimate = self._estimate
+        return Perception(
+            at_s=self.at_s,
+            x_m=estimate.x_m,
+            y_m=estimate.y_m,
+            yaw_rad=estimate.yaw_rad,
+            still=self.still,
+            ranges=self.body.ranges,
+            capture=self._capture,
+        )
+
+    def _capture(self, heading_rad: float, request: RequestId) -> Shot:
+        state = self.body.state
+        take = photograph if self._settings.fidelity == "mujoco" else photograph_nearby
+        blob = self.blobs.keep_image(take(self.site, (state.x_m, state.y_m, state.yaw_rad)))
+        image = Image(
+            seq=self.ring.next(),
+            at_s=self.at_s,
+            source="camera",
+            frame="camera",
+            blob=blob,
+            media_type="image/jpeg",
+            width_px=CAMERA.width_px,
+            height_px=CAMERA.height_px,
+            yaw_rad=heading_rad,
+            request_id=request,
+        )
+        self.ring.add(image)
+        return Shot(blob=blob, seq=image.seq, at_s=image.at_s)
+
+
+def _nearest(route: RouteLine, point: Point) -> Point:
+    return route.point(route.nearest(*point))

@@ -1,0 +1,56 @@
+"""A log from before commands were stored opens, verifies and replays, and everything that replays it says so."""
+
+import gzip
+from pathlib import Path
+
+import pytest
+from fastapi.testclient import TestClient
+from typer.testing import CliRunner
+
+from app.cli import app
+from app.live import SignalBroker
+from app.main import create_app, open_accounts
+from app.scene import Scenes
+from app.settings import ConsoleSettings
+from harness.auditing.replay import RECONSTRUCTED
+from harness.bootstrap import read_harness
+from harness.settings import HarnessSettings
+from tests.builders.consoles import BASE, OWN
+
+LOG = Path(__file__).parents[1] / "fixtures" / "logs" / "schema-1.db.gz"
+HEAD = "8fe108ad5459fa1f3f154207a12626d4c84858ea47a1318055c785a42c846b47"
+
+
+@pytest.fixture
+def old(tmp_path: Path) -> Path:
+    """A data folder whose log the first schema wrote."""
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "events.db").write_bytes(gzip.decompress(LOG.read_bytes()))
+    return tmp_path / "data"
+
+
+def test_the_command_line_says_that_commands_were_reconstructed(old: Path) -> None:
+    verified = CliRunner().invoke(app, ["audit", "verify", "--data", str(old)])
+    assert verified.exit_code == 0 and HEAD in verified.output
+    replayed = CliRunner().invoke(app, ["audit", "replay", "--all", "--data", str(old)])
+    assert RECONSTRUCTED in replayed.output
+
+
+def test_a_dossier_of_an_old_mission_says_it_too(old: Path, tmp_path: Path) -> None:
+    with read_harness(HarnessSettings(data_folder=old)) as runtime:
+        mission_id = runtime.missions()[0].mission_id
+    file = tmp_path / "old.zip"
+    exported = CliRunner().invoke(app, ["mission", "dossier", mission_id, "--out", str(file), "--data", str(old)])
+    assert exported.exit_code == 0
+    assert RECONSTRUCTED in CliRunner().invoke(app, ["verify", str(file)]).output
+
+
+def test_the_audit_page_says_how_many_events_are_from_before(old: Path) -> None:
+    settings = ConsoleSettings(port=8000, password_memory_kib=19456)
+    with read_harness(HarnessSettings(data_folder=old)) as runtime:
+        console = create_app(runtime, settings, SignalBroker(), Scenes(runtime), accounts=open_accounts(settings))
+        client = TestClient(console, base_url=BASE, follow_redirects=False, headers=OWN)
+        client.get(console.state.doors.invite())
+        page = client.get("/audit?verify=true").text
+        assert "53 events, intact" in page
+        assert "The first 53 events are a log from before commands were stored" in page
