@@ -17,6 +17,7 @@ from app.regions import REGIONS
 from app.settings import ROOT
 from app.static_files import STAMP, stamp
 from app.views.canary import FINDINGS
+from harness.contracts.reasons import Reason
 from rsi_reviews.difference import NAMES
 
 
@@ -72,8 +73,8 @@ def gettext_functions(language: str) -> dict[str, Callable[..., Markup]]:
 
 
 def _localised(value: Any, language: str) -> Any:
-    """What an expression shows: a Message in the reader's language, everything else as it is."""
-    return localise(value, language) if isinstance(value, Message) else value
+    """What an expression shows: a Message or a Reason in the reader's language, everything else as it is."""
+    return localise(value, language) if isinstance(value, Message | Reason) else value
 
 
 @cache

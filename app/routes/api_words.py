@@ -10,13 +10,13 @@ from pydantic import BaseModel, ConfigDict, StringConstraints
 from app.errors import problem
 from app.languages import CHOICE
 from app.lists import Slice
-from app.reasons.rendering import sentence
+from app.reasons import rendering as reasons
 from app.routes.api_schemas import Problem
 from app.routes.listing import bookmark
-from harness.contracts import reasons
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.read_models import Bookmark, ListOrder
+from harness.contracts.reasons import Reason as TypedReason
 
 Text = Annotated[str, StringConstraints(max_length=200)]
 Slug = Annotated[str, StringConstraints(min_length=1, max_length=200)]
@@ -100,22 +100,16 @@ def linked(response: Response, path: str, found: Slice[Any], **asked: str) -> No
 
 def plain(value: Any) -> Any:
     """A contract's value or an answer as JSON; a sentence that could be told in another language is told in English."""
-    return msgspec.to_builtins(value, enc_hook=_text)
+    return reasons.stating(value)
 
 
-def _text(value: Any) -> str:
-    if isinstance(value, str):
-        return str(value)
-    raise TypeError(f"{type(value).__name__} is no part of an answer")
-
-
-def in_words(reason: reasons.Reason) -> str:
+def in_words(reason: TypedReason) -> str:
     """A reason as a sentence in the language of the caller."""
-    return sentence(reason, CHOICE.get().language)
+    return reasons.sentence(reason, CHOICE.get().language)
 
 
 def refusal(decision: Refused, *, do: str = "look at it again, then decide") -> Response:
     """A problem whose `code` and `rule` are the gate's rule; `reason` is code and facts, `detail` says it in words."""
     detail = in_words(decision.reason)
-    more = {"rule": decision.rule, "reason": plain(decision.reason)}
+    more = {"rule": decision.rule, "reason": msgspec.to_builtins(decision.reason)}
     return problem(409, code=decision.rule, title="Refused", detail=detail, do=do, more=more)

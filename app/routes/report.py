@@ -130,7 +130,7 @@ def fact(
 def case(console: ConsoleDep, visitor: VisitorDep, mission_id: MissionId) -> Response:
     """A disputed mission becomes a case of the regression suite: every later candidate has to pass it."""
     disputes = console.runtime.mission(mission_id).disputes
-    reason = disputes[-1].reason if disputes else "none"
+    reason = reasoned(disputes[-1].reason) if disputes else "none"
     decision = console.desk.add_case(mission_id, Say(actor=visitor.acting("dispute"), reason=reason, key=mission_id))
     if isinstance(decision, Refused):
         page = page_of(console, visitor.actor, mission_id, (reasoned(decision.reason),))

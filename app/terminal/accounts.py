@@ -15,7 +15,6 @@ from app.accounts import Accounts
 from app.permissions import ROLES, SCOPES, Visitor
 from app.terminal.answers import DEFAULT_DATA, Data, Json, show, table
 from app.terminal.owner import owner_api
-from app.terminal.person import me
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.adapters.stores.accounts_rows import Account, Token
 from harness.adapters.stores.folder import prepare

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 from pydantic import ValidationError
 
+from app.reasons import rendering as reasons
 from harness.contracts.errors import ContractInvalid, HarnessError, UnknownName
 from harness.projections.mission import Mission
 from harness.settings import HarnessSettings
@@ -67,7 +68,7 @@ class Progress:
             word = f"{node.status}{f' (attempt {node.attempt})' if node.attempt > 1 else ''}"
             if node.status != "pending" and self._seen.get(node.node_id) != word:
                 self._seen[node.node_id] = word
-                why = f": {node.failure.failure}, {node.failure.reason}" if node.failure else ""
+                why = f": {node.failure.failure}, {reasons.sentence(node.failure.reason)}" if node.failure else ""
                 sys.stderr.write(f"k {mission.k:>3}  {node.node_id:<10} {word}{why}\n")
         if mission.status != self._seen.get(""):
             self._seen[""] = mission.status

@@ -10,6 +10,7 @@ from msgspec import to_builtins
 
 from app.acts import handoffs as acts
 from app.acts.base import Act
+from app.reasons import rendering as reasons
 from app.terminal.answers import DEFAULT_DATA, Data, Json, exit_code, show, table
 from app.terminal.client import Api
 from app.terminal.local import api_with_robots
@@ -249,7 +250,7 @@ def _row(handoff: Handoff) -> dict[str, Any]:
         "cycle": handoff.cycle,
         "digest": opened.subject if opened else "",
         "evidence": opened.evidence if opened else "",
-        "reason": opened.reason if opened else "",
+        **reasons.stated("reason", opened.reason if opened else ""),
         "deadline_at_s": opened.deadline_at_s if opened else None,
         "no_answer": opened.no_answer if opened else "",
         "choices": list(opened.choices) if opened else [],

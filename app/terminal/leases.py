@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
+from app.reasons import rendering as reasons
 from app.reasons.rendering import sentence
 from app.terminal.answers import DEFAULT_DATA, Data, Json, settings, show, table
 from harness.bootstrap import open_harness, owner_of, read_harness
@@ -43,7 +44,7 @@ def _row(lease: Lease) -> dict[str, Any]:
         "mission_id": lease.mission_id,
         "invocation_id": lease.invocation_id,
         "expires_s": lease.expires_s,
-        "reason": lease.reason,
+        **reasons.stated("reason", lease.reason),
     }
 
 

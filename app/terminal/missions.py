@@ -8,6 +8,8 @@ import typer
 
 from app.acts.missions import DisputeCompletionAct, StartMissionAct, StopMissionAct, WithdrawMissionAct
 from app.history import Histories
+from app.messages import reasoned
+from app.reasons import rendering as reasons
 from app.reasons.rendering import sentence
 from app.terminal.answers import DEFAULT_DATA, Data, Json, Progress, exit_code, settings, show, table
 from app.terminal.local import api_with_robots
@@ -190,7 +192,7 @@ def list_missions(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
                 "goal": mission.goal,
                 "robot_id": mission.robot_id,
                 "state_version": mission.k,
-                "reason": mission.reason,
+                **reasons.stated("reason", mission.reason),
             }
             for mission in runtime.missions()
         ]
@@ -209,7 +211,7 @@ def show_mission(mission_id: str, data: Data = DEFAULT_DATA, as_json: Json = Fal
         mission = runtime.mission(MissionId(mission_id))
         outcome = mission_outcome(mission, Histories(runtime).of(mission.mission_id), ())
     explored = decisions(mission) if mission.contract else ()
-    outcome |= {"exploration": msgspec.to_builtins(explored)} if explored else {}
+    outcome |= {"exploration": reasons.stating(explored)} if explored else {}
     nodes = [[n.node_id, n.status, str(n.provider_id or "-"), f"attempt {n.attempt}"] for n in mission.nodes.values()]
     show(outcome, as_json=as_json, lines=[*_summary(outcome), *table(nodes), *table(_targets(explored))])
 
@@ -227,7 +229,7 @@ def _targets(explored: tuple[ExplorationDecision, ...]) -> list[list[str]]:
             one.map_before[:12],
             f"{one.response.terminal} {one.response.failure}".strip() if one.response else "-",
             (one.map_after or "-")[:12],
-            one.reason,
+            reasoned(one.reason),
         ]
         for one in explored
     ]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import assert_never
 
 from app.catalogues import N_
-from app.messages import lazy_gettext, word
+from app.messages import lazy_gettext, reasoned, word
 from app.views.listing import Filter, Option, address
 from app.views.missions import Group
 from app.views.shell import Shell
@@ -142,8 +142,8 @@ def row(alert_id: str, alert: Alert, *, now_s: float) -> AlertRow:
     )
     return AlertRow(
         alert_id=alert_id,
-        title=newest.title if newest else alert_id,
-        text=newest.text if newest else "",
+        title=reasoned(newest.title) if newest else alert_id,
+        text=reasoned(newest.text) if newest else "",
         kind=newest.kind if newest else "",
         state=state,
         state_title=TITLES[state],

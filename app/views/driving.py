@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from app.messages import reasoned
 from app.views.handoffs import title
 from app.views.robots import RobotCard
 from app.views.shell import Shell
@@ -48,5 +49,5 @@ def taken_over(handoff: Handoff, mission: Mission, *, person: str) -> TakenOver 
         until_at_s=claim.until_at_s,
         left_s=control.left_s,
         device=control.device,
-        reason=control.reason,
+        reason=reasoned(control.reason),
     )

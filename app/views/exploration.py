@@ -9,7 +9,7 @@ from itertools import pairwise
 from math import dist
 
 from app.catalogues import N_
-from app.messages import lazy_gettext, word
+from app.messages import lazy_gettext, reasoned, word
 from app.views.explored_floor import Floor, explored_floor
 from app.views.missions import Head, head
 from app.views.shell import Shell
@@ -185,9 +185,9 @@ def _detail(told: _Told, choice: ExplorationDecision, row: ChoiceRow, recorded: 
     look = next((node.node_id for node in nodes if choice.leg in node.depends_on), "")
     return ChoiceDetail(
         row=row,
-        reason=choice.reason,
+        reason=reasoned(choice.reason),
         said=lazy_gettext("({x}, {y}): {reason}", **_placed(wanted.target_m), reason=wanted.reason) if wanted else "",
-        refused=choice.refused,
+        refused=reasoned(choice.refused),
         at_s=question.at_s if question else None,
         k=choice.k,
         position=_made_at(told.entries, choice.leg),

@@ -83,7 +83,7 @@ def _moved(handoff: Handoff) -> bool:
 
 def _ended(handoff: Handoff, mission: Mission, taken: int | None) -> tuple[Step, ...]:
     answer, acted = handoff.answer, handoff.unanswered
-    who = _taken_up(answer, taken) if answer else handoff.outcome
+    who = _taken_up(answer, taken) if answer else reasoned(handoff.outcome)
     found = [Step(name=handoff.status, state="done", text=who or N_("nobody answered in time"))]
     if acted is not None:
         found.append(Step(name=word(acted.action), state="done" if acted.done else "bad", text=reasoned(acted.reason)))

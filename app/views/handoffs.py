@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app.catalogues import N_
-from app.messages import lazy_gettext, word
+from app.messages import lazy_gettext, reasoned, word
 from app.views.handoff_shown import ACTIONS, Difference, ShownQuestion, shown_question
 from app.views.handoff_steps import Line, Step, Told, history, similar, steps
 from app.views.places import SiteMap
@@ -226,7 +226,7 @@ def _holding(handoff: Handoff, surface: Surface) -> Holding:
         until_at_s=claim.until_at_s if claim else 0.0,
         token=claim.claim if claim and mine else surface.key,
         device=handoff.control.device if handoff.control else "",
-        control_reason=handoff.control.reason if handoff.control else "",
+        control_reason=reasoned(handoff.control.reason) if handoff.control else "",
         taken_over=handoff.status == "taken_over",
         can_extend=handoff.extended_by is None and limit_s > opened.deadline_at_s + 1.0,
         extended_by=handoff.extended_by.name if handoff.extended_by else "",

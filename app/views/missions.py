@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from app.catalogues import N_
-from app.messages import lazy_gettext, word
+from app.messages import lazy_gettext, reasoned, word
 from app.views.listing import Filter, Paging, Sought, address, facet_filter, order_filter, paging
 from app.views.measures import fields
 from app.views.shell import Shell
@@ -12,6 +12,7 @@ from app.views.timeline import Entry
 from harness.contracts.events import MissionEnded
 from harness.contracts.protocol import RobotStatus
 from harness.contracts.read_models import MANY, ListQuery, MissionItem, Tally
+from harness.contracts.reasons import because
 from harness.contracts.tasks import order
 from harness.contracts.verdicts import GoalVerdict
 from harness.projections.exploration import choices
@@ -161,7 +162,7 @@ def robot_strip(status: RobotStatus | None, at_s: float) -> RobotStrip | None:
 def sentence(mission: Mission) -> str:
     """What a person should know first."""
     if mission.report:
-        return mission.report
+        return reasoned(mission.report)
     match mission.status:
         case "awaiting_human":
             return lazy_gettext(
@@ -176,7 +177,7 @@ def sentence(mission: Mission) -> str:
         case "paused":
             return lazy_gettext("Paused: {reason}", reason=mission.reason)
         case "cancelled" | "safe_stopped" | "failed" | "handed_off":
-            return f"{mission.reason[:1].upper()}{mission.reason[1:]}"
+            return reasoned(because("mission_over", reason=mission.reason))
         case "compiled":
             return lazy_gettext("Compiled; it begins when {robot_id} is free.", robot_id=mission.robot_id)
         case "succeeded":
@@ -222,4 +223,4 @@ def goal_reason(verdict: GoalVerdict | None) -> str:
     """Why the goal counts as reached or not, as far as it was tested."""
     if verdict is None:
         return N_("Tested once every required stage is accepted, exactly as they were first stored.")
-    return verdict.reason or N_("Every original condition was tested again.")
+    return reasoned(verdict.reason) or N_("Every original condition was tested again.")

@@ -6,6 +6,7 @@ from itertools import pairwise
 from math import dist
 from typing import Any
 
+from app.reasons import rendering as reasons
 from app.views.timeline import Entry
 from harness.contracts.effects import Metric
 from harness.contracts.events import DispatchIntended, PacketRetained
@@ -33,8 +34,8 @@ def mission_outcome(
         "template": mission.template,
         "robot_id": mission.robot_id,
         "goal_verdict": mission.goal_verdict.verdict if mission.goal_verdict else None,
-        "reason": mission.reason,
-        "report": mission.report,
+        **reasons.stated("reason", mission.reason),
+        **reasons.stated("report", mission.report),
         "state_version": mission.k,
         "configuration": mission.configuration,
         "seed": mission.seed,
@@ -68,7 +69,9 @@ def no_answer_outcome(
             "safe_place": opened.safe_place or None,
             "otherwise": opened.otherwise or None,
         },
-        "done": {"action": taken.action, "shown": taken.done, "reason": taken.reason} if taken else None,
+        "done": {"action": taken.action, "shown": taken.done, **reasons.stated("reason", taken.reason)}
+        if taken
+        else None,
         "measured": taken.measured if taken else None,
         "retreat": _retreat(retreat),
     }

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app.catalogues import N_
-from app.messages import lazy_gettext, word
+from app.messages import lazy_gettext, reasoned, word
 from app.views.measures import ConditionRow, condition_row
 from app.views.missions import Head, head
 from app.views.shell import Shell
@@ -125,7 +125,7 @@ def report_page(
         mission_id=mission.mission_id,
         head=head(mission, entries),
         verdict=goal.verdict if goal else "",
-        reason=goal.reason if goal else N_("The goal has not been tested."),
+        reason=reasoned(goal.reason) if goal else N_("The goal has not been tested."),
         conditions=tuple(condition_row(result) for result in goal.results) if goal else (),
         stages=stages(mission, entries, Observed(), selected=""),
         timings=timings(mission, entries),

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from app.catalogues import N_
 from app.fleet import Shots, Word
-from app.messages import lazy_gettext
+from app.messages import lazy_gettext, reasoned
 from app.views.retreats import LastRetreat
 from app.views.shell import Shell
 from harness.contracts.control import LEVELS, Autonomy
@@ -219,9 +219,13 @@ def stop_steps(mission: Mission) -> tuple[Step, ...]:
     if stopped is None:
         shown = N_("the body is watched by its odometry")
     else:
-        shown = stopped.reason or (N_("the body is static") if static else N_("nothing shows the body at rest"))
+        shown = reasoned(stopped.reason) or (
+            N_("the body is static") if static else N_("nothing shows the body at rest")
+        )
     return (
-        Step("stopping", True, f"{mission.stop.actor.name}: {mission.stop.reason}"),
+        Step(
+            "stopping", True, lazy_gettext("{who}: {reason}", who=mission.stop.actor.name, reason=mission.stop.reason)
+        ),
         Step(
             "acknowledged",
             acknowledged,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import hypot
 
 from app.catalogues import N_
-from app.messages import lazy_gettext, listed, word
+from app.messages import lazy_gettext, listed, reasoned, word
 from app.views.measures import Measure, quantity
 from app.views.timeline import Entry
 from harness.contracts.effects import Metric
@@ -255,7 +255,7 @@ def _acceptance(mission_id: str, state: NodeState, entries: Sequence[Entry]) -> 
 def _note(state: NodeState) -> str:
     """Why a stage is not simply going on."""
     if state.waiting_for:
-        return state.waiting_for
+        return reasoned(state.waiting_for)
     if state.failure is not None:
         return lazy_gettext("{failure}: {reason}", failure=word(state.failure.failure), reason=state.failure.reason)
     if state.attempt > 1 or state.spends:

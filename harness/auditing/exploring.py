@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
+from harness.auditing.prose import same
 from harness.contracts.evidence import EvidencePacket
 from harness.contracts.exploration import (
     UNKNOWN,
@@ -14,6 +15,7 @@ from harness.contracts.exploration import (
 )
 from harness.contracts.ids import Digest, NodeId, sha256
 from harness.contracts.observations import Trajectory
+from harness.contracts.reasons import Explanation
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import decode, encode
 from harness.exploration.frontiers import frontiers
@@ -51,13 +53,15 @@ def target_differences(runtime: Runtime, mission: Mission, choice: TargetChoice,
     }
     found = [f"the target was proposed from {what}" for what, (said, again) in shown.items() if said != again]
     said = nearest_edge(question) if answer.planner == NEAREST_EDGE.name else answer.said
-    silent = answer.refused if answer.said is None else ""
+    silent: Explanation = answer.refused if answer.said is None else ""
     again = settled(answer.planner, said, refused=silent, question=question, grid=grid)
-    if encode(again) != encode(answer):
+    if not same(again, answer, old=True):
         found.append(f"the target was {_place(answer)}; derived again it is {_place(again)}")
     admitted = (answer.chosen.target_m, answer.chosen.reason) if answer.chosen else None
     made = (admitted, answer.refused, answer.planner, question.image, question.map)
-    if ((choice.target_m, choice.reason), choice.refused, choice.planner, choice.image, choice.map) != made:
+    if not same(
+        ((choice.target_m, choice.reason), choice.refused, choice.planner, choice.image, choice.map), made, old=True
+    ):
         found.append("the choice that was bound is not the one that was made")
     return found
 

@@ -14,6 +14,7 @@ from msgspec.structs import replace
 
 from harness.auditing import legacy, legacy_neighbours
 from harness.auditing.commands import CommandUnreadable, command_at, tokens_in
+from harness.auditing.prose import is_old, same
 from harness.auditing.roles import Roles
 from harness.contracts.commands import HandoffCommand, LeaseCommand, MissionCommand
 from harness.contracts.decider import Decider
@@ -70,6 +71,7 @@ class _Replay:
 
     runtime: Runtime
     differences: list[str] = field(default_factory=list)
+    old: bool = False
     reconstructed: int = 0
     storing: set[StreamId] = field(default_factory=set)
 
@@ -130,6 +132,7 @@ def replay_all(runtime: Runtime) -> Iterator[ReplayReport]:
 def _mission(replay: _Replay, roles: Roles, stored: Sequence[StoredEvent]) -> tuple[Mission, int]:
     """The mission folded from zero, and how many of the gate's decisions were made again."""
     mission, decisions = Mission(), 0
+    replay.old = roles.old = is_old(one.body for one in stored)
     events = _decoded(replay, DECIDER, stored)
     expected: list[MissionEvent] = []
     differing = False
@@ -143,7 +146,7 @@ def _mission(replay: _Replay, roles: Roles, stored: Sequence[StoredEvent]) -> tu
             expected, differing = _decided(replay, mission, events[index:], stored[index:]), False
             decisions += 1
         derived = _as_written(expected.pop(0), stored[index]) if expected else None
-        if derived is not None and not differing and encode(derived) != encode(event):
+        if derived is not None and not differing and not same(derived, event, old=replay.old):
             replay.differ(stored[index], f"the gate derives {_short(derived)} again, stored is {_short(event)}")
             differing = True
         for difference in roles.differences(mission, event):
@@ -242,7 +245,7 @@ def _handoff(replay: _Replay, stream: StreamId, mission_id: MissionId) -> int:
 
 
 def _same(replay: _Replay, derived: list[Any], event: Any, stored: StoredEvent) -> None:
-    if derived and (len(derived) != 1 or encode(derived[0]) != encode(event)):
+    if derived and (len(derived) != 1 or not same(derived[0], event, old=replay.old)):
         replay.differ(stored, f"derived again it is {_short(derived[0])}, stored is {_short(event)}")
 
 

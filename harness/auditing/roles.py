@@ -7,6 +7,7 @@ from typing import TypeVar
 import msgspec
 
 from harness.auditing.exploring import map_differences, new_choices, target_differences
+from harness.auditing.prose import same
 from harness.contracts.contexts import Context
 from harness.contracts.errors import HarnessError
 from harness.contracts.events import (
@@ -23,10 +24,10 @@ from harness.contracts.events import (
     VerdictRecorded,
 )
 from harness.contracts.ids import Digest, sha256
-from harness.contracts.proposals import CandidateSet, PlanProposal
-from harness.contracts.reasons import plain
+from harness.contracts.proposals import CandidateSet, PlanProposal, RecoveryProposal
+from harness.contracts.reasons import Explanation, parts, plain
 from harness.contracts.revision_events import GraphRevised
-from harness.contracts.values import decode, digest, encode
+from harness.contracts.values import decode, encode
 from harness.contracts.verdicts import NodeVerdict
 from harness.planning.planner import GRAPH_ORDER, plan, plan_refusal
 from harness.planning.skill import propose_skill
@@ -51,6 +52,7 @@ class Roles:
 
     def __init__(self, runtime: Runtime) -> None:
         self._runtime = runtime
+        self.old = False
         self.derived = dict.fromkeys((*ROLES, "unanswered"), 0)
 
     def differences(self, mission: Mission, event: MissionEvent) -> Iterator[str]:
@@ -101,7 +103,7 @@ class Roles:
                 raise Differs(f"the plan was taken up; derived again it is refused: {plain(refused.reason)}")
             expected = (said.node_id, said.reason)
         self.derived["plans"] += 1
-        if expected != (event.node_id, event.reason):
+        if not same(expected, (event.node_id, event.reason), old=self.old):
             raise Differs(f"C1 led to {event.node_id}; derived again it leads to {expected[0]}")
 
     def _policy(self, pinned: Digest, event: ContractCompiled | ContractRecompiled) -> None:
@@ -119,7 +121,7 @@ class Roles:
             raise Differs(f"it was not routed under configuration {mission.configuration[:12]}, the mission's own")
         again = question.answer()
         self.derived["routings"] += 1
-        if encode(again) != encode(stored):
+        if not same(again, stored, old=self.old):
             raise Differs(f"routing chose {stored.chosen}; again it chooses {again.chosen} or scores otherwise")
         if again.chosen != event.provider_id:
             raise Differs(f"routing chose {again.chosen}; {event.provider_id} was sent")
@@ -139,13 +141,13 @@ class Roles:
                 raise Differs(f"no verifier answered, and yet the verdict is {stored.verdict}")
             return
         self.derived["verdicts"] += 1
-        if digest(again) != digest(stored):
+        if not same(again, stored, old=self.old):
             raise Differs(f"the verdict was {stored.verdict}; derived again it is {again.verdict}")
 
     def _goal(self, event: GoalVerified) -> None:
         again = verify_goal(self._stored(event.verdict.context, Context), self._runtime.blob)
         self.derived["goals"] += 1
-        if digest(again) != digest(event.verdict):
+        if not same(again, event.verdict, old=self.old):
             raise Differs(f"the goal verdict was {event.verdict.verdict}; derived again it is {again.verdict}")
 
     def _recovery(self, event: RecoveryAuthorised) -> None:
@@ -155,8 +157,8 @@ class Roles:
         again = recover(self._stored(event.context, Context))
         self.derived["recoveries"] += 1
         taken = (event.action, event.failure, event.cost, event.reason)
-        if (again.action, again.failure, again.cost, again.reason) != taken:
-            raise Differs(f"C4 led to {event.action}; derived again it leads to {again.action} ({again.reason})")
+        if not same((again.action, again.failure, again.cost, again.reason), taken, old=self.old):
+            raise Differs(f"C4 led to {event.action}; derived again it leads to {again.action} ({plain(again.reason)})")
 
     def _escalation(self, event: HandoffRequested | NodeFailed) -> None:
         """A person, or the end of a stage: C4 proposed it, or what C4 proposed was not possible."""
@@ -164,11 +166,9 @@ class Roles:
             return
         again = recover(self._stored(event.context, Context))
         self.derived["recoveries"] += 1
-        if again.action == "human" and again.reason in event.reason:
+        if _led_to(again, event.reason):
             return
-        if again.action != "human" and again.action in event.reason:
-            return
-        raise Differs(f"C4 led to a person ({event.reason}); derived again it leads to {again.action}")
+        raise Differs(f"C4 led to a person ({plain(event.reason)}); derived again it leads to {again.action}")
 
     def _targets(self, mission: Mission, event: GraphRevised) -> None:
         """Every target that a revision brings, proposed and admitted again."""
@@ -193,3 +193,12 @@ class Roles:
             return decode(body, kind)
         except msgspec.MsgspecError as error:
             raise Differs(f"record {name[:12]} is no {kind.__name__}: {error}") from error
+
+
+def _led_to(again: RecoveryProposal, stored: Explanation) -> bool:
+    """Whether a proposal is why a person was asked, or names the action that was not possible."""
+    if again.action == "human":
+        return isinstance(stored, str) or any(one == again.reason for one in parts(stored))
+    if isinstance(stored, str):
+        return again.action in stored
+    return any(one.facts.get("action") == again.action for one in parts(stored))

@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import msgspec
 
+from harness.contracts.reasons import Reason, because
+
 TOLERANCES = {"_m": 0.5, "_rad": 0.35, "_share": 0.1}
 
 
@@ -20,30 +22,36 @@ class Statement(msgspec.Struct, frozen=True):
     states: Mapping[str, float | str]
 
 
-def superseded(statements: Sequence[Statement]) -> dict[int, str]:
+def superseded(statements: Sequence[Statement]) -> dict[int, Reason]:
     """Indices of statements that the same source, or a person about the same names, made anew later; and why."""
-    old: dict[int, str] = {}
+    old: dict[int, Reason] = {}
     replacing = [one for one in statements if one.subject or one.human]
     for index, statement in enumerate(statements):
         for newer in replacing:
             if newer.at_s <= statement.at_s:
                 continue
             if statement.subject and (statement.subject, statement.source) == (newer.subject, newer.source):
-                old[index] = f"{newer.source} observed again at {newer.at_s:.2f}"
+                old[index] = because("observed_again", source=newer.source, at_s=newer.at_s)
             elif newer.human and _contradiction(statement, newer):
-                old[index] = f"settled by {newer.source} at {newer.at_s:.2f}"
+                old[index] = because("settled_by", source=newer.source, at_s=newer.at_s)
     return old
 
 
-def conflicting(statements: Sequence[Statement], *, ignored: frozenset[int]) -> dict[int, str]:
+def conflicting(statements: Sequence[Statement], *, ignored: frozenset[int]) -> dict[int, Reason]:
     """Indices of statements by different sources that contradict each other, and what about."""
-    torn: dict[int, str] = {}
+    torn: dict[int, Reason] = {}
     live = [(index, one) for index, one in enumerate(statements) if one.states and index not in ignored]
     for index, statement in live:
         for _, other in live:
             name = _contradiction(statement, other) if other.source != statement.source else ""
             if name:
-                torn[index] = f"{name}: {statement.states[name]} against {other.states[name]} by {other.source}"
+                torn[index] = because(
+                    "contradicted_by",
+                    name=name,
+                    stated=statement.states[name],
+                    against=other.states[name],
+                    source=other.source,
+                )
                 break
     return torn
 

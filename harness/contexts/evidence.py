@@ -13,6 +13,7 @@ from harness.contracts.contexts import ContextRecord
 from harness.contracts.effects import Relational, Symbolic, Visual
 from harness.contracts.evidence import CommittedFact, EvidencePacket, EvidenceReference
 from harness.contracts.protocol import Receipt
+from harness.contracts.reasons import because
 from harness.contracts.tasks import Node
 
 IDENTIFIERS = ("delivery", "rotation", "capture")
@@ -144,13 +145,13 @@ def _attestation(reference: EvidenceReference, *, node: Node) -> Item:
     record = referenced("attestation", reference, mandatory=True)
     if node.evidence.attestation and reference.origin == "human":
         return Item(record)
-    return Item(record, barred=withhold(record, "scope", "the node's evidence policy names no attestation by a person"))
+    return Item(record, barred=withhold(record, "scope", because("attestation_not_in_policy")))
 
 
 def _unless_replaced(item: Item, source: Source) -> Item:
     if not source.replaced:
         return item
-    detail = f"packet {source.replaced} executed again later"
+    detail = because("packet_executed_again", packet=source.replaced)
     return Item(item.record, scope=item.scope, barred=withhold(item.record, "superseded", detail))
 
 

@@ -9,6 +9,7 @@ from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import NodeId
 from harness.contracts.judging import RecentSamples
 from harness.contracts.observations import AnySample, Image, Pose, Trajectory
+from harness.contracts.reasons import because
 
 SLOW_SOURCES = ("battery", "lidar")
 """Sources that speak less than once a second: they age like images."""
@@ -72,7 +73,7 @@ def other_map(view: StateView, record: ContextRecord, map_version: str) -> Withh
     """Why a record of another map version is stale; None if it is of this one or of none (maps age by version)."""
     if map_version in ("", view.contract.map_version):
         return None
-    detail = f"map version {map_version}, the contract's is {view.contract.map_version}"
+    detail = because("of_another_map", map_version=map_version, contract_map=view.contract.map_version)
     return Withheld(kind=record.kind, source=record.source, reason="stale", detail=detail)
 
 

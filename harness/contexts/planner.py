@@ -14,6 +14,7 @@ from harness.contracts.capabilities import Capability, Risk
 from harness.contracts.configuration import FailureClass
 from harness.contracts.contexts import Context, ContextRecord
 from harness.contracts.ids import NodeId
+from harness.contracts.reasons import Explanation
 from harness.contracts.values import Value
 from harness.projections.mission import NodeStatus, eligible
 
@@ -28,7 +29,7 @@ class FrontierNode(Value):
     required: bool
     status: NodeStatus
     attempt: int
-    waiting_for: str
+    waiting_for: Explanation
 
 
 class CoarseFailures(Value):

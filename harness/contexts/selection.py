@@ -11,6 +11,7 @@ from harness.contexts.view import StateView
 from harness.contracts.contexts import Context, ContextRecord, Role, Withheld
 from harness.contracts.errors import ContextOverflow
 from harness.contracts.ids import NodeId
+from harness.contracts.reasons import Reason, because
 
 PROVIDER_KINDS = ("declared", "receipts")
 EARLY_S = 1e-6
@@ -71,7 +72,7 @@ def compile_context(view: StateView, items: Iterable[Item], *, selection: Select
     )
 
 
-def withhold(record: ContextRecord, reason: str, detail: str) -> Withheld:
+def withhold(record: ContextRecord, reason: str, detail: Reason) -> Withheld:
     """The trace of a record that was kept out."""
     return Withheld(kind=record.kind, source=record.source, reason=reason, detail=detail)  # type: ignore[arg-type]
 
@@ -80,7 +81,9 @@ def budgeted(items: Iterable[Item], *, limit: int) -> list[Item]:
     """At most `limit` items, the newest; the others are barred by the budget of their kind."""
     ranked = sorted(items, key=lambda item: -item.record.at_s)
     return [
-        item if place < limit else replace(item, barred=withhold(item.record, "budget", f"at most {limit} of its kind"))
+        item
+        if place < limit
+        else replace(item, barred=withhold(item.record, "budget", because("beyond_limit_of_kind", limit=limit)))
         for place, item in enumerate(ranked)
     ]
 
@@ -90,11 +93,15 @@ def _refusal(item: Item, selection: Selection) -> Withheld | None:
     if item.barred is not None:
         return item.barred
     if item.scope and selection.nodes is not None and not item.scope & selection.nodes:
-        return withhold(record, "scope", f"about {', '.join(sorted(item.scope))}")
+        return withhold(record, "scope", because("about_other_stages", stages=tuple(sorted(item.scope))))
     if selection.role == "verifier" and not _admissible_evidence(record):
-        return withhold(record, "origin", f"origin {record.origin} is no evidence")
+        return withhold(record, "origin", because("origin_no_evidence", origin=record.origin))
     if record.confidence < selection.minimum_confidence:
-        return withhold(record, "low_confidence", f"{record.confidence:.2f} < {selection.minimum_confidence:.2f}")
+        return withhold(
+            record,
+            "low_confidence",
+            because("confidence_too_low", confidence=record.confidence, least=selection.minimum_confidence),
+        )
     return _aged(item)
 
 
@@ -108,8 +115,8 @@ def _aged(item: Item) -> Withheld | None:
         return None
     age_s = item.speaks_at_s - item.record.at_s
     if age_s < -EARLY_S:
-        return withhold(item.record, "scope", f"observed {-age_s:.2f} s after the instant it should speak for")
-    old = withhold(item.record, "stale", f"{age_s:.2f} s old, limit {item.limit_s:.2f} s")
+        return withhold(item.record, "scope", because("observed_too_late", late_s=-age_s))
+    old = withhold(item.record, "stale", because("record_too_old", age_s=age_s, limit_s=item.limit_s))
     return old if age_s > item.limit_s else None
 
 
@@ -142,5 +149,5 @@ def _within_budget(items: list[Item], selection: Selection) -> tuple[list[Item],
     excess = len(items) - selection.budget
     optional = sorted((item for item in items if not item.record.mandatory), key=lambda item: item.record.at_s)
     dropped = optional[:excess] if excess > 0 else []
-    withheld = [withhold(item.record, "budget", f"oldest beyond {selection.budget} items") for item in dropped]
+    withheld = [withhold(item.record, "budget", because("beyond_budget", budget=selection.budget)) for item in dropped]
     return [item for item in items if not any(item is one for one in dropped)], withheld

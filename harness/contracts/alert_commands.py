@@ -4,6 +4,7 @@ from typing import Literal
 
 from harness.contracts.actors import Actor, Command
 from harness.contracts.alert_events import Occurrence
+from harness.contracts.reasons import Explanation
 from harness.contracts.values import Count, Name, NonNegative, Positive
 
 
@@ -16,7 +17,7 @@ class RaiseAlert(Command, tag=True):
 
 class ClearAlert(Command, tag=True):
     condition: Name
-    reason: str
+    reason: Explanation
     at_s: NonNegative
     source: Count = 0
 

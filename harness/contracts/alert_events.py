@@ -8,6 +8,7 @@ from typing import Literal, get_args
 
 from harness.contracts.actors import Actor, Event
 from harness.contracts.ids import StreamId, sha256
+from harness.contracts.reasons import Explanation
 from harness.contracts.values import Count, Name, Value
 
 AlertKind = Literal[
@@ -29,8 +30,8 @@ class Occurrence(Value):
     cause: Name
     kind: AlertKind
     priority: Priority
-    title: Name
-    text: str
+    title: Explanation
+    text: Explanation
     condition: str = ""
     source: Count = 0
     robot_id: str = ""
@@ -49,7 +50,7 @@ class AlertCleared(Event, tag=True):
     """A condition does not hold any more. `source` as in the occurrence."""
 
     condition: Name
-    reason: str
+    reason: Explanation
     at_s: float
     source: Count = 0
 

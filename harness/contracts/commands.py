@@ -28,6 +28,7 @@ from harness.contracts.place_events import PlaceCommand
 from harness.contracts.places import Otherwise
 from harness.contracts.proposals import RecoveryProposal, Signature
 from harness.contracts.protocol import InvocationStatus
+from harness.contracts.reasons import Explanation
 from harness.contracts.revision_commands import (
     DisputeCompletion,
     RecordAttestation,
@@ -82,13 +83,13 @@ class AuthoriseDispatch(Command, tag=True):
     approver: Actor | None = None
     attestation: RecordAttestation | None = None
     handed_back: bool = False
-    reason: str = ""
+    reason: Explanation = ""
 
 
 class RefusePrecondition(Command, tag=True):
     node_id: NodeId
     precondition: Name
-    reason: str
+    reason: Explanation
     at_s: float
 
 
@@ -101,7 +102,7 @@ class StopInvocation(Command, tag=True):
     """The supervisor's stop: a deadline, a ladder's rung or a person's stop."""
 
     invocation_id: InvocationId
-    reason: Name
+    reason: Explanation
     recovery: RecoveryProposal | None = None
     recovery_context: Digest | None = None
 
@@ -116,7 +117,7 @@ class EndInvocation(Command, tag=True):
     invocation_id: InvocationId
     status: InvocationStatus
     failure: str
-    reason: Name
+    reason: Explanation
     at_s: float
 
 
@@ -133,7 +134,7 @@ class ReportFailure(Command, tag=True):
     node_id: NodeId
     invocation_id: InvocationId | None
     failure: FailureClass
-    reason: str
+    reason: Explanation
     at_s: float
 
 
@@ -148,7 +149,7 @@ class AuthoriseWait(Command, tag=True):
 
 class FailNode(Command, tag=True):
     node_id: NodeId
-    reason: Name
+    reason: Explanation
     context: Digest | None = None
 
 
@@ -156,7 +157,7 @@ class AskPerson(Command, tag=True):
     handoff_id: HandoffId
     node_id: NodeId
     failure: FailureClass
-    reason: str
+    reason: Explanation
     context: Digest | None = None
 
 
@@ -166,7 +167,7 @@ class AnswerMission(Command, tag=True):
     handoff_id: HandoffId
     decision: Literal["rejected", "expired", "superseded", "closed"]
     actor: Actor
-    reason: str
+    reason: Explanation
 
 
 class PauseMission(Command, tag=True):
@@ -181,13 +182,13 @@ class ResumeMission(Command, tag=True):
 
 class StopMission(Command, tag=True):
     actor: Actor
-    reason: Name
+    reason: Explanation
 
 
 class AcknowledgeStop(Command, tag=True):
     static: bool
     measured: dict[str, float]
-    reason: str
+    reason: Explanation
 
 
 class JudgeGoal(Command, tag=True):
@@ -198,7 +199,7 @@ class EndMission(Command, tag=True):
     """Ends that are not success: success comes from JudgeGoal alone."""
 
     status: Literal["failed", "cancelled", "safe_stopped", "handed_off"]
-    reason: Name
+    reason: Explanation
 
 
 class RecordObservation(Command, tag=True):
@@ -209,17 +210,17 @@ class RecordObservation(Command, tag=True):
 
 class ChangeEpoch(Command, tag=True):
     map_version: Name
-    reason: Name
+    reason: Explanation
 
 
 class RaiseVeto(Command, tag=True):
     layer: Name
-    reason: Name
+    reason: Explanation
 
 
 class ClearVeto(Command, tag=True):
     layer: Name
-    reason: Name
+    reason: Explanation
 
 
 MissionCommand = (
@@ -268,18 +269,18 @@ class ReleaseLease(Command, tag=True):
     """Only with the holder at rest: `static` is the measured displacement by a source outside the localiser."""
 
     invocation_id: InvocationId
-    reason: Name
+    reason: Explanation
 
 
 class QuarantineLease(Command, tag=True):
     invocation_id: InvocationId
-    reason: Name
+    reason: Explanation
 
 
 class FreeLease(Command, tag=True):
     actor: Actor
     static: dict[str, float]
-    reason: Name
+    reason: Explanation
 
 
 LeaseCommand = AcquireLease | ReleaseLease | QuarantineLease | FreeLease
@@ -292,7 +293,7 @@ class OpenHandoff(Command, tag=True):
     node_id: NodeId
     k: Count
     failure: FailureClass
-    reason: str
+    reason: Explanation
     risk: Risk
     proposal: ProposedAction | None
     snapshot: Snapshot
@@ -358,7 +359,7 @@ class ExpireHandoff(Command, tag=True):
 
 
 class SupersedeHandoff(Command, tag=True):
-    reason: Name
+    reason: Explanation
 
 
 class MarkDispatched(Command, tag=True):
@@ -370,7 +371,7 @@ class MarkDispatched(Command, tag=True):
 
 class RecordEffect(Command, tag=True):
     outcome: Literal["confirmed", "failed", "unknown"]
-    reason: Name
+    reason: Explanation
 
 
 HandoffCommand = (

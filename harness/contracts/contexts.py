@@ -8,6 +8,7 @@ import msgspec
 
 from harness.contracts.ids import Digest, MissionId, NodeId
 from harness.contracts.observations import Origin
+from harness.contracts.reasons import Explanation
 from harness.contracts.values import Count, Name, Share, Value, digest
 
 Role = Literal["planner", "skill", "verifier", "recovery"]
@@ -40,7 +41,7 @@ class Withheld(Value):
     kind: Name
     source: Name
     reason: Literal["stale", "low_confidence", "conflict", "origin", "budget", "superseded", "scope"]
-    detail: str = ""
+    detail: Explanation = ""
 
 
 class Context(Value, dict=True):

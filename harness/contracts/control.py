@@ -8,7 +8,7 @@ from typing import Literal, get_args
 
 from harness.contracts.actors import Actor, Command, Event
 from harness.contracts.ids import RequestId, RobotId, StreamId
-from harness.contracts.reasons import Reason
+from harness.contracts.reasons import Explanation, Reason
 from harness.contracts.retreat_events import RetreatCommand, RetreatEvent
 from harness.contracts.values import Count, Name
 
@@ -62,7 +62,7 @@ class WheelReturned(Event, tag=True):
     robot_id: RobotId
     session: RequestId
     actor: Actor
-    reason: str
+    reason: Explanation
     measured: dict[str, float]
 
 
@@ -72,7 +72,7 @@ class PostureOrdered(Event, tag=True):
     robot_id: RobotId
     posture: Posture
     actor: Actor
-    reason: Reason | str
+    reason: Explanation
 
 
 class SetAutonomy(Command, tag=True):
@@ -101,7 +101,7 @@ class ReturnWheel(Command, tag=True):
     robot_id: RobotId
     session: RequestId
     actor: Actor
-    reason: Name
+    reason: Explanation
     measured: dict[str, float]
 
 

@@ -25,7 +25,7 @@ from harness.contracts.ids import (
 )
 from harness.contracts.proposals import Signature
 from harness.contracts.protocol import InvocationStatus, Parameters
-from harness.contracts.reasons import Reason
+from harness.contracts.reasons import Explanation, Reason
 from harness.contracts.revision_events import (
     AttestationRecorded,
     CompletionDisputed,
@@ -94,10 +94,10 @@ class NodePlanned(Event, tag=True):
     provider_id: ProviderId
     context: Digest
     candidates: Digest
-    reason: str
+    reason: Explanation
     planner: Name = "graph-order-1"
     proposal: Digest | None = None
-    refused: str = ""
+    refused: Explanation = ""
 
 
 class DispatchIntended(Event, tag=True):
@@ -141,7 +141,7 @@ class InvocationAccepted(Event, tag=True):
 
 class InvocationStopRequested(Event, tag=True):
     invocation_id: InvocationId
-    reason: str
+    reason: Explanation
 
 
 class InvocationResumed(Event, tag=True):
@@ -156,7 +156,7 @@ class InvocationEnded(Event, tag=True):
     invocation_id: InvocationId
     status: InvocationStatus
     failure: str
-    reason: str
+    reason: Explanation
 
 
 class PreconditionRefused(Event, tag=True):
@@ -164,7 +164,7 @@ class PreconditionRefused(Event, tag=True):
 
     node_id: NodeId
     precondition: Name
-    reason: str
+    reason: Explanation
     give_up_s: float
 
 
@@ -213,21 +213,21 @@ class EpochChanged(Event, tag=True):
     """(k+1) The map or localisation epoch changed."""
 
     map_version: Name
-    reason: str
+    reason: Explanation
 
 
 class VetoRaised(Event, tag=True):
     """(k+1) A restriction. Only the layer that raised it clears it (D16)."""
 
     layer: Name
-    reason: str
+    reason: Explanation
 
 
 class VetoCleared(Event, tag=True):
     """(k+1)"""
 
     layer: Name
-    reason: str
+    reason: Explanation
 
 
 # mission: recovery --------------------------------------------------------------------------------------------------
@@ -239,7 +239,7 @@ class FailureClassified(Event, tag=True):
     node_id: NodeId
     invocation_id: InvocationId | None
     failure: FailureClass
-    reason: str
+    reason: Explanation
     at_s: float
 
 
@@ -257,7 +257,7 @@ class RecoveryAuthorised(Event, tag=True):
     signature: Signature | None
     excluded: tuple[ProviderId, ...]
     context: Digest
-    reason: str
+    reason: Explanation
     until_s: float | None = None
     left_node: Count | None = None
     left_mission: Count | None = None
@@ -268,7 +268,7 @@ class NodeFailed(Event, tag=True):
     """Given up for good. `context` is the C4 that led to it."""
 
     node_id: NodeId
-    reason: str
+    reason: Explanation
     context: Digest | None = None
 
 
@@ -281,7 +281,7 @@ class HandoffRequested(Event, tag=True):
     handoff_id: HandoffId
     node_id: NodeId
     failure: FailureClass
-    reason: str
+    reason: Explanation
     context: Digest | None = None
 
 
@@ -291,7 +291,7 @@ class HandoffAnswered(Event, tag=True):
     handoff_id: HandoffId
     decision: Literal["approved", "rejected", "expired", "superseded", "attested", "handed_back", "closed"]
     actor: Actor
-    reason: str
+    reason: Explanation
 
 
 class OperatorRetryGranted(Event, tag=True):
@@ -318,7 +318,7 @@ class StopRequested(Event, tag=True):
     """A person or policy wants the mission stopped: STOPPING until acknowledged, then static."""
 
     actor: Actor
-    reason: str
+    reason: Explanation
 
 
 class StopAcknowledged(Event, tag=True):
@@ -326,7 +326,7 @@ class StopAcknowledged(Event, tag=True):
 
     static: bool
     measured: dict[str, float]
-    reason: str
+    reason: Explanation
 
 
 class GoalVerified(Event, tag=True):
@@ -341,19 +341,19 @@ class GoalVerified(Event, tag=True):
 
 class MissionEnded(Event, tag=True):
     status: Literal["succeeded", "failed", "cancelled", "safe_stopped", "handed_off"]
-    reason: str
+    reason: Explanation
 
 
 class CompletionReported(Event, tag=True):
     """The success report to the user: only after a satisfied goal verdict (R119)."""
 
-    text: str
+    text: Explanation
 
 
 class FailureReported(Event, tag=True):
     """Not a completion report: other words, other type (R120)."""
 
-    text: str
+    text: Explanation
 
 
 MissionEvent = (

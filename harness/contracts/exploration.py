@@ -5,6 +5,7 @@ from typing import Annotated
 import msgspec
 
 from harness.contracts.ids import Digest, MissionId, NodeId, PacketId
+from harness.contracts.reasons import Explanation
 from harness.contracts.values import Count, Name, NonNegative, Point, Positive, Value
 
 UNKNOWN, FREE, OCCUPIED = 0, 1, 2
@@ -53,7 +54,7 @@ class Blocked(Feedback, tag="blocked"):
     """The target was given up. `failure` is the class of the last failure, `reason` the harness's own record of it."""
 
     failure: Name
-    reason: str
+    reason: Explanation
 
 
 class MapChanged(Feedback, tag="map_changed"):
@@ -97,7 +98,7 @@ class TargetProposal(Value):
     """A bounded target and why to go there. It has no authority: the harness admits it or takes its own (R222)."""
 
     target_m: Point
-    reason: str
+    reason: Explanation
 
 
 class TargetAnswer(Value):
@@ -108,7 +109,7 @@ class TargetAnswer(Value):
 
     planner: Name
     said: TargetProposal | None
-    refused: str
+    refused: Explanation
     chosen: TargetProposal | None
     route_m: Region = ()
 
@@ -123,9 +124,9 @@ class TargetChoice(Value):
     configuration: Digest
     k: Count
     target_m: Point
-    reason: str
+    reason: Explanation
     planner: Name
-    refused: str
+    refused: Explanation
     image: Digest
     map: Digest
     question: Digest

@@ -3,7 +3,7 @@
 from harness.contracts.actors import Actor, Command
 from harness.contracts.configuration import RecoveryAction
 from harness.contracts.handoff_events import EscalationLevel, NoAnswer, Snapshot
-from harness.contracts.reasons import Reason
+from harness.contracts.reasons import Explanation, Reason
 from harness.contracts.values import Count, Name
 
 # asked of the gate, by the desk ---------------------------------------------------------------------------------------
@@ -21,7 +21,7 @@ class DropClaim(Command, tag=True):
 
     actor: Actor
     claim: Name
-    reason: Name
+    reason: Explanation
 
 
 class ExtendDeadline(Command, tag=True):
@@ -70,7 +70,7 @@ class CloseQuestion(Command, tag=True):
 class VoidApproval(Command, tag=True):
     """Something changed between the decision and the dispatch: nothing is sent (D28)."""
 
-    reason: Name
+    reason: Explanation
 
 
 class RecordNoAnswer(Command, tag=True):

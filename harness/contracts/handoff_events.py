@@ -8,7 +8,7 @@ from harness.contracts.configuration import FailureClass, RecoveryAction
 from harness.contracts.ids import ConditionId, Digest, HandoffId, InvocationId, MissionId, NodeId, ProviderId, RobotId
 from harness.contracts.places import Otherwise
 from harness.contracts.protocol import Parameters
-from harness.contracts.reasons import Reason
+from harness.contracts.reasons import Explanation, Reason
 from harness.contracts.values import Count, Name, Value
 
 NoAnswer = Literal["hold", "lie_down", "retreat"]
@@ -58,7 +58,7 @@ class HandoffOpened(Event, tag=True):
     k: Count
     cycle: Count
     failure: FailureClass
-    reason: str
+    reason: Explanation
     risk: Risk
     proposal: ProposedAction | None
     subject: Digest
@@ -99,7 +99,7 @@ class HandoffReleased(Event, tag=True):
     """The claim is gone: given up, or lapsed (channel timeout). `deadline_at_s`: the one that runs on."""
 
     actor: Actor
-    reason: str
+    reason: Explanation
     at_s: float
     deadline_at_s: float
 
@@ -189,7 +189,7 @@ class HandoffAttested(Event, tag=True):
 class HandoffVoided(Event, tag=True):
     """The approval did not reach its dispatch: something it was bound to changed. Nothing was sent."""
 
-    reason: str
+    reason: Explanation
     at_s: float
 
 
@@ -208,7 +208,7 @@ class NoAnswerTaken(Event, tag=True):
 
 
 class HandoffSuperseded(Event, tag=True):
-    reason: str
+    reason: Explanation
 
 
 class HandoffDispatched(Event, tag=True):
@@ -219,7 +219,7 @@ class HandoffEffectObserved(Event, tag=True):
     """What became of the one dispatch: confirmed by the gate, failed, or unknown. Never assumed."""
 
     outcome: Literal["confirmed", "failed", "unknown"]
-    reason: str
+    reason: Explanation
 
 
 HandoffEvent = (

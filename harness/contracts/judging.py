@@ -9,6 +9,7 @@ from harness.contracts.evidence import PacketIdentity
 from harness.contracts.ids import ConditionId, Digest, NodeId, RequestId
 from harness.contracts.observations import Trajectory
 from harness.contracts.protocol import InvocationStatus
+from harness.contracts.reasons import Explanation
 from harness.contracts.tasks import EvidencePolicy
 from harness.contracts.values import Count, Point, Value
 
@@ -39,7 +40,7 @@ class SafetyState(Value):
 
     speed_cap_mps: float
     keep_out_m: dict[str, tuple[Point, ...]]
-    vetoes: dict[str, str]
+    vetoes: dict[str, Explanation]
 
 
 class CommittedNode(Value):

@@ -2,6 +2,7 @@
 
 from harness.contracts.actors import Actor, Event
 from harness.contracts.ids import InvocationId, MissionId, ResourceId
+from harness.contracts.reasons import Explanation
 from harness.contracts.values import Count
 
 
@@ -17,14 +18,14 @@ class LeaseAcquired(Event, tag=True):
 
 class LeaseReleased(Event, tag=True):
     invocation_id: InvocationId
-    reason: str
+    reason: Explanation
 
 
 class LeaseQuarantined(Event, tag=True):
     """The holder may be moving: nobody gets the resource until it is freed (D14)."""
 
     invocation_id: InvocationId
-    reason: str
+    reason: Explanation
 
 
 class LeaseFreed(Event, tag=True):
@@ -32,7 +33,7 @@ class LeaseFreed(Event, tag=True):
 
     actor: Actor
     static: dict[str, float]
-    reason: str
+    reason: Explanation
 
 
 LeaseEvent = LeaseAcquired | LeaseReleased | LeaseQuarantined | LeaseFreed

@@ -24,6 +24,7 @@ from harness.contracts.ids import (
 )
 from harness.contracts.places import Place
 from harness.contracts.protocol import Parameters
+from harness.contracts.reasons import Explanation
 from harness.contracts.tasks import Constraints
 from harness.contracts.values import Count, Name, NonNegative, Point, Share, Value
 from harness.contracts.verdicts import Verdict
@@ -110,7 +111,7 @@ class Dispute(Knowledge, tag="dispute"):
     """An observation or a person contradicts what was accepted: what no longer counts, not what is true (D21)."""
 
     condition_id: ConditionId
-    reason: str
+    reason: Explanation
     observation: EvidenceReference | None = None
 
 

@@ -7,6 +7,7 @@ import msgspec
 from harness.contracts.configuration import FailureClass, RecoveryAction
 from harness.contracts.ids import Digest, NodeId, ProviderId
 from harness.contracts.protocol import Parameters
+from harness.contracts.reasons import Explanation
 from harness.contracts.values import Count, Name, Value
 
 Filter = Literal["capability", "embodiment", "parameters", "preconditions", "freshness", "safety", "excluded", ""]
@@ -18,7 +19,7 @@ class Candidate(Value):
     provider_id: ProviderId
     version: Name
     refused_by: Filter = ""
-    reason: str = ""
+    reason: Explanation = ""
     score: float | None = None
     terms: dict[str, float] = msgspec.field(default_factory=dict)
 
@@ -36,7 +37,7 @@ class PlanProposal(Value):
     """C1's output: the next eligible node, and why. None when nothing is eligible."""
 
     node_id: NodeId | None
-    reason: str
+    reason: Explanation
 
 
 class SkillProposal(Value):
@@ -44,7 +45,7 @@ class SkillProposal(Value):
 
     provider_id: ProviderId
     parameters: Parameters
-    reason: str
+    reason: Explanation
 
 
 class Signature(Value):
@@ -64,5 +65,5 @@ class RecoveryProposal(Value):
     failure: FailureClass
     provider_id: ProviderId | None
     cost: Count
-    reason: str
-    refused: tuple[str, ...] = ()
+    reason: Explanation
+    refused: tuple[Explanation, ...] = ()

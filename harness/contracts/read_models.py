@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
+from harness.contracts.reasons import Explanation
 from harness.contracts.values import Count, Name, Value
 
 Listing = Literal["mission", "evidence", "handoff"]
@@ -70,8 +71,8 @@ class HandoffItem(Value):
     handoff_id: str
     mission_id: str
     robot_id: str
-    reason: str
-    answered: str
+    reason: Explanation
+    answered: Explanation
     holder: str
     node_id: str
     stage: str

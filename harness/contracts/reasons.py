@@ -1,11 +1,13 @@
 """Why something is as it is: a code and typed facts. Only the edge makes a sentence of it, in the reader's language."""
 
+from collections.abc import Iterator, Sequence
+
 import msgspec
 
 from harness.contracts.values import Name, Value
 
-RECORDED = "recorded"
-"""The code of a sentence that an older release stored as English text: its one fact is `text`."""
+RECORDED, SEVERAL = "recorded", "several"
+"""The codes of a sentence that stays as it was said, in its fact `text`; and of several reasons, in `reasons`."""
 
 
 class Reason(Value):
@@ -18,6 +20,9 @@ class Reason(Value):
     facts: dict[str, "Fact"] = msgspec.field(default_factory=dict)
 
 
+Explanation = Reason | str
+"""Why, as the log holds it: a reason of the harness, or text that stays as it is, of a person or an older release."""
+
 Fact = str | int | float | bool | Reason | tuple[Reason | str, ...] | None
 
 
@@ -26,11 +31,27 @@ def because(code: str, /, **facts: Fact) -> Reason:
     return Reason(code=code, facts=facts)
 
 
-def plain(reason: Reason) -> str:
+def several(reasons: Sequence[Explanation]) -> Reason | None:
+    """Several reasons as one, in their order; one alone stays itself, none is None."""
+    if len(reasons) == 1 and isinstance(reasons[0], Reason):
+        return reasons[0]
+    return because(SEVERAL, reasons=tuple(reasons)) if reasons else None
+
+
+def parts(reason: Explanation) -> Iterator[Reason]:
+    """The reason and every reason within it."""
+    if isinstance(reason, Reason):
+        yield reason
+        for value in reason.facts.values():
+            for one in value if isinstance(value, tuple) else (value,):
+                yield from parts(one) if isinstance(one, Reason) else ()
+
+
+def plain(reason: Explanation) -> str:
     """`code (name value, name value)`: a reason where nobody's language is known, in logs and in exceptions."""
-    if reason.code == RECORDED:
-        return str(reason.facts["text"])
-    facts = ", ".join(f"{name} {_plain(value)}" for name, value in reason.facts.items())
+    if isinstance(reason, str):
+        return reason
+    facts = ", ".join(f"{name} {_plain(value)}" for name, value in sorted(reason.facts.items()))
     return f"{reason.code} ({facts})" if facts else reason.code
 
 

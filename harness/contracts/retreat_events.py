@@ -10,7 +10,7 @@ from harness.contracts.actors import Actor, Command, Event
 from harness.contracts.ids import HandoffId, InvocationId, MissionId, NodeId, PlaceId, ProviderId, RequestId, RobotId
 from harness.contracts.places import Otherwise
 from harness.contracts.protocol import Parameters
-from harness.contracts.reasons import Reason
+from harness.contracts.reasons import Explanation, Reason
 from harness.contracts.values import Count, Name, Point
 
 RETREAT = NodeId("retreat")
@@ -49,7 +49,7 @@ class RetreatIntended(Event, tag=True):
     authorised_by: Name
     authorised_on: Name
     actor: Actor
-    reason: str
+    reason: Explanation
     moves: bool = True
 
 
@@ -59,7 +59,7 @@ class RetreatStopping(Event, tag=True):
     robot_id: RobotId
     invocation_id: InvocationId
     actor: Actor
-    reason: Reason | str
+    reason: Explanation
 
 
 class RetreatEnded(Event, tag=True):

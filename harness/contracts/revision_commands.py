@@ -2,6 +2,7 @@
 
 from harness.contracts.actors import Actor, Command
 from harness.contracts.ids import ConditionId, Digest, HandoffId, NodeId
+from harness.contracts.reasons import Explanation
 from harness.contracts.tasks import Constraints, TaskContract
 from harness.contracts.values import Name
 
@@ -12,7 +13,7 @@ class ReviseContract(Command, tag=True):
     node_id: NodeId
     contract: TaskContract
     planner: Name
-    reason: str
+    reason: Explanation
 
 
 class TightenConstraints(Command, tag=True):
@@ -20,7 +21,7 @@ class TightenConstraints(Command, tag=True):
 
     layer: Name
     constraints: Constraints
-    reason: Name
+    reason: Explanation
 
 
 class DisputeCompletion(Command, tag=True):

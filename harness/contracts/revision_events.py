@@ -6,6 +6,7 @@ from harness.contracts.actors import Actor, Event
 from harness.contracts.configuration import FailureClass
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import ConditionId, HandoffId, NodeId, PacketId
+from harness.contracts.reasons import Explanation
 from harness.contracts.tasks import Constraints, TaskContract
 from harness.contracts.values import Count, Name
 
@@ -21,7 +22,7 @@ class GraphRevised(Event, tag=True):
     cause: Literal["goal", "planner"]
     responsible: NodeId
     reopened: tuple[NodeId, ...]
-    reason: str
+    reason: Explanation
     failure: FailureClass = "violated"
     condition_id: ConditionId | None = None
     contract: TaskContract | None = None
@@ -34,7 +35,7 @@ class ConstraintsTightened(Event, tag=True):
     """(k+1) A layer added a restriction; `constraints` are the contract's from now on, the tightest of both (R172)."""
 
     layer: Name
-    reason: str
+    reason: Explanation
     constraints: Constraints
 
 

@@ -5,6 +5,7 @@ from typing import Literal
 import msgspec
 
 from harness.contracts.ids import ConditionId, Digest, MissionId, PacketId
+from harness.contracts.reasons import Explanation
 from harness.contracts.values import Count, Name, Value
 
 PredicateVerdict = Literal["satisfied", "violated", "ambiguous"]
@@ -18,7 +19,7 @@ class ConditionResult(Value):
     condition_id: ConditionId
     text: str
     verdict: Verdict
-    reason: str
+    reason: Explanation
     measured: dict[str, float] = msgspec.field(default_factory=dict)
     bounds: dict[str, float] = msgspec.field(default_factory=dict)
     sources: tuple[str, ...] = ()
@@ -34,7 +35,7 @@ class NodeVerdict(Value):
     packet_id: PacketId
     verdict: Verdict
     results: tuple[ConditionResult, ...]
-    reason: str
+    reason: Explanation
     verifier: Name
     context: Digest
     at_s: float
@@ -46,7 +47,7 @@ class GoalVerdict(Value):
     mission_id: MissionId
     verdict: Verdict
     results: tuple[ConditionResult, ...]
-    reason: str
+    reason: Explanation
     verifier: Name
     context: Digest
     at_s: float

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from harness.contracts.decisions import Refused, refused
 from harness.contracts.exploration import Blocked, Frontier, GridMap, TargetAnswer, TargetProposal, TargetQuestion
-from harness.contracts.reasons import because, plain
+from harness.contracts.reasons import Explanation, Reason, because
 from harness.contracts.values import Point
 from harness.exploration.grid import cell_of
 from harness.exploration.region import contains
@@ -41,8 +41,15 @@ def nearest_edge(question: TargetQuestion, picture: bytes = b"") -> TargetPropos
     best = max(left, key=lambda one: (_worth(one), one.approach_m))
     return TargetProposal(
         target_m=best.approach_m,
-        reason=f"{best.length_m:.1f} m of unknown edge near ({best.edge_m[0]:.1f}, {best.edge_m[1]:.1f}), "
-        f"{best.way_m:.1f} m away; {len(left)} of {len(question.frontiers)} edges are open.",
+        reason=because(
+            "nearest_unknown_edge",
+            length_m=best.length_m,
+            x_m=best.edge_m[0],
+            y_m=best.edge_m[1],
+            way_m=best.way_m,
+            open=len(left),
+            edges=len(question.frontiers),
+        ),
     )
 
 
@@ -77,22 +84,24 @@ def _way_refusal(said: str, *, question: TargetQuestion, way_m: float | None) ->
 def answered(proposer: Proposer, *, question: TargetQuestion, grid: GridMap, picture: bytes) -> TargetAnswer:
     """Ask, admit or refuse; a proposer that is refused or breaks stops nothing: the harness's own edge is taken."""
     said: TargetProposal | None = None
-    refused = ""
+    refused: Explanation = ""
     try:
         said = _storable(proposer.propose(question, picture))
     except Exception as error:  # noqa: BLE001 - a proposer that breaks has proposed nothing, whatever broke it
-        refused = f"{proposer.name} proposed nothing usable: {type(error).__name__}: {_short(str(error))}"
+        refused = because(
+            "proposed_nothing_usable", planner=proposer.name, kind=type(error).__name__, error=_short(str(error))
+        )
     return settled(proposer.name, said, refused=refused, question=question, grid=grid)
 
 
 def settled(
-    planner: str, said: TargetProposal | None, *, refused: str, question: TargetQuestion, grid: GridMap
+    planner: str, said: TargetProposal | None, *, refused: Explanation, question: TargetQuestion, grid: GridMap
 ) -> TargetAnswer:
     """What the harness makes of what was said; derived again from the records at replay."""
     ways = Ways(grid, question.position_m, keep_out_m=question.keep_out_m)
     broken = target_refusal(said.target_m, question=question, grid=grid, ways=ways) if said else None
     if broken is not None:
-        refused = f"{broken.rule}: {plain(broken.reason)}"
+        refused = because("target_refused", rule=broken.rule, why=broken.reason)
     chosen = said if broken is None else None
     if refused:
         own = nearest_edge(question)
@@ -119,7 +128,9 @@ def _storable(said: TargetProposal | None) -> TargetProposal | None:
     x, y = (float(part) for part in said.target_m)
     if not (math.isfinite(x) and math.isfinite(y)):
         raise TypeError("the target is not finite")
-    return TargetProposal(target_m=(x, y), reason=_short(str(said.reason)))
+    return TargetProposal(
+        target_m=(x, y), reason=said.reason if isinstance(said.reason, Reason) else _short(str(said.reason))
+    )
 
 
 def _short(text: str) -> str:

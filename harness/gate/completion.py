@@ -13,7 +13,7 @@ from harness.contracts.events import (
 )
 from harness.contracts.evidence import EvidencePacket
 from harness.contracts.ids import ConditionId
-from harness.contracts.reasons import plain
+from harness.contracts.reasons import Reason, because, several
 from harness.contracts.tasks import Node
 from harness.contracts.verdicts import NodeVerdict
 from harness.gate.rules import GATE_RULES, first_broken
@@ -64,17 +64,19 @@ def complete(mission: Mission, command: CompleteNode) -> Decision[MissionEvent]:
         node_id=mission.invocation.intent.node_id,
         invocation_id=identity.invocation_id,
         failure=failure or "commit_rejected",
-        reason=_why(packet, verdict) or plain(why),
+        reason=_why(packet, verdict) or why,
         at_s=packet.collected_s,
     )
     return Accepted((*trace, rejected, classified))
 
 
-def _why(packet: EvidencePacket, verdict: NodeVerdict) -> str:
+def _why(packet: EvidencePacket, verdict: NodeVerdict) -> Reason | None:
     """What went wrong, in the shortest words that say it: how the execution ended, else what was not satisfied."""
     if packet.terminal != "succeeded":
-        return f"the execution ended {packet.terminal}{f': {packet.failure}' if packet.failure else ''}"
-    return "; ".join(result.reason for result in verdict.results if result.verdict != "satisfied")
+        if packet.failure:
+            return because("execution_over_with_failure", terminal=packet.terminal, failure=packet.failure)
+        return because("execution_over", terminal=packet.terminal)
+    return several([result.reason for result in verdict.results if result.verdict != "satisfied"])
 
 
 def _ended_by(node: Node, mission: Mission) -> tuple[ConditionId, ...]:

@@ -175,8 +175,8 @@ def _beyond(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
         return None
     if rung.cost != cost_of(rung.action):
         return refused("wrong_cost", because("only_retry_is_free", action=rung.action, cost=cost_of(rung.action)))
-    slug, _, why = over_budget(mission, command.intent.node_id, rung.action).partition(": ")
-    return refused(slug, because("action_unpaid", action=rung.action, why=why)) if slug else None
+    why = over_budget(mission, command.intent.node_id, rung.action)
+    return refused(why.code, because("action_unpaid", action=rung.action, why=why)) if why else None
 
 
 def waited(node: NodeState) -> bool:

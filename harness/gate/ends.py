@@ -133,7 +133,7 @@ def answer(mission: Mission, command: AnswerMission) -> Decision[MissionEvent]:
     )
     if command.decision == "superseded":
         return Accepted((answered,))
-    why = f"{command.actor.name} {command.decision} the handoff: {command.reason}"
+    why = because("handoff_was_answered", actor=command.actor.name, decision=command.decision, reason=command.reason)
     if command.decision == "closed":
         return Accepted((answered, FailureReported(text=why), MissionEnded(status="handed_off", reason=why)))
     return Accepted((answered, FailureReported(text=why), MissionEnded(status="safe_stopped", reason=why)))
@@ -164,7 +164,7 @@ def withdraw(mission: Mission, command: WithdrawMission) -> Decision[MissionEven
     """A mission that waits for its robot ends at once: nothing of it was dispatched, so there is nothing to stop."""
     if mission.status not in BEFORE_ACTIVE:
         return refused("begun", because("mission_begun", status=mission.status))
-    why = f"Taken back by {command.actor.name} before it began: {command.reason}"
+    why = because("withdrawn_before_begin", actor=command.actor.name, reason=command.reason)
     asked = StopRequested(actor=command.actor, reason=command.reason)
     return Accepted((asked, FailureReported(text=why), MissionEnded(status="cancelled", reason=why)))
 
@@ -174,10 +174,10 @@ def acknowledge(mission: Mission, command: AcknowledgeStop) -> Decision[MissionE
     if mission.stop is None:
         return refused("no_stop", because("no_stop_asked"))
     acknowledged = StopAcknowledged(static=command.static, measured=command.measured, reason=command.reason)
-    why = f"Stopped by {mission.stop.actor.name}: {mission.stop.reason}"
+    why = because("mission_stopped_by", actor=mission.stop.actor.name, reason=mission.stop.reason)
     if command.static:
         return Accepted((acknowledged, FailureReported(text=why), MissionEnded(status="cancelled", reason=why)))
-    unsure = f"{why}. No evidence shows the robot at rest: {command.reason}"
+    unsure = because("stopped_without_rest", stopped=why, why=command.reason)
     return Accepted((acknowledged, FailureReported(text=unsure), MissionEnded(status="failed", reason=unsure)))
 
 

@@ -7,7 +7,7 @@ from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.effects import AnyEffect, Metric, Relational, Symbolic, Temporal, Visual
 from harness.contracts.events import CompletionReported, FailureReported, GoalVerified, MissionEnded, MissionEvent
 from harness.contracts.ids import ConditionId, NodeId
-from harness.contracts.reasons import because
+from harness.contracts.reasons import Explanation, Reason, because
 from harness.contracts.revision_events import GraphRevised
 from harness.contracts.tasks import TaskContract, order
 from harness.contracts.verdicts import GoalVerdict, strictest
@@ -24,8 +24,8 @@ def judge(mission: Mission, command: JudgeGoal) -> Decision[MissionEvent]:
         return refusal
     worst = strictest((verdict.verdict, *(result.verdict for result in verdict.results)))
     if worst == "satisfied" and not mission.vetoes and not mission.disputed:
-        text = f"Goal met: {contract.goal.text}. {verdict.reason}".strip()
-        done = MissionEnded(status="succeeded", reason="the goal verdict is satisfied")
+        text = because("goal_met", goal=contract.goal.text, reason=verdict.reason)
+        done = MissionEnded(status="succeeded", reason=because("goal_verdict_satisfied"))
         return Accepted((GoalVerified(verdict=verdict), CompletionReported(text=text), done))
     if worst == "ambiguous" and not mission.relooks and contract.recovery_total > mission.spent_total:
         return Accepted((GoalVerified(verdict=verdict, relook=True),))
@@ -34,22 +34,22 @@ def judge(mission: Mission, command: JudgeGoal) -> Decision[MissionEvent]:
         again = reopening(mission, verdict)
         if isinstance(again, GraphRevised):
             return Accepted((GoalVerified(verdict=verdict), again))
-        why = f"{why} {again}"
-    said = f"All stages done, goal not met ({worst}): {why}"
+        why = because("not_reopened", why=why, again=again)
+    said = because("goal_not_met", verdict=worst, why=why)
     return Accepted(
         (GoalVerified(verdict=verdict), FailureReported(text=said), MissionEnded(status="failed", reason=said))
     )
 
 
-def reopening(mission: Mission, verdict: GoalVerdict) -> GraphRevised | str:
-    """The responsible stage opened again, paid as a local_replan; or the sentence that says why not."""
+def reopening(mission: Mission, verdict: GoalVerdict) -> GraphRevised | Reason:
+    """The responsible stage opened again, paid as a local_replan; or the reason why not."""
     contract = required_contract(mission)
     found = responsible(mission, verdict)
     if found is None:
-        return "No stage answers for it alone, so none is opened again."
+        return because("no_stage_answers")
     condition_id, node_id = found
     if unpaid := over_budget(mission, node_id, "local_replan"):
-        return f"{node_id} is not opened again: {unpaid.partition(': ')[2]}."
+        return because("stage_not_reopened", stage=node_id, why=unpaid)
     left = left_now(mission, node_id)
     return GraphRevised(
         revision=mission.graph_revision + 1,
@@ -106,10 +106,10 @@ def _done(mission: Mission, node_id: NodeId) -> bool:
     return mission.of(node_id).status == "committed"
 
 
-def _shortfall(mission: Mission, verdict: GoalVerdict) -> str:
+def _shortfall(mission: Mission, verdict: GoalVerdict) -> Explanation:
     if not mission.disputed:
         return verdict.reason
-    return f"{mission.disputed[0].condition_id} is disputed"
+    return because("condition_disputed", condition=mission.disputed[0].condition_id)
 
 
 def _unready(mission: Mission, verdict: GoalVerdict) -> Refused | None:

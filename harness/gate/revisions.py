@@ -55,8 +55,8 @@ def _unpaid(mission: Mission, command: ReviseContract) -> Refused | None:
     """With an open failure a plan is a rung like any other; without one it still costs a local_replan."""
     state = mission.of(command.node_id)
     if state.failure is None:
-        slug, _, why = over_budget(mission, command.node_id, "local_replan").partition(": ")
-        return refused(slug, because("plan_unpaid", why=why)) if slug else None
+        why = over_budget(mission, command.node_id, "local_replan")
+        return refused(why.code, because("plan_unpaid", why=why)) if why else None
     failure = state.failure.failure
     return first_broken_recovery(
         mission,

@@ -9,7 +9,7 @@ from harness.contracts.contexts import Context
 from harness.contracts.decisions import Refused, refused
 from harness.contracts.ids import NodeId
 from harness.contracts.proposals import PlanProposal
-from harness.contracts.reasons import because, plain
+from harness.contracts.reasons import Explanation, Reason, because
 from harness.projections.mission import Mission, eligible
 
 LONGEST_REASON = 1000
@@ -20,7 +20,7 @@ class _Open(msgspec.Struct, frozen=True):
 
     node_id: NodeId
     subgoal: str = ""
-    waiting_for: str = ""
+    waiting_for: Explanation = ""
     attempt: int = 0
 
 
@@ -32,14 +32,21 @@ def plan(context: Context) -> PlanProposal:
     record = context.one("frontier")
     frontier = record.read(tuple[_Open, ...]) if record else ()
     if not frontier:
-        return PlanProposal(node_id=None, reason="No node is eligible: each one is done, failed or waits for another.")
+        return PlanProposal(node_id=None, reason=because("no_node_eligible"))
     chosen = next((node for node in frontier if not node.waiting_for), frontier[0])
-    others = ", ".join(node.node_id for node in frontier if node is not chosen) or "none"
-    waits = f", although it waits for {chosen.waiting_for}" if chosen.waiting_for else ""
-    return PlanProposal(
-        node_id=chosen.node_id,
-        reason=f"{chosen.node_id} ({chosen.subgoal}) is the first eligible node in the graph{waits}; others: {others}.",
+    others = tuple(node.node_id for node in frontier if node is not chosen) or ("none",)
+    reason = (
+        because(
+            "first_waiting",
+            node_id=chosen.node_id,
+            subgoal=chosen.subgoal,
+            waiting_for=chosen.waiting_for,
+            others=others,
+        )
+        if chosen.waiting_for
+        else because("first_eligible", node_id=chosen.node_id, subgoal=chosen.subgoal, others=others)
     )
+    return PlanProposal(node_id=chosen.node_id, reason=reason)
 
 
 @dataclass(frozen=True)
@@ -83,10 +90,10 @@ class Plan:
     """
 
     node_id: NodeId | None
-    reason: str
+    reason: Explanation
     planner: str
     proposal: PlanProposal | None
-    refused: str = ""
+    refused: Explanation = ""
 
 
 def planned(planner: Planner, context: Context, *, mission: Mission) -> Plan:
@@ -95,14 +102,17 @@ def planned(planner: Planner, context: Context, *, mission: Mission) -> Plan:
     try:
         proposal = _storable(planner.plan(context))
     except Exception as error:  # noqa: BLE001 - a planner that breaks has proposed nothing, whatever broke it
-        unusable = f"{planner.name} proposed nothing usable: {type(error).__name__}: {_short(str(error))}"
+        unusable = because(
+            "proposed_nothing_usable", planner=planner.name, kind=type(error).__name__, error=_short(str(error))
+        )
         return Plan(node_id=own.node_id, reason=own.reason, planner=planner.name, proposal=None, refused=unusable)
     broken = plan_refusal(proposal, mission=mission)
     if broken is None and proposal.node_id is None and own.node_id is not None:
         broken = refused("work_left", node_id=own.node_id)
     if broken is not None:
-        why_not = plain(broken.reason)
-        return Plan(node_id=own.node_id, reason=own.reason, planner=planner.name, proposal=proposal, refused=why_not)
+        return Plan(
+            node_id=own.node_id, reason=own.reason, planner=planner.name, proposal=proposal, refused=broken.reason
+        )
     return Plan(node_id=proposal.node_id, reason=proposal.reason, planner=planner.name, proposal=proposal)
 
 
@@ -111,7 +121,7 @@ def _storable(said: PlanProposal) -> PlanProposal:
     if not isinstance(said, PlanProposal):
         raise TypeError(f"{type(said).__name__} is no plan")
     node_id = NodeId(_short(said.node_id)) if said.node_id is not None else None
-    return PlanProposal(node_id=node_id, reason=_short(said.reason))
+    return PlanProposal(node_id=node_id, reason=said.reason if isinstance(said.reason, Reason) else _short(said.reason))
 
 
 def _short(text: str) -> str:

@@ -12,6 +12,7 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.evidence import CommittedFact
 from harness.contracts.proposals import SkillProposal
 from harness.contracts.protocol import Parameters, ParameterValue
+from harness.contracts.reasons import because
 from harness.contracts.tasks import Constraints, Node
 from harness.planning.binding import names_in, substitute
 
@@ -44,12 +45,17 @@ def propose_skill(context: Context) -> SkillProposal:
         for parameter in card.parameters
         if parameter.required or parameter.name in grounded
     }
-    facts = ", ".join(sorted(names_in(taken, sigil="@"))) or "none"
-    dropped = ", ".join(sorted(asked.keys() - taken.keys())) or "none"
     return SkillProposal(
         provider_id=card.provider_id,
         parameters=parameters,
-        reason=f"Attempt {attempt.attempt} of {node.node_id}: {node.subgoal}. Facts of: {facts}. Dropped: {dropped}.",
+        reason=because(
+            "skill_proposed",
+            attempt=attempt.attempt,
+            node_id=node.node_id,
+            subgoal=node.subgoal,
+            facts=tuple(sorted(names_in(taken, sigil="@"))) or ("none",),
+            dropped=tuple(sorted(asked.keys() - taken.keys())) or ("none",),
+        ),
     )
 
 

@@ -18,7 +18,7 @@ from harness.contracts.events import (
 )
 from harness.contracts.handoff_events import HandoffEscalated, HandoffEvent, NoAnswerTaken
 from harness.contracts.protocol import PhysicalStart, RobotStatus
-from harness.contracts.reasons import plain
+from harness.contracts.reasons import Explanation, Reason, because
 from harness.contracts.revision_events import CompletionDisputed
 from harness.projections.starts import repeated_starts
 
@@ -26,7 +26,7 @@ LOW_CHARGE = 0.20
 LOST_AFTER_S = 10.0
 LONGEST_TITLE = 160
 LONGEST_TEXT = 500
-UNCLAIMED = {"next_person": "nobody took it for a minute", "outside": "nobody took it for three minutes"}
+UNCLAIMED = {"next_person": because("unclaimed_for_minute"), "outside": because("unclaimed_for_three_minutes")}
 OF_THE_LINK = frozenset({"provider_unavailable", "outcome_unknown", "cancel_unacknowledged"})
 """Failures that a robot which does not answer brings about: its own alert tells them."""
 
@@ -79,17 +79,25 @@ def of_mission(event: MissionEvent, about: About) -> tuple[Told, ...]:
     """What a mission's event raises or clears."""
     match event:
         case VetoRaised():
-            raised = _raise(about, "veto", "critical", f"{event.layer} vetoes motion", event.reason, event.layer)
+            raised = _raise(
+                about, "veto", "critical", because("alert_veto", layer=event.layer), event.reason, event.layer
+            )
             return (raised,)
         case VetoCleared():
             return _clear(about, f"veto {event.layer}", event.reason)
         case VerdictRecorded() if event.verdict.verdict == "unsafe":
-            return (_raise(about, "unsafe", "critical", f"unsafe at {_words(about.node)}", event.verdict.reason),)
+            return (
+                _raise(
+                    about, "unsafe", "critical", because("alert_unsafe", stage=_stage(about.node)), event.verdict.reason
+                ),
+            )
         case HandoffRequested():
-            title = f"waits for a person at {_words(event.node_id)}"
+            title = because("alert_handoff", stage=_stage(event.node_id))
             return (_raise(about, "handoff", "high", title, event.reason, event.handoff_id),)
         case HandoffAnswered():
-            said = f"{event.actor.name} ({event.actor.channel}): {event.decision}"
+            said = because(
+                "alert_answered", actor=event.actor.name, channel=event.actor.channel, decision=event.decision
+            )
             asked = f"handoff {event.handoff_id}"
             return tuple(
                 told
@@ -97,11 +105,15 @@ def of_mission(event: MissionEvent, about: About) -> tuple[Told, ...]:
                 for told in _clear(about, one, said)
             )
         case StopAcknowledged() if not event.static:
-            return (_raise(about, "body_not_static", "critical", "stopped, but not shown at rest", event.reason),)
+            return (_raise(about, "body_not_static", "critical", because("alert_not_at_rest"), event.reason),)
         case CompletionDisputed():
-            title = f"an acceptance at {_words(event.node_id)} is disputed"
+            title = because("alert_disputed", stage=_stage(event.node_id))
             disputed = replace(about, node=f"{event.node_id}/disputed", failure="")
-            return (_raise(disputed, "disputed", "high", title, f"{event.actor.name}: {event.reason}"),)
+            return (
+                _raise(
+                    disputed, "disputed", "high", title, because("said_by", actor=event.actor.name, reason=event.reason)
+                ),
+            )
         case MissionEnded():
             return _ended(event, about)
         case _:
@@ -114,11 +126,11 @@ def of_handoff(event: HandoffEvent, about: About, handoff_id: str) -> tuple[Told
     Where the robot could not be shown to do what it does without an answer, a person has to look.
     """
     if isinstance(event, NoAnswerTaken) and not event.done:
-        title = f"nobody answered, and “{_words(event.action)}” is not shown to be done"
-        return (_raise(about, "body_not_static", "critical", title, plain(event.reason)),)
+        title = because("alert_no_answer_not_done", action=event.action)
+        return (_raise(about, "body_not_static", "critical", title, event.reason),)
     if not isinstance(event, HandoffEscalated) or event.level not in UNCLAIMED:
         return ()
-    title = f"a question waits unclaimed at {_words(about.node)}"
+    title = because("alert_unclaimed", stage=_stage(about.node))
     return (_raise(about, "handoff", "critical", title, UNCLAIMED[event.level], f"{handoff_id} {event.level}"),)
 
 
@@ -138,13 +150,24 @@ def of_robot(heard: Heard) -> tuple[Occurrence, ...]:
     robot_id, status = heard.robot_id, heard.status
     silent = heard.trouble or (heard.age_s is not None and heard.age_s > LOST_AFTER_S)
     if silent and (heard.age_s is None or heard.age_s > LOST_AFTER_S):
-        age = "never answered" if heard.age_s is None else f"last answered {heard.age_s:.0f} s ago"
-        return (_robot(robot_id, "robot_lost", "critical", "does not answer", f"{age}. {heard.trouble}".strip()),)
+        age = because("never_answered") if heard.age_s is None else because("last_answered", age_s=heard.age_s)
+        said = because("silent_with_trouble", age=age, trouble=heard.trouble) if heard.trouble else age
+        return (_robot(robot_id, "robot_lost", "critical", because("alert_robot_lost"), said),)
     found = []
     if status is not None and status.charge < LOW_CHARGE + (0.05 if heard.low_before else 0.0):
-        found.append(_robot(robot_id, "battery_low", "high", "battery is low", f"{status.charge:.0%} left"))
+        found.append(
+            _robot(
+                robot_id,
+                "battery_low",
+                "high",
+                because("alert_battery_low"),
+                because("charge_left", charge=status.charge),
+            )
+        )
     if status is not None and status.hardware_stop:
-        found.append(_robot(robot_id, "hardware_stop", "critical", "hardware stop is engaged", "by the robot's word"))
+        found.append(
+            _robot(robot_id, "hardware_stop", "critical", because("alert_hardware_stop"), because("by_robots_word"))
+        )
     return tuple(found)
 
 
@@ -167,8 +190,8 @@ def duplicate_starts(about: About, starts: Sequence[PhysicalStart]) -> tuple[Occ
             cause=f"mission/{about.mission_id}/starts",
             kind="duplicate_start",
             priority="critical",
-            title=f"{about.robot_id}: a request was started twice",
-            text=f"{repeated} starts beyond the first of a request, by the robot's own journal",
+            title=because("alert_duplicate_start", robot_id=about.robot_id),
+            text=because("starts_beyond_first", starts=repeated),
             condition=f"starts {len(starts)}",
             robot_id=about.robot_id,
             mission_id=about.mission_id,
@@ -177,36 +200,41 @@ def duplicate_starts(about: About, starts: Sequence[PhysicalStart]) -> tuple[Occ
     )
 
 
-def of_house(kind: AlertKind, priority: Priority, title: str, *, cause: str, text: str, link: str = "") -> Occurrence:
+def of_house(
+    kind: AlertKind, priority: Priority, title: Explanation, *, cause: str, text: Explanation, link: str = ""
+) -> Occurrence:
     """Something wrong with the installation itself; it lasts until it is cleared."""
     return Occurrence(
-        cause=cause[:200], kind=kind, priority=priority, title=title[:LONGEST_TITLE], text=text[:LONGEST_TEXT],
-        condition=kind, link=link,
+        cause=cause[:200], kind=kind, priority=priority, condition=kind, link=link,
+        title=_cut(title, LONGEST_TITLE), text=_cut(text, LONGEST_TEXT),
     )  # fmt: skip
 
 
-def _robot(robot_id: str, kind: AlertKind, priority: Priority, title: str, text: str) -> Occurrence:
+def _robot(robot_id: str, kind: AlertKind, priority: Priority, title: Reason, text: Reason) -> Occurrence:
     return Occurrence(
         cause=causes_of_robot(robot_id)[kind],
         kind=kind,
         priority=priority,
-        title=f"{robot_id} {title}"[:LONGEST_TITLE],
-        text=text[:LONGEST_TEXT],
+        title=because("alert_of_robot", robot_id=robot_id, title=title),
+        text=text,
         condition=kind,
         robot_id=robot_id,
         link=f"/robots/{robot_id}",
     )
 
 
-def _raise(about: About, kind: AlertKind, priority: Priority, title: str, text: str, lasting: str = "") -> Told:
+def _raise(
+    about: About, kind: AlertKind, priority: Priority, title: Reason, text: Explanation, lasting: str = ""
+) -> Told:
     cause = mission_cause(about)
     link = f"/handoffs/{lasting.split(' ')[0]}" if kind == "handoff" else f"/missions/{about.mission_id}"
+    why = _cut(text, LONGEST_TEXT) or because("no_reason_given")
     occurrence = Occurrence(
         cause=cause[:200],
         kind=kind,
         priority=priority,
-        title=f"{about.robot_id}: {title}"[:LONGEST_TITLE],
-        text=f"{text.strip(' .') or 'no reason given'}. Goal: {about.goal}"[:LONGEST_TEXT],
+        title=because("alert_at_robot", robot_id=about.robot_id, title=title),
+        text=because("alert_with_goal", text=why, goal=about.goal),
         condition=f"{kind} {lasting}" if lasting else "",
         source=about.position,
         robot_id=about.robot_id,
@@ -218,18 +246,22 @@ def _raise(about: About, kind: AlertKind, priority: Priority, title: str, text: 
 
 def _ended(event: MissionEnded, about: About) -> tuple[Told, ...]:
     """A bad end is trouble of its own; whatever the end, vetoes of this mission stand no longer."""
-    title = f"mission ended {_words(event.status)}"
+    title = because("alert_mission_ended", status=event.status)
     bad = event.status in ("failed", "safe_stopped", "handed_off")
     raised = (_raise(about, "mission_failed", "high", title, event.reason),) if bad else ()
-    over = (told for layer in about.vetoes for told in _clear(about, f"veto {layer}", "the mission ended"))
+    over = (told for layer in about.vetoes for told in _clear(about, f"veto {layer}", because("the_mission_ended")))
     return (*raised, *over)
 
 
-def _clear(about: About, condition: str, reason: str) -> tuple[Told, ...]:
+def _clear(about: About, condition: str, reason: Explanation) -> tuple[Told, ...]:
     """Under the stage's cause and under the robot's: which of them told it depends on what was known then."""
-    cleared = ClearAlert(condition=condition, reason=reason[:LONGEST_TEXT], at_s=about.at_s, source=about.position)
+    cleared = ClearAlert(condition=condition, reason=_cut(reason, LONGEST_TEXT), at_s=about.at_s, source=about.position)
     return tuple((cause, cleared) for cause in dict.fromkeys((mission_cause(about), link_cause(about.robot_id))))
 
 
-def _words(slug: str) -> str:
-    return slug.replace("_", " ") or "the goal"
+def _stage(node: str) -> str:
+    return node or "the_goal"
+
+
+def _cut(text: Explanation, longest: int) -> Explanation:
+    return text[:longest] if isinstance(text, str) else text

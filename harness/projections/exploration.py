@@ -12,6 +12,7 @@ from harness.contracts.evidence import CommittedFact, EvidencePacket, EvidenceRe
 from harness.contracts.exploration import AnyFeedback, Blocked, MapChanged, MapUpdate, Reached, TargetChoice
 from harness.contracts.ids import Digest, MissionId, NodeId, PacketId, ProviderId
 from harness.contracts.protocol import InvocationStatus
+from harness.contracts.reasons import Explanation
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Count, Name, Point, Value
 from harness.contracts.verdicts import Verdict
@@ -45,9 +46,9 @@ class ExplorationDecision(Value):
     leg: NodeId
     image: Digest
     target_m: Point
-    reason: str
+    reason: Explanation
     planner: Name
-    refused: str
+    refused: Explanation
     status: NodeStatus
     response: PlannerResponse | None
     map_before: Digest

@@ -29,7 +29,7 @@ from harness.contracts.handoff_events import (
     Snapshot,
 )
 from harness.contracts.ids import Digest, HandoffId, InvocationId
-from harness.contracts.reasons import Reason
+from harness.contracts.reasons import Explanation, Reason
 from harness.contracts.values import Count, Value
 
 HandoffStatus = Literal[
@@ -62,7 +62,7 @@ class Answer(Value):
 
     decision: Decided
     actor: Actor
-    reason: str
+    reason: Explanation
     key: str
     cycle: Count
     subject: Digest
@@ -83,7 +83,7 @@ class Control(Value):
     """A person drives the robot; `left_s` is what the deadline had to go when it was paused."""
 
     device: str
-    reason: str
+    reason: Explanation
     at_s: float
     left_s: float
 
@@ -107,7 +107,7 @@ class Handoff(Value):
     cycle: Count = 0
     answer: Answer | None = None
     invocation_id: InvocationId | None = None
-    outcome: str = ""
+    outcome: Explanation = ""
     claim: Claim | None = None
     extended_by: Actor | None = None
     escalated: tuple[EscalationLevel, ...] = ()

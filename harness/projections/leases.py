@@ -6,6 +6,7 @@ from msgspec.structs import replace
 
 from harness.contracts.ids import InvocationId, MissionId, ResourceId
 from harness.contracts.lease_events import LeaseAcquired, LeaseEvent, LeaseFreed, LeaseQuarantined, LeaseReleased
+from harness.contracts.reasons import Explanation
 from harness.contracts.values import Count, Value
 
 
@@ -19,7 +20,7 @@ class Lease(Value):
     mission_id: MissionId = MissionId("")
     invocation_id: InvocationId = InvocationId("")
     expires_s: float = 0.0
-    reason: str = ""
+    reason: Explanation = ""
 
 
 def apply(lease: Lease, event: LeaseEvent) -> Lease:

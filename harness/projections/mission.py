@@ -12,6 +12,7 @@ from harness.contracts.evidence import CommittedFact, EvidencePacket, EvidenceRe
 from harness.contracts.ids import ConditionId, Digest, HandoffId, MissionId, NodeId, PacketId, ProviderId, RobotId
 from harness.contracts.proposals import Signature
 from harness.contracts.protocol import InvocationStatus
+from harness.contracts.reasons import Explanation
 from harness.contracts.tasks import TaskContract, order
 from harness.contracts.values import Count, Value
 from harness.contracts.verdicts import GoalVerdict, NodeVerdict
@@ -32,7 +33,7 @@ class Failure(Value):
 
     node_id: NodeId
     failure: FailureClass
-    reason: str
+    reason: Explanation
     at_s: float
 
 
@@ -44,7 +45,7 @@ class Spend(Value):
     cost: Count
     attempt: Count
     signature: Signature | None
-    reason: str
+    reason: Explanation
 
 
 class Invocation(Value):
@@ -53,7 +54,7 @@ class Invocation(Value):
     intent: DispatchIntended
     status: InvocationStatus
     handle: str | None = None
-    stop_requested: str = ""
+    stop_requested: Explanation = ""
 
 
 class NodeState(Value):
@@ -72,7 +73,7 @@ class NodeState(Value):
     failures: tuple[Failure, ...] = ()
     wait_until_s: float | None = None
     give_up_s: float | None = None
-    waiting_for: str = ""
+    waiting_for: Explanation = ""
     packets: tuple[EvidencePacket, ...] = ()
     verdicts: tuple[NodeVerdict, ...] = ()
     rejections: tuple[str, ...] = ()
@@ -110,7 +111,7 @@ class Dispute(Value):
     node_id: NodeId
     root: bool
     actor: Actor
-    reason: str
+    reason: Explanation
 
 
 class Mission(Value):
@@ -138,14 +139,14 @@ class Mission(Value):
     invocation: Invocation | None = None
     facts: tuple[CommittedFact, ...] = ()
     observed: tuple[EvidenceReference, ...] = ()
-    vetoes: dict[str, str] = msgspec.field(default_factory=dict)
+    vetoes: dict[str, Explanation] = msgspec.field(default_factory=dict)
     handoff_id: HandoffId | None = None
     stop: StopRequested | None = None
     stopped: StopAcknowledged | None = None
     goal_verdict: GoalVerdict | None = None
     relooks: Count = 0
-    report: str = ""
-    reason: str = ""
+    report: Explanation = ""
+    reason: Explanation = ""
     history: tuple[Superseded, ...] = ()
     disputes: tuple[Dispute, ...] = ()
 

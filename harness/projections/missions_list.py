@@ -2,6 +2,7 @@
 
 from harness.contracts.ids import NodeId
 from harness.contracts.read_models import HandoffItem, ListRow, MissionItem
+from harness.contracts.reasons import Explanation, because, plain
 from harness.contracts.tasks import order
 from harness.contracts.values import encode
 from harness.projections.handoffs import Handoff
@@ -64,7 +65,7 @@ def handoff_row(handoff: Handoff, mission: Mission, *, seq: int) -> ListRow | No
         mission_id=opened.mission_id,
         robot_id=opened.robot_id,
         reason=opened.reason,
-        answered=": ".join(_said(handoff)) or handoff.outcome,
+        answered=_answered(handoff),
         holder=handoff.claim.actor.name if handoff.claim and handoff.waits else "",
         node_id=opened.node_id,
         stage=stage_sentence(mission, opened.node_id),
@@ -85,16 +86,25 @@ def handoff_row(handoff: Handoff, mission: Mission, *, seq: int) -> ListRow | No
         seq=seq,
         key=item.handoff_id,
         facets=facets,
-        words=" ".join((item.node_id, item.stage, item.failure.replace("_", " "), opened.reason, *_said(handoff))),
+        words=" ".join(
+            (item.node_id, item.stage, item.failure.replace("_", " "), plain(opened.reason), *_said(handoff))
+        ),
         ids=(item.handoff_id, item.mission_id),
         amount=item.deadline_at_s - item.opened_at_s,
         body=encode(item),
     )
 
 
+def _answered(handoff: Handoff) -> Explanation:
+    """Who answered, and why; else how it ended."""
+    if handoff.answer is None:
+        return handoff.outcome
+    return because("answered_by", actor=handoff.answer.actor.name, reason=handoff.answer.reason)
+
+
 def _said(handoff: Handoff) -> tuple[str, ...]:
-    """Who answered, and why."""
-    return (handoff.answer.actor.name, handoff.answer.reason) if handoff.answer else ()
+    """Who answered, and why, as words to search for."""
+    return (handoff.answer.actor.name, plain(handoff.answer.reason)) if handoff.answer else ()
 
 
 def stage_sentence(mission: Mission, node_id: NodeId) -> str:

@@ -1,41 +1,43 @@
 """Pure: whether a person must approve a dispatch first (D28). Approving makes nothing satisfied."""
 
 from harness.contracts.configuration import RecoveryAction
+from harness.contracts.reasons import Reason, because
 from harness.contracts.tasks import Node
 from harness.projections.mission import Mission
 from harness.recovery.standing import OBSERVING, cost_of
 
 
-def approval_required(*, mission: Mission, node: Node, action: RecoveryAction | None, moves: bool, share: float) -> str:
-    """The reason why a person must approve, or "". `action` is None for a first dispatch.
+def approval_required(
+    *, mission: Mission, node: Node, action: RecoveryAction | None, moves: bool, share: float
+) -> Reason | None:
+    """The reason why a person must approve, or None. `action` is None for a first dispatch.
 
     `moves`: whether the chosen provider moves the body. `share` is the part of the node's total recovery budget
     that may be spent without a person.
     """
     if action in ("human", "stop", "safe_stop", "wait", "reattach", "verify_again"):
-        return ""
+        return None
     if node.risk == "high" and action not in OBSERVING:
-        return f"Node {node.node_id} is of high risk."
+        return because("stage_of_high_risk", stage=node.node_id)
     if mission.trial and moves:
-        return f"Configuration {mission.configuration[:12]} is in canary: a person approves each of its motions."
+        return because("configuration_in_canary", configuration=mission.configuration[:12])
     if reason := _by_autonomy(mission, node, moves):
         return reason
     spent, allowed = mission.of(node.node_id).spent_total, share * node.recovery.total
     if action and cost_of(action) and spent + 1 > allowed:
-        return (
-            f"Recovery step {spent + 1} of node {node.node_id} goes beyond the {allowed:g} of "
-            f"{node.recovery.total} that may be taken without a person."
+        return because(
+            "beyond_unattended_share", step=spent + 1, stage=node.node_id, allowed=allowed, total=node.recovery.total
         )
-    return ""
+    return None
 
 
-def _by_autonomy(mission: Mission, node: Node, moves: bool) -> str:
+def _by_autonomy(mission: Mission, node: Node, moves: bool) -> Reason | None:
     match mission.level:
         case "manual":
-            return "The mission is manual: a person approves every dispatch."
+            return because("mission_is_manual")
         case "approve_each_motion" if moves:
-            return "The mission asks for approval of each motion."
+            return because("each_motion_approved")
         case "approve_risky" if moves and node.risk != "low":
-            return f"The mission asks for approval of risky motion, and node {node.node_id} is of {node.risk} risk."
+            return because("risky_motion_approved", stage=node.node_id, risk=node.risk)
         case _:
-            return ""
+            return None

@@ -4,6 +4,7 @@ from harness.contracts.configuration import RecoveryAction
 from harness.contracts.contexts import Context
 from harness.contracts.ids import ProviderId
 from harness.contracts.proposals import RecoveryProposal
+from harness.contracts.reasons import Explanation, Reason, because
 from harness.recovery.reading import alternatives_of, failed_node, failure_of, rungs_of, standing_in
 from harness.recovery.standing import Rung, Standing, climbed, cost_of, repeated, unaffordable
 
@@ -33,39 +34,44 @@ def recover(context: Context) -> RecoveryProposal:
 
 def next_rung(standing: Standing, *, ladder: tuple[RecoveryAction, ...], other: ProviderId | None) -> Rung:
     """The first rung above the last authorised one that may be climbed. `other`: who could take over, if anybody."""
-    refused: list[str] = []
+    refused: list[Reason] = []
     for action in ladder[climbed(ladder, standing.tried()) :]:
         why = unaffordable(action, standing) or _impossible(action, standing, other)
-        if not why:
+        if why is None:
             return Rung(action=action, refused=tuple(refused))
-        refused.append(f"{action}: {why}")
+        refused.append(because("step_passed_over", action=action, why=why))
     return Rung(action="human", refused=tuple(refused))
 
 
 def exhausted(proposal: RecoveryProposal) -> bool:
     """Whether a person is asked because a total budget ran out: then a node that moves nothing fails (D26)."""
-    slugs = (": over_node_budget:", ": over_mission_budget:")
-    return proposal.action == "human" and any(slug in why for why in proposal.refused for slug in slugs)
+    passed = [one.facts["why"] for one in proposal.refused if isinstance(one, Reason)]
+    spent = ("over_node_budget", "over_mission_budget")
+    return proposal.action == "human" and any(isinstance(why, Reason) and why.code in spent for why in passed)
 
 
-def _impossible(action: RecoveryAction, standing: Standing, other: ProviderId | None) -> str:
+def _impossible(action: RecoveryAction, standing: Standing, other: ProviderId | None) -> Reason | None:
     if action == "switch_skill" and other is None:
-        return "no_alternative: no other provider can do it"
+        return because("no_alternative")
     return repeated(action, standing, provider_id=other if action == "switch_skill" else None)
 
 
-def _reason(rung: Rung, standing: Standing, *, said: str, provider: ProviderId | None) -> str:
+def _reason(rung: Rung, standing: Standing, *, said: Explanation, provider: ProviderId | None) -> Reason:
     """For a person: what failed, what was tried, what is next, what is left."""
-    failure = f"{_words(standing.failure)} ({said})" if said else _words(standing.failure)
-    tried = ", ".join(_words(one) for one in standing.tried()) or "nothing"
-    by = f" by {provider}" if provider else ""
-    following = "a person is asked" if rung.action == "human" else f"{_words(rung.action)}{by}"
-    return (
-        f"{failure[:1].upper()}{failure[1:]}. Tried before: {tried}. "
-        f"Next: {following}. "
-        f"Left before this: {standing.left_node} for the stage, {standing.left_mission} for the mission."
+    failure = because("failure", failure=standing.failure)
+    return because(
+        "next_step",
+        failure=because("failure_explained", failure=standing.failure, why=said) if said else failure,
+        tried=standing.tried() or ("nothing",),
+        following=_following(rung, provider),
+        left_node=standing.left_node,
+        left_mission=standing.left_mission,
     )
 
 
-def _words(slug: str) -> str:
-    return slug.replace("_", " ")
+def _following(rung: Rung, provider: ProviderId | None) -> Reason:
+    if rung.action == "human":
+        return because("person_is_asked")
+    if provider:
+        return because("action_by_provider", action=rung.action, provider_id=provider)
+    return because("action", action=rung.action)

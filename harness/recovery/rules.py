@@ -56,8 +56,8 @@ def _wrong_word(proposal: RecoveryProposal, standing: Standing) -> Refused | Non
 
 
 def _over_budget(proposal: RecoveryProposal, standing: Standing) -> Refused | None:
-    slug, _, why = unaffordable(proposal.action, standing).partition(": ")
-    return refused(slug, because("action_unpaid", action=proposal.action, why=why)) if slug else None
+    why = unaffordable(proposal.action, standing)
+    return refused(why.code, because("action_unpaid", action=proposal.action, why=why)) if why else None
 
 
 def _repeated(

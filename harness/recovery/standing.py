@@ -3,6 +3,7 @@
 from harness.contracts.configuration import SPENDING, FailureClass, RecoveryAction, RecoveryPolicy
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import NodeId, ProviderId
+from harness.contracts.reasons import Reason, because
 from harness.contracts.tasks import RecoveryLimits
 from harness.contracts.values import Count, Value
 from harness.projections.mission import Mission, Spend, required_contract
@@ -38,7 +39,7 @@ class Rung(Value):
     """The next rung, its place on the ladder, and the rungs passed over to reach it, each with its reason."""
 
     action: RecoveryAction
-    refused: tuple[str, ...] = ()
+    refused: tuple[Reason, ...] = ()
 
 
 def standing_of(mission: Mission, node_id: NodeId) -> Standing:
@@ -58,8 +59,8 @@ def standing_of(mission: Mission, node_id: NodeId) -> Standing:
     )
 
 
-def over_budget(mission: Mission, node_id: NodeId, action: RecoveryAction) -> str:
-    """Why no budget pays for this action at this node now, failure or not: a slug and a sentence; empty if one does."""
+def over_budget(mission: Mission, node_id: NodeId, action: RecoveryAction) -> Reason | None:
+    """Why no budget pays for this action at this node now, failure or not, its code the rule; None if one does."""
     left_node, left_mission = left_now(mission, node_id)
     state, limits = mission.of(node_id), required_contract(mission).node(node_id).recovery
     standing = Standing(
@@ -94,28 +95,29 @@ def cost_of(action: RecoveryAction) -> int:
     return 1 if action in SPENDING else 0
 
 
-def unaffordable(action: RecoveryAction, standing: Standing) -> str:
-    """Why no budget pays for this action: a slug and a sentence; empty if it is free or paid for (R127, R132)."""
+def unaffordable(action: RecoveryAction, standing: Standing) -> Reason | None:
+    """Why no budget pays for this action, its code the rule; None if it is free or paid for (R127, R132)."""
     if cost_of(action) == 0:
-        return ""
+        return None
     if standing.left_mission < 1:
-        return "over_mission_budget: nothing is left of the mission's recovery budget"
+        return because("over_mission_budget")
     if standing.left_node < 1:
-        return "over_node_budget: nothing is left of the node's total recovery budget"
+        return because("over_node_budget")
     if standing.left.get(action, 0) < 1:
-        return f"over_action_budget: nothing is left for {action}"
-    return ""
+        return because("over_action_budget", action=action)
+    return None
 
 
-def repeated(action: RecoveryAction, standing: Standing, *, provider_id: ProviderId | None = None) -> str:
-    """Why this action would repeat a failed one without news (D25); empty otherwise. Free actions may repeat."""
+def repeated(action: RecoveryAction, standing: Standing, *, provider_id: ProviderId | None = None) -> Reason | None:
+    """Why this action would repeat a failed one without news (D25); None otherwise. Free actions may repeat."""
     if cost_of(action) == 0 or standing.news:
-        return ""
+        return None
     same = [spend for spend in standing.spends if (spend.action, spend.failure) == (action, standing.failure)]
     doers = {spend.signature.provider_id for spend in same if spend.signature}
     another = provider_id is not None and bool(doers) and provider_id not in doers
-    why = f"repeated_without_news: {action} answered {standing.failure} before, and no sensor has spoken since"
-    return why if same and not another else ""
+    if not same or another:
+        return None
+    return because("repeats_without_news", action=action, failure=standing.failure)
 
 
 def ladder_of(failure: FailureClass, policy: RecoveryPolicy) -> tuple[RecoveryAction, ...]:

@@ -16,8 +16,9 @@ def candidates(need: Need, *, cards: Sequence[CapabilityCard], preferences: Rout
     Ties go to the lower estimated risk, then to the provider id (D23). `chosen` is none if all were refused. Being
     chosen authorises nothing: preconditions and leases are tested again at dispatch (R63).
     """
-    verdicts = {card.provider_id: refusal(card, need) for card in cards}
-    passed = [card for card in cards if not verdicts[card.provider_id][0]]
+    found = {card.provider_id: refusal(card, need) for card in cards}
+    verdicts = {provider_id: verdict for provider_id, verdict in found.items() if verdict is not None}
+    passed = [card for card in cards if card.provider_id not in verdicts]
     highest = dearest(passed)
     weighed = {card.provider_id: terms(card, need, preferences=preferences, dearest=highest) for card in passed}
     scores = {provider_id: total(weighted) for provider_id, weighted in weighed.items()}

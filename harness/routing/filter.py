@@ -6,71 +6,79 @@ from collections.abc import Callable
 from harness.contracts.capabilities import CapabilityCard, Parameter
 from harness.contracts.proposals import Filter
 from harness.contracts.protocol import ParameterValue, RobotStatus
+from harness.contracts.reasons import Reason, because, several
 from harness.routing.need import Need
 
-Check = Callable[[CapabilityCard, Need], str]
+Check = Callable[[CapabilityCard, Need], Reason | None]
 _RISKS = ("low", "medium", "high")
 _BOUND_LATER = "@{"
 
 
-def refusal(card: CapabilityCard, need: Need) -> tuple[Filter, str]:
-    """The first filter that refuses this provider, and why; two empty texts if none does."""
+def refusal(card: CapabilityCard, need: Need) -> tuple[Filter, Reason] | None:
+    """The first filter that refuses this provider, and why; None if none does."""
     for name, check in CHECKS:
         if reason := check(card, need):
             return name, reason
-    return "", ""
+    return None
 
 
-def _capability(card: CapabilityCard, need: Need) -> str:
-    wanted = ", ".join(need.capabilities)
-    return "" if card.capability in need.capabilities else f"offers {card.capability}, not {wanted}"
+def _capability(card: CapabilityCard, need: Need) -> Reason | None:
+    return (
+        None
+        if card.capability in need.capabilities
+        else because("offers_another_capability", capability=card.capability, wanted=need.capabilities)
+    )
 
 
-def _embodiment(card: CapabilityCard, need: Need) -> str:
+def _embodiment(card: CapabilityCard, need: Need) -> Reason | None:
     fits = {"any", need.embodiment} & set(card.embodiments)
-    return "" if fits else f"made for {', '.join(card.embodiments)}, not for {need.embodiment}"
+    return (
+        None
+        if fits
+        else because("made_for_other_embodiments", embodiments=tuple(card.embodiments), embodiment=need.embodiment)
+    )
 
 
-def _parameters(card: CapabilityCard, need: Need) -> str:
+def _parameters(card: CapabilityCard, need: Need) -> Reason | None:
     stated = need.parameters
     wrong = (
         parameter_problem(parameter, stated.get(parameter.name, stated.get(f"{parameter.name}_from")))
         for parameter in card.parameters
     )
-    return next((problem for problem in wrong if problem), "")
+    return next((problem for problem in wrong if problem), None)
 
 
-def _preconditions(card: CapabilityCard, need: Need) -> str:
+def _preconditions(card: CapabilityCard, need: Need) -> Reason | None:
     unmet = (_unmet(name, need.status) for name in card.preconditions)
-    return next((reason for reason in unmet if reason), "")
+    return next((reason for reason in unmet if reason), None)
 
 
-def _freshness(card: CapabilityCard, need: Need) -> str:
+def _freshness(card: CapabilityCard, need: Need) -> Reason | None:
     status = need.status
     if status is None:
-        return "the robot's condition is unknown" if card.moves else ""
+        return because("robot_condition_unknown") if card.moves else None
     age_s = need.at_s - status.at_s
     if (card.moves or card.preconditions) and age_s > need.status_age_s:
-        return f"the robot's condition is {age_s:.1f} s old, at most {need.status_age_s:.1f} s"
+        return because("robot_condition_old", age_s=age_s, bound_s=need.status_age_s)
     if card.moves and need.map_version and status.map_version != need.map_version:
-        return f"the robot is on map {status.map_version or 'none'}, the task on {need.map_version}"
-    return ""
+        return because("robot_on_other_map", robot_map=status.map_version or "none", task_map=need.map_version)
+    return None
 
 
-def _safety(card: CapabilityCard, need: Need) -> str:
+def _safety(card: CapabilityCard, need: Need) -> Reason | None:
     if _RISKS.index(card.risk) > _RISKS.index(need.node.risk):
-        return f"risk {card.risk} exceeds the node's {need.node.risk}"
+        return because("risk_too_high", risk=card.risk, stage_risk=need.node.risk)
     if not card.moves:
-        return ""
+        return None
     if need.vetoes:
-        return "; ".join(f"{layer} vetoed: {reason}" for layer, reason in sorted(need.vetoes.items()))
+        return several([because("layer_vetoed", layer=layer, why=why) for layer, why in sorted(need.vetoes.items())])
     if need.status is not None and need.status.charge < need.minimum_charge:
-        return f"charge {need.status.charge:.2f} is below {need.minimum_charge:.2f}"
-    return ""
+        return because("charge_too_low", charge=need.status.charge, bound=need.minimum_charge)
+    return None
 
 
-def _excluded(card: CapabilityCard, need: Need) -> str:
-    return "given up for this node" if card.provider_id in need.excluded else ""
+def _excluded(card: CapabilityCard, need: Need) -> Reason | None:
+    return because("given_up_for_stage") if card.provider_id in need.excluded else None
 
 
 CHECKS: tuple[tuple[Filter, Check], ...] = (
@@ -84,21 +92,21 @@ CHECKS: tuple[tuple[Filter, Check], ...] = (
 )
 
 
-def parameter_problem(parameter: Parameter, value: ParameterValue | None) -> str:
-    """Why the card would not take this value; empty if it would, or if it is bound later."""
+def parameter_problem(parameter: Parameter, value: ParameterValue | None) -> Reason | None:
+    """Why the card would not take this value; None if it would, or if it is bound later."""
     name = parameter.name
     if value is None:
-        return f"parameter {name} is required" if parameter.required else ""
+        return because("parameter_required", name=name) if parameter.required else None
     if isinstance(value, str) and _BOUND_LATER in value:
-        return ""
+        return None
     if not _of_type(parameter.type, value):
-        return f"parameter {name} is no {parameter.type}"
+        return because("parameter_of_another_type", name=name, type=parameter.type)
     if isinstance(value, int | float) and not isinstance(value, bool):
         if parameter.minimum is not None and value < parameter.minimum:
-            return f"parameter {name} = {value:g} is below {parameter.minimum:g} {parameter.unit}".rstrip()
+            return because("parameter_too_small", name=name, value=value, bound=parameter.minimum, unit=parameter.unit)
         if parameter.maximum is not None and value > parameter.maximum:
-            return f"parameter {name} = {value:g} is above {parameter.maximum:g} {parameter.unit}".rstrip()
-    return ""
+            return because("parameter_too_large", name=name, value=value, bound=parameter.maximum, unit=parameter.unit)
+    return None
 
 
 def _of_type(kind: str, value: object) -> bool:
@@ -117,19 +125,19 @@ def _of_type(kind: str, value: object) -> bool:
             return isinstance(value, str)
 
 
-def _unmet(name: str, status: RobotStatus | None) -> str:
+def _unmet(name: str, status: RobotStatus | None) -> Reason | None:
     if status is None:
-        return f"precondition {name}: the robot's condition is unknown"
+        return because("precondition_without_condition", precondition=name)
     match name:
         case "localised":
-            return "" if status.localised else "the robot is not localised"
+            return None if status.localised else because("not_localised_now")
         case "hardware_stop_released":
-            return "the hardware stop is engaged" if status.hardware_stop else ""
+            return because("hardware_stop_is_engaged") if status.hardware_stop else None
         case "standing":
-            return "the robot lies down" if status.posture == "lying" else ""
+            return because("robot_lies_down") if status.posture == "lying" else None
         case "static":
-            return "the robot moves" if status.posture == "moving" else ""
+            return because("robot_moves") if status.posture == "moving" else None
         case "disarmed":
-            return "the velocity interface is armed" if status.armed else ""
+            return because("velocity_interface_armed") if status.armed else None
         case _:
-            return f"precondition {name} cannot be tested"
+            return because("precondition_untestable", precondition=name)

@@ -5,6 +5,7 @@ import msgspec
 from harness.contracts.capabilities import Capability
 from harness.contracts.ids import Digest, NodeId, ProviderId
 from harness.contracts.protocol import Parameters, RobotStatus
+from harness.contracts.reasons import Explanation
 from harness.contracts.tasks import Node
 from harness.contracts.values import Count, Name, Positive, Value
 from harness.routing.history import History
@@ -31,7 +32,7 @@ class Need(Value):
     status_age_s: Positive = 2.0
     minimum_charge: float = 0.0
     excluded: tuple[ProviderId, ...] = ()
-    vetoes: dict[str, str] = msgspec.field(default_factory=dict)
+    vetoes: dict[str, Explanation] = msgspec.field(default_factory=dict)
     history: History = History()
 
     @property

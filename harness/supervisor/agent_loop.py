@@ -10,7 +10,7 @@ from harness.contracts.contexts import Context
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContextOverflow, ContractInvalid
 from harness.contracts.ids import MissionId, NodeId
-from harness.contracts.reasons import plain
+from harness.contracts.reasons import Explanation, because
 from harness.planning.planner import Plan
 from harness.projections.mission import Mission, NodeState, all_required_committed, eligible, failed
 from harness.runtime import Live, Runtime
@@ -88,7 +88,9 @@ class AgentLoop:
     def _working(self, mission: Mission, now_s: float) -> float | None:
         vetoed = mission.vetoes and invocation_moves(mission)
         if vetoed and mission.invocation is not None and not mission.invocation.stop_requested:
-            self._attendant.stop(mission, mission.invocation, reason=f"veto: {'; '.join(mission.vetoes.values())}")
+            self._attendant.stop(
+                mission, mission.invocation, reason=because("stopped_by_veto", vetoes=tuple(mission.vetoes.values()))
+            )
             return now_s
         failing = next((node.failure for node in mission.nodes.values() if node.failure), None)
         invocation = mission.invocation
@@ -97,7 +99,7 @@ class AgentLoop:
         if invocation is not None:
             lost = mission.of(invocation.intent.node_id)
             if invocation.status == "outcome_unknown" and lost.wait_until_s is not None and now_s >= lost.wait_until_s:
-                self._again(mission, lost, "the execution could not be found again", now_s)
+                self._again(mission, lost, because("execution_not_found"), now_s)
                 return now_s
             return self._attendant.attend(mission, invocation)
         self._publish(mission)
@@ -118,7 +120,7 @@ class AgentLoop:
         if failed(mission):
             self._recovery.give_up(mission)
             return None
-        self._runtime.submit(mission.mission_id, EndMission(status="failed", reason="No stage can go on."))
+        self._runtime.submit(mission.mission_id, EndMission(status="failed", reason=because("no_stage_can_go_on")))
         return None
 
     def _dispatch(self, mission: Mission, now_s: float) -> float:
@@ -143,10 +145,10 @@ class AgentLoop:
         if isinstance(decision, Refused) and mission.of(node_id).failure is None:
             current = self._runtime.mission(self.mission_id)
             if current.of(node_id).failure is None:
-                self._report(current, node_id, plain(decision.reason), now_s)
+                self._report(current, node_id, decision.reason, now_s)
         return now_s
 
-    def _report(self, mission: Mission, node_id: NodeId, reason: str, now_s: float) -> None:
+    def _report(self, mission: Mission, node_id: NodeId, reason: Explanation, now_s: float) -> None:
         failure = ReportFailure(
             node_id=node_id, invocation_id=None, failure="precondition_unmet", reason=reason, at_s=now_s
         )
@@ -156,17 +158,17 @@ class AgentLoop:
         """A free rung: what is waited for is looked at until the wait is over; then the node goes on, or up a rung."""
         rung, last = node.spends[-1], node.failures[-1]
         if rung.action != "wait":
-            self._again(mission, node, f"after {rung.action}: {last.reason}", now_s)
+            self._again(mission, node, because("failed_after", action=rung.action, reason=last.reason), now_s)
             return now_s
         obstacle = self._obstacle(mission, node)
         if not obstacle:
             return self._first_attempt(mission, node.node_id, now_s=now_s)
         if node.wait_until_s is not None and now_s < node.wait_until_s:
             return min(now_s + POLL_S, node.wait_until_s)
-        self._again(mission, node, f"waiting did not help: {obstacle}", now_s)
+        self._again(mission, node, because("waiting_did_not_help", obstacle=obstacle), now_s)
         return now_s
 
-    def _obstacle(self, mission: Mission, node: NodeState) -> str:
+    def _obstacle(self, mission: Mission, node: NodeState) -> Explanation | None:
         """What still keeps the node from starting; what this mission itself left in quarantine is freed at rest."""
         blocked = self._dispatcher.blocked(mission, node.node_id)
         if blocked is not None:
@@ -176,7 +178,7 @@ class AgentLoop:
             self._recovery.free(mission)
         return taken
 
-    def _again(self, mission: Mission, node: NodeState, reason: str, now_s: float) -> None:
+    def _again(self, mission: Mission, node: NodeState, reason: Explanation, now_s: float) -> None:
         """The same failure once more: it climbs to the next rung."""
         again = ReportFailure(
             node_id=node.node_id, invocation_id=None, failure=node.failures[-1].failure, reason=reason, at_s=now_s
@@ -198,19 +200,21 @@ class AgentLoop:
         """STOPPING until the provider acknowledged and the body is static by a source outside the localiser."""
         self._publish(mission)
         if mission.handoff_id is not None:
-            self.vigil.supersede(mission, "the mission was stopped")
+            self.vigil.supersede(mission, because("mission_was_stopped"))
             return now_s
         invocation = mission.invocation
         if invocation is not None and invocation.status != "outcome_unknown":
             if not invocation.stop_requested:
-                self._attendant.stop(mission, invocation, reason=f"stop: {mission.reason}")
+                self._attendant.stop(mission, invocation, reason=because("stopped_with_mission", reason=mission.reason))
                 return now_s
             return self._attendant.attend(mission, invocation)
         self._stopping_since = self._stopping_since if self._stopping_since is not None else now_s
         rest = at_rest(self._senses.recent, now_s)
         if not rest.static and now_s < self._stopping_since + STATIC_WITHIN_S:
             return now_s + POLL_S
-        done = AcknowledgeStop(static=rest.static, measured=rest.measured, reason=rest.reason or "at rest by odometry")
+        done = AcknowledgeStop(
+            static=rest.static, measured=rest.measured, reason=rest.reason or because("at_rest_by_odometry")
+        )
         self._runtime.submit(mission.mission_id, done)
         return None
 
@@ -220,7 +224,7 @@ class AgentLoop:
         if invocation is None:
             return None if not self._crew.waits_for_people else now_s + POLL_S
         if not invocation.stop_requested:
-            self._attendant.stop(mission, invocation, reason=f"pause: {mission.reason}")
+            self._attendant.stop(mission, invocation, reason=because("paused_with_mission", reason=mission.reason))
             return now_s
         return self._attendant.attend(mission, invocation)
 

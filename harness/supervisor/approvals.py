@@ -5,7 +5,7 @@ from harness.contracts.decisions import Refused, refused
 from harness.contracts.events import DispatchIntended
 from harness.contracts.handoff_commands import VoidApproval
 from harness.contracts.ids import HandoffId, RobotId, handoff_stream, mission_stream
-from harness.contracts.reasons import Reason, because
+from harness.contracts.reasons import Explanation, Reason, because
 from harness.gate.commit import CommandEnvelope
 from harness.gate.rules import standing_vetoes
 from harness.projections.mission import Invocation, Mission
@@ -53,7 +53,7 @@ def _stopped(invocation: Invocation) -> Refused | None:
     return refused("stopped", because("stopped_before_sending", reason=invocation.stop_requested))
 
 
-def withdraw(runtime: Runtime, crew: Crew, mission: Mission, *, intent: DispatchIntended, reason: str) -> None:
+def withdraw(runtime: Runtime, crew: Crew, mission: Mission, *, intent: DispatchIntended, reason: Explanation) -> None:
     """The invocation ends unsent and its leases are free; a person's word for it is void, or its effect unknown.
 
     The stage stands where it stood, so that whoever was asked is asked anew.
@@ -63,24 +63,24 @@ def withdraw(runtime: Runtime, crew: Crew, mission: Mission, *, intent: Dispatch
         invocation_id=intent.invocation_id,
         status="cancelled",
         failure=failures[-1].failure if failures else "interrupted",
-        reason=f"never sent: {reason}"[:200],
+        reason=because("never_sent", why=reason),
         at_s=crew.clock.now().mission_s,
     )
     runtime.commit(
         [
             *_void(crew.robot_id, intent.handoff_id, reason),
             CommandEnvelope(mission_stream(mission.mission_id), ended, crew.robot_id),
-            *give_back(runtime, Held(crew.robot_id, intent), at_rest=True, reason="it was never sent"),
+            *give_back(runtime, Held(crew.robot_id, intent), at_rest=True, reason=because("it_was_never_sent")),
         ]
     )
 
 
-def _void(robot_id: RobotId, handoff_id: HandoffId | None, reason: str) -> list[CommandEnvelope]:
+def _void(robot_id: RobotId, handoff_id: HandoffId | None, reason: Explanation) -> list[CommandEnvelope]:
     if handoff_id is None:
         return []
     stream = handoff_stream(handoff_id)
-    lost = "the harness stopped while it was being sent, and the robot knows no such request"
+    lost = because("stopped_while_sending")
     return [
-        CommandEnvelope(stream, VoidApproval(reason=reason[:200]), robot_id),
+        CommandEnvelope(stream, VoidApproval(reason=reason), robot_id),
         CommandEnvelope(stream, RecordEffect(outcome="unknown", reason=lost), robot_id),
     ]

@@ -16,7 +16,7 @@ from harness.contracts.errors import ContextOverflow, ProviderFailed, ProviderUn
 from harness.contracts.events import DispatchIntended, NodeCommitted
 from harness.contracts.ids import InvocationId, handoff_stream, mission_stream
 from harness.contracts.protocol import KEEPALIVE_LOST, TERMINAL, Identity, InvocationReport, StartRequest
-from harness.contracts.reasons import plain
+from harness.contracts.reasons import Explanation, Reason, because
 from harness.gate.commit import CommandEnvelope
 from harness.projections.mission import Invocation, Mission
 from harness.runtime import Live
@@ -35,10 +35,10 @@ REST_WITHIN_S = 8.0
 UNREACHABLE_S = 20.0
 ACKNOWLEDGE_S = 5.0
 Effect = Literal["confirmed", "failed", "unknown"]
-EFFECTS: dict[Effect, str] = {
-    "confirmed": "the gate accepted the result",
-    "failed": "the gate did not accept the result",
-    "unknown": "nobody can say whether it was done",
+EFFECTS: dict[Effect, Reason] = {
+    "confirmed": because("result_accepted"),
+    "failed": because("result_not_accepted"),
+    "unknown": because("result_unknown"),
 }
 
 
@@ -63,13 +63,13 @@ class Attendant:
         """One look at the invocation; returns when to look again, in mission time."""
         now_s = self._crew.clock.now().mission_s
         if self._lost(invocation):
-            reason = f"{invocation.intent.provider_id} cannot be asked whether the request arrived"
+            reason = because("provider_cannot_be_asked", provider_id=invocation.intent.provider_id)
             return self._silence(mission, invocation, now_s, reason, patience_s=0.0)
         try:
             report = self._report(mission, invocation)
             self._silent_since = None
             if isinstance(report, Refused):
-                withdraw(self._runtime, self._crew, mission, intent=invocation.intent, reason=plain(report.reason))
+                withdraw(self._runtime, self._crew, mission, intent=invocation.intent, reason=report.reason)
                 return now_s
             self._publish(mission, report)
             if report.status in TERMINAL:
@@ -126,7 +126,7 @@ class Attendant:
             self._stopping_since = now_s if self._stopping_since is None else self._stopping_since
             if now_s > self._stopping_since + provider.card.cancel.within_s + ACKNOWLEDGE_S:
                 self._abandon(
-                    mission, invocation, failure="cancel_unacknowledged", reason="the stop was not acknowledged"
+                    mission, invocation, failure="cancel_unacknowledged", reason=because("cancel_not_acknowledged")
                 )
                 return now_s
             if report.status != "stopping":
@@ -148,7 +148,7 @@ class Attendant:
                 node_id=invocation.intent.node_id,
                 invocation_id=invocation.intent.invocation_id,
                 failure="timeout",
-                reason=f"the deadline passed {now_s - invocation.intent.deadline_s:.1f} s ago",
+                reason=because("deadline_was_passed", late_s=now_s - invocation.intent.deadline_s),
                 at_s=now_s,
             )
             self._runtime.submit(mission.mission_id, late)
@@ -158,15 +158,15 @@ class Attendant:
         intent = invocation.intent
         provider = self._crew.provider(intent.provider_id)
         if not holds(self._runtime, self._crew.robot_id, intent):
-            self.stop(mission, invocation, reason="its lease was quarantined while nobody watched")
+            self.stop(mission, invocation, reason=because("lease_was_quarantined"))
         elif provider.card.resumable and not self._resumed:
             self._runtime.submit(mission.mission_id, ResumeInvocation(invocation_id=intent.invocation_id))
             provider.resume(report.handle)
             self._resumed = True
         elif not provider.card.resumable:
-            self.stop(mission, invocation, reason="the supervisor was away and the provider cannot resume")
+            self.stop(mission, invocation, reason=because("provider_cannot_resume"))
 
-    def stop(self, mission: Mission, invocation: Invocation, *, reason: str) -> None:
+    def stop(self, mission: Mission, invocation: Invocation, *, reason: Explanation) -> None:
         """Ask for a stop; the invocation stays open until the provider acknowledges it."""
         self._runtime.submit(
             mission.mission_id, StopInvocation(invocation_id=invocation.intent.invocation_id, reason=reason)
@@ -202,7 +202,9 @@ class Attendant:
                 self._runtime,
                 Held(self._crew.robot_id, intent),
                 at_rest=rest.static,
-                reason=f"{report.status}; {rest.reason or 'at rest'}",
+                reason=because(
+                    "ended_at_rest", status=report.status, rest=rest.reason or because("at_rest_by_odometry")
+                ),
             ),
         ]
         decision = self._runtime.commit(requests, records=[context_record(c3)])
@@ -222,7 +224,13 @@ class Attendant:
             self._runtime.commit([CommandEnvelope(handoff_stream(intent.handoff_id), said, self._crew.robot_id)])
 
     def _silence(
-        self, mission: Mission, invocation: Invocation, now_s: float, reason: str, *, patience_s: float = UNREACHABLE_S
+        self,
+        mission: Mission,
+        invocation: Invocation,
+        now_s: float,
+        reason: Explanation,
+        *,
+        patience_s: float = UNREACHABLE_S,
     ) -> float:
         """No answer: ask again for a while; then the outcome is unknown and the resource is quarantined."""
         self._silent_since = self._silent_since if self._silent_since is not None else now_s
@@ -230,7 +238,7 @@ class Attendant:
             self._abandon(mission, invocation, failure="outcome_unknown", reason=reason)
         return now_s + POLL_S
 
-    def _abandon(self, mission: Mission, invocation: Invocation, *, failure: str, reason: str) -> None:
+    def _abandon(self, mission: Mission, invocation: Invocation, *, failure: str, reason: Explanation) -> None:
         """End without a packet; a body that may move keeps its lease in quarantine."""
         intent = invocation.intent
         unknown = failure == "outcome_unknown"

@@ -33,7 +33,7 @@ from harness.contracts.handoff_events import HandoffOpened
 from harness.contracts.ids import HandoffId, handoff_stream, mission_stream, sha256
 from harness.contracts.person_commands import PersonCommand
 from harness.contracts.proposals import RecoveryProposal
-from harness.contracts.reasons import because
+from harness.contracts.reasons import Explanation, because
 from harness.contracts.revision_commands import RecordAttestation
 from harness.contracts.values import encode
 from harness.gate.commit import CommandEnvelope
@@ -56,7 +56,7 @@ class Desk:
         self._dispatcher = dispatcher
         self._questions = Questions(roles, dispatcher)
 
-    def open(self, mission: Mission, failure: Failure, reason: str, c4: Context) -> None:
+    def open(self, mission: Mission, failure: Failure, reason: Explanation, c4: Context) -> None:
         """The mission waits, and the question with its snapshot stands in a stream of its own: one commit."""
         handoff_id = HandoffId(f"hof_{sha256(f'{mission.mission_id}{mission.version}'.encode())[:12]}")
         snapshot = self._questions.snapshot(mission, failure.node_id)

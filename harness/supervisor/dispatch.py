@@ -38,7 +38,7 @@ from harness.contracts.ids import (
 from harness.contracts.ports import Record
 from harness.contracts.proposals import RecoveryProposal, Signature, SkillProposal
 from harness.contracts.protocol import Parameters
-from harness.contracts.reasons import Reason, because, plain
+from harness.contracts.reasons import Explanation, Reason, because, several
 from harness.contracts.revision_commands import RecordAttestation
 from harness.contracts.tasks import Node
 from harness.contracts.values import digest
@@ -98,7 +98,7 @@ class Blocked:
     """A precondition that does not hold now."""
 
     name: str
-    reason: str
+    reason: Explanation
 
 
 class Dispatcher:
@@ -122,7 +122,11 @@ class Dispatcher:
             node, status=view.status, recent=view.recent, facts=mission.facts, at_s=view.at_s, rules=view.rules
         )
         broken = next((result for result in results if result.verdict != "satisfied"), None)
-        return Blocked(broken.condition_id, f"{broken.text}: {broken.reason}") if broken else None
+        return (
+            Blocked(broken.condition_id, because("precondition_fails", condition=broken.text, reason=broken.reason))
+            if broken
+            else None
+        )
 
     def refuse(self, mission: Mission, node_id: NodeId, blocked: Blocked) -> None:
         self._runtime.submit(
@@ -156,14 +160,19 @@ class Dispatcher:
             return self._fail(mission, attempt, "resource_conflict", decision.reason)
         return decision
 
-    def taken(self, mission: Mission, node_id: NodeId) -> str:
-        """Which resource of this node somebody still holds, and why; empty if all of them are free."""
+    def taken(self, mission: Mission, node_id: NodeId) -> Reason | None:
+        """Which resource of this node somebody still holds, and why; None if all of them are free."""
         node = required_contract(mission).node(node_id)
         cards = [card for card in self._crew.cards if card.capability in node.capabilities]
         wanted = dict.fromkeys((*node.resources, *(one for card in cards for one in card.resources)))
         leases = [self._runtime.lease(leased(mission.robot_id, one)) for one in wanted]
         held = [lease for lease in leases if lease.status != "free"]
-        return "; ".join(f"{one.resource} is {one.status} for {one.invocation_id}" for one in held)
+        return several(
+            [
+                because("resource_taken", resource=one.resource, status=one.status, invocation_id=one.invocation_id)
+                for one in held
+            ]
+        )
 
     def prepare(self, mission: Mission, attempt: Attempt) -> Prepared | Refused:
         """Route and compile C2 to exactly what would run; nothing is written."""
@@ -171,7 +180,10 @@ class Dispatcher:
         question = self._question(view, attempt)
         chosen = question.answer()
         if chosen.chosen is None:
-            why = "; ".join(f"{c.provider_id}: {c.refused_by}, {c.reason}" for c in chosen.candidates)
+            why = tuple(
+                because("provider_filtered", provider_id=one.provider_id, filter=one.refused_by, reason=one.reason)
+                for one in chosen.candidates
+            )
             return refused("provider_unavailable", because("nobody_can_serve", node_id=attempt.node_id, why=why))
         card = self._crew.provider(chosen.chosen).card
         examples = self._roles.examples(mission, attempt.node_id, card)
@@ -300,7 +312,7 @@ class Dispatcher:
                 node_id=attempt.node_id,
                 invocation_id=None,
                 failure=failure,
-                reason=plain(reason),
+                reason=reason,
                 at_s=self._crew.clock.now().mission_s,
             )
             self._runtime.submit(mission.mission_id, command)

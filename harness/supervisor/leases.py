@@ -23,6 +23,7 @@ from harness.contracts.ids import (
 )
 from harness.contracts.observations import AnySample
 from harness.contracts.protocol import TERMINAL
+from harness.contracts.reasons import Explanation, because
 from harness.gate.commit import CommandEnvelope
 from harness.projections.control import Control
 from harness.projections.leases import Lease
@@ -71,7 +72,7 @@ class FreeOrder:
 
     resource: ResourceId
     actor: Actor
-    reason: str
+    reason: Explanation
 
 
 def tokens(runtime: Runtime, robot_id: RobotId, resources: tuple[ResourceId, ...]) -> dict[str, int]:
@@ -102,7 +103,7 @@ def holds(runtime: Runtime, robot_id: RobotId, intent: Sent) -> bool:
     return all(lease.status == "held" and lease.invocation_id == intent.invocation_id for lease in leases)
 
 
-def give_back(runtime: Runtime, held: Held, *, at_rest: bool, reason: str) -> list[CommandEnvelope]:
+def give_back(runtime: Runtime, held: Held, *, at_rest: bool, reason: Explanation) -> list[CommandEnvelope]:
     """Release what the invocation holds, or quarantine it while the body may still move."""
     requests, intent = [], held.intent
     for resource in intent.resources:
@@ -125,9 +126,7 @@ def expired(
     return [
         CommandEnvelope(
             lease_stream(lease.resource),
-            QuarantineLease(
-                invocation_id=lease.invocation_id, reason="the lease expired with its holder unaccounted for"
-            ),
+            QuarantineLease(invocation_id=lease.invocation_id, reason=because("holder_unaccounted_for")),
             robot_id,
         )
         for resource in resources
@@ -144,7 +143,7 @@ def free(runtime: Runtime, mission: Mission, *, static: dict[str, float]) -> lis
     return [
         CommandEnvelope(
             stream,
-            FreeLease(actor=SUPERVISOR, static=static, reason="the stop was acknowledged and the body is static"),
+            FreeLease(actor=SUPERVISOR, static=static, reason=because("stop_shown_static")),
             mission.robot_id,
         )
         for stream in runtime.streams("lease/")

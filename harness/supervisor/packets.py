@@ -9,6 +9,7 @@ from harness.contracts.evidence import EvidencePacket, EvidenceReference, Packet
 from harness.contracts.ids import packet_id
 from harness.contracts.observations import AnySample, Image
 from harness.contracts.protocol import InvocationReport
+from harness.contracts.reasons import Explanation
 from harness.projections.mission import Invocation, Mission, required_contract
 from harness.supervisor.senses import Senses, image_reference
 
@@ -72,6 +73,13 @@ def _attested(mission: Mission, intent: DispatchIntended) -> tuple[EvidenceRefer
 
 def _failure_word(invocation: Invocation, report: InvocationReport) -> str:
     """A stop that the supervisor asked for because of a deadline is a timeout, whatever the provider calls it."""
-    if report.status == "cancelled" and invocation.stop_requested.startswith("timeout"):
+    if report.status == "cancelled" and _failure_behind(invocation.stop_requested) == "timeout":
         return "timeout"
     return report.failure
+
+
+def _failure_behind(stop: Explanation) -> str:
+    """The failure for which the supervisor stopped it; an older release wrote it before a colon."""
+    if isinstance(stop, str):
+        return stop.partition(":")[0]
+    return str(stop.facts.get("failure", "")) if stop.code == "stopped_for_failure" else ""

@@ -8,6 +8,7 @@ from harness.contracts.handoff_events import ProposedAction, Snapshot
 from harness.contracts.ids import Digest, NodeId, ProviderId
 from harness.contracts.observations import Image, Odometry, Pose
 from harness.contracts.proposals import RecoveryProposal
+from harness.contracts.reasons import because
 from harness.contracts.values import digest
 from harness.projections.mission import Mission, required_contract, required_policy
 from harness.recovery.standing import cost_of, ladder_of, over_budget
@@ -46,7 +47,7 @@ class Questions:
             provider = self._other(mission, node_id)
         failure = state.failures[-1].failure
         rung = RecoveryProposal(
-            action=action, failure=failure, provider_id=provider, cost=cost, reason="a person's choice"
+            action=action, failure=failure, provider_id=provider, cost=cost, reason=because("chosen_by_person")
         )
         paid = cost and state.failure is not None
         c4 = recovery_context(self._roles.view(mission), node_id, self._crew.cards) if paid else None

@@ -6,7 +6,7 @@ from harness.contracts.contexts import Context
 from harness.contracts.decisions import Refused
 from harness.contracts.ids import NodeId
 from harness.contracts.proposals import RecoveryProposal
-from harness.contracts.reasons import plain
+from harness.contracts.reasons import Explanation, because
 from harness.projections.mission import Failure, Mission, required_contract, required_policy
 from harness.recovery.ladder import exhausted, recover
 from harness.supervisor.attend import POLL_S
@@ -55,12 +55,14 @@ class Recovery:
                 return now_s
             self.free(mission)
             if decision.rule in IMPOSSIBLE:
-                return self._ask(mission, failure, f"{proposal.action}: {plain(decision.reason)}", c4)
-            why = plain(decision.reason)
+                return self._ask(
+                    mission, failure, because("action_impossible", action=proposal.action, why=decision.reason), c4
+                )
+            why: Explanation = decision.reason
         else:
             why = blocked.reason
         if now_s > failure.at_s + required_policy(mission).wait_s:
-            return self._ask(mission, failure, f"{proposal.action} was not possible: {why}", c4)
+            return self._ask(mission, failure, because("action_was_not_possible", action=proposal.action, why=why), c4)
         return now_s + POLL_S
 
     def _wait(self, mission: Mission, node_id: NodeId, proposal: RecoveryProposal, c4: Context) -> None:
@@ -77,7 +79,7 @@ class Recovery:
         if mission.invocation is not None:
             stop = StopInvocation(
                 invocation_id=mission.invocation.intent.invocation_id,
-                reason=f"{proposal.failure}: {proposal.reason}",
+                reason=because("stopped_for_failure", failure=proposal.failure, why=proposal.reason),
                 recovery=proposal,
                 recovery_context=c4.digest,
             )
@@ -94,13 +96,15 @@ class Recovery:
         if requests:
             self._runtime.commit(requests)
 
-    def _ask(self, mission: Mission, failure: Failure, reason: str, c4: Context, *, spent: bool = False) -> float:
+    def _ask(
+        self, mission: Mission, failure: Failure, reason: Explanation, c4: Context, *, spent: bool = False
+    ) -> float:
         """A person, or the end of the stage: nobody is asked about an optional one, nor in a replay (D38), nor where
         the budget of a stage that moves nothing is spent (D26)."""
         now_s = self._crew.clock.now().mission_s
         invocation = mission.invocation
         if invocation is not None and invocation.status != "outcome_unknown":
-            why = f"{failure.failure}: a person is asked with the body at rest"
+            why = because("asked_at_rest", failure=failure.failure)
             stop = StopInvocation(invocation_id=invocation.intent.invocation_id, reason=why)
             self._runtime.submit(mission.mission_id, stop)
             return now_s
@@ -110,7 +114,11 @@ class Recovery:
         if settling and moves and not mission.replay:
             return now_s + POLL_S
         if mission.replay or not node.required or (spent and not moves):
-            given_up = FailNode(node_id=node.node_id, reason=f"{failure.failure}: {reason}", context=c4.digest)
+            given_up = FailNode(
+                node_id=node.node_id,
+                reason=because("given_up_for_good", failure=failure.failure, why=reason),
+                context=c4.digest,
+            )
             self.free(mission)
             self._runtime.submit(mission.mission_id, given_up, records=(context_record(c4),))
             return now_s
@@ -121,10 +129,14 @@ class Recovery:
 
     def give_up(self, mission: Mission) -> None:
         """Nothing is left to do and a required node failed."""
-        reasons = [f"{node.node_id}: {node.failures[-1].reason}" for node in mission.nodes.values() if node.failures]
+        reasons = tuple(
+            because("of_stage", stage=node.node_id, reason=node.failures[-1].reason)
+            for node in mission.nodes.values()
+            if node.failures
+        )
         self._runtime.submit(
             mission.mission_id,
-            EndMission(status="failed", reason=f"A required stage failed. {'; '.join(reasons)}"),
+            EndMission(status="failed", reason=because("required_stage_failed", reasons=reasons)),
         )
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 
 from harness.contracts.observations import AnySample, Odometry
+from harness.contracts.reasons import Reason, because
 from harness.contracts.values import Value
 from harness.verification.geometry import fixes, window_displacement
 
@@ -15,7 +16,7 @@ class Rest(Value):
     """Measured displacement over the window; `static` is False too when nothing shows it, with the reason."""
 
     static: bool
-    reason: str
+    reason: Reason | None
     measured: dict[str, float]
 
 
@@ -26,10 +27,10 @@ def at_rest(samples: Iterable[AnySample], now_s: float) -> Rest:
     track = fixes(one for one in late if isinstance(one, Odometry))
     newest = max((fix.at_s for fix in track), default=0.0)
     if newest < now_s - AGE_S:
-        return Rest(static=False, reason="no fresh odometry shows whether the body moves", measured={})
+        return Rest(static=False, reason=because("no_fresh_odometry"), measured={})
     moved = window_displacement(track, until_s=newest, window_s=WINDOW_S)
     if moved is None:
-        return Rest(static=False, reason="less than a second of odometry was seen", measured={})
+        return Rest(static=False, reason=because("odometry_too_short"), measured={})
     static = moved < LIMIT_M
-    reason = "" if static else f"the body moved {moved:.3f} m in a second"
+    reason = None if static else because("body_moved_in_second", moved_m=moved)
     return Rest(static=static, reason=reason, measured={"displacement_m": moved, "window_s": WINDOW_S})

@@ -12,7 +12,7 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import HandoffId, MissionId, ProviderId, invocation_id, lease_stream, leased, request_id
 from harness.contracts.observations import Pose
 from harness.contracts.protocol import ParameterValue
-from harness.contracts.reasons import Reason, because, recorded
+from harness.contracts.reasons import Explanation, Reason, because, recorded
 from harness.contracts.retreat_events import RETREAT, RetreatIntended, SendRetreat
 from harness.contracts.values import Point
 from harness.gate.commit import CommandEnvelope
@@ -36,7 +36,7 @@ class Order:
     task_id: MissionId
     attempt: int
     actor: Actor
-    reason: str
+    reason: Explanation
     handoff_id: HandoffId | None = None
     mission: Mission | None = None
 

@@ -153,7 +153,7 @@ class Returning:
         reached = not why and rest.static
         outcome: RetreatOutcome = "reached" if reached else "short"
         measured = because("measured_from_place", distance_m=away.get("distance_m"), place=retreat.intent.place)
-        shown = measured if reached else why or recorded(rest.reason)
+        shown = measured if reached else why or rest.reason or because("rest_not_shown")
         reason = shown if reached or stopped is None else because("one_and_other", one=shown, other=stopped)
         self._end(retreat.intent, outcome, declared=said, reason=reason, measured=away | rest.measured)
         return now_s
@@ -226,7 +226,8 @@ class Returning:
             then=intent.otherwise if done else "",
             then_done=done is not None and done.done,
         )
-        freed = give_back(self._runtime, Held(self._crew.robot_id, intent), at_rest=free, reason=f"retreat: {outcome}")
+        over = because("retreat_over", outcome=outcome)
+        freed = give_back(self._runtime, Held(self._crew.robot_id, intent), at_rest=free, reason=over)
         self._runtime.commit([CommandEnvelope(CONTROL, EndRetreat(ended=ended), self._crew.robot_id), *freed])
         self._handle = self._found = None
         self._sent = False

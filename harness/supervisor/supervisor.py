@@ -55,7 +55,7 @@ class Supervisor:
         for mission in self._runtime.open_missions():
             if mission.replay:
                 self._runtime.submit(
-                    mission.mission_id, EndMission(status="failed", reason="the replay was interrupted")
+                    mission.mission_id, EndMission(status="failed", reason=because("replay_interrupted"))
                 )
 
     def run(self, mission_id: MissionId, *, watch: Callable[[Mission], None] | None = None) -> Mission:

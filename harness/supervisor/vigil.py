@@ -8,7 +8,7 @@ from harness.contracts.handoff_commands import DropClaim, Escalate, RecordNoAnsw
 from harness.contracts.handoff_events import HandoffExpired
 from harness.contracts.ids import HandoffId, RobotId, handoff_stream, leased, mission_stream
 from harness.contracts.places import Otherwise
-from harness.contracts.reasons import because
+from harness.contracts.reasons import Explanation, because
 from harness.contracts.retreat_events import RetreatIntended
 from harness.gate.claims import due_levels, live_claim
 from harness.gate.commit import CommandEnvelope
@@ -25,9 +25,9 @@ RECENT = 20
 """How far back a start looks for a question whose end was cut off: one robot has one at a time."""
 TIMEOUT = Actor(name="nobody", role="harness", channel="timeout")
 MEANT = {
-    "hold": "stays where it is",
-    "lie_down": "lies down where it is",
-    "retreat": "goes to its safe place if it can, as authorised before",
+    "hold": because("unanswered_stays"),
+    "lie_down": because("unanswered_lies_down"),
+    "retreat": because("unanswered_retreats"),
 }
 
 
@@ -46,7 +46,7 @@ class Vigil:
         handoff = self._runtime.handoff(mission.handoff_id)
         now_s = self._crew.clock.now().wall_s
         if handoff.claim is not None and live_claim(handoff, now_s) is None:
-            lapsed = DropClaim(actor=TIMEOUT, claim=handoff.claim.claim, reason="the claim was not renewed")
+            lapsed = DropClaim(actor=TIMEOUT, claim=handoff.claim.claim, reason=because("claim_not_renewed"))
             self._runtime.commit([CommandEnvelope(handoff_stream(handoff.handoff_id), lapsed, mission.robot_id)])
             handoff = self._runtime.handoff(mission.handoff_id)
         for level in due_levels(handoff, now_s):
@@ -56,7 +56,7 @@ class Vigil:
         if handoff.answerable and handoff.opened is not None and now_s >= handoff.opened.deadline_at_s:
             self._expire(mission, handoff)
 
-    def supersede(self, mission: Mission, reason: str) -> None:
+    def supersede(self, mission: Mission, reason: Explanation) -> None:
         """The question fell away: the mission was stopped another way."""
         if mission.handoff_id is None:
             return
@@ -75,7 +75,7 @@ class Vigil:
             handoff_id=handoff.handoff_id,
             decision="expired",
             actor=TIMEOUT,
-            reason=f"nobody answered in time; the robot {MEANT[no_answer]}",
+            reason=MEANT[no_answer],
         )
         expiring = [
             CommandEnvelope(handoff_stream(handoff.handoff_id), ExpireHandoff(), mission.robot_id),
@@ -103,7 +103,7 @@ class Vigil:
             task_id=mission.mission_id,
             attempt=1,
             actor=TIMEOUT,
-            reason="nobody answered in time",
+            reason=because("nobody_answered"),
             handoff_id=handoff.handoff_id,
             mission=mission,
         )
@@ -135,7 +135,7 @@ class Vigil:
             return RecordNoAnswer(action="retreat", done=rest.static, measured=rest.measured, reason=instead.reason)
         action: Otherwise = ((opened.otherwise if opened else "") or "hold") if wanted == "retreat" else wanted
         settled = settle(self._crew, action, rest=rest, token=self._newest_token())
-        reason = because("done_on_the_spot", reason=settled.reason)
+        reason = settled.reason
         if wanted == "retreat":
             why = instead.reason if instead else because("retreat_not_sent")
             reason = because("no_retreat_instead", why=why, instead=settled.reason)

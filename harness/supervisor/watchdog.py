@@ -12,6 +12,7 @@ from harness.contracts.commands import ChangeEpoch, ClearVeto, MissionCommand, R
 from harness.contracts.control import CONTROL, SetAutonomy
 from harness.contracts.evidence import CommittedFact
 from harness.contracts.observations import Pose
+from harness.contracts.reasons import because
 from harness.projections.control import Control
 from harness.projections.mission import Mission, required_contract
 from harness.supervisor.roles import Roles
@@ -52,9 +53,9 @@ class Watchdog:
         if status is None:
             return ()
         if status.hardware_stop and LAYER not in mission.vetoes:
-            return (RaiseVeto(layer=LAYER, reason="the hardware stop is engaged"),)
+            return (RaiseVeto(layer=LAYER, reason=because("hardware_stop_is_engaged")),)
         if not status.hardware_stop and LAYER in mission.vetoes:
-            return (ClearVeto(layer=LAYER, reason="the hardware stop is released"),)
+            return (ClearVeto(layer=LAYER, reason=because("hardware_stop_is_released")),)
         return ()
 
     def _epoch(self, mission: Mission) -> tuple[MissionCommand, ...]:
@@ -65,7 +66,7 @@ class Watchdog:
         self._map_version = status.map_version
         if status.map_version == before:
             return ()
-        reason = f"the robot's map changed from {before} to {status.map_version}"
+        reason = because("map_changed", before=before, map_version=status.map_version)
         return (ChangeEpoch(map_version=status.map_version, reason=reason),)
 
     def _contradictions(self, mission: Mission) -> tuple[MissionCommand, ...]:

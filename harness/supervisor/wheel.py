@@ -20,7 +20,7 @@ from harness.contracts.ids import (
 from harness.contracts.observations import AnySample
 from harness.contracts.ports import HandDriven
 from harness.contracts.protocol import DriveOrder, DriveReport, PostureOrder
-from harness.contracts.reasons import Reason, because
+from harness.contracts.reasons import Reason, because, recorded
 from harness.contracts.retreat_events import StopRetreat
 from harness.gate.commit import CommandEnvelope
 from harness.projections.control import Control, Wheel
@@ -111,7 +111,7 @@ class HandWheel:
         crew, wheel = self._crew(robot_id), self.holder(robot_id)
         if wheel is None:
             return refused("not_at_the_wheel", because("nobody_drives", robot_id=robot_id))
-        rest = self._settled(crew, wheel) if crew.hand is not None else Rest(static=False, reason="", measured={})
+        rest = self._settled(crew, wheel) if crew.hand is not None else Rest(static=False, reason=None, measured={})
         returned = ReturnWheel(
             robot_id=robot_id, session=wheel.session, actor=actor, reason=reason, measured=rest.measured
         )
@@ -119,11 +119,10 @@ class HandWheel:
         lease = self._runtime.lease(leased(robot_id, BASE))
         if lease.status == "held" and lease.invocation_id == InvocationId(wheel.session):
             holder = lease.invocation_id
-            why = "the wheel was returned with the body at rest" if rest.static else rest.reason or "not shown at rest"
             end: LeaseCommand = (
-                ReleaseLease(invocation_id=holder, reason=why)
+                ReleaseLease(invocation_id=holder, reason=because("wheel_returned_at_rest"))
                 if rest.static
-                else QuarantineLease(invocation_id=holder, reason=why)
+                else QuarantineLease(invocation_id=holder, reason=rest.reason or because("rest_not_shown"))
             )
             requests.append(CommandEnvelope(lease_stream(lease.resource), end, robot_id))
         return self._runtime.commit(requests)
@@ -247,17 +246,18 @@ class HandWheel:
     def _settled(self, crew: Crew, wheel: Wheel) -> Rest:
         """Ask for standstill, then look until odometry shows it or SETTLE_WITHIN_S of mission time are over."""
         hand, until_s = crew.hand, crew.clock.now().mission_s + SETTLE_WITHIN_S
-        rest = Rest(static=False, reason="the robot did not answer", measured={})
+        rest = Rest(static=False, reason=because("robot_did_not_answer"), measured={})
         while crew.clock.now().mission_s < until_s:
             try:
                 report = _released(hand, wheel.session)
                 crew.clock.wait_until(crew.clock.now().mission_s + WINDOW_S + LOOK_S)
                 rest = at_rest(_seen(crew), crew.clock.now().mission_s)
             except ProviderFailed as error:
-                return Rest(static=False, reason=error.what, measured={})
+                return Rest(static=False, reason=recorded(error.what), measured={})
             if rest.static and report.status == "ended":
                 return rest
-        return Rest(static=False, reason=rest.reason or "the robot did not end the session", measured=rest.measured)
+        why = rest.reason or because("drive_session_not_ended")
+        return Rest(static=False, reason=why, measured=rest.measured)
 
     def _acquired(self, robot_id: RobotId, session: RequestId, token: int, *, until_s: float) -> CommandEnvelope:
         base = leased(robot_id, BASE)

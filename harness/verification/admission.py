@@ -5,6 +5,7 @@ from statistics import median
 
 from harness.contracts.judging import SafetyState
 from harness.contracts.observations import Odometry
+from harness.contracts.reasons import Explanation, Reason, because, several
 from harness.verification.finding import Finding
 from harness.verification.geometry import contains
 from harness.verification.reading import Evidence, Track, read
@@ -15,34 +16,36 @@ INSIDE_SAMPLES = 3
 STREAMS = {"pose": "poses", "poses": "poses", "odometry": "odometry", "imu": "imu"}
 
 
-def stale(finding: Finding, evidence: Evidence) -> str:
-    """Why the newest sample is too old for this decision; empty if it is fresh or the answer does not age."""
+def stale(finding: Finding, evidence: Evidence) -> Reason | None:
+    """Why the newest sample is too old for this decision; None if it is fresh or the answer does not age."""
     limit_s = evidence.policy.evidence.pose_age_s
     if finding.age_s is None or finding.age_s <= limit_s:
-        return ""
-    return f"the newest sample is {finding.age_s:.2f} s old, limit {limit_s:.2f} s"
+        return None
+    return because("newest_sample_too_old", age_s=finding.age_s, limit_s=limit_s)
 
 
-def missing(evidence: Evidence) -> tuple[str, bool]:
+def missing(evidence: Evidence) -> tuple[Reason | None, bool]:
     """Mandatory evidence that the context does not hold, and whether that is only because it was stale."""
     absent = [name for name in evidence.policy.evidence.mandatory if not _present(name, evidence)]
     if not absent:
-        return "", False
+        return None, False
     aged = {one.kind for one in evidence.context.withheld if one.reason == "stale"}
-    return f"mandatory evidence is missing: {', '.join(absent)}", all(name in aged for name in absent)
+    return because("mandatory_evidence_missing", names=tuple(absent)), all(name in aged for name in absent)
 
 
-def unsafe(evidence: Evidence) -> str:
+def unsafe(evidence: Evidence) -> Reason | None:
     """Why this execution is a safety rejection: a standing veto, a broken speed cap, a forbidden region."""
     record = evidence.context.one("constraints")
     if record is None:
-        return ""
+        return None
     state = read(record, SafetyState)
-    reasons = [f"{layer} vetoed: {reason}" for layer, reason in sorted(state.vetoes.items())]
+    reasons: list[Explanation] = [
+        because("layer_vetoed", layer=layer, why=why) for layer, why in sorted(state.vetoes.items())
+    ]
     for track in evidence.tracks:
         if track.current:
             reasons += [*_too_fast(track.odometry, state.speed_cap_mps), *_trespassed(track, state)]
-    return "; ".join(reasons)
+    return several(reasons)
 
 
 def _present(name: str, evidence: Evidence) -> bool:
@@ -53,7 +56,7 @@ def _present(name: str, evidence: Evidence) -> bool:
     return bool(context.all(kind)) or any(receipt.kind == name for receipt in evidence.receipts)
 
 
-def _too_fast(odometry: Sequence[Odometry], cap_mps: float) -> list[str]:
+def _too_fast(odometry: Sequence[Odometry], cap_mps: float) -> list[Reason]:
     speeds = [abs(one.v_mps) for one in odometry]
     if max(speeds, default=0.0) <= SPEED_SHARE * cap_mps:
         return []
@@ -61,13 +64,13 @@ def _too_fast(odometry: Sequence[Odometry], cap_mps: float) -> list[str]:
     fastest = max((median(speeds[start : start + SPEED_WINDOW]) for start in windows), default=0.0)
     if fastest <= SPEED_SHARE * cap_mps:
         return []
-    return [f"the body ran at {fastest:.2f} m/s, the cap is {cap_mps:.2f} m/s"]
+    return [because("ran_too_fast", speed_mps=fastest, cap_mps=cap_mps)]
 
 
-def _trespassed(track: Track, state: SafetyState) -> list[str]:
+def _trespassed(track: Track, state: SafetyState) -> list[Reason]:
     inside = {
         name: sum(contains(region, (pose.x_m, pose.y_m)) for pose in track.poses)
         for name, region in state.keep_out_m.items()
         if len(region) > 2
     }
-    return [f"the body was in {name}, which is closed to it" for name, n in inside.items() if n >= INSIDE_SAMPLES]
+    return [because("was_in_closed_region", region=name) for name, n in inside.items() if n >= INSIDE_SAMPLES]

@@ -7,6 +7,7 @@ from itertools import pairwise
 from operator import attrgetter
 
 from harness.contracts.observations import Odometry
+from harness.contracts.reasons import because
 from harness.verification.finding import Finding, Undecidable, ambiguous
 from harness.verification.geometry import fixes, window_displacement
 from harness.verification.reading import Evidence, Track
@@ -20,7 +21,7 @@ def current_track(evidence: Evidence) -> Track:
     """The samples of the execution to judge, or of now. Raises Undecidable if there are none."""
     track = next((track for track in evidence.tracks if track.current), None)
     if track is None:
-        raise Undecidable("no samples of this execution are known")
+        raise Undecidable(because("no_samples_of_execution"))
     return track
 
 
@@ -33,10 +34,10 @@ def static_body(evidence: Evidence, *, window_s: float = WINDOW_S, limit_m: floa
     window = track.odometry[bisect_left(track.odometry, newest_s - window_s, key=_stamp) :]
     moved = window_displacement(fixes(window), until_s=newest_s, window_s=window_s)
     if moved is None:
-        return ambiguous(f"odometry shows less than a window of {window_s:g} s", samples=float(len(track.odometry)))
+        return ambiguous(because("odometry_shorter_than_window", window_s=window_s), samples=float(len(track.odometry)))
     return Finding(
         verdict="satisfied" if moved < limit_m else "violated",
-        reason=f"the body moved {moved:.3f} m in {window_s:g} s by odometry",
+        reason=because("body_moved_by_odometry", moved_m=moved, window_s=window_s),
         measured={"displacement_m": moved, "window_s": window_s, "twist_mps": abs(track.odometry[-1].v_mps)},
         bounds={"displacement_m": limit_m},
         sources=("odometry",),
@@ -49,7 +50,7 @@ def at_rest_until(odometry: Sequence[Odometry], *, until_s: float, window_s: flo
     """Displacement (m) and turn (rad) by odometry in the window before an instant; Undecidable without enough of it."""
     moved = window_displacement(fixes(odometry), until_s=until_s, window_s=window_s)
     if moved is None:
-        raise Undecidable(f"odometry does not cover the {window_s:g} s before {until_s:.2f}")
+        raise Undecidable(because("odometry_does_not_cover", window_s=window_s, until_s=until_s))
     window = [one.yaw_rad for one in odometry if until_s - window_s <= one.at_s <= until_s]
     turned = max(abs(math.remainder(yaw - window[0], math.tau)) for yaw in window)
     return moved, turned
@@ -57,7 +58,7 @@ def at_rest_until(odometry: Sequence[Odometry], *, until_s: float, window_s: flo
 
 def _by_imu(track: Track, evidence: Evidence, *, window_s: float, limit_m: float) -> Finding:
     if not track.imu:
-        return ambiguous("no source outside the localiser shows whether the body moves")
+        return ambiguous(because("nothing_shows_whether_body_moves"))
     until_s = track.imu[-1][0]
     window = [one for one in track.imu if until_s - window_s <= one[0]]
     vx = vy = x = y = 0.0
@@ -69,7 +70,7 @@ def _by_imu(track: Track, evidence: Evidence, *, window_s: float, limit_m: float
     measured = {"accelerated_m": moved, "window_s": window_s}
     age_s = max(0.0, evidence.speaks_at_s - until_s)
     if moved >= 2 * limit_m:
-        reason = f"the IMU alone accounts for {moved:.3f} m in {window_s:g} s"
+        reason = because("imu_accounts_for_motion", moved_m=moved, window_s=window_s)
         return Finding(verdict="violated", reason=reason, measured=measured, sources=("imu",), age_s=age_s)
-    reason = "an IMU alone cannot tell standing still from steady motion"
+    reason = because("imu_cannot_tell_rest")
     return Finding(verdict="ambiguous", reason=reason, measured=measured, sources=("imu",), age_s=age_s)

@@ -3,6 +3,7 @@
 import msgspec
 
 from harness.contracts.ids import Digest
+from harness.contracts.reasons import Reason, plain, several
 from harness.contracts.values import Value
 from harness.contracts.verdicts import PRECEDENCE, PredicateVerdict
 
@@ -14,7 +15,11 @@ UNAVAILABLE = "unavailable"
 
 
 class Undecidable(Exception):
-    """The evidence cannot decide: the message says what is missing or unreadable."""
+    """The evidence cannot decide: the reason says what is missing or unreadable."""
+
+    def __init__(self, reason: Reason) -> None:
+        super().__init__(plain(reason))
+        self.reason = reason
 
 
 class Finding(Value):
@@ -24,7 +29,7 @@ class Finding(Value):
     """
 
     verdict: PredicateVerdict
-    reason: str
+    reason: Reason
     measured: dict[str, float] = msgspec.field(default_factory=dict)
     bounds: dict[str, float] = msgspec.field(default_factory=dict)
     sources: tuple[str, ...] = ()
@@ -32,13 +37,12 @@ class Finding(Value):
     age_s: float | None = None
 
 
-def ambiguous(reason: str, **parts: float) -> Finding:
+def ambiguous(reason: Reason, **parts: float) -> Finding:
     """Evidence that cannot decide, with what was measured all the same."""
     return Finding(verdict="ambiguous", reason=reason, measured=parts)
 
 
-def worst(parts: tuple[tuple[PredicateVerdict, str], ...]) -> tuple[PredicateVerdict, str]:
-    """The strictest of several partial answers, and the reasons of all that are not satisfied."""
+def worst(parts: tuple[tuple[PredicateVerdict, Reason | None], ...]) -> tuple[PredicateVerdict, Reason | None]:
+    """The strictest of several partial answers, and the reasons of all that are not satisfied; None if all are."""
     verdict = min((part[0] for part in parts), key=PRECEDENCE.index)
-    reasons = [reason for part, reason in parts if part != "satisfied"]
-    return verdict, "; ".join(reasons)
+    return verdict, several([reason for part, reason in parts if part != "satisfied" and reason is not None])

@@ -1,5 +1,6 @@
 """Pure: how independent of the executing provider an answer is (D17). Recorded for every condition."""
 
+from harness.contracts.reasons import Reason, because
 from harness.verification.finding import RECEIPTS, Finding
 
 
@@ -17,11 +18,16 @@ def independence(sources: tuple[str, ...], *, provider: tuple[str, ...] | None) 
     return 1 if set(measured) & set(provider) else 2
 
 
-def labelled(finding: Finding, *, level: int, required: int) -> str:
+def labelled(finding: Finding, *, level: int, required: int) -> Reason:
     """The finding's reason with what must be said of its sources: is one source all, and is it enough?"""
     if finding.verdict == "satisfied" and level < required:
-        names = ", ".join(finding.sources) or "none"
-        return f"single source ({names}): independence {level}, required {required}; {finding.reason}"
+        return because(
+            "too_few_independent_sources",
+            sources=finding.sources or ("none",),
+            level=level,
+            required=required,
+            reason=finding.reason,
+        )
     if finding.verdict == "satisfied" and level == 0:
-        return f"{finding.reason} (single source: the provider's own word)"
+        return because("providers_word_alone", reason=finding.reason)
     return finding.reason

@@ -9,6 +9,7 @@ from harness.contracts.evidence import CommittedFact
 from harness.contracts.ids import ConditionId
 from harness.contracts.observations import AnySample, Odometry, Pose
 from harness.contracts.protocol import RobotStatus
+from harness.contracts.reasons import Reason, because
 from harness.contracts.tasks import Node
 from harness.contracts.values import Point
 from harness.contracts.verdicts import ConditionResult, Verdict
@@ -66,49 +67,51 @@ def _result(node: Node, precondition: Precondition, now: _Now) -> ConditionResul
 
 def _localised(node: Node, now: _Now) -> ConditionResult:
     if not _status_fresh(now) or now.status is None:
-        return _answer(node, "localised", "ambiguous", "the robot's status is unknown or old")
+        return _answer(node, "localised", "ambiguous", because("status_unknown_or_old"))
     age_s = _pose_age_s(now)
     if not now.status.localised:
-        return _answer(node, "localised", "violated", "the robot says that it is not localised", age_s=age_s)
+        return _answer(node, "localised", "violated", because("robot_says_not_localised"), age_s=age_s)
     if age_s is None or age_s > now.rules.pose_age_s:
-        return _answer(node, "localised", "violated", "no fresh pose from the localiser", age_s=age_s)
+        return _answer(node, "localised", "violated", because("no_fresh_pose"), age_s=age_s)
     if now.poses[-1].map_version != now.status.map_version:
-        return _answer(node, "localised", "ambiguous", "pose and status name different maps", age_s=age_s)
-    return _answer(node, "localised", "satisfied", "a fresh pose in the robot's map", age_s=age_s)
+        return _answer(node, "localised", "ambiguous", because("pose_and_status_on_different_maps"), age_s=age_s)
+    return _answer(node, "localised", "satisfied", because("fresh_pose_in_map"), age_s=age_s)
 
 
 def _hardware_stop(node: Node, now: _Now) -> ConditionResult:
     name = "hardware_stop_released"
     if not _status_fresh(now) or now.status is None:
-        return _answer(node, name, "ambiguous", "the robot's status is unknown or old")
+        return _answer(node, name, "ambiguous", because("status_unknown_or_old"))
     if now.status.hardware_stop:
-        return _answer(node, name, "violated", "the hardware stop is engaged")
-    return _answer(node, name, "satisfied", "the hardware stop is released")
+        return _answer(node, name, "violated", because("hardware_stop_is_engaged"))
+    return _answer(node, name, "satisfied", because("hardware_stop_is_released"))
 
 
 def _static(node: Node, now: _Now) -> ConditionResult:
     newest_s = now.odometry[-1].at_s if now.odometry else None
     if newest_s is None or now.at_s - newest_s > now.rules.pose_age_s:
-        return _answer(node, "static", "ambiguous", "no fresh odometry shows whether the body moves")
+        return _answer(node, "static", "ambiguous", because("no_fresh_odometry"))
     moved = window_displacement(fixes(now.odometry), until_s=newest_s, window_s=WINDOW_S)
     if moved is None:
-        return _answer(node, "static", "ambiguous", "odometry shows less than a second")
+        return _answer(node, "static", "ambiguous", because("odometry_shorter_than_second"))
     verdict: Verdict = "satisfied" if moved < LIMIT_M else "violated"
-    reason = f"the body moved {moved:.3f} m in the last second"
+    reason = because("body_moved_in_last_second", moved_m=moved)
     return _answer(node, "static", verdict, reason, measured={"displacement_m": moved}, bound=LIMIT_M)
 
 
 def _at_place(node: Node, precondition: Precondition, now: _Now) -> ConditionResult:
     target, tolerance_m = precondition.target_m, precondition.tolerance_m
     if target is None or tolerance_m is None:
-        return _answer(node, "at_place", "ambiguous", "the precondition names no place")
+        return _answer(node, "at_place", "ambiguous", because("precondition_names_no_place"))
     newest = now.poses[-SAMPLES:]
     age_s = _pose_age_s(now)
     if len(newest) < SAMPLES or age_s is None or age_s > now.rules.pose_age_s:
-        return _answer(node, "at_place", "ambiguous", f"fewer than {SAMPLES} fresh poses", age_s=age_s)
+        return _answer(node, "at_place", "ambiguous", because("too_few_fresh_poses", samples=SAMPLES), age_s=age_s)
     away_m = [distance((pose.x_m, pose.y_m), target) for pose in newest]
     inside = all(value <= tolerance_m for value in away_m)
-    reason = f"{max(away_m):.2f} m from the place{'' if inside else _belied(now, target)}"
+    away = because("away_from_place", distance_m=max(away_m))
+    belied = None if inside else _belied(now, target)
+    reason = because("place_belies_fact", away=away, condition=belied) if belied else away
     return _answer(
         node,
         "at_place",
@@ -120,10 +123,10 @@ def _at_place(node: Node, precondition: Precondition, now: _Now) -> ConditionRes
     )
 
 
-def _belied(now: _Now, target: Point) -> str:
-    """The accepted fact that fresh poses contradict, by its condition."""
+def _belied(now: _Now, target: Point) -> ConditionId | None:
+    """The condition of the accepted fact that fresh poses contradict."""
     named = [fact for fact in now.facts if tuple(fact.arguments.get("target_m", ())) == target]
-    return f"; the accepted fact {named[-1].condition_id} no longer holds" if named else ""
+    return named[-1].condition_id if named else None
 
 
 def _status_fresh(now: _Now) -> bool:
@@ -138,7 +141,7 @@ def _answer(
     node: Node,
     name: str,
     verdict: Verdict,
-    reason: str,
+    reason: Reason,
     *,
     measured: dict[str, float] | None = None,
     bound: float | None = None,

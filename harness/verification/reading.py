@@ -16,6 +16,7 @@ from harness.contracts.ids import Digest, sha256
 from harness.contracts.judging import CommittedNode, Execution, RecentSamples, VerificationPolicy
 from harness.contracts.observations import Odometry, Pose, Trajectory
 from harness.contracts.protocol import Receipt
+from harness.contracts.reasons import because
 from harness.verification.finding import Undecidable
 
 T = TypeVar("T")
@@ -151,9 +152,9 @@ class Evidence:
         try:
             body = self.blobs(digest)
         except (HarnessError, KeyError) as error:
-            raise Undecidable(f"blob {digest[:12]} cannot be read: {error}") from error
+            raise Undecidable(because("blob_unreadable", blob=digest[:12], error=str(error))) from error
         if sha256(body) != digest:
-            raise Undecidable(f"blob {digest[:12]} does not match its checksum")
+            raise Undecidable(because("blob_checksum_wrong", blob=digest[:12]))
         return body
 
     def decoded(self, digest: Digest, kind: type[T]) -> T:
@@ -161,14 +162,20 @@ class Evidence:
         try:
             value: T = _decoded(self.bytes_of(digest), cast(Hashable, kind))
         except msgspec.MsgspecError as error:
-            raise Undecidable(f"blob {digest[:12]} is no {kind.__name__}: {error}") from error
+            raise Undecidable(
+                because("blob_of_another_kind", blob=digest[:12], kind=kind.__name__, error=str(error))
+            ) from error
         return value
 
     def fact(self, name: str, *, node_id: str = "") -> CommittedFact:
         """The newest committed fact of that name (of that node). Raises Undecidable if there is none."""
         found = [one for one in self.facts if one.name == name and node_id in ("", one.node_id)]
         if not found:
-            raise Undecidable(f"no accepted fact {name}{f' of {node_id}' if node_id else ''} is known")
+            raise Undecidable(
+                because("no_accepted_fact_of_stage", name=name, stage=node_id)
+                if node_id
+                else because("no_accepted_fact", name=name)
+            )
         return max(found, key=lambda one: one.k)
 
     def _now(self, references: Sequence[EvidenceReference]) -> list[Track]:
@@ -206,7 +213,7 @@ class Evidence:
     def _required(self, kind: str, of: type[T]) -> T:
         record = self.context.one(kind)
         if record is None:
-            raise Undecidable(f"the context holds no {kind}")
+            raise Undecidable(because("context_lacks", kind=kind))
         return read(record, of)
 
 
@@ -221,7 +228,7 @@ def read(record: ContextRecord, kind: type[T]) -> T:
     try:
         return record.read(kind)
     except msgspec.ValidationError as error:
-        raise Undecidable(f"the record {record.kind} cannot be read: {error}") from error
+        raise Undecidable(because("record_unreadable", kind=record.kind, error=str(error))) from error
 
 
 def _newest_arrival(samples: Trajectory, *, until_s: float) -> float | None:

@@ -8,6 +8,7 @@ from harness.contracts.contexts import Blobs, Context
 from harness.contracts.effects import Condition
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.evidence import EvidenceReference
+from harness.contracts.reasons import Reason, because, several
 from harness.contracts.verdicts import ConditionResult, GoalVerdict, NodeVerdict, Verdict, strictest
 from harness.verification.admission import missing, stale, unsafe
 from harness.verification.finding import UNAVAILABLE, Finding, Undecidable, ambiguous
@@ -31,7 +32,7 @@ def judged(context: Context, blobs: Blobs, *, verifier: Verifier) -> NodeVerdict
         raise
     except Exception as error:  # noqa: BLE001 - a verifier that breaks has decided nothing, whatever broke it
         evidence = Evidence(context, blobs)
-        why = f"the verifier did not answer: {type(error).__name__}: {error}"
+        why = because("verifier_did_not_answer", kind=type(error).__name__, error=str(error))
         results = tuple(_result(one, evidence, ambiguous(why)) for one in evidence.conditions)
         return NodeVerdict(
             packet_id=evidence.execution.identity.packet_id,
@@ -119,27 +120,31 @@ def _found(condition: Condition, evidence: Evidence) -> tuple[Finding, bool]:
     """The predicate's answer, and whether it was absent or broke: either is ambiguous, with the reason (R45)."""
     predicate = predicate_of(condition.effect)
     if predicate is None:
-        return ambiguous(f"no predicate tests {condition.effect.predicate}"), True
+        return ambiguous(because("no_predicate", predicate=condition.effect.predicate)), True
     try:
         return predicate(condition.effect, evidence), False
     except Undecidable as error:
-        return ambiguous(str(error)), False
+        return ambiguous(error.reason), False
     except Exception as error:  # noqa: BLE001 - a verifier that breaks has decided nothing, whatever broke it
-        return ambiguous(f"the predicate {condition.effect.predicate} failed: {type(error).__name__}: {error}"), True
+        return ambiguous(
+            because(
+                "predicate_failed", predicate=condition.effect.predicate, kind=type(error).__name__, error=str(error)
+            )
+        ), True
 
 
-def _admitted(finding: Finding, evidence: Evidence, *, short: bool) -> tuple[Verdict, str]:
+def _admitted(finding: Finding, evidence: Evidence, *, short: bool) -> tuple[Verdict, Reason]:
     """By precedence: unsafe, stale, then the predicate's own word, made ambiguous where evidence falls short."""
     try:
         forbidden = unsafe(evidence)
         lacking, aged = missing(evidence)
         old = stale(finding, evidence)
     except Undecidable as error:
-        return "ambiguous", str(error)
+        return "ambiguous", error.reason
     if forbidden:
         return "unsafe", forbidden
-    if old or (lacking and aged):
-        return "stale", old or lacking
+    if worn := old or (lacking if aged else None):
+        return "stale", worn
     if finding.verdict == "satisfied" and (lacking or short):
         return "ambiguous", lacking or finding.reason
     return finding.verdict, finding.reason
@@ -168,8 +173,10 @@ def _or_none(evidence: Evidence) -> tuple[str, ...] | None:
         return None
 
 
-def _overall(results: Sequence[ConditionResult]) -> tuple[Verdict, str]:
+def _overall(results: Sequence[ConditionResult]) -> tuple[Verdict, Reason]:
     verdict = strictest(tuple(result.verdict for result in results))
     if verdict == "satisfied":
-        return verdict, f"all {len(results)} conditions hold"
-    return verdict, "; ".join(f"{one.condition_id}: {one.reason}" for one in results if one.verdict == verdict)
+        return verdict, because("all_conditions_hold", count=len(results))
+    failing = [one for one in results if one.verdict == verdict]
+    reasons = [because("of_condition", condition=one.condition_id, reason=one.reason) for one in failing]
+    return verdict, several(reasons) or because("nothing_tested")

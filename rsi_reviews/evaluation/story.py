@@ -142,7 +142,7 @@ def _rejections(events: Sequence[AnyEvent]) -> Iterable[dict[str, Any]]:
                 "node_id": event.node_id,
                 "at_s": event.at_s,
                 "requests": [open_requests[event.invocation_id]],
-                "why": f"{event.failure}: {event.reason}",
+                "why": f"{event.failure}: {plain(event.reason)}",
                 "finished": False,
             }
 

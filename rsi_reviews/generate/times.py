@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from harness.contracts.configuration import Configuration, FailureClass
 from harness.contracts.ids import NodeId
+from harness.contracts.reasons import plain
 from rsi_reviews.generate.changes import (
     Change,
     Positions,
@@ -86,7 +87,7 @@ def item_changes(trace: Trace, current: Configuration) -> Iterator[Change]:
     """A larger context budget, where mandatory records did not fit one that is below its ceiling."""
     for role, name in (("planner", "c1_items"), ("skill", "c2_items"), ("recovery", "c4_items")):
         said = f"do not fit the {role}'s budget"
-        times = sum(1 for mission in trace.missions for one in mission.failures if said in one.reason)
+        times = sum(1 for mission in trace.missions for one in mission.failures if said in plain(one.reason))
         items, ceiling = getattr(current.context_rules, name), ITEM_CEILINGS[name]
         if times >= LEAST and items < ceiling:
             more = min(ceiling, math.ceil(1.5 * items))
@@ -107,4 +108,4 @@ def _executions(trace: Trace, template: str) -> list[Execution]:
 
 
 def _saying(words: str) -> Positions:
-    return lambda mission: [one.position for one in mission.failures if words in one.reason]
+    return lambda mission: [one.position for one in mission.failures if words in plain(one.reason)]

@@ -29,6 +29,7 @@ from harness.contracts.events import (
 )
 from harness.contracts.ids import Digest, InvocationId, MissionId, NodeId, ProviderId
 from harness.contracts.ports import StoredEvent
+from harness.contracts.reasons import Explanation
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Count, Name, NonNegative, Positive, Value, decode
 from harness.projections.memory import place_of
@@ -45,7 +46,7 @@ class Failing(Value):
 
     node_id: NodeId
     failure: FailureClass
-    reason: str
+    reason: Explanation
     position: Count
     at_s: float
 

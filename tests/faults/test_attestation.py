@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from app.reasons.rendering import sentence
 from harness.auditing.replay import replay_mission
 from harness.contracts.commands import AttestHandoff
 from harness.contracts.decisions import Accepted, Decision, Refused
@@ -67,7 +68,7 @@ def asked() -> Iterator[Asked]:
 @pytest.mark.ledger("R107", symbol="harness.gate.attestation:attested")
 def test_an_attestation_supplies_the_missing_source_by_one_free_look(asked: Asked) -> None:
     before = asked.ran.mission
-    assert "independence 1, required 2" in before.of(NodeId("circuit")).verdicts[-1].reason
+    assert "independence 1, required 2" in sentence(before.of(NodeId("circuit")).verdicts[-1].reason)
     assert isinstance(asked.attest(), Accepted)
     opened = asked.stage.runtime.mission(asked.mission_id)
     assert opened.facts == before.facts, "an attestation satisfies nothing by itself"

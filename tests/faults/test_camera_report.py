@@ -6,6 +6,7 @@ from contextlib import contextmanager
 import msgspec
 import pytest
 
+from app.reasons.rendering import sentence
 from harness.auditing.replay import replay_mission
 from harness.baseline.load import further
 from harness.bootstrap import simulated
@@ -143,7 +144,7 @@ def test_a_keeper_that_names_another_picture_is_not_accepted() -> None:
         ran = stage.run(stage.begin(by_name("camera-report", further())))
         assert ran.mission.status != "succeeded"
         assert ran.verdicts("persist")[0] == "violated"
-        assert "not the accepted picture" in ran.mission.of(PERSIST).verdicts[0].reason
+        assert "not the accepted picture" in sentence(ran.mission.of(PERSIST).verdicts[0].reason)
         assert replay_mission(rewritten(stage.parts), ran.mission.mission_id).differences == ()
 
 

@@ -8,6 +8,7 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
+from app.reasons.rendering import sentence
 from harness.auditing.legacy import asked
 from harness.auditing.replay import replay_mission
 from harness.baseline.load import further
@@ -285,7 +286,10 @@ def test_an_inadmissible_proposal_is_refused_with_its_reason_and_the_harness_tak
         explored = Explored(stage)
         mission = explored.mission
         assert mission.status == "succeeded"
-        assert all(one.refused.startswith(f"{rule}: ") and one.planner == "vision-model" for one in decisions(mission))
+        assert all(
+            sentence(one.refused).startswith(f"{rule}: ") and one.planner == "vision-model"
+            for one in decisions(mission)
+        )
         assert all(one.target_m != OUTSIDE[rule] for one in decisions(mission))
         assert min(asked_of) > 1000
         assert replay_mission(rewritten(stage.parts), mission.mission_id).differences == ()
@@ -305,7 +309,7 @@ def test_a_proposer_that_breaks_stops_nothing() -> None:
     with staged(proposer=Proposer(name="vision-model", propose=broken)) as stage:
         mission = Explored(stage).mission
         assert mission.status == "succeeded"
-        assert all("TimeoutError: the model did not answer" in one.refused for one in decisions(mission))
+        assert all("TimeoutError: the model did not answer" in sentence(one.refused) for one in decisions(mission))
 
 
 def test_an_admissible_proposal_is_taken_up_as_it_is() -> None:

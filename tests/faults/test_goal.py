@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 import pytest
 
+from app.reasons.rendering import sentence
 from harness.contracts.contexts import Context
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.events import (
@@ -87,8 +88,8 @@ def test_without_a_budget_for_it_all_stages_are_done_and_the_goal_is_not_met() -
         carried_away(stage, mission_id)
         ran = stage.run(mission_id)
         assert ran.mission.status == "failed"
-        assert ran.mission.reason.startswith("All stages done, goal not met (violated)")
-        assert "nothing is left for local_replan" in ran.mission.reason
+        assert sentence(ran.mission.reason).startswith("All stages done, goal not met (violated)")
+        assert "nothing is left for local_replan" in sentence(ran.mission.reason)
         assert all_required_committed(ran.mission) and told(ran, GraphRevised) == []
         assert told(ran, CompletionReported) == []
         assert [one.text for one in told(ran, FailureReported)] == [ran.mission.reason]
@@ -240,7 +241,9 @@ def test_a_planner_that_lies_changes_nothing() -> None:
         plans = told(ran, NodePlanned)
         assert all(plan.planner == "adversary-1" for plan in plans)
         assert sum(bool(plan.refused) for plan in plans) >= len(plans) - 1
-        assert not any("success" in plan.reason or "ignore" in plan.reason for plan in plans if plan.refused)
+        assert not any(
+            "success" in sentence(plan.reason) or "ignore" in sentence(plan.reason) for plan in plans if plan.refused
+        )
 
 
 @pytest.mark.ledger("R51", symbol="harness.supervisor.dispatch:Dispatcher.next_node")

@@ -3,6 +3,7 @@
 import pytest
 from msgspec.structs import replace
 
+from app.reasons.rendering import sentence
 from harness.contracts.commands import AcquireLease, ReleaseLease
 from harness.contracts.configuration import SPENDING
 from harness.contracts.contexts import Blobs, Context
@@ -233,7 +234,7 @@ def test_a_verifier_that_was_late_is_asked_again_without_a_second_execution(temp
         ran = stage.run(stage.begin(template))
         sound(ran)
         assert ran.verdicts(node_id) == ["ambiguous", "satisfied"]
-        assert "no answer within 5 s" in ran.mission.of(NodeId(node_id)).verdicts[0].reason
+        assert "no answer within 5 s" in sentence(ran.mission.of(NodeId(node_id)).verdicts[0].reason)
         assert classes(ran) == ["verifier_unavailable"] and rungs(ran) == ["verify_again"]
         assert ran.mission.status == "succeeded" and ran.mission.spent_total == 0
         again = [e for e in ran.events if isinstance(e, DispatchIntended) and e.node_id == node_id]

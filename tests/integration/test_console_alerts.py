@@ -12,6 +12,7 @@ from app.alert_watch import AlertWatch, Watched
 from app.alerts import Alerts
 from app.fleet import Fleet
 from app.notices import Notices
+from app.reasons.rendering import sentence
 from harness.adapters.clock import SystemClock
 from harness.adapters.ids import SeededIds
 from harness.adapters.notify.services import AppriseNotifier
@@ -131,7 +132,7 @@ def test_a_disputed_acceptance_and_a_failed_mission_are_alerts(stand: Stand) -> 
     ((_, alert),) = watch.alerts.all()
     assert alert.newest is not None
     assert alert.newest.kind == "disputed"
-    assert "it was not there" in alert.newest.text
+    assert "it was not there" in sentence(alert.newest.text)
 
 
 def test_a_silent_robot_is_one_alert_and_answers_again(watchman: Watchman) -> None:
@@ -172,7 +173,7 @@ def test_a_request_that_was_started_twice_is_an_alert(stand: Stand, watchman: Wa
     watchman.starts = [*starts, starts[0]]
     found = watchman.seen()["duplicate_start"]
     assert found.newest is not None
-    assert "1 starts beyond the first" in found.newest.text
+    assert "1 starts beyond the first" in sentence(found.newest.text)
 
 
 def test_a_robot_that_keeps_its_journal_to_itself_holds_no_other_alert_up(stand: Stand, watchman: Watchman) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import pytest
 from fastapi.testclient import TestClient
 
+from app.reasons.rendering import sentence
 from tests.builders.consoles import Stand, console_stand
 
 START = {
@@ -91,7 +92,7 @@ def test_a_stop_needs_a_reason_and_is_shown_as_stopping_until_it_is_static(stand
     assert stand.harness.runtime.mission(mission_id).status == "active"
     answer = operator.post(f"/missions/{mission_id}/stop", data={"quick": "person in the way"})
     assert answer.status_code == 303
-    assert "not acknowledged yet" in operator.get(f"/missions/{mission_id}/head").text
+    assert "not acknowledged yet" in sentence(operator.get(f"/missions/{mission_id}/head").text)
     assert "Stopping vbot-1" in operator.get("/overview/bar").text
     ended = stand.harness.supervisor.run(mission_id)
     assert ended.status == "cancelled"

@@ -9,6 +9,7 @@ from fastapi.testclient import TestClient
 
 from app.live import SignalBroker
 from app.main import create_app, open_accounts
+from app.reasons.rendering import sentence
 from app.scene import Scenes
 from app.settings import ConsoleSettings
 from app.views.exploration import Recorded, choices_region
@@ -173,7 +174,7 @@ def test_a_target_under_way_claims_nothing_yet() -> None:
 def test_a_mission_that_explores_nothing_says_so() -> None:
     with console_stand() as stand:
         mission, operator = stand.run("circuit"), stand.operator()
-        assert "has chosen no target" in operator.get(f"/missions/{mission.mission_id}/exploration").text
-        assert "/exploration" not in operator.get(f"/missions/{mission.mission_id}").text
+        assert "has chosen no target" in sentence(operator.get(f"/missions/{mission.mission_id}/exploration").text)
+        assert "/exploration" not in sentence(operator.get(f"/missions/{mission.mission_id}").text)
         assert operator.get(f"/api/v1/missions/{mission.mission_id}/exploration").json() == []
         assert operator.get("/missions/msn_unknown/exploration").status_code == 404

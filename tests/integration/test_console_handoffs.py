@@ -8,6 +8,7 @@ from fastapi.testclient import TestClient
 from msgspec.structs import replace
 
 from app.authority import authority
+from app.reasons.rendering import sentence
 from harness.contracts.actors import Actor
 from harness.contracts.commands import RejectHandoff
 from harness.contracts.decisions import Refused
@@ -113,7 +114,7 @@ def test_a_rejection_ends_the_mission_safely(stand: Stand, waiting: tuple[Missio
     form = {**shown(operator, handoff_id), "decision": "reject", "reason": "not safe"}
     assert operator.post(f"/handoffs/{handoff_id}/decision", data=form).status_code == 303
     assert stand.harness.supervisor.run(mission.mission_id).status == "safe_stopped"
-    assert "not safe" in operator.get(f"/handoffs/{handoff_id}").text
+    assert "not safe" in sentence(operator.get(f"/handoffs/{handoff_id}").text)
 
 
 @pytest.mark.parametrize(
@@ -247,10 +248,10 @@ def test_a_claim_names_its_holder_to_others_and_follows_through_to_the_end(
     assert refused.status_code == 409 and "owner has claimed it until" in refused.text
     take = {"claim": "t-1", "device": "desk 2", "key": "k-1", "reason": "by hand"}
     assert owner.post(f"/api/v1/handoffs/{handoff_id}/take-over", json=take).json()["status"] == "taken_over"
-    assert "owner drives vbot-1 from desk 2" in operator.get(f"/handoffs/{handoff_id}").text
+    assert "owner drives vbot-1 from desk 2" in sentence(operator.get(f"/handoffs/{handoff_id}").text)
     close = {"claim": "t-1", "key": "k-2", "reason": "I keep it"}
     assert owner.post(f"/api/v1/handoffs/{handoff_id}/close", json=close).json()["status"] == "closed"
-    assert "handed off" in operator.get(f"/handoffs/{handoff_id}").text
+    assert "handed off" in sentence(operator.get(f"/handoffs/{handoff_id}").text)
 
 
 def test_the_list_finds_waiting_and_ended_questions_by_words_filters_and_pages(
@@ -274,7 +275,7 @@ def test_the_list_finds_waiting_and_ended_questions_by_words_filters_and_pages(
     pages = stand.owner().get("/api/v1/handoffs?limit=1")
     assert [one["handoff_id"] for one in pages.json()] == [second]
     assert [one["handoff_id"] for one in stand.owner().get(pages.links["next"]["url"]).json()] == [first]
-    assert f'href="/handoffs/{first}"' in operator.get(f"/handoffs/{second}").text
+    assert f'href="/handoffs/{first}"' in sentence(operator.get(f"/handoffs/{second}").text)
 
 
 def test_a_role_taken_back_while_the_page_was_open_voids_the_answer(stand: Stand) -> None:

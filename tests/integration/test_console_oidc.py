@@ -8,6 +8,7 @@ import pytest
 from fastapi.testclient import TestClient
 
 from app.permissions import GRANTS, ROLES
+from app.reasons.rendering import sentence
 from tests.builders.consoles import BASE, FOREIGN, OWN
 from tests.builders.issuers import RETURNING, Entrance, cookies, entrance
 from tests.builders.people import PASSWORD, SETTING_UP, store_of
@@ -222,7 +223,7 @@ def test_signing_out_ends_the_session_and_offers_the_issuers_own_way_out(here: E
     out = client.post("/account/sign-out")
     assert out.headers["location"] == "/account/sign-in?left=true"
     assert client.get("/").status_code == 401
-    assert 'href="/account/oidc/leave"' in client.get("/account/sign-in?left=true").text
+    assert 'href="/account/oidc/leave"' in sentence(client.get("/account/sign-in?left=true").text)
     away = client.get("/account/oidc/leave").headers["location"]
     assert away.startswith(f"{here.issuer.url}/out?client_id=regen-console&post_logout_redirect_uri=http%3A%2F%2F")
     here.issuer.document = {"end_session_endpoint": None}

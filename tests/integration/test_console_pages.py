@@ -9,6 +9,7 @@ from urllib.parse import quote
 import pytest
 from fastapi.testclient import TestClient
 
+from app.reasons.rendering import sentence
 from app.security import PAGE_POLICY
 from harness.contracts.ids import MissionId
 from harness.projections.mission import Mission
@@ -66,7 +67,7 @@ def test_every_page_answers(operator: TestClient, mission: Mission) -> None:
 
 def test_the_mission_page_shows_report_verdicts_and_rules(operator: TestClient, mission: Mission) -> None:
     text = operator.get(f"/missions/{mission.mission_id}").text
-    assert mission.report in text
+    assert sentence(mission.report) in text
     assert text.count('data-state="committed"') >= 14
     assert text.count("<h2") >= 8
 
@@ -126,7 +127,7 @@ def test_an_instant_of_the_past_shows_the_mission_as_it_was(
     first = next(event.position for event in events if event.kind == "NodeCommitted")
     head = operator.get(f"/missions/{mission.mission_id}/head?at={first}").text
     assert f"after event {first}" in head
-    assert mission.report not in head
+    assert sentence(mission.report) not in head
     assert "active" in head
     stages = operator.get(f"/missions/{mission.mission_id}/stages?at={first}").text
     assert stages.count('data-state="committed"') == 1
@@ -146,7 +147,7 @@ def test_the_instant_in_the_address_holds_for_every_region_and_link(
     operator: TestClient, mission: Mission, query: str
 ) -> None:
     text = operator.get(f"/missions/{mission.mission_id}?{query}").text
-    assert mission.report not in text[text.index('id="head"') : text.index('id="graph"')]
+    assert sentence(mission.report) not in text[text.index('id="head"') : text.index('id="graph"')]
     assert f"/missions/{mission.mission_id}?{query}&amp;node=go#evidence" in text
     assert "as it was after event" in text
     assert operator.get(f"/missions/{mission.mission_id}?t=inf").status_code == 422
@@ -179,7 +180,7 @@ def test_the_report_labels_every_word_and_stands_at_a_place_in_the_log(
     text = html.unescape(operator.get(f"/missions/{mission.mission_id}/report").text)
     newest = stand.harness.runtime.events(mission.mission_id)[-1]
     assert newest.digest in text
-    assert mission.report in text
+    assert sentence(mission.report) in text
     for label in ("declared", "measured", "accepted", "a service's word, not a measurement", "not proof of the truth"):
         assert label in text
     assert text.count("<img") == 8
@@ -196,7 +197,7 @@ def test_events_are_searched_by_word_and_family_and_paged(operator: TestClient, 
     people = operator.get(f"{base}?family=person").text
     assert "MissionCreated" in people
     assert "VerdictRecorded" not in people
-    assert "None of the" in operator.get(f"{base}?q=zebra").text
+    assert "None of the" in sentence(operator.get(f"{base}?q=zebra").text)
     later = operator.get(f"{base}?after=20").text
     assert "e-20<" not in later
     assert "First page" in later
@@ -246,7 +247,7 @@ def test_an_event_page_shows_what_is_stored_with_its_place_in_the_chain(
 
 def test_search_and_filter_stand_in_the_address(operator: TestClient, mission: Mission) -> None:
     assert mission.mission_id in operator.get("/missions?q=storage&status=succeeded").text
-    assert "None of the" in operator.get("/missions?q=nowhere").text
+    assert "None of the" in sentence(operator.get("/missions?q=nowhere").text)
     assert mission.mission_id not in operator.get("/missions?status=waiting").text
 
 

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import pytest
 from fastapi.testclient import TestClient
 
+from app.reasons.rendering import sentence
 from harness.contracts.ids import PlaceId
 from harness.contracts.tasks import TaskContract
 from harness.projections.mission import required_contract
@@ -64,7 +65,7 @@ def test_a_new_place_is_offered_to_missions_and_changes_no_contract(stand: Stand
     before = compiled()
     assert operator.post("/places/new", data=DOCK).status_code == 303
     assert compiled() == before
-    assert '<option value="dock_1"' in operator.get("/missions/new?template=warehouse-inspection").text
+    assert '<option value="dock_1"' in sentence(operator.get("/missions/new?template=warehouse-inspection").text)
 
 
 def test_a_mission_keeps_the_places_it_was_compiled_with(stand: Stand, operator: TestClient) -> None:

@@ -13,6 +13,7 @@ from app.fleet import Fleet
 from app.live import SignalBroker
 from app.main import create_app, open_accounts
 from app.permissions import ROLES
+from app.reasons.rendering import sentence
 from app.scene import Scenes
 from app.settings import ConsoleSettings
 from harness.contracts.ids import HandoffId, MissionId
@@ -115,7 +116,7 @@ def test_every_page_has_a_stop_for_each_robot_that_names_it_and_its_mission(
         assert f"Software stop of {robot_id}, mission {mission_id}" in text
     for path in ("/", f"/missions/{driving}/stop", "/robots/stop"):
         assert not any(act.endswith("/stop") for act in Offered(people["viewer"].get(path).text).acts)
-    assert "Your role does not let you stop" in people["viewer"].get(f"/missions/{driving}/stop").text
+    assert "Your role does not let you stop" in sentence(people["viewer"].get(f"/missions/{driving}/stop").text)
 
 
 def words_of(client: TestClient, handoff_id: HandoffId) -> dict[str, str]:
@@ -174,7 +175,7 @@ def test_a_robot_nobody_took_over_goes_back_to_its_own_page() -> None:
         assert operator.post("/robots/vbot-1/drive", data=wheel).status_code == 303
         again = operator.post("/robots/vbot-1/drive", data=wheel)
         assert (again.status_code, again.headers["location"]) == (303, "/robots/vbot-1/drive")
-        assert "data-keep" not in operator.get("/robots/vbot-1/drive").text
+        assert "data-keep" not in sentence(operator.get("/robots/vbot-1/drive").text)
         assert operator.post("/robots/vbot-1/drive/return").headers["location"] == "/robots/vbot-1"
 
 
@@ -270,8 +271,8 @@ def test_everybody_sees_who_else_is_here_and_who_looks_at_the_same_question() ->
     with console_stand() as stand:
         _, handoff_id = stand.handed_off()
         operator, presence = stand.operator(), stand.app.state.console.presence
-        assert "nobody else is looking" in operator.get(f"/handoffs/{handoff_id}").text
+        assert "nobody else is looking" in sentence(operator.get(f"/handoffs/{handoff_id}").text)
         with presence.here("ben", (f"handoff/{handoff_id}",)):
             assert "also here: ben" in operator.get("/places").text
-            assert "also looking: <b>ben</b>" in operator.get(f"/handoffs/{handoff_id}").text
+            assert "also looking: <b>ben</b>" in sentence(operator.get(f"/handoffs/{handoff_id}").text)
         assert "also here" not in operator.get("/places").text

@@ -10,6 +10,7 @@ from fastapi.testclient import TestClient
 
 from app.live import SignalBroker
 from app.main import create_app, open_accounts
+from app.reasons.rendering import sentence
 from app.report_pdf import PictureUnreadable, report_pdf
 from app.routes.report import page_of
 from app.scene import Scenes
@@ -120,7 +121,7 @@ def test_the_dossier_that_is_downloaded_verifies_offline(stand: Stand, ran: Miss
 
 
 def test_a_console_without_a_key_says_so_and_a_stranger_gets_no_dossier(stand: Stand, ran: Mission) -> None:
-    assert "no key to sign with" in stand.operator().get(f"/missions/{ran.mission_id}/dossier").text
+    assert "no key to sign with" in sentence(stand.operator().get(f"/missions/{ran.mission_id}/dossier").text)
     assert stand.stranger().get(f"/missions/{ran.mission_id}/dossier").status_code in (303, 401, 403)
 
 
@@ -142,8 +143,8 @@ def test_a_dispute_is_one_form_and_stands_everywhere() -> None:
         assert disputed.false_completions == 1
         assert len(disputed.facts) == len(mission.facts), "nothing is deleted"
         assert "nobody heard it" in operator.get(report).text
-        assert "nobody heard it" in operator.get(f"/missions/{mission.mission_id}/{href}").text
-        assert "1 disputed" in operator.get(f"/missions/{mission.mission_id}/head").text
+        assert "nobody heard it" in sentence(operator.get(f"/missions/{mission.mission_id}/{href}").text)
+        assert "1 disputed" in sentence(operator.get(f"/missions/{mission.mission_id}/head").text)
         assert f'action="{address}"' not in operator.get(report).text
         untouched = f"/missions/{mission.mission_id}/facts/{other.packet_id}/{other.condition_id}"
         assert "Disputed" not in operator.get(untouched).text

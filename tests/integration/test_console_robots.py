@@ -10,6 +10,7 @@ import httpx
 
 from app.filters import iso
 from app.main import bind
+from app.reasons.rendering import sentence
 from app.settings import ConsoleSettings
 from app.starting import starting
 from harness.contracts.control import CONTROL
@@ -145,17 +146,17 @@ def test_a_robot_is_sent_to_its_safe_place_shown_on_its_way_and_stopped_there_by
         run_together(stand.harness, mission_id, until=lambda: from_dock_m(stand) > 2.0)
         assert operator.post(f"/robots/{ONE}/safe", data=REASON).status_code == 409
         run_together(stand.harness, mission_id)
-        assert "goes the authorised way" in operator.get(f"/robots/{ONE}").text
+        assert "goes the authorised way" in sentence(operator.get(f"/robots/{ONE}").text)
         assert operator.post(f"/robots/{ONE}/safe", data=REASON).status_code == 303
         page = operator.get(f"/robots/{ONE}").text
         assert "On the way to Anchor A, started by operator, authorised on 2026-11-20" in page
         assert "Stop it on its way" in page and "Stop all 1 now" in operator.get("/robots/stop").text
         assert operator.post("/robots/stop", data=REASON).status_code == 303
         to_the_end(stand)
-        assert "not shown to be there" in operator.get(f"/robots/{ONE}").text
+        assert "not shown to be there" in sentence(operator.get(f"/robots/{ONE}").text)
         assert operator.post("/robots/stop", data={"safe": "yes", **REASON}).status_code == 303
         to_the_end(stand)
-        assert "declared succeeded. Nothing is accepted of it." in operator.get(f"/robots/{ONE}").text
+        assert "declared succeeded. Nothing is accepted of it." in sentence(operator.get(f"/robots/{ONE}").text)
         assert from_dock_m(stand) < 0.4
         ended = [one.recorded_s for one in stand.harness.runtime.stream(CONTROL) if name_of(one.kind) == "RetreatEnded"]
         said = re.findall(
@@ -163,8 +164,8 @@ def test_a_robot_is_sent_to_its_safe_place_shown_on_its_way_and_stopped_there_by
         )
         assert said == [iso(ended[-1])]
         started(stand.harness, ONE)
-        assert "Last sent to" not in operator.get(f"/robots/{ONE}").text, "it mattered until the next mission"
-        assert 'href="/audit?kind=Retreat"' in operator.get(f"/robots/{ONE}").text
+        assert "Last sent to" not in sentence(operator.get(f"/robots/{ONE}").text), "it mattered until the next mission"
+        assert 'href="/audit?kind=Retreat"' in sentence(operator.get(f"/robots/{ONE}").text)
         history = operator.get("/audit?kind=RetreatEnded").text
         assert (history.count("<td>RetreatEnded</td>"), history.count(f'<span class="under">{ONE}</span>')) == (2, 2)
         assert stand.harness.robots[TWO].status().posture == "lying"
@@ -177,12 +178,12 @@ def test_a_button_that_says_stop_never_sends_a_robot_off_and_the_other_way_round
         operator.post(f"/robots/{ONE}/safe", data=REASON)
         run_together(stand.harness, mission_id)
         go, stay = {"meant": "go", **REASON}, {"meant": "stay", **REASON}
-        assert 'name="meant" value="go"' in operator.get(f"/robots/{ONE}").text
+        assert 'name="meant" value="go"' in sentence(operator.get(f"/robots/{ONE}").text)
         refused = operator.post(f"/robots/{ONE}/safe", data=stay)
         assert refused.status_code == 409 and "nothing to stop: nothing was done" in refused.text
         assert stand.harness.runtime.fold(CONTROL).retreats == {}
         assert operator.post(f"/robots/{ONE}/safe", data=go).status_code == 303
-        assert 'name="meant" value="stay"' in operator.get(f"/robots/{ONE}").text
+        assert 'name="meant" value="stay"' in sentence(operator.get(f"/robots/{ONE}").text)
         again = operator.post(f"/robots/{ONE}/safe", data=go)
         assert again.status_code == 409 and "on its way to its safe place by now" in again.text
         assert stand.harness.runtime.fold(CONTROL).retreats[ONE].status == "sent"

@@ -7,6 +7,7 @@ import msgspec
 import pytest
 from fastapi.testclient import TestClient
 
+from app.reasons.rendering import sentence
 from harness.contracts.tasks import TaskContract
 from tests.builders.consoles import Stand, console_stand
 
@@ -114,5 +115,5 @@ def test_running_again_fills_in_the_form_and_the_new_mission_names_the_old_one(
     second = stand.harness.runtime.missions()[0]
     assert second.labels == {"rerun_of": first.mission_id}
     assert second.facts == ()
-    assert f'href="/missions/{first.mission_id}"' in operator.get(f"/missions/{second.mission_id}").text
+    assert f'href="/missions/{first.mission_id}"' in sentence(operator.get(f"/missions/{second.mission_id}").text)
     assert operator.post("/missions", data={**START, "key": "third", "rerun_of": "msn_none"}).status_code == 404

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import pytest
 from msgspec.structs import replace
 
+from app.reasons.rendering import sentence
 from harness.auditing.replay import replay_mission
 from harness.baseline.load import site
 from harness.contracts.actors import Actor
@@ -278,7 +279,7 @@ def test_closing_without_handing_back_ends_handed_off(asked: Waiting) -> None:
     asked.take_over()
     assert isinstance(asked.close(), Accepted)
     assert (asked.handoff.status, asked.mission.status) == ("closed", "handed_off")
-    assert "ada" in asked.mission.reason
+    assert "ada" in sentence(asked.mission.reason)
 
 
 # what voids an approval ----------------------------------------------------------------------------------------------

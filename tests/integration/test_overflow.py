@@ -3,6 +3,7 @@
 import pytest
 from msgspec.structs import replace
 
+from app.reasons.rendering import sentence
 from harness.auditing.replay import replay_mission
 from harness.baseline.load import baseline
 from harness.bootstrap import simulated
@@ -37,7 +38,7 @@ def test_more_attempts_than_c3_holds_are_ambiguous_and_a_person_is_asked() -> No
     assert mission.status == "awaiting_human"
     assert request.verdicts[0].verifier != UNAVAILABLE
     assert [(one.verdict, one.verifier) for one in request.verdicts[1:]] == [("ambiguous", UNAVAILABLE)] * 2
-    assert "7 mandatory records do not fit the verifier's budget of 5" in request.verdicts[-1].reason
+    assert "7 mandatory records do not fit the verifier's budget of 5" in sentence(request.verdicts[-1].reason)
     assert request.failures[-1].failure == "verifier_unavailable"
     assert len(request.packets) == len(request.verdicts)
     assert not mission.facts
@@ -47,12 +48,14 @@ def test_a_packet_that_c3_cannot_hold_even_alone_is_no_acceptance() -> None:
     mission = run(narrow(c3_items=2))
     assert mission.status in ("awaiting_human", "failed", "safe_stopped")
     assert not mission.facts
-    assert any("do not fit the verifier's budget" in one.reason for one in mission.nodes[NodeId("request")].failures)
+    assert any(
+        "do not fit the verifier's budget" in sentence(one.reason) for one in mission.nodes[NodeId("request")].failures
+    )
 
 
 @pytest.mark.parametrize("budget", [{"c1_items": 1}, {"c4_items": 4}])
 def test_a_role_that_cannot_be_shown_what_it_must_stops_the_mission_and_says_so(budget: dict[str, int]) -> None:
     mission = run(narrow(**budget), "early-success")
     assert mission.status == "cancelled"
-    assert "mandatory records do not fit" in mission.reason
-    assert ContextOverflow.code not in mission.reason
+    assert "mandatory records do not fit" in sentence(mission.reason)
+    assert ContextOverflow.code not in sentence(mission.reason)

@@ -10,6 +10,7 @@ from msgspec.structs import replace
 from typer.testing import CliRunner
 
 from app.cli import app
+from app.reasons.rendering import sentence
 from harness.adapters.stores.folder import prepare
 from harness.adapters.stores.opening import open_log
 from harness.auditing.replay import replay_mission
@@ -123,7 +124,7 @@ def test_a_goal_the_new_version_cannot_serve_ends_before_anything_moves(stage: S
     release(stage.runtime, replace(baseline(), templates=others))
     ran = stage.run(mission_id).mission
     assert (ran.status, ran.configuration) == ("failed", H_0)
-    assert "cannot be compiled under the configuration" in ran.reason
+    assert "cannot be compiled under the configuration" in sentence(ran.reason)
     assert stage.harness.starts(mission_id) == ()
 
 
@@ -176,7 +177,7 @@ def test_a_mission_whose_configuration_cannot_be_read_is_listed_and_not_run(capl
     with simulated(settings, simulator=SIMULATOR, seed=4, store=store, configuration=baseline()) as later:
         (unreadable,) = later.runtime.unreadable()
         assert (unreadable.mission_id, unreadable.configuration) == (mission_id, version)
-        assert "fifth_section" in unreadable.reason
+        assert "fifth_section" in sentence(unreadable.reason)
         with pytest.raises(ConfigurationMissing, match="cannot be read by this release"):
             later.supervisor.run(mission_id)
         assert later.supervisor.unfinished(ROBOT) == []

@@ -2,6 +2,7 @@
 
 import pytest
 
+from app.reasons.rendering import sentence
 from harness.contracts.commands import AcquireLease, QuarantineLease, StopMission
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import UnknownName
@@ -22,7 +23,7 @@ def test_nobody_gets_a_base_in_quarantine_until_a_named_person_frees_it_on_stati
         stage.run(mission_id)
         refused = stage.run(stage.begin("circuit"))
         assert refused.mission.status == "awaiting_human"
-        assert "quarantined" in refused.mission.reason
+        assert "quarantined" in sentence(refused.mission.reason)
         assert starts(refused) == []
         freed = stage.supervisor.free(BASE, actor=OPERATOR, reason="I stand beside it")
         assert isinstance(freed, Accepted), freed
@@ -77,7 +78,7 @@ def test_a_supervisor_that_slept_past_the_expiry_quarantines_and_frees_only_afte
         stage.harness.clock.wait_until(held.expires_s + 1.0)
         stage.supervisor.step(mission_id)
         assert base(stage.harness).status == "quarantined"
-        assert "expired" in base(stage.harness).reason
+        assert "expired" in sentence(base(stage.harness).reason)
         ran = stage.run(mission_id)
         assert ran.mission.status in ("succeeded", "awaiting_human")
         assert len(starts(ran)) == len(set(starts(ran)))

@@ -2,6 +2,7 @@
 
 import pytest
 
+from app.reasons.rendering import sentence
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted
 from harness.contracts.ids import ConditionId, RobotId
@@ -321,5 +322,5 @@ def test_a_person_approves_each_motion_of_a_canary_mission_and_none_of_the_next_
         watched = on.harness.runtime.mission(on.mission())
         assert watched.trial and watched.status == "awaiting_human"
         question = on.harness.runtime.handoffs()[0].opened
-        assert question is not None and "is in canary" in question.reason
+        assert question is not None and "is in canary" in sentence(question.reason)
         assert not [start for start in on.harness.starts(watched.mission_id) if start.moves]

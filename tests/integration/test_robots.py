@@ -2,6 +2,7 @@
 
 import pytest
 
+from app.reasons.rendering import sentence
 from harness.auditing.replay import replay_mission
 from harness.bootstrap import Harness
 from harness.contracts.commands import PauseMission, StopMission
@@ -80,7 +81,7 @@ def test_a_stricter_autonomy_binds_the_next_dispatch_and_leaves_the_running_one(
         after = said[next(i for i, event in enumerate(said) if isinstance(event, AutonomySet)) :]
         assert not [event for event in after if isinstance(event, DispatchIntended)]
         asked = [event for event in after if isinstance(event, HandoffRequested)]
-        assert len(asked) == 1 and "a person approves every dispatch" in asked[0].reason
+        assert len(asked) == 1 and "a person approves every dispatch" in sentence(asked[0].reason)
         assert replay_mission(harness.runtime, mission_id).differences == ()
 
 

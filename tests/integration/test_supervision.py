@@ -2,6 +2,7 @@
 
 import pytest
 
+from app.reasons.rendering import sentence
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.commands import ApproveHandoff, StopMission
 from harness.contracts.contexts import Context
@@ -50,7 +51,7 @@ def test_a_stop_that_nobody_acknowledges_leaves_the_base_in_quarantine() -> None
         stage.runtime.submit(mission_id, StopMission(actor=OPERATOR, reason="enough"))
         ran = stage.run(mission_id)
         assert base(ran.harness).status == "quarantined"
-        assert "not acknowledged" in base(ran.harness).reason
+        assert "not acknowledged" in sentence(base(ran.harness).reason)
         ended = next(event for event in ran.events if isinstance(event, InvocationEnded))
         assert (ended.status, ended.failure) == ("stopping", "cancel_unacknowledged")
         assert ran.mission.status == "cancelled"
@@ -161,7 +162,7 @@ def test_an_approved_attempt_that_the_robot_refuses_ends_its_handoff_as_failed()
         assert isinstance(approved(stage, mission_id), Accepted)
         ran = stage.run(mission_id)
         refused = next(e for e in ran.events if isinstance(e, InvocationEnded) and e.status == "failed")
-        assert "still has the base" in refused.reason
+        assert "still has the base" in sentence(refused.reason)
         assert asked is not None and stage.runtime.handoff(asked).status == "failed"
 
 

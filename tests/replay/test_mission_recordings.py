@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from app.reasons.rendering import sentence
 from harness.contracts.events import Actor
 from harness.projections.mission import Mission
 from harness.recordings import replayed
@@ -51,4 +52,4 @@ def test_a_real_drive_is_measured_and_its_single_source_is_named(real_data: Path
     assert mission.contract is not None and mission.contract.map_version.startswith("recording:")
     (node,) = mission.nodes.values()
     (result,) = node.verdicts[-1].results
-    assert "single source" in result.reason
+    assert "single source" in sentence(result.reason)

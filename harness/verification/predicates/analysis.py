@@ -4,6 +4,7 @@ import msgspec
 
 from harness.contracts.effects import AnyEffect, Relational
 from harness.contracts.ids import Digest
+from harness.contracts.reasons import because, several
 from harness.verification.finding import RECEIPTS, Finding, Undecidable, ambiguous
 from harness.verification.reading import Evidence
 
@@ -32,22 +33,22 @@ def analysis_of(effect: AnyEffect, evidence: Evidence) -> Finding:
     `evidence` = the report, then its frames. measured: obstructions, blocked, share_<i> of the largest findings.
     """
     if not isinstance(effect, Relational):
-        raise Undecidable("analysis_of is a relational effect")
+        raise Undecidable(because("effect_not_testable", predicate="analysis_of"))
     committed = tuple(evidence.fact("panorama", node_id=effect.object).arguments["frames"])
     digest = next((one.blob for one in reversed(evidence.receipts) if one.kind == "analysis" and one.blob), None)
     if digest is None:
-        return ambiguous("no analysis receipt names a report")
+        return ambiguous(because("no_analysis_receipt"))
     report = evidence.decoded(digest, AnalysisReport)
     cited = {*report.frames, *report.cited, *(finding.frame for finding in report.findings)}
     foreign, missing = cited - set(committed), set(committed) - set(report.frames)
-    problems = [f"it cites {len(foreign)} images that are not of the accepted panorama"] if foreign else []
-    problems += [f"it leaves out {len(missing)} of {len(committed)} accepted frames"] if missing else []
+    problems = [because("report_cites_foreign_images", images=len(foreign))] if foreign else []
+    problems += [because("report_leaves_out_frames", missing=len(missing), frames=len(committed))] if missing else []
     if report.blocked != bool(report.findings):
-        problems.append("its verdict does not follow from its findings")
+        problems.append(because("report_verdict_does_not_follow"))
     shares = sorted((one.share_of_passage or 0.0 for one in report.findings), reverse=True)[:MOST_SHARES]
     return Finding(
         verdict="violated" if problems else "satisfied",
-        reason="; ".join(problems) or f"the report covers the {len(committed)} accepted frames and no other",
+        reason=several(problems) or because("report_covers_frames", frames=len(committed)),
         measured={
             "frames": float(len(report.frames)),
             "foreign": float(len(foreign)),

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from harness.contracts.effects import AnyEffect, Metric
 from harness.contracts.observations import Odometry, Pose
+from harness.contracts.reasons import Reason, because
 from harness.contracts.verdicts import PredicateVerdict
 from harness.verification.body import LIMIT_M, current_track, static_body
 from harness.verification.finding import Finding, Undecidable, ambiguous, worst
@@ -29,11 +30,11 @@ def arrival(effect: AnyEffect, evidence: Evidence) -> Finding:
     Where localiser and odometry tell different stories the distance cannot be trusted: ambiguous, not violated.
     """
     if not isinstance(effect, Metric):
-        raise Undecidable("arrival is a metric effect")
+        raise Undecidable(because("effect_not_testable", predicate="arrival"))
     track = current_track(evidence)
     poses = poses_of(effect, track)
     if not poses:
-        return ambiguous("no pose of the target's frame and map was received in this execution")
+        return ambiguous(because("no_pose_in_target_map"))
     missing = _went_silent(track, poses, evidence)
     if missing:
         return ambiguous(missing, samples=float(len(poses)))
@@ -120,45 +121,44 @@ def _story(effect: Metric, evidence: Evidence) -> Story:
     return tuple(poses[at_s] for at_s in sorted(poses)), tuple(odometry[at_s] for at_s in sorted(odometry))
 
 
-def _went_silent(track: Track, poses: tuple[Pose, ...], evidence: Evidence) -> str:
+def _went_silent(track: Track, poses: tuple[Pose, ...], evidence: Evidence) -> Reason | None:
     """Poses that stopped coming while other sensors went on are missing; poses that come with old stamps are stale."""
     limit_s = evidence.policy.evidence.pose_age_s
     now_s = evidence.speaks_at_s
     if now_s - poses[-1].at_s <= limit_s:
-        return ""
+        return None
     others_fresh = track.until_s is not None and now_s - track.until_s <= limit_s
     arriving = track.newest_arrived_s is not None and now_s - track.newest_arrived_s <= limit_s
     if others_fresh and not arriving:
-        return f"no pose arrived in the last {now_s - poses[-1].at_s:.1f} s, while other sensors went on"
-    return ""
+        return because("poses_stopped", silent_s=now_s - poses[-1].at_s)
+    return None
 
 
-def _within(place: _Place, effect: Metric) -> tuple[PredicateVerdict, str]:
+def _within(place: _Place, effect: Metric) -> tuple[PredicateVerdict, Reason | None]:
     inside = [value <= effect.tolerance_m for value in place.distances_m]
     if len(inside) < SAMPLES:
-        return "ambiguous", f"{len(inside)} of {SAMPLES} samples with distinct sensor times"
+        return "ambiguous", because("too_few_samples", samples=len(inside), wanted=SAMPLES)
     if all(inside):
-        return "satisfied", ""
-    furthest = f"{max(place.distances_m):.2f} m from the target, bound {effect.tolerance_m:.2f} m"
+        return "satisfied", None
+    furthest = because("too_far_from_target", distance_m=max(place.distances_m), bound_m=effect.tolerance_m)
     if any(inside):
-        return "ambiguous", f"the {SAMPLES} newest samples fall on both sides of the bound: {furthest}"
+        return "ambiguous", because("samples_on_both_sides", samples=SAMPLES, furthest=furthest)
     return "violated", furthest
 
 
-def _trusted(agreement: Agreement | None, newest: Pose, evidence: Evidence) -> tuple[PredicateVerdict, str]:
+def _trusted(agreement: Agreement | None, newest: Pose, evidence: Evidence) -> tuple[PredicateVerdict, Reason | None]:
     if agreement is None:
         if newest.source != "localiser":
-            return "satisfied", ""
-        return "ambiguous", "no odometry in motion confirms the localiser"
+            return "satisfied", None
+        return "ambiguous", because("no_odometry_in_motion")
     if agreement.holds:
-        return "satisfied", ""
-    differ = f"{agreement.disagreement_m:.2f} m, bound {agreement.bound_m:.2f} m"
-    return "ambiguous", f"sources disagree: the displacements of localiser and odometry differ by {differ}"
+        return "satisfied", None
+    return "ambiguous", because("sources_disagree", disagreement_m=agreement.disagreement_m, bound_m=agreement.bound_m)
 
 
-def _in_words(place: _Place, agreement: Agreement | None) -> str:
-    said = f"{max(place.distances_m):.2f} m from the target in {SAMPLES} samples, at rest"
-    return said if agreement else f"{said} (single source: {place.poses[-1].source}, nothing else confirms it)"
+def _in_words(place: _Place, agreement: Agreement | None) -> Reason:
+    said = because("arrived", distance_m=max(place.distances_m), samples=SAMPLES)
+    return said if agreement else because("single_pose_source", why=said, source=place.poses[-1].source)
 
 
 def _path_m(effect: Metric, evidence: Evidence) -> float:

@@ -3,6 +3,7 @@
 import math
 
 from harness.contracts.effects import AnyEffect, Metric
+from harness.contracts.reasons import Reason, because
 from harness.contracts.verdicts import PredicateVerdict
 from harness.verification.bridging import GAP_S, History, bridged
 from harness.verification.finding import Finding, Undecidable, ambiguous, worst
@@ -17,10 +18,10 @@ def circuit(effect: AnyEffect, evidence: Evidence) -> Finding:
     A declared progress below the bound refuses; no declared figure satisfies.
     """
     if not isinstance(effect, Metric) or len(effect.route_m) < 2:
-        raise Undecidable("circuit is a metric effect with a route")
+        raise Undecidable(because("effect_not_testable", predicate="circuit"))
     departure_m, share = effect.bounds["departure_m"], effect.bounds["progress"]
     if not any(poses_of(effect, track) for track in evidence.tracks):
-        return ambiguous("no pose of the route's frame and map was received")
+        return ambiguous(because("no_pose_in_route_map"))
     history = _history(effect, evidence)
     track = list(history.track)
     began_s = min(one.dispatched_s for one in evidence.tracks)
@@ -36,7 +37,7 @@ def circuit(effect: AnyEffect, evidence: Evidence) -> Finding:
             _in_order(progress.waypoints, progress.of_waypoints, gap_s),
             _admitted_by_planner(declared, share),
             _returned(left_s, track),
-            (back.verdict, back.reason if back.verdict != "satisfied" else ""),
+            (back.verdict, back.reason if back.verdict != "satisfied" else None),
         )
     )
     agreement = agreement_of(evidence, effect)
@@ -55,7 +56,7 @@ def circuit(effect: AnyEffect, evidence: Evidence) -> Finding:
     }
     return Finding(
         verdict=verdict,
-        reason=reason or f"departed, {progress.share:.1%} of the route in order, and back",
+        reason=reason or because("circuit_completed", share=progress.share),
         measured={**back.measured, **measured, "path_length_m": path_length(fix.point for fix in track)},
         bounds={**back.bounds, **effect.bounds, "waypoints": float(progress.of_waypoints)},
         sources=back.sources if not history.bridges else tuple(dict.fromkeys((*back.sources, "odometry"))),
@@ -84,35 +85,35 @@ def _declared(evidence: Evidence) -> float | None:
     return next(found, None)
 
 
-def _departure(left_s: float | None, departure_m: float, gap_s: float) -> tuple[PredicateVerdict, str]:
+def _departure(left_s: float | None, departure_m: float, gap_s: float) -> tuple[PredicateVerdict, Reason | None]:
     if left_s is not None:
-        return "satisfied", ""
-    return _unless_unseen(gap_s), f"no departure beyond {departure_m:.2f} m was measured in {SAMPLES} samples"
+        return "satisfied", None
+    return _unless_unseen(gap_s), because("no_departure", departure_m=departure_m, samples=SAMPLES)
 
 
-def _covered(covered: float, share: float, gap_s: float) -> tuple[PredicateVerdict, str]:
+def _covered(covered: float, share: float, gap_s: float) -> tuple[PredicateVerdict, Reason | None]:
     if covered >= share:
-        return "satisfied", ""
-    return _unless_unseen(gap_s), f"{covered:.1%} of the route was measured, bound {share:.0%}"
+        return "satisfied", None
+    return _unless_unseen(gap_s), because("route_not_covered", share=covered, bound=share)
 
 
-def _in_order(passed: int, of: int, gap_s: float) -> tuple[PredicateVerdict, str]:
+def _in_order(passed: int, of: int, gap_s: float) -> tuple[PredicateVerdict, Reason | None]:
     if passed >= of:
-        return "satisfied", ""
-    return _unless_unseen(gap_s), f"{passed} of {of} waypoints were passed in order"
+        return "satisfied", None
+    return _unless_unseen(gap_s), because("waypoints_missed", passed=passed, of=of)
 
 
-def _admitted_by_planner(declared: float | None, share: float) -> tuple[PredicateVerdict, str]:
+def _admitted_by_planner(declared: float | None, share: float) -> tuple[PredicateVerdict, Reason | None]:
     if declared is None or declared >= share:
-        return "satisfied", ""
-    return "violated", f"the planner itself declares {declared:.1%} of the route"
+        return "satisfied", None
+    return "violated", because("planner_declares_too_little", share=declared)
 
 
-def _returned(left_s: float | None, track: list[Fix]) -> tuple[PredicateVerdict, str]:
+def _returned(left_s: float | None, track: list[Fix]) -> tuple[PredicateVerdict, Reason | None]:
     """The samples that show the arrival come after departure."""
     if left_s is None or all(fix.at_s > left_s for fix in track[-SAMPLES:]):
-        return "satisfied", ""
-    return "violated", "the return was measured before the departure"
+        return "satisfied", None
+    return "violated", because("returned_before_departure")
 
 
 def _unless_unseen(gap_s: float) -> PredicateVerdict:

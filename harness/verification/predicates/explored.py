@@ -4,6 +4,7 @@ import math
 
 from harness.contracts.effects import AnyEffect, Symbolic
 from harness.contracts.evidence import CommittedFact
+from harness.contracts.reasons import because
 from harness.contracts.values import Point
 from harness.verification.finding import RECEIPTS, Finding, Undecidable
 from harness.verification.reading import Evidence
@@ -12,7 +13,7 @@ from harness.verification.reading import Evidence
 def explored(effect: AnyEffect, evidence: Evidence) -> Finding:
     """`arguments.views` accepted facts `pictured` with distinct images, each `apart_m` or more from all the others."""
     if not isinstance(effect, Symbolic):
-        raise Undecidable("explored is a symbolic effect")
+        raise Undecidable(because("effect_not_testable", predicate="explored"))
     wanted, apart_m = _number(effect, "views"), _number(effect, "apart_m")
     placed = [fact for fact in evidence.facts if fact.name == "pictured" and "x_m" in fact.measured]
     kept: list[CommittedFact] = []
@@ -25,7 +26,7 @@ def explored(effect: AnyEffect, evidence: Evidence) -> Finding:
         evidence.bytes_of(image)
     return Finding(
         verdict="satisfied" if len(kept) >= wanted else "violated",
-        reason=f"{len(kept)} views from places {apart_m:g} m apart or more, {wanted:g} wanted",
+        reason=because("views_apart", views=len(kept), apart_m=apart_m, wanted=wanted),
         measured={"views": float(len(kept)), "pictures": float(len(placed))},
         bounds={"views": wanted, "apart_m": apart_m},
         sources=("accepted facts", "localiser", RECEIPTS),
@@ -41,4 +42,4 @@ def _number(effect: Symbolic, name: str) -> float:
     try:
         return float(effect.arguments[name])
     except (KeyError, ValueError) as error:
-        raise Undecidable(f"the condition does not say {name}: {error}") from error
+        raise Undecidable(because("condition_without_argument", name=name, error=str(error))) from error

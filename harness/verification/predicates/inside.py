@@ -1,6 +1,7 @@
 """relational inside: the body is within a region of the map, by measured poses that odometry does not contradict."""
 
 from harness.contracts.effects import AnyEffect, Metric, Relational
+from harness.contracts.reasons import Reason, because
 from harness.contracts.verdicts import PredicateVerdict
 from harness.verification.body import current_track
 from harness.verification.finding import Finding, Undecidable, ambiguous
@@ -14,9 +15,9 @@ BODY = ("body", "robot")
 def inside(effect: AnyEffect, evidence: Evidence) -> Finding:
     """All of the newest 3 poses in the region: satisfied; none of them: violated; both kinds: ambiguous."""
     if not isinstance(effect, Relational) or len(effect.region_m) < 3:
-        raise Undecidable("inside is a relational effect with a region")
+        raise Undecidable(because("effect_not_testable", predicate="inside"))
     if effect.subject not in BODY:
-        raise Undecidable(f"nothing measures where {effect.subject} is")
+        raise Undecidable(because("nothing_measures_subject", subject=effect.subject))
     track = current_track(evidence)
     place = Metric(
         predicate="arrival",
@@ -27,12 +28,12 @@ def inside(effect: AnyEffect, evidence: Evidence) -> Finding:
     )
     poses = poses_of(place, track)[-SAMPLES:]
     if len(poses) < SAMPLES:
-        return ambiguous(f"{len(poses)} of {SAMPLES} poses in the region's frame and map", samples=float(len(poses)))
+        return ambiguous(because("too_few_poses_in_frame", poses=len(poses), wanted=SAMPLES), samples=float(len(poses)))
     within = sum(contains(effect.region_m, (pose.x_m, pose.y_m)) for pose in poses)
     agreement = agreement_of(evidence, place)
     verdict, reason = _answer(within, of=len(poses), name=effect.object)
     if agreement is not None and not agreement.holds:
-        verdict, reason = "ambiguous", f"localiser and odometry differ by {agreement.disagreement_m:.2f} m"
+        verdict, reason = "ambiguous", because("localiser_and_odometry_apart", disagreement_m=agreement.disagreement_m)
     return Finding(
         verdict=verdict,
         reason=reason,
@@ -44,9 +45,9 @@ def inside(effect: AnyEffect, evidence: Evidence) -> Finding:
     )
 
 
-def _answer(within: int, *, of: int, name: str) -> tuple[PredicateVerdict, str]:
+def _answer(within: int, *, of: int, name: str) -> tuple[PredicateVerdict, Reason]:
     if within == of:
-        return "satisfied", f"{of} poses lie inside {name}"
+        return "satisfied", because("poses_inside", poses=of, region=name)
     if within == 0:
-        return "violated", f"none of {of} poses lies inside {name}"
-    return "ambiguous", f"{within} of {of} poses lie inside {name}: the body is at its edge"
+        return "violated", because("poses_outside", poses=of, region=name)
+    return "ambiguous", because("poses_at_edge", inside=within, poses=of, region=name)

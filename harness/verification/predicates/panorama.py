@@ -11,6 +11,7 @@ from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import Digest
 from harness.contracts.observations import Odometry, Pose
 from harness.contracts.protocol import Receipt
+from harness.contracts.reasons import Reason, because, several
 from harness.verification.body import LIMIT_M, at_rest_until
 from harness.verification.finding import RECEIPTS, Finding, Undecidable, ambiguous
 from harness.verification.media import image_size
@@ -28,11 +29,11 @@ def panorama(effect: AnyEffect, evidence: Evidence) -> Finding:
     `evidence` = the frames in order of capture. measured: yaw_<i>_rad (map frame where poses align it), x_m, y_m.
     """
     if not isinstance(effect, Visual):
-        raise Undecidable("panorama is a visual effect")
+        raise Undecidable(because("effect_not_testable", predicate="panorama"))
     capture = {one.blob: one for one in evidence.receipts if one.kind == "capture" and one.blob}
     frames = _distinct(tuple(image for image in evidence.images if image.blob in capture))
     if not frames:
-        return ambiguous("no frame with a capture receipt is among the evidence", images=float(len(evidence.images)))
+        return ambiguous(because("no_captured_frame"), images=float(len(evidence.images)))
     odometry = tuple(sample for track in evidence.tracks for sample in track.odometry)
     yaws = [_yaw(odometry, frame.from_s) for frame in frames]
     rest = [at_rest_until(odometry, until_s=frame.from_s) for frame in frames]
@@ -45,12 +46,12 @@ def panorama(effect: AnyEffect, evidence: Evidence) -> Finding:
         *_rotations(frames, capture, evidence.receipts),
     ]
     if len(frames) < effect.frames:
-        problems.append(f"{len(frames)} of {effect.frames} frames")
+        problems.append(because("too_few_frames", frames=len(frames), wanted=effect.frames))
     if max(gaps) > WIDEST_GAP * step or min(gaps) < NEAREST * step:
-        problems.append(f"headings {min(gaps):.2f} to {max(gaps):.2f} rad apart do not cover the circle")
+        problems.append(because("circle_not_covered", narrowest_rad=min(gaps), widest_rad=max(gaps)))
     moved, turned = max(one[0] for one in rest), max(one[1] for one in rest)
     if moved >= LIMIT_M or turned >= TURN_LIMIT_RAD:
-        problems.append(f"the body moved {moved:.3f} m or turned {turned:.3f} rad before a capture")
+        problems.append(because("body_moved_before_capture", moved_m=moved, turned_rad=turned))
     measured = {
         "frames": float(len(frames)),
         "width_px": float(min(width for width, _ in sizes)),
@@ -62,7 +63,7 @@ def panorama(effect: AnyEffect, evidence: Evidence) -> Finding:
     }
     return Finding(
         verdict="violated" if problems else "satisfied",
-        reason="; ".join(problems) or f"{len(frames)} whole frames around the circle, the body at rest at each",
+        reason=several(problems) or because("panorama_whole", frames=len(frames)),
         measured=measured,
         bounds={
             "frames": float(effect.frames),
@@ -84,21 +85,30 @@ def _distinct(images: Sequence[EvidenceReference]) -> tuple[EvidenceReference, .
     return tuple(sorted(by_content.values(), key=lambda image: image.from_s))
 
 
-def _too_small(sizes: Iterable[tuple[int, int]], effect: Visual) -> list[str]:
+def _too_small(sizes: Iterable[tuple[int, int]], effect: Visual) -> list[Reason]:
     small = [size for size in sizes if size[0] < effect.width_px or size[1] < effect.height_px]
-    return [f"a frame is {width}x{height}, not {effect.width_px}x{effect.height_px}" for width, height in small]
+    return [
+        because(
+            "frame_of_another_size",
+            width_px=width,
+            height_px=height,
+            wanted_width_px=effect.width_px,
+            wanted_height_px=effect.height_px,
+        )
+        for width, height in small
+    ]
 
 
-def _timed(frames: Sequence[EvidenceReference], evidence: Evidence) -> list[str]:
+def _timed(frames: Sequence[EvidenceReference], evidence: Evidence) -> list[Reason]:
     """Frames of the executions in this context, not of an earlier day."""
     began_s = min((track.dispatched_s for track in evidence.tracks), default=evidence.execution.dispatched_s)
     early = [frame for frame in frames if not began_s <= frame.from_s <= evidence.speaks_at_s]
-    return [f"{len(early)} frames were not taken during the execution"] if early else []
+    return [because("frames_not_of_execution", frames=len(early))] if early else []
 
 
 def _rotations(
     frames: Sequence[EvidenceReference], capture: dict[Digest, Receipt], receipts: Sequence[Receipt]
-) -> list[str]:
+) -> list[Reason]:
     """Every frame follows a finished turn of its own: rotation and capture receipts share index and request."""
     turns = {(one.request_id, one.values.get("index")): one for one in receipts if one.kind == "rotation"}
     missing = late = 0
@@ -107,8 +117,8 @@ def _rotations(
         turn = turns.pop((shot.request_id, shot.values.get("index")), None)
         missing += turn is None
         late += turn is not None and turn.at_s > frame.from_s
-    problems = [f"{missing} frames have no rotation receipt of their own"] if missing else []
-    return problems + ([f"{late} frames were taken before their turn ended"] if late else [])
+    problems = [because("frames_without_rotation", frames=missing)] if missing else []
+    return problems + ([because("frames_before_turn_ended", frames=late)] if late else [])
 
 
 def _yaw(odometry: Sequence[Odometry], at_s: float) -> float:
@@ -116,7 +126,7 @@ def _yaw(odometry: Sequence[Odometry], at_s: float) -> float:
     index = bisect_left(odometry, at_s, key=lambda sample: sample.at_s)
     near = [one for one in odometry[max(0, index - 1) : index + 1] if abs(one.at_s - at_s) <= NEAR_S]
     if not near:
-        raise Undecidable(f"no odometry shows the heading at {at_s:.2f}")
+        raise Undecidable(because("no_heading_by_odometry", at_s=at_s))
     return min(near, key=lambda sample: abs(sample.at_s - at_s)).yaw_rad
 
 

@@ -9,6 +9,7 @@ from harness.contracts.effects import AnyEffect, Relational, Visual
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import Digest
 from harness.contracts.observations import Odometry
+from harness.contracts.reasons import Reason, because, several
 from harness.verification.body import LIMIT_M
 from harness.verification.finding import RECEIPTS, Finding, Undecidable, ambiguous
 from harness.verification.media import image_size
@@ -33,23 +34,23 @@ def pictured(effect: AnyEffect, evidence: Evidence) -> Finding:
     `evidence` = the images in order of capture. measured: x_m, y_m where poses tell them.
     """
     if not isinstance(effect, Visual):
-        raise Undecidable("pictured is a visual effect")
+        raise Undecidable(because("effect_not_testable", predicate="pictured"))
     receipts = {one.blob for one in evidence.receipts if one.kind == "capture"}
     images = [image for image in evidence.images if image.blob in receipts]
     if not images:
-        return ambiguous("no image with a capture receipt is among the evidence", images=float(len(evidence.images)))
+        return ambiguous(because("no_captured_image"), images=float(len(evidence.images)))
     track = next((one for one in reversed(evidence.tracks) if one.current), None)
     if track is None or not track.odometry:
-        return ambiguous("no odometry shows whether the body stood", images=float(len(images)))
+        return ambiguous(because("no_odometry_during_look"), images=float(len(images)))
     moved_m, turned_rad = _moved(track.odometry)
     problems = _small(images, effect, evidence)
     if len(images) < effect.frames:
-        problems.append(f"{len(images)} of {effect.frames} images")
+        problems.append(because("too_few_images", images=len(images), wanted=effect.frames))
     if moved_m >= LIMIT_M or turned_rad >= TURN_LIMIT_RAD:
-        problems.append(f"the body moved {moved_m:.3f} m and turned {turned_rad:.3f} rad during the look")
+        problems.append(because("body_moved_during_look", moved_m=moved_m, turned_rad=turned_rad))
     return Finding(
         verdict="violated" if problems else "satisfied",
-        reason="; ".join(problems) or f"{len(images)} whole images, the body at rest",
+        reason=several(problems) or because("images_whole", images=len(images)),
         measured={"images": float(len(images)), "displacement_m": moved_m, "turn_rad": turned_rad, **_place(track)},
         bounds={"images": float(effect.frames), "displacement_m": LIMIT_M, "turn_rad": TURN_LIMIT_RAD},
         sources=("camera", "odometry", RECEIPTS),
@@ -63,19 +64,27 @@ def same_image(effect: AnyEffect, evidence: Evidence) -> Finding:
     `evidence` = the picture, then the report.
     """
     if not isinstance(effect, Relational):
-        raise Undecidable("same_image is a relational effect")
+        raise Undecidable(because("effect_not_testable", predicate="same_image"))
     accepted = tuple(evidence.fact("pictured", node_id=effect.object).arguments["images"])
     digest = next((one.blob for one in reversed(evidence.receipts) if one.kind in KINDS and one.blob), None)
     if digest is None:
-        return ambiguous("no receipt names a report about a picture")
+        return ambiguous(because("no_picture_report"))
     report = evidence.decoded(digest, PictureReport)
-    problems = [] if (report.image,) == accepted else [f"it is about {report.image[:12]}, not the accepted picture"]
+    problems = [] if (report.image,) == accepted else [because("report_of_another_picture", image=report.image[:12])]
     size = image_size(evidence.bytes_of(accepted[0]))
     if (report.width_px, report.height_px) != size:
-        problems.append(f"it says {report.width_px}x{report.height_px} pixels, the picture has {size[0]}x{size[1]}")
+        problems.append(
+            because(
+                "report_of_another_size",
+                width_px=report.width_px,
+                height_px=report.height_px,
+                picture_width_px=size[0],
+                picture_height_px=size[1],
+            )
+        )
     return Finding(
         verdict="violated" if problems else "satisfied",
-        reason="; ".join(problems) or f"the report is about the accepted picture {accepted[0][:12]}",
+        reason=several(problems) or because("report_of_accepted_picture", image=accepted[0][:12]),
         measured={"pictures": float(len(accepted)), "width_px": float(size[0]), "height_px": float(size[1])},
         bounds={"pictures": 1.0},
         sources=(RECEIPTS,),
@@ -86,21 +95,21 @@ def same_image(effect: AnyEffect, evidence: Evidence) -> Finding:
 def one_image(effect: AnyEffect, evidence: Evidence) -> Finding:
     """Every accepted stage names an image, and all of them the same one, whose bytes have that checksum still."""
     if not isinstance(effect, Relational):
-        raise Undecidable("one_image is a relational effect")
+        raise Undecidable(because("effect_not_testable", predicate="one_image"))
     named = {fact.node_id: tuple(fact.arguments["images"]) for fact in evidence.facts if "images" in fact.arguments}
     accepted = [node.node_id for node in evidence.nodes]
     absent = [name for name in (effect.subject, effect.object) if name not in accepted]
     if absent:
-        return ambiguous(f"not accepted yet: {', '.join(absent)}")
+        return ambiguous(because("not_accepted_yet", stages=tuple(absent)))
     silent = [name for name in accepted if name not in named]
     images = sorted({image for found in named.values() for image in found})
-    problems = [f"{', '.join(silent)} names no image"] if silent else []
-    problems += [f"{len(images)} images are named, not one"] if len(images) != 1 else []
+    problems = [because("names_no_image", stages=tuple(silent))] if silent else []
+    problems += [because("not_one_image", images=len(images))] if len(images) != 1 else []
     for image in images:
         evidence.bytes_of(image)
     return Finding(
         verdict="violated" if problems else "satisfied",
-        reason="; ".join(problems) or f"{len(named)} stages share the image {images[0][:12]}",
+        reason=several(problems) or because("stages_share_image", stages=len(named), image=images[0][:12]),
         measured={"stages": float(len(named)), "images": float(len(images))},
         bounds={"stages": float(len(accepted)), "images": 1.0},
         sources=("accepted facts", RECEIPTS),
@@ -108,10 +117,14 @@ def one_image(effect: AnyEffect, evidence: Evidence) -> Finding:
     )
 
 
-def _small(images: Sequence[EvidenceReference], effect: Visual, evidence: Evidence) -> list[str]:
+def _small(images: Sequence[EvidenceReference], effect: Visual, evidence: Evidence) -> list[Reason]:
     sizes = [image_size(evidence.bytes_of(image.blob)) for image in images]
     small = sum(width < effect.width_px or height < effect.height_px for width, height in sizes)
-    return [f"{small} images are below {effect.width_px}x{effect.height_px}"] if small else []
+    return (
+        [because("images_too_small", images=small, width_px=effect.width_px, height_px=effect.height_px)]
+        if small
+        else []
+    )
 
 
 def _moved(odometry: Sequence[Odometry]) -> tuple[float, float]:

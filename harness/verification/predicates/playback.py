@@ -2,6 +2,7 @@
 
 from harness.contracts.effects import AnyEffect, Symbolic
 from harness.contracts.protocol import Receipt
+from harness.contracts.reasons import Reason, because, several
 from harness.verification.finding import RECEIPTS, Finding, Undecidable, ambiguous
 from harness.verification.media import wav_samples
 from harness.verification.reading import Evidence
@@ -12,22 +13,22 @@ TOLERANCE_S = 0.1
 def played(effect: AnyEffect, evidence: Evidence) -> Finding:
     """Samples consumed = samples of the WAV, and no faster than they sound. `evidence` = the WAV."""
     if not isinstance(effect, Symbolic):
-        raise Undecidable("played is a symbolic effect")
+        raise Undecidable(because("effect_not_testable", predicate="played"))
     receipt = next((one for one in reversed(evidence.receipts) if one.kind == "playback"), None)
     if receipt is None or receipt.blob is None:
-        return ambiguous("no playback receipt names a sound")
+        return ambiguous(because("no_playback_receipt"))
     samples, rate_hz = wav_samples(evidence.bytes_of(receipt.blob))
     if samples == 0 or rate_hz == 0:
-        raise Undecidable("the sound has no samples")
+        raise Undecidable(because("sound_without_samples"))
     lasted_s, sounds_s = receipt.at_s - evidence.execution.dispatched_s, samples / rate_hz
     problems = _problems(receipt, effect, samples=samples)
     if lasted_s < sounds_s - TOLERANCE_S:
-        problems.append(f"{sounds_s:.2f} s of sound were over after {lasted_s:.2f} s")
+        problems.append(because("sound_over_too_soon", sounds_s=sounds_s, lasted_s=lasted_s))
     if receipt.at_s > evidence.speaks_at_s:
-        problems.append("the playback ended after its receipt was collected")
+        problems.append(because("playback_after_receipt"))
     return Finding(
         verdict="violated" if problems else "satisfied",
-        reason="; ".join(problems) or f"all {samples} samples were consumed in {lasted_s:.1f} s of mission time",
+        reason=several(problems) or because("sound_played", samples=samples, lasted_s=lasted_s),
         measured={"samples": receipt.values.get("samples", 0.0), "duration_s": lasted_s},
         bounds={"samples": float(samples), "duration_s": sounds_s},
         sources=(RECEIPTS,),
@@ -35,8 +36,8 @@ def played(effect: AnyEffect, evidence: Evidence) -> Finding:
     )
 
 
-def _problems(receipt: Receipt, effect: Symbolic, *, samples: int) -> list[str]:
+def _problems(receipt: Receipt, effect: Symbolic, *, samples: int) -> list[Reason]:
     consumed = receipt.values.get("samples")
-    problems = [] if consumed == samples else [f"{consumed or 0:.0f} of {samples} samples were consumed"]
+    problems = [] if consumed == samples else [because("samples_not_consumed", consumed=consumed or 0, samples=samples)]
     wanted = effect.arguments.get("sound", receipt.blob)
-    return problems if wanted == receipt.blob else [*problems, "another sound was played"]
+    return problems if wanted == receipt.blob else [*problems, because("another_sound_played")]

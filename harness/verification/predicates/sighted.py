@@ -7,6 +7,7 @@ import msgspec
 
 from harness.contracts.effects import AnyEffect, Visual
 from harness.contracts.ids import Digest
+from harness.contracts.reasons import because
 from harness.verification.finding import RECEIPTS, Finding, Undecidable, ambiguous
 from harness.verification.media import image_size
 from harness.verification.reading import Evidence
@@ -25,22 +26,24 @@ class _Report(msgspec.Struct, frozen=True):
 def sighted(effect: AnyEffect, evidence: Evidence) -> Finding:
     """At least `frames` accepted pictures of the wanted size hold a finding whose box lies within the picture."""
     if not isinstance(effect, Visual):
-        raise Undecidable("sighted is a visual effect")
+        raise Undecidable(because("effect_not_testable", predicate="sighted"))
     digest = next((one.blob for one in reversed(evidence.receipts) if one.kind == "analysis" and one.blob), None)
     if digest is None:
-        return ambiguous("no analysis receipt names a report")
+        return ambiguous(because("no_analysis_receipt"))
     report = evidence.decoded(digest, _Report)
     accepted = set(evidence.fact("panorama").arguments["frames"])
     strangers = {one.frame for one in report.findings} - (accepted & set(report.frames))
     if strangers:
-        return ambiguous(f"{len(strangers)} findings are in pictures that were not accepted")
+        return ambiguous(because("findings_in_unaccepted_pictures", findings=len(strangers)))
     shown = {one.frame for one in report.findings if _within(one, effect, evidence)}
     beyond = {one.frame for one in report.findings} - shown
     if beyond:
-        return ambiguous(f"{len(beyond)} pictures are too small or do not hold their finding's box")
+        return ambiguous(because("pictures_do_not_hold_box", pictures=len(beyond)))
     return Finding(
         verdict="satisfied" if len(shown) >= effect.frames else "violated",
-        reason=f"{len(report.findings)} findings in {len(shown)} pictures, {effect.frames} wanted",
+        reason=because(
+            "findings_in_pictures", findings=len(report.findings), pictures=len(shown), wanted=effect.frames
+        ),
         measured={"pictures": float(len(shown)), "findings": float(len(report.findings))},
         bounds={"pictures": float(effect.frames)},
         sources=(RECEIPTS,),

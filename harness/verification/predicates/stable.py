@@ -4,6 +4,7 @@ from collections.abc import Callable
 from itertools import pairwise
 
 from harness.contracts.effects import AnyEffect, Temporal
+from harness.contracts.reasons import because
 from harness.verification.body import current_track
 from harness.verification.finding import Finding, Undecidable, ambiguous
 from harness.verification.reading import Evidence
@@ -19,24 +20,26 @@ def stable(effect: AnyEffect, evidence: Evidence, *, find: Find) -> Finding:
     One look that refutes it is violated; one that cannot decide, or a gap above `bound` seconds, is ambiguous.
     """
     if not isinstance(effect, Temporal) or effect.inner is None:
-        raise Undecidable("stable is a temporal effect with an inner one")
+        raise Undecidable(because("effect_not_testable", predicate="stable"))
     predicate = find(effect.inner)
     if predicate is None:
-        return ambiguous(f"no predicate tests {effect.inner.predicate}")
+        return ambiguous(because("no_predicate", predicate=effect.inner.predicate))
     looks = _looks(evidence, interval_s=effect.interval_s)
     gap_s = max((b - a for a, b in pairwise(looks)), default=effect.interval_s)
     if gap_s > effect.bound:
-        return ambiguous(f"{gap_s:.2f} s without a look, bound {effect.bound:.2f} s", gap_s=gap_s)
+        return ambiguous(because("gap_without_look", gap_s=gap_s, bound_s=effect.bound), gap_s=gap_s)
     found = [predicate(effect.inner, evidence.at(instant_s)) for instant_s in looks]
     worst = next((one for one in found if one.verdict == "violated"), None) or next(
         (one for one in found if one.verdict != "satisfied"), found[-1]
     )
     held = sum(one.verdict == "satisfied" for one in found)
     ago_s = looks[-1] - looks[found.index(worst)]
+    steady = because("held_at_looks", held=held, looks=len(found), interval_s=effect.interval_s)
     return Finding(
         verdict=worst.verdict,
-        reason=f"held at {held} of {len(found)} looks in {effect.interval_s:g} s"
-        + ("" if worst.verdict == "satisfied" else f"; {ago_s:.2f} s before the end: {worst.reason}"),
+        reason=steady
+        if worst.verdict == "satisfied"
+        else because("not_at_look", held=steady, ago_s=ago_s, reason=worst.reason),
         measured={**worst.measured, "looks": float(len(found)), "held": float(held), "gap_s": gap_s},
         bounds={**worst.bounds, "held": float(len(found)), "gap_s": effect.bound},
         sources=found[-1].sources,
@@ -50,11 +53,11 @@ def _looks(evidence: Evidence, *, interval_s: float) -> list[float]:
     track = current_track(evidence)
     times = sorted({*(one.at_s for one in track.odometry), *(pose.at_s for pose in track.poses)})
     if not times:
-        raise Undecidable("no samples of this execution are known")
+        raise Undecidable(because("no_samples_of_execution"))
     begin_s = times[-1] - interval_s
     earlier = [at_s for at_s in times if at_s <= begin_s]
     if not earlier:
-        raise Undecidable(f"the samples do not cover the {interval_s:g} s before {times[-1]:.2f}")
+        raise Undecidable(because("samples_do_not_cover", interval_s=interval_s, until_s=times[-1]))
     within = [earlier[-1], *(at_s for at_s in times if at_s > begin_s)]
     step = max(1, len(within) // LOOKS)
     return sorted({*within[::step], within[-1]})

@@ -1,5 +1,6 @@
 """Repeated physical starts are counted by one rule, wherever they are told."""
 
+from app.reasons.rendering import sentence
 from app.views.outcome import mission_outcome
 from harness.contracts.ids import MissionId, NodeId, ProviderId, RequestId
 from harness.contracts.protocol import PhysicalStart
@@ -35,6 +36,6 @@ def test_every_start_beyond_the_first_of_its_request_counts() -> None:
 def test_the_alert_and_the_outcome_tell_the_same_number() -> None:
     starts = journal("a", "b", "a", "a")
     (told,) = duplicate_starts(ABOUT, starts)
-    assert told.text.startswith("2 starts beyond the first") and told.condition == "starts 4"
+    assert sentence(told.text).startswith("2 starts beyond the first") and told.condition == "starts 4"
     assert duplicate_starts(ABOUT, journal("a", "b")) == ()
     assert mission_outcome(Mission(mission_id=MISSION), [], starts)["duplicate_starts"] == 2

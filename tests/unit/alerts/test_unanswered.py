@@ -2,6 +2,7 @@
 
 import pytest
 
+from app.reasons.rendering import sentence
 from harness.contracts.alert_commands import RaiseAlert
 from harness.contracts.handoff_events import NoAnswerTaken
 from harness.contracts.reasons import recorded
@@ -19,4 +20,4 @@ def test_an_action_that_is_not_shown_to_be_done_calls_a_person(done: bool) -> No
     else:
         [(_, raised)] = told
         assert isinstance(raised, RaiseAlert) and raised.occurrence.priority == "critical"
-        assert "retreat" in raised.occurrence.title and "nobody can say" in raised.occurrence.text
+        assert "retreat" in sentence(raised.occurrence.title) and "nobody can say" in sentence(raised.occurrence.text)

@@ -9,8 +9,8 @@ FAR = because("too_far_from_target", distance_m=7.491, bound_m=0.4)
 
 
 def test_facts_fill_the_holes_of_the_message_in_each_language() -> None:
-    assert rendering.sentence(FAR) == "7.49 m from the target, at most 0.40 m allowed"
-    assert rendering.sentence(FAR, "zh-Hans") == "距目标 7.49 米，最多允许 0.40 米"
+    assert rendering.sentence(FAR) == "7.49 m from the target, bound 0.40 m"
+    assert rendering.sentence(FAR, "zh-Hans") == "距目标 7.49 米，界限 0.40 米"
 
 
 def test_what_an_older_release_said_stays_as_it_was_said() -> None:
@@ -20,10 +20,31 @@ def test_what_an_older_release_said_stays_as_it_was_said() -> None:
 def test_reasons_within_a_reason_are_said_in_turn(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rendering, "SENTENCES", {**rendering.SENTENCES, "both": "{verdict:word}: {why}"})
     both = because("both", verdict="violated", why=(FAR, recorded("the lamp is off")))
-    assert rendering.sentence(both).startswith("violated: 7.49 m from the target, at most 0.40 m allowed; the lamp")
+    assert rendering.sentence(both).startswith("violated: 7.49 m from the target, bound 0.40 m; the lamp")
     assert "；the lamp is off" in rendering.sentence(both, "zh-Hans")
 
 
 def test_a_code_without_a_sentence_warns_and_is_shown_with_its_facts() -> None:
     with pytest.warns(UserWarning, match="no sentence"):
         assert rendering.sentence(because("of_tomorrow", limit_m=2.0)) == "of_tomorrow (limit_m 2.0)"
+
+
+def test_a_reason_of_the_recovery_ladder_is_told_in_chinese_to_its_last_word() -> None:
+    seen = because("several", reasons=(because("route_not_covered", share=0.925, bound=0.95), FAR))
+    reason = because(
+        "next_step",
+        failure=because("failure_explained", failure="ambiguous", why=seen),
+        tried=("re_perceive",),
+        following=because("action_by_provider", action="switch_skill", provider_id="careful-local-planner"),
+        left_node=2,
+        left_mission=8,
+    )
+    assert rendering.sentence(reason) == (
+        "Ambiguous (92.5% of the route was measured, bound 95%; 7.49 m from the target, bound 0.40 m). Tried before: "
+        "re perceive. Next: switch skill by careful-local-planner. "
+        "Left before this: 2 for the stage, 8 for the mission."
+    )
+    assert rendering.sentence(reason, "zh-Hans") == (
+        "不明确（实测走完路线的 92.5%，界限 95%；距目标 7.49 米，界限 0.40 米）。此前已尝试：再次感知。"
+        "接下来：由 careful-local-planner 更换技能。此前余额：阶段 2，任务 8。"
+    )

@@ -2,7 +2,6 @@
 
 import pytest
 
-from app.languages import retelling
 from app.retelling import Retelling
 
 WORDS = {"ambiguous": "不明确", "navigate": "导航", "look again": "再看一次", "nothing": "没有"}
@@ -64,15 +63,3 @@ def test_a_sentence_that_lost_its_full_stop_is_known_all_the_same() -> None:
         WORDS, {"Nobody can do {wanted}.": "无人能{wanted}。", "{either}. Goal: {goal}": "{either}。目标：{goal}"}
     )
     assert known.told("Nobody can do navigate. Goal: walk there") == "无人能导航。目标：walk there"
-
-
-def test_a_reason_of_the_recovery_ladder_is_told_in_chinese_to_its_last_word() -> None:
-    reason = (
-        "Ambiguous (92.5% of the route was measured, bound 95%; 1.40 m from the target, bound 0.40 m). Tried before: "
-        "re perceive. Next: switch skill by careful-local-planner. "
-        "Left before this: 2 for the stage, 8 for the mission."
-    )
-    assert retelling("zh-Hans").told(reason) == (
-        "不明确（实测走完路线的 92.5%，界限 95%；距目标 1.40 米，界限 0.40 米）。此前已尝试：再次感知。"
-        "接下来：由 careful-local-planner 更换技能。此前余额：阶段 2，任务 8。"
-    )

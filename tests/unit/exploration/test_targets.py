@@ -11,6 +11,7 @@ from harness.baseline.load import site
 from harness.contracts.exploration import FREE, OCCUPIED, Blocked, GridMap, TargetProposal, TargetQuestion
 from harness.contracts.ids import Digest, MissionId, NodeId
 from harness.contracts.observations import Odometry, Pose, Scan, Trajectory
+from harness.contracts.reasons import Reason
 from harness.contracts.values import Point
 from harness.exploration.frontiers import frontiers
 from harness.exploration.grid import area_m2, cell_of, cells_of, changed_m2, merged, unexplored, usable
@@ -151,7 +152,9 @@ def test_what_is_no_target_counts_as_none(said: object) -> None:
     asked = question(grid)
     proposer = Proposer(name="model", propose=lambda question, picture: said)  # type: ignore[arg-type, return-value]
     answer = answered(proposer, question=asked, grid=grid, picture=b"")
-    assert answer.said is None and "proposed nothing usable" in answer.refused
+    assert (
+        answer.said is None and isinstance(answer.refused, Reason) and answer.refused.code == "proposed_nothing_usable"
+    )
     assert answer.chosen == nearest_edge(asked)
 
 

@@ -2,6 +2,7 @@
 
 import pytest
 
+from app.reasons.rendering import sentence
 from harness.contracts.commands import JudgeGoal, RaiseVeto
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.events import CompletionReported, DispatchIntended, FailureReported, MissionEnded
@@ -118,7 +119,7 @@ def test_only_a_satisfied_goal_is_reported_as_completion() -> None:
                        for event in short.events)  # fmt: skip
     unsafe = DECIDER.decide(mission, JudgeGoal(verdict=goal_verdict(mission, "unsafe")), NOW)
     assert isinstance(unsafe, Accepted)
-    assert any(isinstance(event, FailureReported) and "goal not met" in event.text for event in unsafe.events)
+    assert any(isinstance(event, FailureReported) and "goal not met" in sentence(event.text) for event in unsafe.events)
 
 
 def test_an_ambiguous_goal_earns_one_more_look_and_then_fails() -> None:

@@ -3,6 +3,7 @@
 import pytest
 from msgspec.structs import replace
 
+from app.reasons.rendering import sentence
 from harness.contracts.commands import JudgeGoal
 from harness.contracts.decisions import Accepted
 from harness.contracts.effects import AnyEffect, Metric, Relational, Symbolic, Temporal
@@ -90,13 +91,13 @@ def test_nothing_is_opened_again_that_no_budget_pays_for(limits: dict[str, int])
     mission = replace(mission, contract=replace(contract, nodes=(go, contract.node(TELL))))
     events = judged(mission, "violated")
     assert not any(isinstance(event, GraphRevised | CompletionReported) for event in events)
-    assert isinstance(events[-1], MissionEnded) and "not opened again: nothing is left" in events[-1].reason
+    assert isinstance(events[-1], MissionEnded) and "not opened again: nothing is left" in sentence(events[-1].reason)
 
 
 def test_nothing_is_opened_again_where_no_stage_answers() -> None:
     events = judged(about(done(), ELSEWHERE), "violated")
     assert isinstance(events[-1], MissionEnded) and events[-1].status == "failed"
-    assert "No stage answers for it alone" in events[-1].reason
+    assert "No stage answers for it alone" in sentence(events[-1].reason)
 
 
 @pytest.mark.parametrize("word", ["stale", "unsafe"])

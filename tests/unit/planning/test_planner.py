@@ -3,6 +3,7 @@
 import pytest
 from msgspec.structs import replace
 
+from app.reasons.rendering import sentence
 from harness.contexts.planner import planner_context
 from harness.contracts.ids import NodeId
 from harness.contracts.proposals import PlanProposal
@@ -31,7 +32,7 @@ def test_a_node_is_eligible_only_once_all_it_depends_on_is_committed() -> None:
 def test_the_plan_is_the_first_eligible_node_and_says_why() -> None:
     proposal = plan(planner_context(view(after("request"))))
     assert proposal.node_id == "go"
-    assert "Go to Office storage area" in proposal.reason
+    assert "Go to Office storage area" in sentence(proposal.reason)
 
 
 @pytest.mark.ledger("R51", symbol="harness.planning.planner:plan")
@@ -54,11 +55,11 @@ def test_a_node_that_waits_lets_another_go_first() -> None:
     both = mission(replace(task, nodes=free), request=waiting)
     chosen = plan(planner_context(view(both)))
     assert chosen.node_id == "go"
-    assert chosen.reason.endswith("others: request.")
+    assert sentence(chosen.reason).endswith("others: request.")
     alone = mission(replace(task, nodes=free[:1]), request=waiting)
     late = plan(planner_context(view(alone)))
     assert late.node_id == "request"
-    assert "although it waits for a microphone; others: none." in late.reason
+    assert "although it waits for a microphone; others: none." in sentence(late.reason)
 
 
 @pytest.mark.ledger("R41", symbol="harness.planning.planner:plan_refusal")

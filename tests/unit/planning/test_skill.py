@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
+from app.reasons.rendering import sentence
 from harness.contexts.skill import skill_context
 from harness.contracts.capabilities import CapabilityCard, Parameter
 from harness.contracts.contexts import Context
@@ -53,7 +54,7 @@ def test_navigation_gets_the_nodes_target_route_and_limits_and_nothing_the_card_
     assert proposal.parameters == {
         name: node.parameters[name] for name in ("route", "target", "frame", "tolerance_m", "speed_cap_mps")
     }
-    assert "Dropped: lookahead_m" in proposal.reason
+    assert "Dropped: lookahead_m" in sentence(proposal.reason)
 
 
 @pytest.mark.ledger("R10", symbol="harness.planning.skill:propose_skill")

@@ -5,12 +5,14 @@ from typing import Any, get_args
 import pytest
 from msgspec.structs import replace
 
+from app.reasons.rendering import sentence
 from harness.contexts.recovery import recovery_context
 from harness.contracts.configuration import FailureClass, RecoveryAction
 from harness.contracts.contexts import Context
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import NodeId, ProviderId
 from harness.contracts.proposals import RecoveryProposal
+from harness.contracts.reasons import because, parts
 from harness.contracts.tasks import TaskContract
 from harness.projections.mission import Mission, NodeState
 from harness.recovery.ladder import exhausted, recover
@@ -93,7 +95,8 @@ def test_a_rung_whose_own_budget_is_spent_is_passed_over_and_said_so() -> None:
     spent = tuple(spend("re_perceive", "stale_evidence") for _ in range(2))
     proposal = recover(c4(replace(failing("violated"), spends=spent)))
     assert proposal.action == "retry"
-    assert proposal.refused == ("re_perceive: over_action_budget: nothing is left for re_perceive",)
+    passed = because("step_passed_over", action="re_perceive", why=because("over_action_budget", action="re_perceive"))
+    assert proposal.refused == (passed,)
     assert not exhausted(proposal)
 
 
@@ -103,7 +106,7 @@ def test_a_spent_node_budget_leaves_a_person_only() -> None:
     spent = tuple(spend(action, "timeout") for action in ("re_perceive", "adjust_view", "retry", "local_replan"))
     proposal = recover(c4(replace(failing("violated"), spends=spent)))
     assert (proposal.action, proposal.cost) == ("human", 0)
-    assert all("over_node_budget" in why for why in proposal.refused)
+    assert all(because("over_node_budget") in parts(why) for why in proposal.refused)
     assert exhausted(proposal)
 
 
@@ -112,7 +115,7 @@ def test_a_spent_mission_budget_leaves_a_person_only() -> None:
     elsewhere = failing("violated", "re_perceive", "retry", node_id="panorama")
     proposal = recover(c4(failing("violated"), task=rich, panorama=replace(elsewhere, failure=None)))
     assert proposal.action == "human"
-    assert all("over_mission_budget" in why for why in proposal.refused)
+    assert all(because("over_mission_budget") in parts(why) for why in proposal.refused)
     assert exhausted(proposal)
 
 
@@ -137,7 +140,7 @@ def test_a_switch_needs_somebody_else_who_can_and_was_not_given_up() -> None:
     alone = (card("route-follower"), card("voice", capability="speak"))
     proposal = recover(c4(failing("no_progress", "local_replan"), others=alone))
     assert proposal.action == "human"
-    assert "no_alternative" in proposal.refused[0]
+    assert because("no_alternative") in parts(proposal.refused[0])
     given_up = failing("no_progress", "local_replan", excluded=(ProviderId("careful-local-planner"),))
     assert recover(c4(given_up)).action == "human"
 
@@ -153,7 +156,7 @@ def test_the_same_answer_to_the_same_failure_needs_news_from_a_sensor() -> None:
 
     silent = next_action(state)
     assert silent.action == "human"
-    assert "repeated_without_news" in silent.refused[0]
+    assert "repeats_without_news" in [one.code for one in parts(silent.refused[0])]
     old = replace(state, observed=(sensed(NOW_S - 0.1),))
     assert next_action(old).action == "human"
     fresh = replace(state, observed=(sensed(NOW_S + 0.1),))
@@ -189,7 +192,7 @@ def test_a_context_without_a_failure_is_refused() -> None:
 
 
 def test_the_reason_names_the_failure_what_was_tried_and_what_is_left() -> None:
-    reason = recover(c4(failing("violated", "re_perceive"))).reason
+    reason = sentence(recover(c4(failing("violated", "re_perceive"))).reason)
     for part in ("Violated (seen so)", "Next: retry by route-follower", "Tried before: re perceive", "3 for the stage"):
         assert part in reason
 

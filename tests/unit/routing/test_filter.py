@@ -5,8 +5,11 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
+from app.reasons.rendering import sentence
 from harness.contracts.capabilities import CapabilityCard, Parameter
 from harness.contracts.ids import NodeId, ProviderId
+from harness.contracts.proposals import Filter
+from harness.contracts.reasons import Reason
 from harness.routing.filter import CHECKS, refusal
 from tests.unit.planning.building import NAVIGATION, NOW_S, card, contract, status
 from tests.unit.routing.building import need
@@ -57,14 +60,18 @@ REFUSALS: list[tuple[str, dict[str, Any], dict[str, Any], str]] = [
 def test_each_filter_refuses_by_its_own_name_and_reason(
     name: str, on_card: dict[str, Any], on_need: dict[str, Any], says: str
 ) -> None:
-    refused_by, reason = refusal(card(**on_card), need(**on_need))
-    assert refused_by == name
-    assert says in reason
+    refused = refusal(card(**on_card), need(**on_need))
+    assert refused is not None and refused[0] == name
+    assert says in sentence(refused[1])
+
+
+def rule_of(found: tuple[Filter, Reason] | None) -> str:
+    return found[0] if found else ""
 
 
 def test_a_provider_that_fits_is_refused_by_nothing() -> None:
-    assert refusal(card(), need()) == ("", "")
-    assert refusal(card(embodiments=("any",)), need()) == ("", "")
+    assert refusal(card(), need()) is None
+    assert refusal(card(embodiments=("any",)), need()) is None
 
 
 def test_the_filters_stand_in_the_papers_order_and_the_first_one_speaks() -> None:
@@ -73,27 +80,27 @@ def test_the_filters_stand_in_the_papers_order_and_the_first_one_speaks() -> Non
     ]  # fmt: skip
     worst = card(capability="speak", embodiments=("arm",), risk="high")
     hopeless = need(status=None, parameters={}, vetoes={"base": "no"}, excluded=(ProviderId("route-follower"),))
-    assert refusal(worst, hopeless)[0] == "capability"
-    assert refusal(replace(worst, capability="navigate"), hopeless)[0] == "embodiment"
-    assert refusal(replace(worst, capability="navigate", embodiments=("any",)), hopeless)[0] == "parameters"
+    assert rule_of(refusal(worst, hopeless)) == "capability"
+    assert rule_of(refusal(replace(worst, capability="navigate"), hopeless)) == "embodiment"
+    assert rule_of(refusal(replace(worst, capability="navigate", embodiments=("any",)), hopeless)) == "parameters"
 
 
 def test_a_veto_stops_motion_and_lets_the_rest_go_on() -> None:
     still = card(moves=False)
-    assert refusal(still, need(vetoes={"base": "bumper"})) == ("", "")
+    assert refusal(still, need(vetoes={"base": "bumper"})) is None
 
 
 def test_a_parameter_that_facts_will_fill_is_no_reason_to_refuse() -> None:
     images = Parameter(name="images", type="digests")
     looking: CapabilityCard = card(parameters=(images,))
-    assert refusal(looking, need(parameters={"images": "@{panorama.frames}"}))[0] == ""
-    assert refusal(looking, need(parameters={"images_from": "@{panorama.frames}"}))[0] == ""
-    assert refusal(looking, need(parameters={"images": "some pictures"}))[0] == "parameters"
-    assert refusal(looking, need(parameters={}))[0] == "parameters"
+    assert refusal(looking, need(parameters={"images": "@{panorama.frames}"})) is None
+    assert refusal(looking, need(parameters={"images_from": "@{panorama.frames}"})) is None
+    assert rule_of(refusal(looking, need(parameters={"images": "some pictures"}))) == "parameters"
+    assert rule_of(refusal(looking, need(parameters={}))) == "parameters"
 
 
 def test_a_switch_is_no_number_and_a_number_no_switch() -> None:
     replan = next(parameter for parameter in NAVIGATION if parameter.name == "replan")
-    assert refusal(card(parameters=(replan,)), need(parameters={"replan": 1.0}))[0] == "parameters"
+    assert rule_of(refusal(card(parameters=(replan,)), need(parameters={"replan": 1.0}))) == "parameters"
     number = Parameter(name="frames", type="number")
-    assert refusal(card(parameters=(number,)), need(parameters={"frames": True}))[0] == "parameters"
+    assert rule_of(refusal(card(parameters=(number,)), need(parameters={"frames": True}))) == "parameters"

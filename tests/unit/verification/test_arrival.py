@@ -3,6 +3,7 @@
 import pytest
 from msgspec.structs import replace
 
+from app.reasons.rendering import sentence
 from harness.contracts.evidence import EvidencePacket
 from tests.unit.verification.building import (
     STATIC,
@@ -59,7 +60,7 @@ def test_a_provider_that_declares_success_two_metres_short_has_not_arrived(bench
 def test_a_stale_pose_makes_the_verdict_stale(bench: Bench) -> None:
     verdict = bench.judged(bench.driven(Drive(restamp_after_m=3.5)))
     assert verdict.verdict == "stale"
-    assert "old, limit 1.00 s" in verdict.reason
+    assert "old, limit 1.00 s" in sentence(verdict.reason)
 
 
 def test_poses_at_the_goal_that_are_too_old_when_collected_are_stale(bench: Bench) -> None:
@@ -77,7 +78,7 @@ def test_missing_poses_make_the_verdict_ambiguous(bench: Bench, silent_after_m: 
 def test_a_localiser_that_froze_before_the_goal_disagrees_with_odometry(bench: Bench) -> None:
     result = only(bench.judged(bench.driven(Drive(freeze_after_m=5.5))))
     assert result.verdict == "ambiguous"
-    assert "sources disagree" in result.reason
+    assert "sources disagree" in sentence(result.reason)
     assert result.measured["disagreement_m"] > result.bounds["disagreement_m"]
 
 
@@ -103,7 +104,7 @@ def test_a_body_that_creeps_to_its_end_does_not_hide_a_frozen_localiser(bench: B
     packet = replace(bench.driven(drive), estimates=(bench.trajectory(crept),))
     result = only(bench.judged(packet, mission(contract(node(arrival((5.0, 0.0)))))))
     assert result.measured["distance_m"] < 0.4
-    assert (result.verdict, "sources disagree" in result.reason) == ("ambiguous", True)
+    assert (result.verdict, "sources disagree" in sentence(result.reason)) == ("ambiguous", True)
 
 
 def test_a_position_that_is_odometry_itself_is_labelled_as_a_single_source(bench: Bench) -> None:
@@ -112,7 +113,7 @@ def test_a_position_that_is_odometry_itself_is_labelled_as_a_single_source(bench
     packet = replace(bench.driven(Drive()), estimates=(bench.trajectory(alone),))
     result = only(bench.judged(packet, mission(contract(node(risk="low"))), provider=card("odometry")))
     assert (result.verdict, result.sources, result.independence) == ("satisfied", ("odometry",), 1)
-    assert "single source: odometry" in result.reason
+    assert "single source: odometry" in sentence(result.reason)
 
 
 def looked(bench: Bench, motion: EvidencePacket, look: Drive) -> EvidencePacket:
@@ -189,7 +190,7 @@ def test_a_body_that_still_moves_has_not_arrived(bench: Bench) -> None:
     there = mission(contract(node(arrival((7.0, 0.0)))))
     result = only(bench.judged(bench.driven(moving), there))
     assert result.verdict == "violated"
-    assert "moved 0.5" in result.reason
+    assert "moved 0.5" in sentence(result.reason)
 
 
 def test_a_fresh_pose_of_another_map_or_of_low_confidence_is_no_pose(bench: Bench) -> None:
@@ -199,7 +200,7 @@ def test_a_fresh_pose_of_another_map_or_of_low_confidence_is_no_pose(bench: Benc
     for changed in (other, weak):
         packet = replace(bench.driven(Drive()), estimates=(bench.trajectory(changed),))
         result = only(bench.judged(packet))
-        assert (result.verdict, "no pose" in result.reason) == ("ambiguous", True)
+        assert (result.verdict, "no pose" in sentence(result.reason)) == ("ambiguous", True)
 
 
 def test_two_samples_with_distinct_sensor_times_are_too_few(bench: Bench) -> None:
@@ -233,7 +234,7 @@ def test_evidence_below_the_required_independence_is_ambiguous_as_a_single_sourc
     risky = mission(contract(node(risk="high")))
     result = only(bench.judged(bench.driven(Drive()), risky, provider=card("localiser", "odometry")))
     assert (result.verdict, result.independence, result.required_independence) == ("ambiguous", 1, 2)
-    assert "single source" in result.reason
+    assert "single source" in sentence(result.reason)
 
 
 @pytest.mark.ledger("R14", "R15", symbol="harness.verification.predicates.static_body:static_body")

@@ -3,6 +3,7 @@
 import pytest
 from msgspec.structs import replace
 
+from app.reasons.rendering import sentence
 from harness.contracts.verdicts import ConditionResult
 from tests.unit.verification.building import (
     CIRCUIT,
@@ -43,7 +44,7 @@ def test_standing_inside_the_radius_at_the_start_is_no_return(bench: Bench) -> N
     )
     assert result.verdict == "violated"
     assert result.measured["distance_m"] < 0.4
-    assert "no departure" in result.reason
+    assert "no departure" in sentence(result.reason)
 
 
 def test_a_start_that_equals_the_goal_is_no_reason_to_fail(bench: Bench) -> None:
@@ -105,7 +106,7 @@ def unseen(bench: Bench, *, odometry: str) -> ConditionResult:
 def test_progress_that_nobody_saw_is_ambiguous_and_not_violated(bench: Bench) -> None:
     result = unseen(bench, odometry="gone")
     assert result.verdict == "ambiguous"
-    assert "of the route was measured" in result.reason
+    assert "of the route was measured" in sentence(result.reason)
 
 
 def test_a_gap_between_poses_is_bridged_by_odometry_that_ends_where_the_next_pose_is(bench: Bench) -> None:
@@ -130,4 +131,4 @@ def test_a_leg_that_begins_without_poses_is_bridged_from_the_pose_before_it(benc
 def test_a_localiser_that_froze_on_the_last_stretch_leaves_the_circuit_undecided(bench: Bench) -> None:
     result = only(bench.judged(bench.driven(Drive(route=CIRCUIT, freeze_after_m=16.5)), ROUND))
     assert result.verdict == "ambiguous"
-    assert "sources disagree" in result.reason
+    assert "sources disagree" in sentence(result.reason)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import pytest
 from msgspec.structs import replace
 
+from app.reasons.rendering import sentence
 from harness.contracts.evidence import CommittedFact
 from harness.contracts.ids import Digest, MissionId, NodeId, RequestId
 from harness.contracts.verdicts import GoalVerdict
@@ -180,7 +181,7 @@ def test_a_circuit_goal_is_tested_again_on_its_history_and_not_on_where_the_robo
     nodes = {NodeId("circuit"): replace(whole.nodes[NodeId("circuit")], packets=(stood,))}
     unproven = only(bench.goal(replace(whole, nodes=nodes), at_s=at_s, recent=now.samples()))
     assert unproven.verdict in ("violated", "ambiguous")
-    assert "no departure" in unproven.reason
+    assert "no departure" in sentence(unproven.reason)
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
+from app.reasons.rendering import sentence
 from harness.contracts.effects import Precondition
 from harness.contracts.evidence import CommittedFact
 from harness.contracts.observations import AnySample
@@ -106,5 +107,5 @@ def test_a_committed_arrival_does_not_replace_being_there_now() -> None:
         told=status(at_s=elsewhere.until_s),
         facts=(arrived,),
     )
-    assert (result.verdict, "go.arrival no longer holds" in result.reason) == ("violated", True)
+    assert (result.verdict, "go.arrival no longer holds" in sentence(result.reason)) == ("violated", True)
     assert answer(AT_B, at_s=STANDING.until_s + 2, facts=(arrived,)).verdict == "ambiguous"

@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
+from app.reasons.rendering import sentence
 from harness.contracts.ids import Digest
 from harness.projections.mission import Mission
 from tests.unit.verification.building import GOAL, Bench, fact, mission, only, receipt
@@ -53,7 +54,7 @@ def test_a_report_over_exactly_the_accepted_frames_is_bound_to_them(bench: Bench
     assert result.verdict == "satisfied"
     assert result.evidence[1:] == FRAMES
     assert result.measured["share_0"] == 0.4
-    assert (result.independence, "single source" in result.reason) == (0, True)
+    assert (result.independence, "single source" in sentence(result.reason)) == (0, True)
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
+from app.reasons.rendering import sentence
 from harness.contracts.effects import Relational, Symbolic, Temporal, Visual
 from harness.projections.mission import Mission
 from harness.verification.geometry import contains
@@ -51,12 +52,12 @@ def test_what_holds_at_the_end_only_is_not_stable(bench: Bench) -> None:
     result = only(bench.judged(packet, stable(interval_s=5.0)))
     assert result.verdict == "violated"
     assert 0 < result.measured["held"] < result.measured["looks"]
-    assert "s before the end" in result.reason
+    assert "s before the end" in sentence(result.reason)
 
 
 def test_an_interval_that_the_samples_do_not_cover_is_undecided(bench: Bench) -> None:
     result = only(bench.judged(bench.driven(Drive(after_s=4.0)), stable(interval_s=500.0)))
-    assert result.verdict == "ambiguous" and "do not cover" in result.reason
+    assert result.verdict == "ambiguous" and "do not cover" in sentence(result.reason)
 
 
 def test_a_gap_without_a_look_is_undecided(bench: Bench) -> None:

@@ -3,6 +3,7 @@
 import pytest
 from msgspec.structs import replace
 
+from app.reasons.rendering import sentence
 from harness.verification.body import at_rest_until
 from harness.verification.finding import Undecidable
 from tests.unit.verification.building import STATIC, Bench, contract, mission, node, only
@@ -32,7 +33,7 @@ def test_a_body_that_stopped_half_a_second_ago_is_not_static_yet(bench: Bench) -
 def test_a_localiser_alone_cannot_show_that_the_body_stands(bench: Bench) -> None:
     result = only(bench.judged(bench.driven(Drive(odometry=False, imu=False)), STANDING))
     assert result.verdict == "ambiguous"
-    assert "no source outside the localiser" in result.reason
+    assert "no source outside the localiser" in sentence(result.reason)
 
 
 def test_an_imu_alone_can_refute_standing_but_not_show_it(bench: Bench) -> None:
@@ -60,5 +61,5 @@ def test_odometry_that_ended_long_before_collection_is_stale(bench: Bench) -> No
 def test_an_instant_without_a_second_of_odometry_before_it_is_undecidable() -> None:
     odometry = Drive().trajectory().odometry
     assert at_rest_until(odometry, until_s=odometry[-1].at_s) == (pytest.approx(0.0), 0.0)
-    with pytest.raises(Undecidable, match="does not cover"):
+    with pytest.raises(Undecidable, match="odometry_does_not_cover"):
         at_rest_until(odometry, until_s=odometry[0].at_s + 0.2)
