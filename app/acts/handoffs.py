@@ -9,6 +9,7 @@ from app.acts.base import Act, Count, Key, Reason, Sha256, Slug, Text
 from app.views.forms import Wrong
 from harness.contracts import commands, handoff_commands
 from harness.contracts.configuration import RecoveryAction
+from harness.contracts.reasons import because
 
 
 class LookAgainAct(Act):
@@ -32,7 +33,7 @@ class ReleaseHandoffAct(Act):
 
     def fields(self) -> dict[str, Any]:
         """The reason is the act itself."""
-        return {"claim": self.claim, "reason": "released by its holder"}
+        return {"claim": self.claim, "reason": because("claim_released")}
 
 
 class ExtendDeadlineAct(Act):
