@@ -43,8 +43,9 @@ def refused_for(found: tuple[Refusal, ...]) -> Refused:
     """One refusal that names the first rule and counts the rest."""
     first = found[0]
     change = {"old": first.old or "-", "new": first.new or "-"} if first.old or first.new else {}
-    code = "candidate_loosens_value" if change else "candidate_loosens"
-    reason = because(code, path=first.path, why=first.reason, **change)
+    reason = because(
+        "candidate_loosens_value" if change else "candidate_loosens", path=first.path, why=first.reason, **change
+    )
     if len(found) > 1:
         reason = because("candidate_loosens_more", first=reason, more=len(found) - 1)
     return refused(first.rule, reason)

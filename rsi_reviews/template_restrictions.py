@@ -201,13 +201,14 @@ def _tightened(path: str, name: str, was: Any, would: Any, *, rule: str) -> Iter
     """Equal, or a number that moved in its tightening direction."""
     if encode(was) == encode(would):
         return
-    if _number(was) and _number(would):
-        if (name in LOWER and 0 <= would <= was) or (name in HIGHER and would >= was):
-            return
-        code = "may_only_fall" if name in LOWER else "may_only_rise" if name in HIGHER else "value_fixed"
-        yield _refusal(rule, path, was, would, code, field=name)
-        return
-    yield _refusal(rule, path, was, would, "value_fixed", field=name)
+    if name in LOWER and _number(was) and _number(would):
+        if not 0 <= would <= was:
+            yield _refusal(rule, path, was, would, "may_only_fall", field=name)
+    elif name in HIGHER and _number(was) and _number(would):
+        if would < was:
+            yield _refusal(rule, path, was, would, "may_only_rise", field=name)
+    else:
+        yield _refusal(rule, path, was, would, "value_fixed", field=name)
 
 
 def _same(path: str, was: Any, would: Any) -> Iterator[Refusal]:

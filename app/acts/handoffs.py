@@ -10,6 +10,7 @@ from app.catalogues import N_
 from app.views.forms import Wrong
 from harness.contracts import commands, handoff_commands
 from harness.contracts.configuration import RecoveryAction
+from harness.contracts.reasons import because
 
 
 class LookAgainAct(Act):
@@ -33,7 +34,7 @@ class ReleaseHandoffAct(Act):
 
     def fields(self) -> dict[str, Any]:
         """The reason is the act itself."""
-        return {"claim": self.claim, "reason": N_("released by its holder")}
+        return {"claim": self.claim, "reason": because("claim_released")}
 
 
 class ExtendDeadlineAct(Act):

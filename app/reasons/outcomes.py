@@ -7,7 +7,6 @@ from app.catalogues import N_
 SENTENCES: Mapping[str, str] = {
     "answered_by": N_("{actor}: {reason}"),
     "condition_disputed": N_("{condition} is disputed"),
-    "condition_is": N_("{text}: {verdict:word}, {reason}"),
     "goal_met": N_("Goal met: {goal}. {reason}"),
     "goal_not_met": N_("All stages done, goal not met ({verdict:word}): {why}"),
     "goal_verdict_satisfied": N_("the goal verdict is satisfied"),
@@ -18,6 +17,5 @@ SENTENCES: Mapping[str, str] = {
     "not_reopened": N_("{why} {again}"),
     "stage_not_reopened": N_("{stage} is not opened again: {why}."),
     "stopped_without_rest": N_("{stopped}. No evidence shows the robot at rest: {why}"),
-    "verdict_is": N_("The verdict is {verdict:word}. {reasons}"),
     "withdrawn_before_begin": N_("Taken back by {actor} before it began: {reason}"),
 }

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import pytest
 from msgspec.structs import asdict, replace
 
+from app.reasons.rendering import sentence
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import ApproveHandoff, RejectHandoff, StopMission
 from harness.contracts.decisions import Accepted, Decision, Refused
@@ -103,7 +104,7 @@ def test_a_rejection_ends_safely_stopped(waiting: Ran) -> None:
     assert isinstance(decide(waiting, "reject"), Accepted)
     ended = mission_of(waiting)
     assert ended.status == "safe_stopped"
-    assert OPERATOR.name in ended.report
+    assert OPERATOR.name in sentence(ended.report)
 
 
 def test_a_stop_takes_the_question_away(waiting: Ran) -> None:
