@@ -134,7 +134,7 @@ def retelling(language: str) -> Retelling:
 def localise(value: Any, language: str) -> Any:
     """A value as its reader should see it: reasons, a Message, what the catalogues know; anything else untouched."""
     if isinstance(value, Reason):
-        return reasons.sentence(value, language)
+        return reasons.sentence(_localised(value, language), language)
     if language == ENGLISH or not isinstance(value, str) or hasattr(value, "__html__"):
         return value
     if isinstance(value, Message):
@@ -149,3 +149,22 @@ def _field(value: Any, language: str) -> Any:
     if isinstance(value, datetime):
         return format_datetime(value, "medium", locale=LOCALES[language])
     return localise(value, language)
+
+
+def _localised(reason: Reason, language: str) -> Reason:
+    """The reason with the texts among its facts as the catalogues know them: conditions, what the machinery said."""
+    if language == ENGLISH:
+        return reason
+    return Reason(code=reason.code, facts={name: _fact(one, language) for name, one in reason.facts.items()})
+
+
+def _fact(value: Any, language: str) -> Any:
+    match value:
+        case Reason():
+            return _localised(value, language)
+        case tuple():
+            return tuple(_fact(one, language) for one in value)
+        case str():
+            return localise(value, language)
+        case _:
+            return value
