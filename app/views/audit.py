@@ -5,14 +5,14 @@ from typing import Any
 
 import msgspec
 
-from app.messages import listed
+from app.i18n.messages import listed
 from app.views.shell import Shell
-from harness.contracts.ports import Head, StoredEvent
+from harness.contracts.ports import LogHead, StoredEvent
 from harness.contracts.upcasting import name_of
 from harness.contracts.values import Count, Value
 
 
-class Deed(Value):
+class AuditEvent(Value):
     """One event of the log. `actor` is empty where nobody asked for it: the harness or a robot brought it about.
 
     `mission_id` and `robot_id` are empty where the event names none.
@@ -39,7 +39,7 @@ class Wanted:
     kind: str = ""
     everything: bool = False
 
-    def fits(self, deed: Deed) -> bool:
+    def fits(self, deed: AuditEvent) -> bool:
         if self.actor and self.actor.lower() not in deed.actor.lower():
             return False
         if self.kind and self.kind.lower() not in deed.kind.lower():
@@ -56,12 +56,12 @@ class Sum:
     note: str = ""
 
 
-def deed(stored: StoredEvent) -> Deed:
+def deed(stored: StoredEvent) -> AuditEvent:
     """One event with whoever asked for it."""
     body: dict[str, Any] = msgspec.json.decode(stored.body)
     actor = body.get("actor") or body.get("requested_by") or {}
     family, _, name = stored.stream.partition("/")
-    return Deed(
+    return AuditEvent(
         position=stored.position,
         at_s=stored.recorded_s,
         kind=name_of(stored.kind),
@@ -81,8 +81,8 @@ class AuditPage:
     """Newest first, down to `scanned_from`, the lowest position that was looked at; older events may hold more."""
 
     shell: Shell
-    head: Head
-    deeds: tuple[Deed, ...]
+    head: LogHead
+    deeds: tuple[AuditEvent, ...]
     wanted: Wanted
     scanned_from: int
     found: Sum
@@ -90,7 +90,7 @@ class AuditPage:
 
 
 @dataclass(frozen=True)
-class TrailRow:
+class AuditRow:
     """One line of the access trail."""
 
     number: int
@@ -108,7 +108,7 @@ class AccessPage:
     """Who came in, from where, and what they commanded; newest first."""
 
     shell: Shell
-    rows: tuple[TrailRow, ...]
+    rows: tuple[AuditRow, ...]
     wanted: Wanted
     older: int
     found: Sum
