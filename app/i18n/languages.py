@@ -125,7 +125,6 @@ def ways() -> tuple[LanguageLink, ...]:
 
 
 @cache
-@cache
 def retelling(language: str) -> Retelling:
     """What the machinery said, in a language."""
     return Retelling(catalogue(language), catalogue(language, MACHINE))

@@ -99,8 +99,14 @@ def linked(response: Response, path: str, found: Slice[Any], **asked: str) -> No
 
 
 def plain(value: Any) -> Any:
-    """A contract's value or an answer as JSON; a sentence that could be told in another language is told in English."""
-    return reasons.stating(value)
+    """A contract's value or an answer as JSON: a reason is its code and facts, a message that is translated English."""
+    return msgspec.to_builtins(value, enc_hook=_text)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, str):
+        return str(value)
+    raise TypeError(f"{type(value).__name__} is no part of an answer")
 
 
 def in_words(reason: TypedReason) -> str:

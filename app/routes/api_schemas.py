@@ -130,7 +130,11 @@ class MissionOutcome(msgspec.Struct, frozen=True, kw_only=True):
     status: str
     goal_verdict: str | None
     reason: str
+    reason_code: str
+    reason_facts: dict[str, Any]
     report: str
+    report_code: str
+    report_facts: dict[str, Any]
     state_version: Count
     configuration: str
     seed: Count

@@ -5,9 +5,10 @@ from typing import Any
 
 import msgspec
 
-from app.i18n.messages import listed
+from app.i18n.messages import listed, reasoned
 from app.views.shell import Shell
 from harness.contracts.ports import LogHead, StoredEvent
+from harness.contracts.reasons import Reason
 from harness.contracts.upcasting import name_of
 from harness.contracts.values import Count, Value
 
@@ -71,9 +72,14 @@ def deed(stored: StoredEvent) -> AuditEvent:
         actor=str(actor.get("name", "")),
         role=listed(str(actor.get("role", "")).split("+")),
         channel=str(actor.get("channel", "human")) if actor else "",
-        reason=str(body.get("reason", "")),
+        reason=_reason(body.get("reason", "")),
         digest=stored.digest,
     )
+
+
+def _reason(stored: Any) -> str:
+    """What the event was stored with: a person's words, or a code with its facts."""
+    return reasoned(msgspec.convert(stored, Reason)) if isinstance(stored, dict) else str(stored)
 
 
 @dataclass(frozen=True)

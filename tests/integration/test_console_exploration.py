@@ -16,6 +16,7 @@ from app.settings import ConsoleSettings
 from app.views.exploration import Recorded, choices_region
 from harness.baseline.load import further
 from harness.contracts.exploration import FREE, GridMap, TargetProposal, TargetQuestion
+from harness.contracts.reasons import Reason
 from harness.contracts.values import decode
 from harness.exploration.grid import area_m2
 from harness.exploration.targets import Proposer, nearest_edge
@@ -33,6 +34,11 @@ def stray(question: TargetQuestion, picture: bytes) -> TargetProposal | None:
     """The edge that shows most, save once: then a door that is on no map."""
     tried = {one.node_id for one in question.feedback}
     return TargetProposal((400.0, 0.0), "the red door") if len(tried) == 1 else nearest_edge(question, picture)
+
+
+def set_solid(text: str) -> str:
+    """The same page however its markup is laid out: one space for many, none beside a tag's bounds."""
+    return re.sub(r"(?<=>) | (?=</)", "", re.sub(r"\s+", " ", text))
 
 
 class Explored:
@@ -57,7 +63,7 @@ class Explored:
     def page(self, leg: str = "", part: str = "exploration") -> str:
         answer = self.client.get(f"/missions/{self.mission_id}/{part}", params={"leg": leg} if leg else {})
         assert answer.status_code == 200
-        return html.unescape(answer.text)
+        return set_solid(html.unescape(answer.text))
 
     def question(self, number: int) -> TargetQuestion:
         return decode(self.stage.runtime.record(decisions(self.mission)[number].question).body, TargetQuestion)
@@ -85,7 +91,8 @@ def test_every_choice_links_what_it_was_made_from_what_was_considered_and_what_c
         for place, edge in enumerate(question.frontiers, start=1):
             row = row_of(text, f"<td>{place}{' <b>chosen</b>' if edge.approach_m == decision.target_m else '</td>'}")
             assert f"<td>{edge.length_m:.1f} m</td><td>{edge.way_m:.1f} m</td>" in row
-        assert decision.reason in text
+        assert isinstance(decision.reason, Reason)
+        assert sentence(decision.reason) in text
         assert decision.question in text and decision.answer in text
         for blob in (f"{decision.image}/about", decision.map_before, decision.map_after):
             assert f'href="/evidence/{blob}"' in text
@@ -100,13 +107,15 @@ def test_every_choice_links_what_it_was_made_from_what_was_considered_and_what_c
     region = choices_region(explored.mission, (), Recorded(), leg="leg-1")
     assert region.shown is not None
     assert (region.shown.recorded, region.shown.floor, region.shown.edges) == (False, None, ())
-    assert region.shown.reason == decisions(explored.mission)[0].reason
+    why = decisions(explored.mission)[0].reason
+    assert isinstance(why, Reason)
+    assert region.shown.reason == sentence(why)
 
 
 def test_a_refused_proposal_stands_beside_what_the_harness_took_instead(explored: Explored) -> None:
     text = explored.page("leg-2")
     assert "vision-model was not followed." in text
-    assert "outside_map: (400.00, 0.00) lies outside the map" in text
+    assert "outside map: (400.00, 0.00) lies outside the map site-1." in text
     assert "It wanted (400.0, 0.0): the red door" in text
     assert '<path class="refused"' in text
     assert "refused; the harness took its own" in row_of(text, ">2. (")

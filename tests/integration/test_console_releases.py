@@ -56,7 +56,7 @@ class House:
     def bound(self, who: str, name: str) -> dict[str, str]:
         """What the form of this person's page carries."""
         text = self.page(who, f"/candidates/{name}")
-        return {field: re.findall(rf'name="{field}" value="([^"]*)"', text)[0] for field in BOUND}
+        return {field: re.findall(rf'name="{field}"\s+value="([^"]*)"', text)[0] for field in BOUND}
 
     def said(self, who: str, name: str, word: str, **typed: str) -> tuple[int, str]:
         """One word from this person's own page: status, and the page that comes back."""

@@ -5,20 +5,6 @@ import { tr } from "./translations.js";
 const dock = document.getElementById("dock");
 const WIDTH = 99;
 
-document.addEventListener("change", (event) => {
-  if ("go" in event.target.dataset) event.target.form.requestSubmit();
-});
-
-for (const frame of document.querySelectorAll(".scene iframe")) {
-  frame.addEventListener("load", () => {
-    for (const wait of [1500, 5000]) setTimeout(() => document.body.dispatchEvent(new CustomEvent("live:scene")), wait);
-  });
-}
-
-document.body.addEventListener("live:resync", () => {
-  for (const frame of document.querySelectorAll(".scene iframe")) frame.src = frame.src;
-});
-
 if (dock) begin();
 
 function begin() {
