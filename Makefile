@@ -39,7 +39,7 @@ types: install-test ## mypy --strict
 	@$(BIN)/mypy
 
 architecture: install-test ## who may import, append and dispatch: import contracts and checks over the sources
-	@$(BIN)/lint-imports --no-logo && $(BIN)/python -m pytest -q tests/rooms
+	@$(BIN)/lint-imports --no-logo && $(BIN)/python -m pytest -q tests/architecture
 
 ledger: install-test ## which requirements a test proves, and which are open
 	@$(BIN)/python -m tools.ledger

@@ -10,22 +10,22 @@ import msgspec
 from cachetools import LRUCache
 from fastapi import Depends, Request
 
-from app.alerts import Alerts
-from app.doors import Doors
-from app.evaluated import Evaluated
-from app.fleet import Fleet, no_fleet
-from app.guard import GuardedRuntime
-from app.history import Histories
-from app.issuer_door import IssuerDoor
-from app.lists import Lists
-from app.live import SignalBroker
-from app.measured import Measurements
-from app.presence import Presence
-from app.reviewing import GuardedDesk
-from app.scene import Scenes
-from app.security import actor_of
+from app.auth.guarded_releases import GuardedReleaseService
+from app.auth.guarded_runtime import GuardedRuntime
+from app.auth.oidc_login import OidcLogin
+from app.auth.sessions import SessionService
+from app.background.alerts import Alerts
+from app.background.evaluations import Evaluated
+from app.background.lists import Lists
+from app.background.mission_history import Histories
+from app.background.presence import Presence
+from app.background.robot_reports import Fleet, no_fleet
+from app.background.signals import SignalBroker
+from app.background.trajectories import Measurements
+from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from app.views.shell import Shell, Surroundings, shell
+from app.web.security import actor_of
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.capabilities import CapabilityCard
@@ -35,10 +35,10 @@ from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import BlobDamaged, UnknownName
 from harness.contracts.exploration import TargetAnswer, TargetQuestion
 from harness.contracts.ids import Digest, MissionId, RequestId, RobotId
-from harness.contracts.ports import Head
+from harness.contracts.ports import LogHead
 from harness.contracts.proposals import CandidateSet
 from harness.contracts.protocol import DriveReport, PhysicalStart
-from harness.projections.control import Control
+from harness.projections.control import SiteControl
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
 
@@ -50,8 +50,8 @@ T = TypeVar("T")
 SPENT_KEYS = 1024
 
 
-class Wheel(Protocol):
-    """How people drive a robot by hand and have it lie down; see harness/supervisor/wheel.py."""
+class TeleoperationPort(Protocol):
+    """How people drive a robot by hand and have it lie down; see harness/supervisor/teleoperation.py."""
 
     def take(self, robot_id: RobotId, *, actor: Actor, device: str, reason: str) -> Accepted[AnyEvent] | Refused: ...
 
@@ -100,12 +100,12 @@ class Console:
     settings: ConsoleSettings
     broker: SignalBroker
     scenes: Scenes
-    doors: Doors
+    sessions: SessionService
     histories: Histories
     lists: Lists
     measurements: Measurements
     alerts: Alerts
-    desk: GuardedDesk
+    desk: GuardedReleaseService
     evaluated: Evaluated
     clock: Callable[[], float]
     starts: Starts = no_journal
@@ -113,11 +113,11 @@ class Console:
     keys: OneUse = field(default_factory=OneUse)
     fleet: Fleet = field(default_factory=no_fleet)
     presence: Presence = field(default_factory=Presence)
-    wheel: Wheel | None = None
+    wheel: TeleoperationPort | None = None
     dossier: Dossier | None = None
-    issuer: IssuerDoor | None = None
+    issuer: OidcLogin | None = None
 
-    def head(self) -> Head:
+    def head(self) -> LogHead:
         return self.runtime.head()
 
     def surroundings(self, actor: Actor) -> Surroundings:
@@ -133,9 +133,9 @@ class Console:
             reviewing=sum(one.status in ("in_review", "authorised") for one in self.desk.reviews()),
         )
 
-    def control(self) -> Control:
+    def control(self) -> SiteControl:
         """The house's limit on autonomy, and who drives what by hand."""
-        control: Control = self.runtime.fold(CONTROL)
+        control: SiteControl = self.runtime.fold(CONTROL)
         return control
 
     def shell(self, title: str, section: str, actor: Actor, *, topics: Sequence[str] = ()) -> Shell:

@@ -13,27 +13,24 @@ import uvicorn
 from argon2 import PasswordHasher
 from fastapi import FastAPI
 
-from app import description, errors
-from app.accounts import Accounts
-from app.alert_watch import AlertWatch, Watched
-from app.alerts import Alerts
-from app.console import Cards, Console, Dossier, Starts, Wheel, no_cards, no_journal
-from app.doors import Doors
-from app.errors import PortBusy
-from app.evaluated import Evaluated, evaluator_folder
-from app.exposure import check_exposure
-from app.fleet import Fleet, no_fleet
-from app.guard import GuardedRuntime
-from app.history import Histories
-from app.idempotency import Idempotency
-from app.issuer_setup import issuer_door
-from app.languages import Languages
-from app.limits import Buckets
-from app.lists import Lists
-from app.live import SignalBroker
-from app.measured import Measurements
-from app.notices import Notices
-from app.reviewing import GuardedDesk
+from app.auth.accounts import Accounts
+from app.auth.exposure import check_exposure
+from app.auth.guarded_releases import GuardedReleaseService
+from app.auth.guarded_runtime import GuardedRuntime
+from app.auth.oidc_settings import issuer_door
+from app.auth.rate_limits import Buckets
+from app.auth.sessions import SessionService
+from app.background.alert_watch import AlertWatch, Watched
+from app.background.alerts import Alerts
+from app.background.evaluations import Evaluated, evaluator_folder
+from app.background.lists import Lists
+from app.background.mission_history import Histories
+from app.background.notifications import Notices
+from app.background.robot_reports import Fleet, no_fleet
+from app.background.signals import SignalBroker
+from app.background.trajectories import Measurements
+from app.console import Cards, Console, Dossier, Starts, TeleoperationPort, no_cards, no_journal
+from app.i18n.languages import Languages
 from app.routes import (
     account,
     alerts,
@@ -59,6 +56,7 @@ from app.routes import (
     memory,
     metrics,
     missions,
+    openapi,
     overview,
     places,
     providers,
@@ -70,12 +68,15 @@ from app.routes import (
     sign_in,
     watch,
 )
-from app.scene import Scenes
-from app.security import Doorkeeper, Threshold
+from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
-from app.sharing import Shared
-from app.static_files import StampedFiles
-from app.unforeseen import Unforeseen
+from app.web import errors
+from app.web.errors import PortBusy
+from app.web.idempotency import Idempotency
+from app.web.response_cache import ResponseCache
+from app.web.security import SecurityMiddleware, SecurityPolicy
+from app.web.server_errors import ServerErrorMiddleware
+from app.web.static_files import StampedFiles
 from harness.adapters.notify.services import AppriseNotifier
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.bootstrap import open_lists
@@ -98,7 +99,7 @@ def create_app(
     cards: Cards = no_cards,
     folder: Path | None = None,
     fleet: Fleet | None = None,
-    wheel: Wheel | None = None,
+    wheel: TeleoperationPort | None = None,
 ) -> FastAPI:
     """The console over a runtime. `starts` reads the robots' journals, `cards` what they can do.
 
@@ -112,9 +113,9 @@ def create_app(
     """
     lists = Lists(runtime, open_lists(folder))
     lists.catch_up()
-    doors = _doors(accounts, settings)
+    sessions = _sessions(accounts, settings)
     inbox = Alerts(runtime)
-    desk = GuardedDesk(runtime, accounts.told)
+    desk = GuardedReleaseService(runtime, accounts.told)
     watched = Watched(fleet=fleet or no_fleet(), starts=starts, free_bytes=_free(folder), clock=time.time)
     services = AppriseNotifier({name: address.get_secret_value() for name, address in settings.notify.items()})
     notices = Notices(runtime, services, time.time, settings.address)
@@ -133,15 +134,15 @@ def create_app(
         accounts.store.close()
 
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, lifespan=lifespan)
-    app.state.doors = doors
+    app.state.sessions = sessions
     app.state.alert_watch = alert_watch
     app.state.notices = notices
     app.state.console = Console(
-        runtime=GuardedRuntime(runtime, answer=answer, trail=accounts.told),
+        runtime=GuardedRuntime(runtime, answer=answer, audit_log=accounts.told),
         settings=settings,
         broker=broker,
         scenes=scenes,
-        doors=doors,
+        sessions=sessions,
         histories=Histories(runtime),
         lists=lists,
         measurements=Measurements(runtime),
@@ -154,7 +155,7 @@ def create_app(
         fleet=fleet or no_fleet(),
         wheel=wheel,
         dossier=_dossiers(runtime, folder),
-        issuer=issuer_door(settings, doors, clock=time.time, fresh=_fresh),
+        issuer=issuer_door(settings, sessions, clock=time.time, fresh=_fresh),
     )
     app.mount("/static", StampedFiles(directory=settings.static), name="static")
     for room in (
@@ -197,12 +198,12 @@ def create_app(
         api_events,
     ):
         app.include_router(room.router)
-    description.install(app)
+    openapi.install(app)
     errors.install(app)
-    app.add_middleware(Shared, changes=lambda: broker.changes, clock=time.monotonic)
+    app.add_middleware(ResponseCache, changes=lambda: broker.changes, clock=time.monotonic)
     app.add_middleware(Idempotency, store=accounts.store, clock=time.time)
-    app.add_middleware(Unforeseen)
-    app.add_middleware(Doorkeeper, doors=doors, threshold=_threshold(settings))
+    app.add_middleware(ServerErrorMiddleware)
+    app.add_middleware(SecurityMiddleware, sessions=sessions, policy=_policy(settings))
     app.add_middleware(Languages, secure=settings.secure)
     return app
 
@@ -229,8 +230,8 @@ def open_accounts(settings: ConsoleSettings, folder: Path | None = None) -> Acco
     return Accounts(store, clock=time.time, fresh=_fresh, hasher=hasher)
 
 
-def _doors(accounts: Accounts, settings: ConsoleSettings) -> Doors:
-    return Doors(
+def _sessions(accounts: Accounts, settings: ConsoleSettings) -> SessionService:
+    return SessionService(
         accounts,
         owner_token=settings.owner_token.get_secret_value(),
         operator=settings.operator,
@@ -241,13 +242,13 @@ def _doors(accounts: Accounts, settings: ConsoleSettings) -> Doors:
     )
 
 
-def _threshold(settings: ConsoleSettings) -> Threshold:
-    return Threshold(
+def _policy(settings: ConsoleSettings) -> SecurityPolicy:
+    return SecurityPolicy(
         hosts=settings.hosts,
         cookie=settings.cookie,
         secure=settings.secure,
         known=Buckets(per_s=settings.rate_per_s, burst=settings.rate_burst, clock=time.monotonic),
-        strangers=Buckets(per_s=settings.stranger_rate_per_s, burst=settings.stranger_rate_burst, clock=time.monotonic),
+        anonymous=Buckets(per_s=settings.stranger_rate_per_s, burst=settings.stranger_rate_burst, clock=time.monotonic),
     )
 
 
@@ -289,7 +290,7 @@ def serve(app: FastAPI, listener: socket.socket) -> None:
     """Serve until SIGINT or SIGTERM; returns once the last answer is out or GRACE_S is over."""
     console: Console = app.state.console
     settings = console.settings
-    check_exposure(settings, has_accounts=console.doors.has_accounts)
+    check_exposure(settings, has_accounts=console.sessions.has_accounts)
     config = uvicorn.Config(
         app,
         log_level="warning",

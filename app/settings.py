@@ -12,7 +12,7 @@ from harness.contracts.errors import ContractInvalid
 ROOT = Path(__file__).resolve().parents[1]
 
 
-class IssuerSettings(BaseSettings):
+class OidcSettings(BaseSettings):
     """The OpenID Connect provider that people may sign in at, from REGEN_OIDC_*; none without `issuer`.
 
     `roles` says which roles a group has here: {"robot-operators": ["operator"]}; who has none is refused. Groups stand
@@ -39,14 +39,14 @@ class IssuerSettings(BaseSettings):
         return self.title or urlsplit(self.issuer).hostname or ""
 
 
-def issuer_settings() -> IssuerSettings:
+def oidc_settings() -> OidcSettings:
     """From the environment. Raises ContractInvalid that names the setting, and not what stands in it."""
     try:
-        return IssuerSettings()
+        return OidcSettings()
     except ValidationError as error:
         named = "_".join(str(part) for part in error.errors()[0]["loc"][:1])
     except SettingsError as error:
-        named = next((one for one in IssuerSettings.model_fields if f'"{one}"' in str(error)), "")
+        named = next((one for one in OidcSettings.model_fields if f'"{one}"' in str(error)), "")
     raise ContractInvalid(
         "A setting of the identity provider cannot be read",
         where=f"REGEN_OIDC_{named.upper()}",
@@ -84,7 +84,7 @@ class ConsoleSettings(BaseSettings):
     session_age_s: Annotated[float, Field(gt=0)] = 24 * 3600.0
     scenes: Annotated[int, Field(ge=1)] = 8
     notify: dict[str, SecretStr] = {}
-    oidc: IssuerSettings = Field(default_factory=issuer_settings)
+    oidc: OidcSettings = Field(default_factory=oidc_settings)
     static: Path = ROOT / "static"
     templates: Path = ROOT / "templates"
     results: Path = ROOT / "docs" / "results"

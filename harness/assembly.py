@@ -8,8 +8,8 @@ from types import MappingProxyType
 from typing import Any
 
 from harness.adapters.failpoints import parse, provider_with_failpoint
+from harness.adapters.providers.archive import EvidenceArchiver
 from harness.adapters.providers.intake import TextIntake
-from harness.adapters.providers.keeping import EvidenceKeeper
 from harness.adapters.providers.messaging.delivery import OutboxDelivery
 from harness.adapters.providers.messaging.folder import FolderOutbox
 from harness.adapters.providers.messaging.memory import MemoryOutbox
@@ -31,7 +31,6 @@ from harness.contracts.ports import (
     BlobStore,
     Clock,
     EventStore,
-    HandDriven,
     Ids,
     LiveCamera,
     MemoryIndex,
@@ -40,6 +39,7 @@ from harness.contracts.ports import (
     Signals,
     Snapshots,
     Spool,
+    Teleoperable,
 )
 from harness.contracts.protocol import PhysicalStart
 from harness.exploration.targets import NEAREST_EDGE, Proposer
@@ -56,9 +56,9 @@ from harness.planning.planner import GRAPH_ORDER, Planner
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from harness.settings import HarnessSettings
-from harness.supervisor.crew import Crew
+from harness.supervisor.robot_connection import RobotConnection
 from harness.supervisor.supervisor import Supervisor
-from harness.supervisor.wheel import HandWheel
+from harness.supervisor.teleoperation import Teleoperation
 from harness.verification.verdict import Verifier, verify
 
 Deciders = Mapping[str, Decider[Any, Any, Any]]
@@ -93,7 +93,7 @@ def directly(robot: Robot) -> Robot:
     return robot
 
 
-class Unheard:
+class NullSignals:
     """Signals that nobody listens to."""
 
     def changed(self, name: str) -> None:
@@ -111,7 +111,7 @@ class Harness:
     supervisor: Supervisor
     robots: Mapping[RobotId, Robot]
     clock: Clock
-    wheel: HandWheel
+    wheel: Teleoperation
     clocks: Mapping[RobotId, Clock]
     cameras: Mapping[RobotId, LiveCamera]
     token: str = ""
@@ -156,7 +156,7 @@ class Member:
     configure: Callable[[Mission], None]
     revive: Callable[[], bool] = lambda: False
     camera: LiveCamera | None = None
-    hand: HandDriven | None = None
+    hand: Teleoperable | None = None
 
 
 def assemble(
@@ -178,11 +178,11 @@ def joined(stack: ExitStack, settings: HarnessSettings, parts: Parts, members: S
     """Every robot with a crew and a clock of its own under one supervisor. The stack closes the supervisor."""
     clocks = {one.robot_id: one.clock for one in members}
     runtime = runtime_on(parts, clocks)
-    crews = {one.robot_id: _crew(settings, parts, one) for one in members}
-    supervisor = Supervisor(runtime=runtime, crews=crews)
+    connections = {one.robot_id: _connection(settings, parts, one) for one in members}
+    supervisor = Supervisor(runtime=runtime, connections=connections)
     supervisor.close_interrupted_replays()
     runtime.memory.catch_up()
-    wheel = HandWheel(runtime=runtime, crews=crews)
+    wheel = Teleoperation(runtime=runtime, connections=connections)
     wheel.return_abandoned()
     stack.callback(supervisor.close)
     return Harness(
@@ -196,10 +196,10 @@ def joined(stack: ExitStack, settings: HarnessSettings, parts: Parts, members: S
     )
 
 
-def _crew(settings: HarnessSettings, parts: Parts, member: Member) -> Crew:
+def _connection(settings: HarnessSettings, parts: Parts, member: Member) -> RobotConnection:
     plan = parse(settings.failpoint) if settings.failpoint else None
     providers = [provider_with_failpoint(one, plan) for one in (*member.robot.providers(), *member.local)]
-    return Crew(
+    return RobotConnection(
         robot_id=member.robot_id,
         robot=member.robot,
         providers={ProviderId(provider.card.provider_id): provider for provider in providers},
@@ -261,6 +261,6 @@ def local_providers(parts: Parts, *, camera: Camera, folder: Path | None, robot_
         OpenCvAnalysis(camera, clock=clock, blobs=blobs, journal=journal("opencv-analysis")),
         OutboxDelivery(outbox, clock=clock, blobs=blobs, journal=journal("message-outbox")),
         EspeakVoice(PacedSpeaker(), clock=clock, blobs=blobs, journal=journal("espeak-voice")),
-        EvidenceKeeper(clock=clock, blobs=blobs, journal=journal("evidence-keeper")),
+        EvidenceArchiver(clock=clock, blobs=blobs, journal=journal("evidence-keeper")),
         OpenCvDescription(clock=clock, blobs=blobs, journal=journal("opencv-description")),
     )

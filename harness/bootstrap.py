@@ -28,10 +28,10 @@ from harness.assembly import (
     Deciders,
     Harness,
     Member,
+    NullSignals,
     Parts,
     Select,
     Trial,
-    Unheard,
     assemble,
     directly,
     joined,
@@ -48,15 +48,7 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import RobotId
 from harness.contracts.observations import Camera
 from harness.contracts.places import Site
-from harness.contracts.ports import (
-    Clock,
-    EventStore,
-    Head,
-    ReadModels,
-    Robot,
-    Signals,
-    Snapshots,
-)
+from harness.contracts.ports import Clock, EventStore, LogHead, ReadModels, Robot, Signals, Snapshots
 from harness.contracts.regularities import HiddenSite
 from harness.contracts.simulation import InProcessRobot, Simulator
 from harness.projections.mission import Mission
@@ -67,10 +59,10 @@ __all__ = [
     "DECIDERS",
     "Deciders",
     "Harness",
+    "NullSignals",
     "Parts",
     "Select",
     "Trial",
-    "Unheard",
     "assemble",
     "camera_of",
     "directly",
@@ -123,7 +115,7 @@ def open_harness(
             spool=FileSpool(folder.spool),
             ids=ids,
             clock=kept[0].clock,
-            signals=signals or Unheard(),
+            signals=signals or NullSignals(),
             index=stack.enter_context(closing(SqlMemoryIndex(f"sqlite:///{folder.root / 'memory.db'}"))),
             snapshots=snapshots,
             deciders=deciders,
@@ -178,7 +170,7 @@ def _without_robots(
             spool=MemorySpool(),
             ids=SystemIds(),
             clock=SystemClock(),
-            signals=Unheard(),
+            signals=NullSignals(),
             snapshots=StoredSnapshots(log, keeping=False),
             deciders=deciders,
             authority=authority,
@@ -221,7 +213,7 @@ def simulated(
             spool=MemorySpool(),
             ids=SeededIds(seed),
             clock=clocks[0],
-            signals=Unheard(),
+            signals=NullSignals(),
             configuration=configuration or baseline(),
             site=site or shipped_site(),
             deciders=deciders,
@@ -292,7 +284,7 @@ def open_lists(folder: Path | None) -> ReadModels:
     return SqlReadModels(f"sqlite:///{folder / 'lists.db'}") if folder else SqlReadModels()
 
 
-def move_log(source: str, target: str) -> Head:
+def move_log(source: str, target: str) -> LogHead:
     """Copy the event log into an empty one elsewhere, verified at both ends; blobs stay. Raises as `moving` says."""
     return moved(source, target)
 

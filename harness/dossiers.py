@@ -8,7 +8,7 @@ from harness.adapters.ids import SystemIds
 from harness.adapters.stores.dossier import open_dossier, signing_key, write_dossier
 from harness.adapters.stores.memory import MemorySpool
 from harness.auditing.dossier import DossierVerdict, collect, judge
-from harness.bootstrap import Parts, Unheard, runtime_on
+from harness.bootstrap import NullSignals, Parts, runtime_on
 from harness.contracts.dossier import DossierContents
 from harness.contracts.errors import DossierInvalid
 from harness.contracts.ids import MissionId
@@ -53,6 +53,6 @@ def verify_dossier(file: Path, *, key: str = "") -> DossierVerdict:
             spool=MemorySpool(),
             ids=SystemIds(),
             clock=SystemClock(),
-            signals=Unheard(),
+            signals=NullSignals(),
         )
         return judge(runtime_on(parts), dossier.contents, public_key=dossier.public_key, trusted=bool(key))

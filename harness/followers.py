@@ -5,8 +5,8 @@ from typing import Protocol
 
 from harness.contracts.errors import ConcurrencyConflict
 from harness.contracts.ids import Digest
-from harness.contracts.memory import Mark
-from harness.contracts.ports import Head, StoredEvent
+from harness.contracts.memory import FollowPosition
+from harness.contracts.ports import LogHead, StoredEvent
 
 BATCH = 1000
 
@@ -14,11 +14,11 @@ BATCH = 1000
 class CatchUpTarget(Protocol):
     """What is made from the log, and how far."""
 
-    def mark(self) -> Mark:
+    def mark(self) -> FollowPosition:
         """How far this has followed the log, and by which fold."""
         ...
 
-    def take(self, fresh: Sequence[StoredEvent], *, after: Mark, upto: Mark) -> None:
+    def take(self, fresh: Sequence[StoredEvent], *, after: FollowPosition, upto: FollowPosition) -> None:
         """Take in the events between two marks, and stand at `upto` afterwards.
 
         Raises ConcurrencyConflict if it no longer stands at `after`: the follower then asks for the mark again.
@@ -41,7 +41,7 @@ class Follower:
         self,
         target: CatchUpTarget,
         *,
-        head: Callable[[], Head],
+        head: Callable[[], LogHead],
         read: Callable[[int, int], Sequence[StoredEvent]],
         fold: str,
         batch: int = BATCH,
@@ -49,7 +49,7 @@ class Follower:
         """`read` gives at most so many events behind a position; `fold` names what is made of them, and how."""
         self._target, self._head, self._read, self._fold, self._batch = target, head, read, fold, batch
 
-    def catch_up(self) -> Mark:
+    def catch_up(self) -> FollowPosition:
         """Follow to the head of the log as it is now; the mark there. Raises what reading and taking in raise."""
         while True:
             mark = self._target.mark()
@@ -67,15 +67,15 @@ class Follower:
             except ConcurrencyConflict:
                 continue
 
-    def mark_at(self, place: Head | StoredEvent) -> Mark:
+    def mark_at(self, place: LogHead | StoredEvent) -> FollowPosition:
         """The mark of this fold at an event, or at the head of the log."""
-        return Mark(fold=self._fold, position=place.position, digest=place.digest)
+        return FollowPosition(fold=self._fold, position=place.position, digest=place.digest)
 
-    def _anchored(self, mark: Mark, events: Sequence[StoredEvent]) -> bool:
+    def _anchored(self, mark: FollowPosition, events: Sequence[StoredEvent]) -> bool:
         """Whether what was made so far is of this fold and of the log as it is now."""
         return bool(events) and mark == self.mark_at(events[0])
 
 
-def beginning(fold: str) -> Mark:
+def beginning(fold: str) -> FollowPosition:
     """The mark of what has followed nothing yet."""
-    return Mark(fold=fold, position=0, digest=Digest(""))
+    return FollowPosition(fold=fold, position=0, digest=Digest(""))

@@ -14,15 +14,15 @@ from harness.adapters.providers.recording.reader import Recording, open_recordin
 from harness.adapters.providers.recording.robot import RecordedRobot
 from harness.adapters.providers.recording.segments import Segment
 from harness.adapters.providers.recording.topics import TopicSettings
-from harness.adapters.providers.recording.writer import Leg, Written, record_mission
-from harness.adapters.providers.recording.writer import Mission as Recorded
+from harness.adapters.providers.recording.writer import RecordedLeg, Written, record_mission
+from harness.adapters.providers.recording.writer import RecordedMission as Recorded
 from harness.adapters.stores.blobs import owned_blobs
 from harness.adapters.stores.folder import prepare
 from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
 from harness.adapters.stores.opening import open_log
 from harness.adapters.stores.owner import OwnerLock
 from harness.adapters.stores.spool import FileSpool
-from harness.bootstrap import Harness, Parts, Unheard, assemble
+from harness.bootstrap import Harness, NullSignals, Parts, assemble
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid
@@ -125,7 +125,7 @@ def replayed(
             spool=FileSpool(folder.spool),
             ids=ids,
             clock=robot,
-            signals=Unheard(),
+            signals=NullSignals(),
             index=stack.enter_context(closing(SqlMemoryIndex(f"sqlite:///{folder.root / 'memory.db'}"))),
         )
         recorded = settings.model_copy(update={"robot_id": "recording", "speed": 0.0})
@@ -196,9 +196,9 @@ def write_recording(runtime: Runtime, mission_id: MissionId, path: Path) -> Writ
     return record_mission(path, recorded, samples=_samples(runtime, packets), blob=runtime.blob)
 
 
-def _leg(node: Node, packet: EvidencePacket) -> Leg:
+def _leg(node: Node, packet: EvidencePacket) -> RecordedLeg:
     arrival = next((receipt for receipt in packet.receipts if receipt.kind == "arrival"), None)
-    return Leg(
+    return RecordedLeg(
         name=node.node_id,
         route_m=msgspec.convert(node.parameters["route"], tuple[Point, ...]),
         dispatched_s=packet.dispatched_s,

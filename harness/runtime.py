@@ -38,8 +38,8 @@ from harness.contracts.ports import (
     BlobStore,
     Configurations,
     EventStore,
-    Head,
     Ids,
+    LogHead,
     Record,
     Signals,
     StoredEvent,
@@ -357,10 +357,10 @@ class Runtime:
     def streams(self, prefix: str) -> list[StreamId]:
         return self._store.streams(prefix)
 
-    def head(self) -> Head:
+    def head(self) -> LogHead:
         return self._store.head()
 
-    def verify(self) -> Head:
+    def verify(self) -> LogHead:
         return self._store.verify()
 
     def record(self, digest: Digest) -> Record:

@@ -9,16 +9,16 @@ from harness.contracts.decisions import Accepted, Decision, refused
 from harness.contracts.reasons import because
 from harness.contracts.values import Moment, Value, encode
 from harness.projections.mission import Mission
+from rsi_reviews.approval_policy import REVIEWERS, not_a_person, repeated, signed
 from rsi_reviews.commands import AdjudicateCanaryMission, RecordCanaryMission
 from rsi_reviews.contracts import CanaryTest, Direction, Metric, Section
 from rsi_reviews.events import CanaryMissionAdjudicated, CanaryMissionRecorded, CandidateEvent
 from rsi_reviews.projections import CanaryEntry, Review
-from rsi_reviews.signing import REVIEWERS, not_a_person, repeated, signed
 
 Outcome = Literal["go_on", "hard_fault", "metric_worse", "not_exercised", "passed"]
 
 
-class Course(Value):
+class CanaryMetrics(Value):
     """What a mission's record says beside its state: handoffs, seconds on the robot's clock, persons' minutes."""
 
     handoffs: int = 0
@@ -28,7 +28,7 @@ class Course(Value):
     choices: int = 0
 
 
-def value_of(metric: Metric, mission: Mission, course: Course) -> float:
+def value_of(metric: Metric, mission: Mission, course: CanaryMetrics) -> float:
     """The declared metric of one finished mission, as far as its own record tells it.
 
     `recovery_cost` as in the evaluation (D31): spends, and the whole task budget for each handoff, safe stop or
@@ -49,7 +49,7 @@ def value_of(metric: Metric, mission: Mission, course: Course) -> float:
     return measured.get(metric, 0.0)
 
 
-def exercised(baseline: Configuration, candidate: Configuration, mission: Mission, course: Course) -> bool:
+def exercised(baseline: Configuration, candidate: Configuration, mission: Mission, course: CanaryMetrics) -> bool:
     """Whether a changed component took a decision in this mission."""
     sections: dict[Section, bool] = {
         "context_rules": any(state.attempt for state in mission.nodes.values()),

@@ -19,7 +19,7 @@ from rsi_reviews.contracts import (
 )
 
 
-class Word(Command):
+class ReviewCommand(Command):
     """A command of somebody: who, why, and the key under which repeating it changes nothing."""
 
     actor: Actor
@@ -27,7 +27,7 @@ class Word(Command):
     key: Name
 
 
-class OnSubject(Word):
+class OnSubject(ReviewCommand):
     """A decision on exactly what was shown: the subject's digest and the cycle it was asked in."""
 
     cycle: Count
@@ -37,7 +37,7 @@ class OnSubject(Word):
 # candidate ----------------------------------------------------------------------------------------------------------
 
 
-class ProposeCandidate(Word, tag=True):
+class ProposeCandidate(ReviewCommand, tag=True):
     """`baseline` is the configuration itself, so that the decider compares; nothing that loosens gets past it.
 
     `earlier`: authors of the candidates that this one edits or repeats; they stay its authors (D33).
@@ -49,11 +49,11 @@ class ProposeCandidate(Word, tag=True):
     earlier: tuple[Name, ...] = ()
 
 
-class BeginEvaluation(Word, tag=True):
+class BeginEvaluation(ReviewCommand, tag=True):
     terms: EvaluationTerms
 
 
-class RecordEvaluation(Word, tag=True):
+class RecordEvaluation(ReviewCommand, tag=True):
     """Results and what the acceptance predicate made of them; `terms` are those they were made under."""
 
     terms: EvaluationTerms
@@ -61,7 +61,7 @@ class RecordEvaluation(Word, tag=True):
     report: AcceptanceReport
 
 
-class OpenReview(Word, tag=True):
+class OpenReview(ReviewCommand, tag=True):
     pass
 
 
@@ -69,11 +69,11 @@ class RequestChanges(OnSubject, tag=True):
     pass
 
 
-class RecallReview(Word, tag=True):
+class RecallReview(ReviewCommand, tag=True):
     pass
 
 
-class AddComment(Word, tag=True):
+class AddComment(ReviewCommand, tag=True):
     """The reason is the comment."""
 
 
@@ -114,7 +114,7 @@ class RecordCanaryMission(Command, tag=True):
     measured: CanaryMission
 
 
-class AdjudicateCanaryMission(Word, tag=True):
+class AdjudicateCanaryMission(ReviewCommand, tag=True):
     mission_id: MissionId
     finding: Finding
     policy: ReleasePolicy
@@ -124,11 +124,11 @@ class PromoteCandidate(Command, tag=True):
     """The canary is over and did not speak against it."""
 
 
-class RollBack(Word, tag=True):
+class RollBack(ReviewCommand, tag=True):
     pass
 
 
-class WithdrawCandidate(Word, tag=True):
+class WithdrawCandidate(ReviewCommand, tag=True):
     pass
 
 
@@ -186,7 +186,7 @@ class MovePointer(Command, tag=True):
     robot_id: RobotId | None = None
 
 
-class SavePolicy(Word, tag=True):
+class SavePolicy(ReviewCommand, tag=True):
     """`reviewers` and `releasers`: the people who hold these roles now. A policy nobody can meet is refused."""
 
     policy: ReleasePolicy
@@ -207,7 +207,7 @@ class RecordUptake(Command, tag=True):
     revision: Count
 
 
-class RetireVersion(Word, tag=True):
+class RetireVersion(ReviewCommand, tag=True):
     """`pinned`: unfinished missions that run under it."""
 
     configuration: Digest

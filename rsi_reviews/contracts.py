@@ -228,7 +228,7 @@ class ReleasePolicy(Value):
     authorisation_s: Positive = 86_400.0
 
 
-class Refusal(Value):
+class RestrictionViolation(Value):
     """One thing a candidate may not do: the rule, where it stands, what it was and would become, and why not."""
 
     rule: Name

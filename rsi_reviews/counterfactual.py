@@ -53,7 +53,7 @@ class MissionRecords(Protocol):
     def record(self, digest: Digest) -> Record: ...
 
 
-class Difference(Value):
+class DecisionDifference(Value):
     """One decision that would differ: where it stands in the log, and what it was and would be."""
 
     position: Count
@@ -70,7 +70,7 @@ class MissionCounterfactual(Value):
     template: str
     status: str
     derived: dict[Kind, Count]
-    differences: tuple[Difference, ...]
+    differences: tuple[DecisionDifference, ...]
     unreadable: tuple[str, ...] = ()
 
 
@@ -103,7 +103,7 @@ def _mission(runtime: MissionRecords, configuration: Configuration, mission_id: 
     if not stored:
         raise UnknownName(f"There is no mission {mission_id}", do="list them with `regen mission list`")
     again = _Again(runtime, configuration)
-    differences: list[Difference] = []
+    differences: list[DecisionDifference] = []
     unreadable: list[str] = []
     template = ""
     for one in stored:
@@ -136,7 +136,7 @@ class _Again:
         self._template = ""
         self._timeouts: dict[str, float] = {}
 
-    def differences(self, stored: StoredEvent, event: MissionEvent) -> Iterator[Difference]:
+    def differences(self, stored: StoredEvent, event: MissionEvent) -> Iterator[DecisionDifference]:
         """Differences of one event. Raises HarnessError if a record it rests on cannot be read."""
         match event:
             case MissionCreated(template=template):
@@ -156,7 +156,7 @@ class _Again:
             case _:
                 return
 
-    def _plan(self, stored: StoredEvent, event: NodePlanned) -> Iterator[Difference]:
+    def _plan(self, stored: StoredEvent, event: NodePlanned) -> Iterator[DecisionDifference]:
         c1 = self._stored(event.context, Context)
         yield from self._shown(stored, event.context, node_id=event.node_id)
         self.derived["plan"] += 1
@@ -164,7 +164,7 @@ class _Again:
         if before != after:
             yield _difference(stored, "plan", event.node_id, before=before or "nothing", after=after or "nothing")
 
-    def _routing(self, stored: StoredEvent, event: DispatchIntended) -> Iterator[Difference]:
+    def _routing(self, stored: StoredEvent, event: DispatchIntended) -> Iterator[DecisionDifference]:
         """The same question under other weights, and under the other timeout that latency is measured by."""
         if event.question is None:
             return
@@ -177,7 +177,7 @@ class _Again:
         if before != after:
             yield _difference(stored, "routing", event.node_id, before=before or "nobody", after=after or "nobody")
 
-    def _timeout(self, stored: StoredEvent, event: DispatchIntended) -> Iterator[Difference]:
+    def _timeout(self, stored: StoredEvent, event: DispatchIntended) -> Iterator[DecisionDifference]:
         if event.verify_only:
             return
         self.derived["timeout"] += 1
@@ -187,7 +187,7 @@ class _Again:
 
     def _recovery(
         self, stored: StoredEvent, event: RecoveryAuthorised | HandoffRequested | NodeFailed
-    ) -> Iterator[Difference]:
+    ) -> Iterator[DecisionDifference]:
         if event.context is None:
             return
         c4 = self._stored(event.context, Context)
@@ -200,7 +200,7 @@ class _Again:
             yield from self._wait(stored, c4, event.node_id)
         yield from self._shown(stored, event.context, node_id=event.node_id)
 
-    def _wait(self, stored: StoredEvent, c4: Context, node_id: NodeId) -> Iterator[Difference]:
+    def _wait(self, stored: StoredEvent, c4: Context, node_id: NodeId) -> Iterator[DecisionDifference]:
         ladder = c4.one("ladder")
         if ladder is None:
             return
@@ -209,7 +209,7 @@ class _Again:
         if before != after:
             yield _difference(stored, "wait", node_id, before=f"{before:g} s", after=f"{after:g} s")
 
-    def _shown(self, stored: StoredEvent, name: Digest, *, node_id: NodeId | None) -> Iterator[Difference]:
+    def _shown(self, stored: StoredEvent, name: Digest, *, node_id: NodeId | None) -> Iterator[DecisionDifference]:
         """Which records the role would have been shown; those withheld for the budget are known by kind only."""
         context = self._stored(name, Context)
         other = self._narrowed(context)
@@ -274,5 +274,5 @@ def _words(proposal: RecoveryProposal) -> str:
     return f"{proposal.action} by {proposal.provider_id}" if proposal.provider_id else proposal.action
 
 
-def _difference(stored: StoredEvent, kind: Kind, node_id: str, *, before: str, after: str) -> Difference:
-    return Difference(position=stored.position, kind=kind, node_id=node_id, before=before, after=after)
+def _difference(stored: StoredEvent, kind: Kind, node_id: str, *, before: str, after: str) -> DecisionDifference:
+    return DecisionDifference(position=stored.position, kind=kind, node_id=node_id, before=before, after=after)

@@ -21,7 +21,7 @@ NAMES: dict[str, str] = {
 _KEYS = ("node_id", "condition_id", "predicate", "name")
 
 
-class Change(Value):
+class FieldChange(Value):
     """One field that differs. `path` names stages and conditions; `before` or `after` is empty where there was none."""
 
     section: Section
@@ -32,19 +32,19 @@ class Change(Value):
     meaning: str
 
 
-class Difference(Value):
+class CandidateDifference(Value):
     """Changes by component in the paper's order, and the unified difference of the two canonical JSON texts."""
 
-    changes: tuple[Change, ...]
+    changes: tuple[FieldChange, ...]
     raw: str
 
-    def of(self, section: Section) -> tuple[Change, ...]:
+    def of(self, section: Section) -> tuple[FieldChange, ...]:
         return tuple(change for change in self.changes if change.section == section)
 
 
-def difference(baseline: Configuration, candidate: Configuration) -> Difference:
+def difference(baseline: Configuration, candidate: Configuration) -> CandidateDifference:
     """What the candidate changes against its baseline."""
-    return Difference(changes=tuple(_changes(baseline, candidate)), raw=raw_difference(baseline, candidate))
+    return CandidateDifference(changes=tuple(_changes(baseline, candidate)), raw=raw_difference(baseline, candidate))
 
 
 def raw_difference(baseline: Configuration, candidate: Configuration) -> str:
@@ -55,7 +55,7 @@ def raw_difference(baseline: Configuration, candidate: Configuration) -> str:
     return "".join(unified_diff(before, after, fromfile="baseline", tofile="candidate"))
 
 
-def _changes(baseline: Configuration, candidate: Configuration) -> Iterator[Change]:
+def _changes(baseline: Configuration, candidate: Configuration) -> Iterator[FieldChange]:
     known = {field.path: field for field in fields()}
     for section in SECTIONS:
         before = dict(_leaves(msgspec.to_builtins(getattr(baseline, section)), section, section))
@@ -65,7 +65,7 @@ def _changes(baseline: Configuration, candidate: Configuration) -> Iterator[Chan
             if was == would:
                 continue
             field = known.get(_documented(kind or other, known))
-            yield Change(
+            yield FieldChange(
                 section=section,
                 path=path,
                 before=_shown(was),

@@ -8,7 +8,7 @@ from math import isfinite, log
 from harness.contracts.configuration import Configuration
 from harness.contracts.reasons import Fact, because
 from harness.contracts.values import encode
-from rsi_reviews.contracts import BETTER, SECTIONS, CanaryTest, Candidate, Manifest, Refusal, Section
+from rsi_reviews.contracts import BETTER, SECTIONS, CanaryTest, Candidate, Manifest, RestrictionViolation, Section
 
 _ORDERS = re.compile(
     r"(ignore|disregard|forget|override)\b.{0,40}\b(instruction|rule|prompt|above|previous|prior)"
@@ -26,7 +26,7 @@ def sections_changed(baseline: Configuration, candidate: Configuration) -> tuple
     return tuple(name for name in SECTIONS if encode(getattr(baseline, name)) != encode(getattr(candidate, name)))
 
 
-def unfounded(candidate: Candidate, baseline: Configuration) -> tuple[Refusal, ...]:
+def unfounded(candidate: Candidate, baseline: Configuration) -> tuple[RestrictionViolation, ...]:
     """Every reason why this manifest does not stand: what changed, against what, measured how, and in which words."""
     manifest = candidate.manifest
     return (
@@ -38,7 +38,7 @@ def unfounded(candidate: Candidate, baseline: Configuration) -> tuple[Refusal, .
     )
 
 
-def _identity(candidate: Candidate, baseline: Configuration) -> Iterator[Refusal]:
+def _identity(candidate: Candidate, baseline: Configuration) -> Iterator[RestrictionViolation]:
     manifest, shipped = candidate.manifest, baseline.configuration_id
     if candidate.baseline != manifest.baseline or manifest.baseline != shipped:
         yield _refusal("other_baseline", "manifest.baseline", shipped, manifest.baseline, "another_baseline")
@@ -49,7 +49,7 @@ def _identity(candidate: Candidate, baseline: Configuration) -> Iterator[Refusal
         )  # fmt: skip
 
 
-def _component(manifest: Manifest, changed: tuple[Section, ...]) -> Iterator[Refusal]:
+def _component(manifest: Manifest, changed: tuple[Section, ...]) -> Iterator[RestrictionViolation]:
     if not changed:
         yield _refusal("no_change", "configuration", "", "", "no_change")
     elif changed != (manifest.component,):
@@ -59,7 +59,7 @@ def _component(manifest: Manifest, changed: tuple[Section, ...]) -> Iterator[Ref
         )  # fmt: skip
 
 
-def _measure(manifest: Manifest) -> Iterator[Refusal]:
+def _measure(manifest: Manifest) -> Iterator[RestrictionViolation]:
     if BETTER[manifest.metric] != manifest.direction:
         yield _refusal(
             "wrong_direction", "manifest.direction", BETTER[manifest.metric], manifest.direction,
@@ -69,7 +69,7 @@ def _measure(manifest: Manifest) -> Iterator[Refusal]:
         yield _refusal("not_a_number", "manifest.smallest_effect", "", "", "effect_not_finite")
 
 
-def _words(manifest: Manifest) -> Iterator[Refusal]:
+def _words(manifest: Manifest) -> Iterator[RestrictionViolation]:
     texts = {"reason": manifest.reason, "intended_effect": manifest.intended_effect, "author": manifest.author.name}
     for field, text in texts.items():
         hidden = [char for char in text if unicodedata.category(char) in ("Cc", "Cf", "Co", "Cs") and char != "\n"]
@@ -82,7 +82,7 @@ def _words(manifest: Manifest) -> Iterator[Refusal]:
             )  # fmt: skip
 
 
-def _canary(test: CanaryTest) -> Iterator[Refusal]:
+def _canary(test: CanaryTest) -> Iterator[RestrictionViolation]:
     """A test that could never end in a rollback, or that ends in one by chance too often, is none."""
     harmless = 1.0 - test.quantile
     if not 0.0 < harmless < test.harmful_share < 1.0:
@@ -99,5 +99,5 @@ def _canary(test: CanaryTest) -> Iterator[Refusal]:
         yield _refusal("canary_test", "manifest.canary.window", test.missions, test.window, "canary_window_too_short")
 
 
-def _refusal(rule: str, path: str, old: object, new: object, code: str, **facts: Fact) -> Refusal:
-    return Refusal(rule=rule, path=path, old=str(old), new=str(new), reason=because(code, **facts))
+def _refusal(rule: str, path: str, old: object, new: object, code: str, **facts: Fact) -> RestrictionViolation:
+    return RestrictionViolation(rule=rule, path=path, old=str(old), new=str(new), reason=because(code, **facts))

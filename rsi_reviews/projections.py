@@ -54,7 +54,7 @@ class CanaryEntry(Value):
     by: Signed | None = None
 
 
-class Said(Value):
+class ReviewEntry(Value):
     """One word of the review, for its history: what was done, in which cycle."""
 
     what: Name
@@ -87,7 +87,7 @@ class Review(Value):
     bound: float = 0.0
     bound_missions: Count = 0
     canary: tuple[CanaryEntry, ...] = ()
-    said: tuple[Said, ...] = ()
+    said: tuple[ReviewEntry, ...] = ()
     receipts: dict[str, Signed] = msgspec.field(default_factory=dict)
     ended_reason: str = ""
 
@@ -215,7 +215,7 @@ def _released(
 
 
 def _said(review: Review, what: str, by: Signed) -> Review:
-    said = Said(what=what, cycle=review.cycle, by=by)
+    said = ReviewEntry(what=what, cycle=review.cycle, by=by)
     return replace(review, said=(*review.said, said), receipts={**review.receipts, by.key: by})
 
 

@@ -3,6 +3,7 @@
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.reasons import because
 from harness.contracts.values import Moment
+from rsi_reviews.approval_policy import RELEASERS, instant, not_a_person, signed
 from rsi_reviews.canary import bound_of, outcome
 from rsi_reviews.commands import AuthoriseRelease, BeginCanary, ExpireAuthorisation, PromoteCandidate
 from rsi_reviews.contracts import BETTER, ClauseAnswer, ReleasePolicy
@@ -15,7 +16,6 @@ from rsi_reviews.events import (
 )
 from rsi_reviews.projections import Review
 from rsi_reviews.review import answered, own_word, unanswerable
-from rsi_reviews.signing import RELEASERS, instant, not_a_person, signed
 
 FEWEST_RECENT = 20
 """Missions of the baseline on the canary's robot; below that the evaluation's own results are the comparison."""

@@ -17,7 +17,7 @@ from harness.contracts.configuration import (
 )
 from harness.contracts.reasons import Fact, because
 from harness.contracts.tasks import TaskTemplate
-from rsi_reviews.contracts import Refusal
+from rsi_reviews.contracts import RestrictionViolation
 from rsi_reviews.template_restrictions import loosened_template, shown
 
 ITEM_CEILINGS: dict[str, int] = {"c1_items": 48, "c2_items": 24, "c2_examples": 6, "c4_items": 40}
@@ -30,7 +30,7 @@ LOCKED_LADDERS: tuple[FailureClass, ...] = ("unsafe_action", "outcome_unknown", 
 LONGEST_LADDER = 8
 
 
-def loosened(baseline: Configuration, candidate: Configuration) -> tuple[Refusal, ...]:
+def loosened(baseline: Configuration, candidate: Configuration) -> tuple[RestrictionViolation, ...]:
     """Every loosening of the candidate against its baseline, with path, old and new value, and the rule's name."""
     return (
         *_context_rules(baseline.context_rules, candidate.context_rules),
@@ -40,7 +40,7 @@ def loosened(baseline: Configuration, candidate: Configuration) -> tuple[Refusal
     )
 
 
-def _context_rules(old: ContextRules, new: ContextRules) -> Iterator[Refusal]:
+def _context_rules(old: ContextRules, new: ContextRules) -> Iterator[RestrictionViolation]:
     if new.c3_items != old.c3_items:
         yield _refusal("c3_rule", "context_rules.c3_items", old.c3_items, new.c3_items, "verifier_context_fixed")
     for name, ceiling in ITEM_CEILINGS.items():
@@ -61,7 +61,7 @@ def _context_rules(old: ContextRules, new: ContextRules) -> Iterator[Refusal]:
             yield _refusal("freshness", f"context_rules.{name}", was, would, "older_records_fresh")
 
 
-def _templates(old: tuple[TaskTemplate, ...], new: tuple[TaskTemplate, ...]) -> Iterator[Refusal]:
+def _templates(old: tuple[TaskTemplate, ...], new: tuple[TaskTemplate, ...]) -> Iterator[RestrictionViolation]:
     before, after = {template.name: template for template in old}, {template.name: template for template in new}
     for name in (template.name for template in new if template.name not in before):
         yield _refusal("template_added", f"templates.{name}", "", name, "nothing_to_compare_with")
@@ -74,7 +74,7 @@ def _templates(old: tuple[TaskTemplate, ...], new: tuple[TaskTemplate, ...]) -> 
             yield from loosened_template(template, after[name])
 
 
-def _routing(new: RoutingPreferences) -> Iterator[Refusal]:
+def _routing(new: RoutingPreferences) -> Iterator[RestrictionViolation]:
     for name in ("success", "risk", "uncertainty", "latency", "cost", "history"):
         weight = getattr(new, name)
         if not 0.0 <= weight <= WEIGHT_CEILING:
@@ -90,7 +90,7 @@ def _routing(new: RoutingPreferences) -> Iterator[Refusal]:
         )
 
 
-def _recovery(old: RecoveryPolicy, new: RecoveryPolicy) -> Iterator[Refusal]:
+def _recovery(old: RecoveryPolicy, new: RecoveryPolicy) -> Iterator[RestrictionViolation]:
     if new.approval_share > old.approval_share:
         yield _refusal(
             "approval_requirement",
@@ -109,7 +109,7 @@ def _recovery(old: RecoveryPolicy, new: RecoveryPolicy) -> Iterator[Refusal]:
 
 def _ladder(
     failure: FailureClass, old: tuple[RecoveryAction, ...], new: tuple[RecoveryAction, ...]
-) -> Iterator[Refusal]:
+) -> Iterator[RestrictionViolation]:
     path = f"recovery.ladders.{failure}"
     if failure in LOCKED_LADDERS and new != old:
         yield _refusal("safety_interlock", path, old, new, "ladder_locked")
@@ -123,5 +123,5 @@ def _ladder(
         yield _refusal("ladder_order", path, old, new, "ladder_order")
 
 
-def _refusal(rule: str, path: str, old: Any, new: Any, code: str, **facts: Fact) -> Refusal:
-    return Refusal(rule=rule, path=path, old=shown(old), new=shown(new), reason=because(code, **facts))
+def _refusal(rule: str, path: str, old: Any, new: Any, code: str, **facts: Fact) -> RestrictionViolation:
+    return RestrictionViolation(rule=rule, path=path, old=shown(old), new=shown(new), reason=because(code, **facts))

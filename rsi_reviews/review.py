@@ -3,6 +3,7 @@
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.reasons import because
 from harness.contracts.values import Moment, digest
+from rsi_reviews.approval_policy import REVIEWERS, instant, not_a_person, repeated, signed
 from rsi_reviews.commands import (
     AddComment,
     ApproveCandidate,
@@ -11,7 +12,7 @@ from rsi_reviews.commands import (
     RecallReview,
     RejectCandidate,
     RequestChanges,
-    Word,
+    ReviewCommand,
 )
 from rsi_reviews.contracts import ReleasePolicy, Subject
 from rsi_reviews.events import (
@@ -24,7 +25,6 @@ from rsi_reviews.events import (
     ReviewRecalled,
 )
 from rsi_reviews.projections import Review
-from rsi_reviews.signing import REVIEWERS, instant, not_a_person, repeated, signed
 
 WORDS = ("changes_requested", "rejected", "authorised", "canary_begun", "rolled_back", "withdrawn", "recalled")
 """Words after which an earlier question is answered."""
@@ -102,7 +102,7 @@ def approve(review: Review, command: ApproveCandidate, now: Moment) -> Decision[
     return Accepted((CandidateApproved(cycle=review.cycle, subject=command.subject, by=by),))
 
 
-def own_word(review: Review, command: Word, policy: ReleasePolicy, now: Moment) -> Refused | None:
+def own_word(review: Review, command: ReviewCommand, policy: ReleasePolicy, now: Moment) -> Refused | None:
     """An author decides on their own candidate only under the single-operator policy, after its cooling-off time."""
     who = command.actor.name
     if policy.kind != "single_operator":

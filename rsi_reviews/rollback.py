@@ -3,12 +3,12 @@
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted, Decision
 from harness.contracts.values import Moment
+from rsi_reviews.approval_policy import RELEASERS, not_a_person, repeated, signed
 from rsi_reviews.canary import fault_in, outcome
 from rsi_reviews.commands import RollBack, WithdrawCandidate
 from rsi_reviews.events import CandidateEvent, CandidateRolledBack, CandidateWithdrawn
 from rsi_reviews.projections import Review
 from rsi_reviews.review import answered
-from rsi_reviews.signing import RELEASERS, not_a_person, repeated, signed
 
 DESK = Actor(name="review-desk", role="desk", channel="policy")
 """Who acts when a canary's own rule does, fixed before it began."""

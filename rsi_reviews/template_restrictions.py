@@ -12,7 +12,7 @@ import msgspec
 from harness.contracts.reasons import Fact, because
 from harness.contracts.tasks import EvidencePolicy, Node, TaskTemplate
 from harness.contracts.values import encode
-from rsi_reviews.contracts import Refusal
+from rsi_reviews.contracts import RestrictionViolation
 
 Tree = Mapping[str, Any]
 BUDGET_CEILINGS: dict[str, int] = {
@@ -36,7 +36,7 @@ _DEFAULTS: dict[str, Any] = {
 _POLICY = msgspec.to_builtins(EvidencePolicy(mandatory=()))
 
 
-def loosened_template(old: TaskTemplate, new: TaskTemplate) -> Iterator[Refusal]:
+def loosened_template(old: TaskTemplate, new: TaskTemplate) -> Iterator[RestrictionViolation]:
     """Refusals for one template, paths from `templates.<name>` on."""
     path = f"templates.{old.name}"
     for field in ("title", "goal", "phrases", "parameters"):
@@ -62,7 +62,7 @@ def loosened_template(old: TaskTemplate, new: TaskTemplate) -> Iterator[Refusal]
             yield from _node(f"{path}.nodes.{name}", node, after[name])
 
 
-def _node(path: str, old: Tree, new: Tree) -> Iterator[Refusal]:
+def _node(path: str, old: Tree, new: Tree) -> Iterator[RestrictionViolation]:
     if misshapen := [name for name, value in new.items() if not _shaped(name, value)]:
         for name in misshapen:
             yield _refusal("wrong_type", f"{path}.{name}", old.get(name), new[name], "another_type")
@@ -97,7 +97,7 @@ def _node(path: str, old: Tree, new: Tree) -> Iterator[Refusal]:
     )
 
 
-def _budgets(path: str, old: Tree, new: Tree) -> Iterator[Refusal]:
+def _budgets(path: str, old: Tree, new: Tree) -> Iterator[RestrictionViolation]:
     yield from _unknown_keys(path, new, set(BUDGET_CEILINGS))
     for action, ceiling in BUDGET_CEILINGS.items():
         would = new.get(action)
@@ -113,7 +113,7 @@ def _budgets(path: str, old: Tree, new: Tree) -> Iterator[Refusal]:
             )
 
 
-def _parameters(path: str, old: Tree, new: Tree) -> Iterator[Refusal]:
+def _parameters(path: str, old: Tree, new: Tree) -> Iterator[RestrictionViolation]:
     yield from _unknown_keys(path, new, set(old))
     for name, was in old.items():
         would = new.get(name, _ABSENT)
@@ -122,7 +122,7 @@ def _parameters(path: str, old: Tree, new: Tree) -> Iterator[Refusal]:
         yield from _tightened(f"{path}.{name}", name, was, would, rule="parameter")
 
 
-def _evidence(path: str, old: Tree, new: Tree) -> Iterator[Refusal]:
+def _evidence(path: str, old: Tree, new: Tree) -> Iterator[RestrictionViolation]:
     yield from _unknown_keys(path, new, set(EvidencePolicy.__struct_fields__))
     before, after = {**_POLICY, **old}, {**_POLICY, **new}
     if missing := [name for name in before["mandatory"] if name not in after["mandatory"]]:
@@ -135,7 +135,7 @@ def _evidence(path: str, old: Tree, new: Tree) -> Iterator[Refusal]:
     yield from _tightened(f"{path}.{name}", name, before[name], after[name], rule="confidence")
 
 
-def _preconditions(path: str, old: Any, new: Any) -> Iterator[Refusal]:
+def _preconditions(path: str, old: Any, new: Any) -> Iterator[RestrictionViolation]:
     for was in old:
         held = [one for one in new if one.get("predicate") == was["predicate"]]
         if not held:
@@ -146,7 +146,7 @@ def _preconditions(path: str, old: Any, new: Any) -> Iterator[Refusal]:
                 yield from _tightened(where, key, was.get(key), would.get(key), rule="precondition")
 
 
-def _conditions(path: str, old: Any, new: Any, *, risk: str = "") -> Iterator[Refusal]:
+def _conditions(path: str, old: Any, new: Any, *, risk: str = "") -> Iterator[RestrictionViolation]:
     """Each condition is still there under its name and as strict; further ones only tighten."""
     before, after = _named(old, "condition_id"), _named(new, "condition_id")
     if len(after) != len(new):
@@ -165,7 +165,7 @@ def _conditions(path: str, old: Any, new: Any, *, risk: str = "") -> Iterator[Re
         )
 
 
-def _independence(path: str, was: Any, would: Any, risk: str) -> Iterator[Refusal]:
+def _independence(path: str, was: Any, would: Any, risk: str) -> Iterator[RestrictionViolation]:
     if would == was:
         return
     needed = was if was is not None else RISKS.index(risk) if risk in RISKS else len(RISKS)
@@ -173,7 +173,7 @@ def _independence(path: str, was: Any, would: Any, risk: str) -> Iterator[Refusa
         yield _refusal("independence", path, was, would, "independence")
 
 
-def _effect(path: str, old: Any, new: Any) -> Iterator[Refusal]:
+def _effect(path: str, old: Any, new: Any) -> Iterator[RestrictionViolation]:
     if not isinstance(old, Mapping) or not isinstance(new, Mapping):
         yield from _same(path, old, new)
         return
@@ -185,7 +185,7 @@ def _effect(path: str, old: Any, new: Any) -> Iterator[Refusal]:
             yield from _tightened(f"{path}.{key}", key, was, would, rule="tolerance")
 
 
-def _constraints(path: str, old: Tree, new: Tree) -> Iterator[Refusal]:
+def _constraints(path: str, old: Tree, new: Tree) -> Iterator[RestrictionViolation]:
     if not _texts(new.get("keep_out", [])) or not _texts(new.get("resources", [])):
         yield _refusal("wrong_type", path, old, new, "not_lists_of_names")
         return
@@ -197,7 +197,7 @@ def _constraints(path: str, old: Tree, new: Tree) -> Iterator[Refusal]:
     yield from _same(f"{path}.resources", sorted(old.get("resources", [])), sorted(new.get("resources", [])))
 
 
-def _tightened(path: str, name: str, was: Any, would: Any, *, rule: str) -> Iterator[Refusal]:
+def _tightened(path: str, name: str, was: Any, would: Any, *, rule: str) -> Iterator[RestrictionViolation]:
     """Equal, or a number that moved in its tightening direction."""
     if encode(was) == encode(would):
         return
@@ -211,12 +211,12 @@ def _tightened(path: str, name: str, was: Any, would: Any, *, rule: str) -> Iter
         yield _refusal(rule, path, was, would, "value_fixed", field=name)
 
 
-def _same(path: str, was: Any, would: Any) -> Iterator[Refusal]:
+def _same(path: str, was: Any, would: Any) -> Iterator[RestrictionViolation]:
     if encode(was) != encode(would):
         yield _refusal("fixed", path, was, would, "fixed")
 
 
-def _unknown_keys(path: str, tree: Any, known: set[str]) -> Iterator[Refusal]:
+def _unknown_keys(path: str, tree: Any, known: set[str]) -> Iterator[RestrictionViolation]:
     for key in sorted(set(tree) - known) if isinstance(tree, Mapping) else ():
         yield _refusal("unknown_key", f"{path}.{key}", "", key, "unknown_key")
 
@@ -245,8 +245,8 @@ def _number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
 
 
-def _refusal(rule: str, path: str, old: Any, new: Any, code: str, **facts: Fact) -> Refusal:
-    return Refusal(rule=rule, path=path, old=shown(old), new=shown(new), reason=because(code, **facts))
+def _refusal(rule: str, path: str, old: Any, new: Any, code: str, **facts: Fact) -> RestrictionViolation:
+    return RestrictionViolation(rule=rule, path=path, old=shown(old), new=shown(new), reason=because(code, **facts))
 
 
 def shown(value: Any) -> str:

@@ -14,7 +14,7 @@ from rsi_reviews.contracts import AcceptanceReport, Candidate, CaseResult, Evalu
 from rsi_reviews.held_out import PER_FAMILY, Looks, Secret, answered, held_out_cases
 from rsi_reviews.regression.cases import Case, Suite, cases_of, seeds_digest, spread
 from rsi_reviews.regression.executors import Executor
-from rsi_reviews.regression.results import Kept, evaluator_version
+from rsi_reviews.regression.results import ResultsFile, evaluator_version
 from rsi_reviews.regression.runner import Watch, measured, unwatched
 
 
@@ -49,13 +49,13 @@ class Means:
 
     executor: Executor
     now_s: Callable[[], float]
-    kept: Kept | None = None
+    kept: ResultsFile | None = None
     held_out: HeldOut | None = None
     watch: Watch = unwatched
 
 
 @dataclass(frozen=True)
-class Outcome:
+class TrialOutcome:
     """What was measured and what the predicate made of it."""
 
     results: ResultSet
@@ -103,7 +103,7 @@ def prepared(
     return Trial(candidate=candidate, baseline=baseline, regression=regression, safety=safety, terms=terms)
 
 
-def carried_out(trial: Trial, means: Means) -> Outcome:
+def carried_out(trial: Trial, means: Means) -> TrialOutcome:
     """Run every case under both configurations, take the held-out look if all else stands, and judge.
 
     Raises WorkersLost or LookTaken; finished cases are kept, so that the next call goes on where this one ended.
@@ -115,7 +115,7 @@ def carried_out(trial: Trial, means: Means) -> Outcome:
         terms=digest(trial.terms), results=exercised(results, trial.baseline), seconds=means.now_s() - begun_s
     )
     whole = _looked(trial, found, means)
-    return Outcome(results=whole, report=_judged(trial, whole))
+    return TrialOutcome(results=whole, report=_judged(trial, whole))
 
 
 def exercised(results: Sequence[CaseResult], baseline: Configuration) -> tuple[CaseResult, ...]:

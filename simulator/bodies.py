@@ -49,7 +49,7 @@ class BodyState(msgspec.Struct):
         return abs(self.v_mps) < 0.005 and abs(self.w_radps) < 0.01 and abs(self.sway_mps) < 0.005
 
 
-class Body(Protocol):
+class SimulatedBody(Protocol):
     """One fidelity."""
 
     state: BodyState

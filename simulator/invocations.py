@@ -24,7 +24,7 @@ CRUISING_M = 1.5
 Hold = Literal["", "keepalive", "stop", "end"]
 
 
-class Invocation:
+class RunningSkill:
     """Runs one skill a tick at a time. Holding always brakes to a standstill before the status changes.
 
     The dead man begins to brake DEAD_MAN_S after the last keepalive, so that the body stands within 2 s (D12).

@@ -16,12 +16,12 @@ from harness.contracts.protocol import (
     StartRequest,
 )
 from harness.contracts.values import digest
-from harness.provider_protocol.journal import Entry, Journal
+from harness.provider_protocol.journal import JournalEntry, RequestJournal
 from harness.provider_protocol.parameters import parameter_problems
 from simulator.camera import CAMERA
 from simulator.cards import CARDS
 from simulator.faults import DUPLICATE_AFTER_S, Fault
-from simulator.invocations import Invocation, restarted
+from simulator.invocations import RunningSkill, restarted
 from simulator.journals import StartJournal
 from simulator.picture_cache import LIVE, live_frame
 from simulator.skills import skill_for
@@ -42,15 +42,15 @@ class SimulatedRobot:
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
         self.world = World(settings, folder)
-        self._journal = Journal(folder and folder / "requests.jsonl")
+        self._journal = RequestJournal(folder and folder / "requests.jsonl")
         self._starts = StartJournal(folder and folder / "starts.jsonl")
-        self._running: dict[RequestId, Invocation] = {}
+        self._running: dict[RequestId, RunningSkill] = {}
         self.lying = False
         self._repeats: list[tuple[float, CapabilityCard, StartRequest]] = []
         self._providers = tuple(SimulatedProvider(self, card) for card in CARDS)
         for report in list(self._journal.reports.values()):
             if report.status not in TERMINAL:
-                self._journal.write(Entry(report=restarted(report)))
+                self._journal.write(JournalEntry(report=restarted(report)))
 
     @property
     def at_s(self) -> float:
@@ -132,8 +132,8 @@ class SimulatedRobot:
         skill = skill_for(
             card, request, frame=world.site.frame, here=world.believed, reached_m=world.reached_m.get(_way(request))
         )
-        invocation = Invocation(card, request, skill, at_s=world.at_s)
-        self.take_up(invocation, Entry(report=invocation.report(), request=request))
+        invocation = RunningSkill(card, request, skill, at_s=world.at_s)
+        self.take_up(invocation, JournalEntry(report=invocation.report(), request=request))
         if card.capability == "navigate" and world.faults.strikes("duplicate-request"):
             self._repeats.append((world.at_s + DUPLICATE_AFTER_S, card, request))
             raise ProviderUnreachable(
@@ -141,7 +141,7 @@ class SimulatedRobot:
             )
         return invocation.report()
 
-    def take_up(self, invocation: Invocation, entry: Entry) -> None:
+    def take_up(self, invocation: RunningSkill, entry: JournalEntry) -> None:
         """A physical start: in the journals first, then in the world with the next tick."""
         self._journal.write(entry)
         identity = invocation.request.identity
@@ -159,7 +159,7 @@ class SimulatedRobot:
         self._running[identity.request_id] = invocation
         self.world.invocation_starts(invocation, _way(invocation.request))
 
-    def running(self, request: RequestId) -> Invocation | None:
+    def running(self, request: RequestId) -> RunningSkill | None:
         """The invocation of a request, while it is not terminal."""
         return self._running.get(request)
 
@@ -177,7 +177,7 @@ class SimulatedRobot:
             )
         return found
 
-    def invocation(self, handle: str) -> Invocation | None:
+    def invocation(self, handle: str) -> RunningSkill | None:
         """The invocation if it still runs; raises ProviderFailed for an unknown handle."""
         return self._running.get(self.report(handle).identity.request_id)
 
@@ -187,13 +187,13 @@ class SimulatedRobot:
         for request, invocation in list(self._running.items()):
             if invocation.terminal:
                 del self._running[request]
-                self._journal.write(Entry(report=invocation.report()))
+                self._journal.write(JournalEntry(report=invocation.report()))
                 world.invocation_ended(invocation, _way(invocation.request))
         while self._repeats and self._repeats[0][0] <= world.at_s:
             _, card, repeated = self._repeats.pop(0)
             self.begin(card, repeated)
 
-    def _mover(self) -> Invocation | None:
+    def _mover(self) -> RunningSkill | None:
         return next((invocation for invocation in self._running.values() if invocation.card.moves), None)
 
     def _same(self, card: CapabilityCard, request: StartRequest) -> None:

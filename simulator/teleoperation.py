@@ -11,15 +11,15 @@ from harness.contracts.protocol import (
     DRIVE_DEAD_MAN_S,
     DriveOrder,
     DriveReport,
-    Identity,
+    InvocationIdentity,
     PostureOrder,
     RobotStatus,
     StartRequest,
 )
-from harness.provider_protocol.journal import Entry
+from harness.provider_protocol.journal import JournalEntry
 from simulator.bodies import Velocity
 from simulator.cards import BASE, ROUTE_FOLLOWER
-from simulator.invocations import Invocation
+from simulator.invocations import RunningSkill
 from simulator.robot import HAND, SimulatedRobot
 from simulator.skill_interface import Perception, Step
 
@@ -102,7 +102,7 @@ class SimulatedTeleoperation:
         robot.lying = order.posture == "lying"
         return robot.status()
 
-    def _begin(self, order: DriveOrder) -> Invocation:
+    def _begin(self, order: DriveOrder) -> RunningSkill:
         robot = self._robot
         if robot.find(order.session) is not None:
             raise ProviderFailed(
@@ -118,7 +118,7 @@ class SimulatedTeleoperation:
         skill = TeleoperationSkill()
         self._skills = {order.session: skill}
         request = StartRequest(
-            identity=Identity(
+            identity=InvocationIdentity(
                 mission_id=MissionId(order.session),
                 node_id=NodeId("hand"),
                 attempt=1,
@@ -132,11 +132,11 @@ class SimulatedTeleoperation:
             deadline_s=order.until_s,
             fencing={BASE: order.token},
         )
-        invocation = Invocation(BY_HAND, request, skill, at_s=robot.at_s)
-        robot.take_up(invocation, Entry(report=invocation.report(), request=request))
+        invocation = RunningSkill(BY_HAND, request, skill, at_s=robot.at_s)
+        robot.take_up(invocation, JournalEntry(report=invocation.report(), request=request))
         return invocation
 
-    def _report(self, session: RequestId, running: Invocation, *, reason: str = "") -> DriveReport:
+    def _report(self, session: RequestId, running: RunningSkill, *, reason: str = "") -> DriveReport:
         v, w = self._robot.world.sensors.twist
         still = self._robot.world.still
         status: Literal["driving", "standing", "ended"] = (

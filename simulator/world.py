@@ -10,18 +10,11 @@ from harness.contracts.observations import Image
 from harness.contracts.regularities import HiddenSite, Regularity
 from harness.contracts.simulation import Fidelity
 from harness.contracts.values import Point, Value
-from simulator.bodies import (
-    TICK_S,
-    Body,
-    BodyState,
-    KinematicBody,
-    MujocoBody,
-    Velocity,
-)
+from simulator.bodies import TICK_S, BodyState, KinematicBody, MujocoBody, SimulatedBody, Velocity
 from simulator.camera import CAMERA
 from simulator.disturbances import Disturbances
 from simulator.faults import Fault, FaultPlan
-from simulator.invocations import Invocation
+from simulator.invocations import RunningSkill
 from simulator.journals import SavedWorld, load_world, save_world
 from simulator.navigation import RouteFollower
 from simulator.noise import Streams
@@ -65,7 +58,7 @@ class World:
         self._home: SiteModel = storage_site()
         self.site: SiteModel = self._home
         state = BodyState(x_m=pose[0], y_m=pose[1], yaw_rad=pose[2])
-        self.body: Body = (MujocoBody if settings.fidelity == "mujoco" else KinematicBody)(self.site, state)
+        self.body: SimulatedBody = (MujocoBody if settings.fidelity == "mujoco" else KinematicBody)(self.site, state)
         self.ring = SampleRing(saved.seq if saved else 0)
         self.blobs = SensorBlobs(folder and folder / "blobs")
         self.truth = TruthLog(folder and folder / "truth")
@@ -114,7 +107,7 @@ class World:
         self.truth.begin(mission_id)
         self.note("mission", text=f"{mission_id} seed {seed}")
 
-    def invocation_starts(self, invocation: Invocation, node: str) -> None:
+    def invocation_starts(self, invocation: RunningSkill, node: str) -> None:
         """A skill was accepted and begins with the next tick."""
         skill = invocation.skill
         identity = invocation.request.identity
@@ -130,7 +123,7 @@ class World:
             if self.site is self._home and self._disturbances is not None:
                 self._obstruct(self._disturbances, skill.route)
 
-    def invocation_ended(self, invocation: Invocation, node: str) -> None:
+    def invocation_ended(self, invocation: RunningSkill, node: str) -> None:
         """A skill is terminal: what it reached is remembered and the world saved."""
         report = invocation.report()
         self.note("terminal", request_id=report.identity.request_id, text=f"{report.status} {report.failure}".strip())
@@ -142,7 +135,7 @@ class World:
                 self._furnish(self._home)
         self.save(durable=True)
 
-    def tick(self, invocations: Sequence[Invocation]) -> None:
+    def tick(self, invocations: Sequence[RunningSkill]) -> None:
         """TICK_S of mission time: skills decide, the body moves, sensors read."""
         sensors = self.sensors
         sensors.mode = self.faults.mode(self.at_s)
@@ -168,7 +161,7 @@ class World:
             if not still:
                 self.save(durable=False)
 
-    def _decided(self, invocations: Sequence[Invocation]) -> Velocity:
+    def _decided(self, invocations: Sequence[RunningSkill]) -> Velocity:
         """What the skills want the body to do now. At kinematic fidelity a cruising one is asked every second tick."""
         command = Velocity()
         if not invocations:
@@ -203,7 +196,7 @@ class World:
             )
             save_world(self._file, world, durable=durable)
 
-    def _strike(self, invocation: Invocation) -> None:
+    def _strike(self, invocation: RunningSkill) -> None:
         """What the mission's faults do to a navigation that is under way."""
         skill = invocation.skill
         idle = not self.faults.strikes_motion or invocation.terminal or invocation.braking
@@ -246,7 +239,7 @@ class World:
             self._standing = disturbances.in_the_way(self.at_s)
             self._furnish(self._home.with_solids(*solids))
 
-    def _hindered(self, disturbances: Disturbances, invocation: Invocation) -> bool:
+    def _hindered(self, disturbances: Disturbances, invocation: RunningSkill) -> bool:
         """What the place does to a navigation that comes by; whether it has to stand there without a word."""
         skill, provider_id = invocation.skill, invocation.card.provider_id
         if not isinstance(skill, RouteFollower) or invocation.terminal or invocation.braking:

@@ -13,7 +13,7 @@ hypothesis.settings.register_profile("house", deadline=None)
 hypothesis.settings.load_profile("house")
 ROOT = Path(__file__).resolve().parent.parent
 MUJOCO_MISSIONS = 6
-COST = {"rooms": 0, "unit": 1, "contract": 2, "replay": 3, "integration": 4, "faults": 5, "browser": 6}
+COST = {"architecture": 0, "unit": 1, "contract": 2, "replay": 3, "integration": 4, "faults": 5, "browser": 6}
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

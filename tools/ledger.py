@@ -3,13 +3,13 @@
 from collections import defaultdict
 from collections.abc import Iterable
 
-from tools.marks import Mark, Row, collected, ledger
+from tools.marks import LedgerMark, LedgerRow, collected, ledger
 
 
 def main() -> None:
     """Print covered rows with their tests, then the open ones, then the two counts."""
     rows, marks = ledger(), collected()
-    claims: dict[str, list[Mark]] = defaultdict(list)
+    claims: dict[str, list[LedgerMark]] = defaultdict(list)
     for mark in marks:
         for row in mark.rows:
             claims[row].append(mark)
@@ -21,7 +21,7 @@ def main() -> None:
     print(" ".join(f"{kind} {_share(rows.values(), claims, kind=kind)}" for kind in ("core", "adapter")))
 
 
-def _print_covered(rows: Iterable[Row], claims: dict[str, list[Mark]]) -> None:
+def _print_covered(rows: Iterable[LedgerRow], claims: dict[str, list[LedgerMark]]) -> None:
     print("Covered")
     for row in rows:
         if row.name in claims:
@@ -30,7 +30,7 @@ def _print_covered(rows: Iterable[Row], claims: dict[str, list[Mark]]) -> None:
                 print(f"      {mark[0]}  ({mark[1]})")
 
 
-def _print_open(rows: list[Row]) -> None:
+def _print_open(rows: list[LedgerRow]) -> None:
     print("\nOpen")
     section = ""
     for row in rows:
@@ -40,7 +40,7 @@ def _print_open(rows: list[Row]) -> None:
         print(f"    {row.name} [{row.mark}] {row.text}")
 
 
-def _share(rows: Iterable[Row], claims: dict[str, list[Mark]], *, kind: str) -> str:
+def _share(rows: Iterable[LedgerRow], claims: dict[str, list[LedgerMark]], *, kind: str) -> str:
     names = [row.name for row in rows if row.mark == kind]
     return f"{sum(name in claims for name in names)}/{len(names)}"
 

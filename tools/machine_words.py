@@ -19,8 +19,8 @@ FIELDS = "fields of a configuration"
 HEARD = (
     "harness/verification", "harness/recovery", "harness/routing", "harness/baseline/templates",
     "harness/baseline/further", FIELDS,
-    "rsi_reviews/acceptance.py", "rsi_reviews/canary.py", "rsi_reviews/pointing.py", "rsi_reviews/release.py",
-    "rsi_reviews/review.py", "rsi_reviews/signing.py",
+    "rsi_reviews/acceptance.py", "rsi_reviews/canary.py", "rsi_reviews/pointer_rules.py", "rsi_reviews/release.py",
+    "rsi_reviews/review.py", "rsi_reviews/approval_policy.py",
 )  # fmt: skip
 """Whose every sentence must be told in every language: what a person reads before deciding."""
 SPOKEN = ("title", "goal", "subgoal", "text")

@@ -27,7 +27,7 @@ Definition = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
 
 
 @dataclass(frozen=True)
-class Row:
+class LedgerRow:
     """One requirement: its id, its mark (core, adapter, context), its text and the section it stands in."""
 
     name: str
@@ -37,7 +37,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Mark:
+class LedgerMark:
     """One test's claim: `rows` it proves, and what breaks it: a `symbol` or a `planted` offence."""
 
     test: str
@@ -47,14 +47,14 @@ class Mark:
 
 
 @cache
-def ledger(root: Path = ROOT) -> Mapping[str, Row]:
+def ledger(root: Path = ROOT) -> Mapping[str, LedgerRow]:
     """All rows by id, in the document's order."""
     text = (root / "docs" / "ledger.md").read_text(encoding="utf-8")
     sections = [(found.start(), found.group(1)) for found in _SECTION.finditer(text)]
     rows = {}
     for found in _ROW.finditer(text):
         section = next(title for start, title in reversed(sections) if start < found.start())
-        rows[found.group(1)] = Row(name=found.group(1), mark=found.group(2), text=found.group(3), section=section)
+        rows[found.group(1)] = LedgerRow(name=found.group(1), mark=found.group(2), text=found.group(3), section=section)
     return rows
 
 
@@ -127,7 +127,7 @@ def pytest_report(
     return {"code": code, "output": output, **report}
 
 
-def collected(*paths: str, root: Path = ROOT) -> list[Mark]:
+def collected(*paths: str, root: Path = ROOT) -> list[LedgerMark]:
     """Every ledger mark that pytest collects there, by default everywhere.
 
     Raises SystemExit with pytest's words if collection fails.
@@ -135,4 +135,4 @@ def collected(*paths: str, root: Path = ROOT) -> list[Mark]:
     report = pytest_report("--collect-only", *paths, root=root)
     if report["code"] not in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED):
         raise SystemExit(f"pytest cannot collect the tests:\n{report['output'][-3000:]}")
-    return [Mark(**{**mark, "rows": tuple(mark["rows"])}) for mark in report["marks"]]
+    return [LedgerMark(**{**mark, "rows": tuple(mark["rows"])}) for mark in report["marks"]]

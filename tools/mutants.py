@@ -25,7 +25,7 @@ from typing import Any
 
 import pytest
 
-from tools.marks import ROOT, Mark, collected, complaint, module_file
+from tools.marks import ROOT, LedgerMark, collected, complaint, module_file
 from tools.mutations import BLUNT, OPERATORS, mutated, planted
 
 LEFT_BEHIND = (
@@ -98,7 +98,7 @@ def main() -> None:
     print(f"\nall {len(sample)} mutants were noticed")
 
 
-def _refuse_bad_marks(marks: Sequence[Mark]) -> None:
+def _refuse_bad_marks(marks: Sequence[LedgerMark]) -> None:
     for mark in marks:
         named = {"symbol": mark.symbol} if mark.symbol else {"planted": mark.planted}
         wrong = complaint(mark.rows, named)
@@ -120,7 +120,7 @@ def _refuse_foreign_imports(tree: Path) -> None:
         raise SystemExit(f"The copy in {tree} is not what gets imported, but {answer.stdout.strip()}.")
 
 
-def _mutants(marks: Sequence[Mark], *, tree: Path) -> list[Mutant]:
+def _mutants(marks: Sequence[LedgerMark], *, tree: Path) -> list[Mutant]:
     """Every mutant of every named symbol; tests that name the same symbol share its mutants."""
     tests: dict[tuple[str, str], set[str]] = defaultdict(set)
     for mark in marks:

@@ -20,9 +20,9 @@ from babel.messages.catalog import Catalog
 from babel.messages.frontend import CommandLineInterface
 from babel.messages.pofile import read_po, write_po
 
-from app import permissions
-from app.catalogues import CONSOLE, ENGLISH, FOLDER, LOCALES
-from app.catalogues import MACHINE as MACHINERY
+from app.auth import permissions
+from app.i18n.catalogues import CONSOLE, ENGLISH, FOLDER, LOCALES
+from app.i18n.catalogues import MACHINE as MACHINERY
 from app.settings import ROOT
 from harness.contracts import (
     alert_events,
@@ -52,7 +52,7 @@ KEYWORDS = ("lazy_gettext", "tr")
 VOCABULARY = (
     alert_events.AlertKind, alert_events.Priority, capabilities.Capability, configuration.FailureClass,
     configuration.RecoveryAction, control.Autonomy, control.Posture, effects.FactKind, handoff_events.NoAnswer,
-    handoff_events.EscalationLevel, memory.MemoryRole, memory.Standing, memory.Verification, observations.Origin,
+    handoff_events.EscalationLevel, memory.MemoryRole, memory.RecordStanding, memory.Verification, observations.Origin,
     observations.Source, protocol.InvocationStatus, verdicts.Verdict, alerts.AlertStatus, handoffs.HandoffStatus,
     handoffs.Decided, missions.MissionStatus, missions.NodeStatus, permissions.Role, pointers.Draining, reviews.Status,
     reviewing.Answer, reviewing.Direction, reviewing.Family, reviewing.Metric,

@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, Self
 from pydantic import Field
 
 from app.acts.base import Act, Count, Reason, Text
-from app.catalogues import N_
+from app.i18n.catalogues import N_
 from app.views.alerts import SHELF
 from app.views.forms import Wrong
 from harness.contracts import alert_commands

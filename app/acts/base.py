@@ -5,7 +5,7 @@ from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
-from app.catalogues import N_
+from app.i18n.catalogues import N_
 from app.views import forms
 from app.views.forms import Wrong
 from harness.contracts.actors import Actor, Command

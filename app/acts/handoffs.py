@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field
 
 from app.acts.base import Act, Count, Key, Reason, Sha256, Slug, Text
-from app.catalogues import N_
+from app.i18n.catalogues import N_
 from app.views.forms import Wrong
 from harness.contracts import commands, handoff_commands
 from harness.contracts.configuration import RecoveryAction

@@ -9,12 +9,12 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.acts.alerts import ACTS
 from app.acts.base import Act
-from app.catalogues import N_
 from app.console import ActorDep, Console, ConsoleDep, FormDep
-from app.messages import reasoned
-from app.rendering import render
+from app.i18n.catalogues import N_
+from app.i18n.messages import reasoned
 from app.views import alerts
-from app.views.alerts import AlertPage, AlertsPage, Asked, Deed
+from app.views.alerts import AlertHistoryRow, AlertListParams, AlertPage, AlertsPage
+from app.web.rendering import render
 from harness.contracts.actors import Actor
 from harness.contracts.alert_commands import AlertPersonCommand
 from harness.contracts.alert_events import AlertEvent, alert_stream
@@ -31,17 +31,17 @@ Words = Annotated[str, Query(max_length=LONGEST)]
 
 def asked(
     q: Words = "", status: Words = "", priority: Words = "", robot: Words = "", before: float | None = None
-) -> Asked:
+) -> AlertListParams:
     """What the address asks for. Raises UnknownName for a tab that the inbox does not have."""
     if status not in {value for value, _, _ in alerts.GROUPS}:
         raise UnknownName(
             f"There is no group of alerts called {status[:40]}", do=N_("choose one of the tabs of the list")
         )
     place = before if before is not None and isfinite(before) else None
-    return Asked(group=status, words=q.strip(), priority=priority, robot=robot, before_s=place)
+    return AlertListParams(group=status, words=q.strip(), priority=priority, robot=robot, before_s=place)
 
 
-AskedDep = Annotated[Asked, Depends(asked)]
+AskedDep = Annotated[AlertListParams, Depends(asked)]
 
 
 @router.get("")
@@ -54,7 +54,7 @@ def listing(console: ConsoleDep, actor: ActorDep, asked: AskedDep) -> HTMLRespon
     return render("alerts/_list.html", listed(console, actor, asked))
 
 
-def listed(console: Console, actor: Actor, asked: Asked) -> AlertsPage:
+def listed(console: Console, actor: Actor, asked: AlertListParams) -> AlertsPage:
     shell = console.shell("Alerts", "alerts", actor)
     return alerts.alerts_page(
         shell, console.alerts.all(), asked, now_s=console.clock(), services=console.settings.services
@@ -91,11 +91,11 @@ def told(console: Console, alert_id: str, command: AlertPersonCommand) -> Accept
     return console.runtime.decide([(alert_stream(alert_id), command)])
 
 
-def history_of(console: Console, alert_id: str) -> tuple[Deed, ...]:
+def history_of(console: Console, alert_id: str) -> tuple[AlertHistoryRow, ...]:
     """Everything that happened to it, newest first."""
     stored = console.runtime.stream(alert_stream(alert_id))
     return tuple(
-        Deed(at_s=one.recorded_s, text=alerts.sentence(EVENTS.decode(one)), position=one.position)
+        AlertHistoryRow(at_s=one.recorded_s, text=alerts.sentence(EVENTS.decode(one)), position=one.position)
         for one in reversed(stored)
     )
 

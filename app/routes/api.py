@@ -16,7 +16,7 @@ from app.acts.missions import (
 )
 from app.console import ActorDep, Console, ConsoleDep
 from app.routes import api_schemas as schemas
-from app.routes.api_words import (
+from app.routes.api_requests import (
     CHECKED,
     PROBLEMS,
     After,
@@ -32,15 +32,15 @@ from app.routes.api_words import (
     refusal,
 )
 from app.routes.missions import started
-from app.security import VisitorDep
-from app.views.outcome import mission_outcome
+from app.views.mission_json import mission_outcome
 from app.views.preview import preview as previewed
+from app.web.security import PrincipalDep
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import MissionId
 from harness.contracts.read_models import ListQuery, MissionItem
-from harness.further import draft
+from harness.extra_templates import draft
 from harness.runtime import Start
 
 router = APIRouter(
@@ -88,12 +88,12 @@ def start(console: ConsoleDep, actor: ActorDep, body: StartMissionAct) -> Any:
 
 
 @router.post("/missions/preview", responses=answers(schemas.MissionPreview))
-def preview(console: ConsoleDep, visitor: VisitorDep, body: StartMissionAct) -> Any:
+def preview(console: ConsoleDep, principal: PrincipalDep, body: StartMissionAct) -> Any:
     """The contract that the same request would start, with its configuration, highest risk and longest time.
 
     Nothing is written; what could not be started fails as starting it would.
     """
-    order = ordered(console, visitor.acting("drive"), body)
+    order = ordered(console, principal.acting("drive"), body)
     contract = draft(console.runtime, order)
     shown = previewed(contract, console.runtime.site)
     found = schemas.MissionPreview(
@@ -170,7 +170,7 @@ def summary(one: MissionItem) -> schemas.MissionSummary:
         handoff_id=one.handoff_id or None,
         began_s=one.began_s,
         ended_s=one.ended_s,
-        recovery=schemas.Recovery(spent=one.spent, remaining=max(one.budget - one.spent, 0)),
+        recovery=schemas.RecoverySpend(spent=one.spent, remaining=max(one.budget - one.spent, 0)),
     )
 
 

@@ -9,9 +9,9 @@ from app.acts import alerts as acts
 from app.console import ActorDep, Console, ConsoleDep
 from app.routes import api_schemas as schemas
 from app.routes.alerts import history_of, told
-from app.routes.api_words import CHECKED, PROBLEMS, Facet, Words, answers, plain, refusal
+from app.routes.api_requests import CHECKED, PROBLEMS, Facet, Words, answers, plain, refusal
 from app.views import alerts
-from app.views.alerts import AlertRow, Asked
+from app.views.alerts import AlertListParams, AlertRow
 from harness.contracts.alert_commands import AlertPersonCommand
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import UnknownName
@@ -35,42 +35,42 @@ def listed(
         raise UnknownName(
             f"There is no group of alerts called {status[:40]}", do="use all, active, shelved, suppressed"
         )
-    asked = Asked(group=status, words=q, priority=priority, robot=robot)
+    asked = AlertListParams(group=status, words=q, priority=priority, robot=robot)
     found = alerts.chosen(console.alerts.all(), asked, now_s=console.clock())[:limit]
     return plain([schemas.AlertSummary(**_summary(one)) for one in found])
 
 
-@router.get("/alerts/{alert_id}", responses=answers(schemas.Alert))
+@router.get("/alerts/{alert_id}", responses=answers(schemas.AlertResource))
 def show(console: ConsoleDep, alert_id: str) -> Any:
     """One alert with its history."""
     return _shown(console, alert_id)
 
 
-@router.post("/alerts/{alert_id}/acknowledge", responses=answers(schemas.Alert))
+@router.post("/alerts/{alert_id}/acknowledge", responses=answers(schemas.AlertResource))
 def acknowledge(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.AcknowledgeAlertAct) -> Any:
     """A person has seen it."""
     return _said(console, alert_id, body.to_command(actor))
 
 
-@router.post("/alerts/{alert_id}/shelve", responses=answers(schemas.Alert))
+@router.post("/alerts/{alert_id}/shelve", responses=answers(schemas.AlertResource))
 def shelve(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.ShelveAlertAct) -> Any:
     """Out of the way for a while; it comes back by itself."""
     return _said(console, alert_id, body.to_command(actor))
 
 
-@router.post("/alerts/{alert_id}/suppress", responses=answers(schemas.Alert))
+@router.post("/alerts/{alert_id}/suppress", responses=answers(schemas.AlertResource))
 def suppress(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.SuppressAlertAct) -> Any:
     """Out of the way until somebody restores it."""
     return _said(console, alert_id, body.to_command(actor))
 
 
-@router.post("/alerts/{alert_id}/restore", responses=answers(schemas.Alert))
+@router.post("/alerts/{alert_id}/restore", responses=answers(schemas.AlertResource))
 def restore(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.RestoreAlertAct) -> Any:
     """Back from the shelf or from suppression."""
     return _said(console, alert_id, body.to_command(actor))
 
 
-@router.post("/alerts/{alert_id}/assign", responses=answers(schemas.Alert))
+@router.post("/alerts/{alert_id}/assign", responses=answers(schemas.AlertResource))
 def assign(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.AssignAlertAct) -> Any:
     """Somebody is to look after it."""
     return _said(console, alert_id, body.to_command(actor))
@@ -87,7 +87,7 @@ def _shown(console: Console, alert_id: str) -> Any:
     history = tuple(
         schemas.AlertLine(at_s=one.at_s, text=one.text, position=one.position) for one in history_of(console, alert_id)
     )
-    return plain(schemas.Alert(**summary, conditions=tuple(alert.standing), history=history))
+    return plain(schemas.AlertResource(**summary, conditions=tuple(alert.standing), history=history))
 
 
 def _summary(one: AlertRow) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.responses import StreamingResponse
 
 from app.console import Console, ConsoleDep
-from app.routes.api_words import CHECKED, PROBLEMS
+from app.routes.api_requests import CHECKED, PROBLEMS
 from harness.contracts.ports import StoredEvent
 from harness.contracts.upcasting import name_of
 

@@ -9,7 +9,7 @@ from starlette.responses import JSONResponse
 from app.acts import handoffs as acts
 from app.acts.base import Act
 from app.console import ActorDep, Console, ConsoleDep
-from app.routes.api_words import (
+from app.routes.api_requests import (
     CHECKED,
     PROBLEMS,
     After,

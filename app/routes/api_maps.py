@@ -8,7 +8,7 @@ from pydantic import Field
 from starlette.responses import JSONResponse
 
 from app.console import ActorDep, ConsoleDep
-from app.routes.api_words import CHECKED, PROBLEMS, Body, Reason, answers, plain, refusal
+from app.routes.api_requests import CHECKED, PROBLEMS, Reason, RequestBody, answers, plain, refusal
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.maps import AttachCloud, MapCloud, map_stream
@@ -18,7 +18,7 @@ router = APIRouter(
 )
 
 
-class CloudBody(Body):
+class CloudBody(RequestBody):
     """A MapCloud as `regen map import --json` prints it, and why it is attached."""
 
     cloud: Annotated[dict[str, Any], Field(max_length=20)]

@@ -6,12 +6,12 @@ from fastapi import APIRouter
 from pydantic import Field
 from starlette.responses import JSONResponse
 
+from app.auth.permissions import GRANTS, ROLES, Permission, Role
 from app.console import ConsoleDep
-from app.errors import problem
-from app.permissions import GRANTS, ROLES, Permission, Role
 from app.routes import api_schemas as schemas
-from app.routes.api_words import CHECKED, PROBLEMS, Body, Slug, Text, answers, plain
-from app.security import VisitorDep
+from app.routes.api_requests import CHECKED, PROBLEMS, RequestBody, Slug, Text, answers, plain
+from app.web.errors import problem
+from app.web.security import PrincipalDep
 from harness.contracts.values import Value
 
 router = APIRouter(
@@ -20,7 +20,7 @@ router = APIRouter(
 Secret = Annotated[str, Field(min_length=12, max_length=256)]
 
 
-class AccountBody(Body):
+class AccountBody(RequestBody):
     """Somebody to add. The first account is an admin."""
 
     name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9._\-]{0,39}$")]
@@ -28,7 +28,7 @@ class AccountBody(Body):
     password: Secret
 
 
-class ChangeBody(Body):
+class ChangeBody(RequestBody):
     """What changes about somebody; what is left out stays."""
 
     roles: Annotated[list[Role], Field(min_length=1, max_length=len(ROLES))] | None = None
@@ -36,7 +36,7 @@ class ChangeBody(Body):
     password: Secret | None = None
 
 
-class TokenBody(Body):
+class TokenBody(RequestBody):
     """A token to make. Without `robot_id` it speaks for any robot; without `days` it lasts until it is revoked."""
 
     name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9._\-]{0,39}$")]
@@ -46,82 +46,82 @@ class TokenBody(Body):
 
 
 @router.get("/account", responses=answers(schemas.Caller))
-def own(visitor: VisitorDep) -> Any:
+def own(principal: PrincipalDep) -> Any:
     """Who this caller is, and what they may do."""
     return plain(
         schemas.Caller(
-            name=visitor.name,
-            roles=tuple(visitor.roles),
-            scopes=tuple(visitor.scopes),
-            robot_id=visitor.robot_id or None,
-            may=tuple(permission for permission in GRANTS if visitor.may(permission)),
+            name=principal.name,
+            roles=tuple(principal.roles),
+            scopes=tuple(principal.scopes),
+            robot_id=principal.robot_id or None,
+            may=tuple(permission for permission in GRANTS if principal.may(permission)),
         )
     )
 
 
-@router.get("/accounts", responses=answers(schemas.Account, many=True))
-def accounts(console: ConsoleDep, visitor: VisitorDep) -> Any:
+@router.get("/accounts", responses=answers(schemas.AccountResource, many=True))
+def accounts(console: ConsoleDep, principal: PrincipalDep) -> Any:
     """Everybody; admins only."""
-    visitor.acting("people")
-    return [shown(one) for one in console.doors.accounts.store.accounts()]
+    principal.acting("people")
+    return [shown(one) for one in console.sessions.accounts.store.accounts()]
 
 
-@router.post("/accounts", status_code=201, responses=answers(schemas.Account, status=201))
-def add(console: ConsoleDep, visitor: VisitorDep, body: AccountBody) -> Any:
+@router.post("/accounts", status_code=201, responses=answers(schemas.AccountResource, status=201))
+def add(console: ConsoleDep, principal: PrincipalDep, body: AccountBody) -> Any:
     """Add somebody; admins only."""
-    return shown(console.doors.accounts.add(body.name, roles=body.roles, password=body.password, by=visitor))
+    return shown(console.sessions.accounts.add(body.name, roles=body.roles, password=body.password, by=principal))
 
 
-@router.patch("/accounts/{name}", responses=answers(schemas.Account))
-def change(console: ConsoleDep, visitor: VisitorDep, name: Slug, body: ChangeBody) -> Any:
+@router.patch("/accounts/{name}", responses=answers(schemas.AccountResource))
+def change(console: ConsoleDep, principal: PrincipalDep, name: Slug, body: ChangeBody) -> Any:
     """Other roles, off and on, a new password; ends that person's sessions. Admins only."""
-    known = console.doors.accounts
-    visitor.acting("people")
+    known = console.sessions.accounts
+    principal.acting("people")
     if body.roles is not None or body.disabled is not None:
-        known.change(name, roles=body.roles, disabled=body.disabled, by=visitor)
+        known.change(name, roles=body.roles, disabled=body.disabled, by=principal)
     if body.password is not None:
-        known.reset_password(name, new=body.password, by=visitor)
+        known.reset_password(name, new=body.password, by=principal)
     return shown(known.known(name))
 
 
-@router.get("/tokens", responses=answers(schemas.Token, many=True))
-def tokens(console: ConsoleDep, visitor: VisitorDep) -> Any:
+@router.get("/tokens", responses=answers(schemas.TokenResource, many=True))
+def tokens(console: ConsoleDep, principal: PrincipalDep) -> Any:
     """Every token, without its secret; admins only."""
-    visitor.acting("people")
-    return [listed(one) for one in console.doors.accounts.store.tokens()]
+    principal.acting("people")
+    return [listed(one) for one in console.sessions.accounts.store.tokens()]
 
 
 @router.post("/tokens", status_code=201, responses=answers(schemas.IssuedToken, status=201))
-def issue(console: ConsoleDep, visitor: VisitorDep, body: TokenBody) -> Any:
+def issue(console: ConsoleDep, principal: PrincipalDep, body: TokenBody) -> Any:
     """Make a token. Its secret is in this answer and nowhere else. Admins only."""
-    issued = console.doors.accounts.issue(
-        body.name, scopes=body.scopes, robot_id=body.robot_id, days=body.days, by=visitor
+    issued = console.sessions.accounts.issue(
+        body.name, scopes=body.scopes, robot_id=body.robot_id, days=body.days, by=principal
     )
     return plain(schemas.IssuedToken(**listed(issued.token), token=issued.secret))
 
 
-@router.delete("/tokens/{token_id}", responses=answers(schemas.Token))
-def revoke(console: ConsoleDep, visitor: VisitorDep, token_id: Slug) -> Any:
+@router.delete("/tokens/{token_id}", responses=answers(schemas.TokenResource))
+def revoke(console: ConsoleDep, principal: PrincipalDep, token_id: Slug) -> Any:
     """End a token at once. Admins only."""
-    return listed(console.doors.accounts.revoke(token_id, by=visitor))
+    return listed(console.sessions.accounts.revoke(token_id, by=principal))
 
 
 @router.post("/sign-in-links", status_code=201, responses=answers(schemas.SignInLink, status=201))
-def sign_in_link(console: ConsoleDep, visitor: VisitorDep) -> Any:
+def sign_in_link(console: ConsoleDep, principal: PrincipalDep) -> Any:
     """A fresh one-time link instead of every unused one; refused once there are accounts. Admins only."""
-    visitor.acting("people")
-    if console.doors.has_accounts:
+    principal.acting("people")
+    if console.sessions.has_accounts:
         told = "There are accounts, so a one-time link lets nobody in."
         do = "sign in with an account, or give somebody a new password with `regen account password NAME`"
         return problem(409, code="accounts_exist", title="Refused", detail=told, do=do)
-    return plain(schemas.SignInLink(url=f"{console.settings.address}{console.doors.invite(by=visitor)}"))
+    return plain(schemas.SignInLink(url=f"{console.settings.address}{console.sessions.invite(by=principal)}"))
 
 
 def shown(account: Value) -> dict[str, Any]:
     """An account without its hash."""
-    return {name: getattr(account, name) for name in schemas.Account.__struct_fields__}
+    return {name: getattr(account, name) for name in schemas.AccountResource.__struct_fields__}
 
 
 def listed(token: Value) -> dict[str, Any]:
     """A token without its digest."""
-    return {name: getattr(token, name) for name in schemas.Token.__struct_fields__}
+    return {name: getattr(token, name) for name in schemas.TokenResource.__struct_fields__}

@@ -8,7 +8,7 @@ from pydantic import Field, StringConstraints
 from starlette.responses import JSONResponse
 
 from app.console import ActorDep, Console, ConsoleDep
-from app.routes.api_words import CHECKED, PROBLEMS, Body, Reason, answers, plain, refusal
+from app.routes.api_requests import CHECKED, PROBLEMS, Reason, RequestBody, answers, plain, refusal
 from app.routes.places import told
 from app.views import place_editor
 from harness.contracts.decisions import Refused
@@ -22,25 +22,25 @@ router = APIRouter(
 )
 PlacePath = Annotated[PlaceId, Path(pattern="^[a-z][a-z0-9_]{0,39}$")]
 Metres = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False)]
-Word = Annotated[str, StringConstraints(min_length=1, max_length=80)]
+ShortText = Annotated[str, StringConstraints(min_length=1, max_length=80)]
 Basis = Annotated[int, Field(ge=0, le=2**53)]
 
 
-class PlaceBody(Body):
+class PlaceBody(RequestBody):
     """A place. `basis` is the revision it was read at, 0 for one that is new or as it ships."""
 
-    name: Word
+    name: ShortText
     x_m: Metres
     y_m: Metres
     heading_deg: Annotated[float, Field(ge=-360, le=360, allow_inf_nan=False)] = 0.0
-    aliases: Annotated[tuple[Word, ...], Field(max_length=12)] = ()
+    aliases: Annotated[tuple[ShortText, ...], Field(max_length=12)] = ()
     region_m: Annotated[tuple[tuple[Metres, Metres], ...], Field(max_length=64)] = ()
     verification: Verification = "configured"
     basis: Basis = 0
     reason: Reason
 
 
-class RemoveBody(Body):
+class RemoveBody(RequestBody):
     """Which revision is removed, and why."""
 
     basis: Basis

@@ -7,19 +7,19 @@ from starlette.responses import JSONResponse
 
 from app.console import ConsoleDep
 from app.routes import api_schemas as schemas
-from app.routes.api_words import CHECKED, PROBLEMS, After, Facet, Limit, Order, Words, answers, linked, place, plain
+from app.routes.api_requests import CHECKED, PROBLEMS, After, Facet, Limit, Order, Words, answers, linked, place, plain
 from app.routes.audit import Before, Filter, newest_first
 from app.routes.evidence import show as verified_blob
-from app.security import VisitorDep
-from app.views.audit import Deed, Wanted
+from app.views.audit import AuditEvent, Wanted
+from app.web.security import PrincipalDep
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.ids import MissionId, RobotId
 from harness.contracts.memory import KnownCard
 from harness.contracts.places import Site
-from harness.contracts.ports import Head
+from harness.contracts.ports import LogHead
 from harness.contracts.read_models import EvidenceItem, ListQuery
 from harness.contracts.tasks import TaskTemplate
-from harness.further import offered
+from harness.extra_templates import offered
 from harness.projections import exploration as explorations
 
 router = APIRouter(
@@ -107,19 +107,19 @@ def providers(console: ConsoleDep) -> Any:
     return [plain(cards[name]) for name in sorted(cards)]
 
 
-@router.get("/audit/head", responses=answers(Head))
+@router.get("/audit/head", responses=answers(LogHead))
 def head(console: ConsoleDep) -> Any:
     """The end of the log: keep it elsewhere, and the log is tamper-evident up to there."""
     return plain(console.head())
 
 
-@router.get("/audit/verify", responses=answers(Head))
+@router.get("/audit/verify", responses=answers(LogHead))
 def verify(console: ConsoleDep) -> Any:
     """Every hash computed again; 500 with `log_damaged` names the first position that does not verify."""
     return plain(console.runtime.verify())
 
 
-@router.get("/audit/decisions", responses=answers(Deed, many=True))
+@router.get("/audit/decisions", responses=answers(AuditEvent, many=True))
 def decisions(
     console: ConsoleDep,
     response: Response,
@@ -139,13 +139,13 @@ def decisions(
 @router.get("/audit/access", responses=answers(schemas.TrailEntry, many=True))
 def access(
     console: ConsoleDep,
-    visitor: VisitorDep,
+    principal: PrincipalDep,
     actor: Filter = "",
     kind: Filter = "",
     before: Before = 0,
     limit: Annotated[int, Query(ge=1, le=200)] = 50,
 ) -> Any:
     """Sign-ins, changes of accounts and tokens, and every command with the address it came from; newest first."""
-    visitor.acting("trail")
-    store = console.doors.accounts.store
-    return [plain(one) for one in store.trail(before=before or None, kind=kind, actor=actor, limit=limit)]
+    principal.acting("trail")
+    store = console.sessions.accounts.store
+    return [plain(one) for one in store.audit_log(before=before or None, kind=kind, actor=actor, limit=limit)]

@@ -7,14 +7,14 @@ from pydantic import Field, StringConstraints
 from starlette.responses import JSONResponse, Response
 
 from app.console import ActorDep, ConsoleDep
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from app.routes import api_schemas as schemas
-from app.routes.api_words import (
+from app.routes.api_requests import (
     CHECKED,
     PROBLEMS,
-    Body,
     Reason,
     ReasonBody,
+    RequestBody,
     Sha256,
     Slug,
     Text,
@@ -24,22 +24,22 @@ from app.routes.api_words import (
     refusal,
 )
 from app.routes.candidate_editor import checked
+from app.routes.candidate_json import row, sheet
 from app.routes.candidate_words import WORDS
 from app.routes.candidates import replayed
 from app.routes.releases import instant_of, saved
-from app.security import VisitorDep
-from app.sheets import row, sheet
 from app.views import candidates as board
 from app.views.review_replay import Decided
 from app.views.review_results import FamilyRow
+from app.web.security import PrincipalDep
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import Digest, MissionId, RobotId
 from rsi_reviews.candidates import LARGEST_BYTES, read_candidate
 from rsi_reviews.contracts import Finding, ReleasePolicy
-from rsi_reviews.desk import Say, Seen
-from rsi_reviews.difference import Difference
-from rsi_reviews.growth import CaseAdded
+from rsi_reviews.difference import CandidateDifference
+from rsi_reviews.release_service import SeenSubject, SignedBy
+from rsi_reviews.suite_growth import CaseAdded
 
 router = APIRouter(
     prefix="/api/v1", default_response_class=JSONResponse, responses=PROBLEMS, dependencies=CHECKED, tags=["candidates"]
@@ -48,13 +48,13 @@ Json = Annotated[str, StringConstraints(min_length=2, max_length=LARGEST_BYTES)]
 Group = Literal[
     "", "draft", "evaluating", "accepted", "in_review", "authorised", "canary", "current", "not_accepted", "taken_back"
 ]
-Said = Literal[
+ReviewActName = Literal[
     "submit", "comment", "recall", "request_changes", "approve", "reject", "authorise", "release", "adjudicate",
     "rollback", "withdraw",
 ]  # fmt: skip
 
 
-class CheckBody(Body):
+class CheckBody(RequestBody):
     """A configuration and its manifest, as JSON texts."""
 
     configuration: Json
@@ -67,7 +67,7 @@ class CandidateBody(CheckBody):
     supersedes: Text = ""
 
 
-class WordBody(Body):
+class WordBody(RequestBody):
     """One word about a candidate. A decision names the cycle and the digest that were shown; a key counts once."""
 
     reason: Reason
@@ -79,7 +79,7 @@ class WordBody(Body):
     finding: Finding = "sound"
 
 
-class PolicyBody(Body):
+class PolicyBody(RequestBody):
     """Who must agree before a release; a single operator waits so long after the evaluation."""
 
     kind: Literal["two_person", "single_operator"]
@@ -93,17 +93,17 @@ def listed(
     console: ConsoleDep, q: Words = "", status: Group = "", limit: Annotated[int, Query(ge=1, le=500)] = 200
 ) -> Any:
     """Newest first. `status` is a tab of the board."""
-    asked = board.Asked(words=q, group=status)
+    asked = board.CandidateListParams(words=q, group=status)
     return [row(one) for one in board.chosen(console.desk.reviews(), asked)][:limit]
 
 
-@router.post("/candidates", responses=answers(schemas.Candidate))
+@router.post("/candidates", responses=answers(schemas.CandidateResource))
 def propose(console: ConsoleDep, actor: ActorDep, body: CandidateBody) -> Any:
     """Put a candidate on record. What loosens anything is refused with every rule it breaks, before anything runs."""
     candidate = read_candidate(body.configuration.encode(), body.manifest.encode())
     desk = console.desk
     supersedes = desk.review(body.supersedes).candidate if body.supersedes else None
-    say = Say(actor, candidate.manifest.reason, f"propose:{candidate.candidate_id}")
+    say = SignedBy(actor, candidate.manifest.reason, f"propose:{candidate.candidate_id}")
     decision = desk.propose(candidate, say, supersedes=supersedes)
     if isinstance(decision, Refused):
         return _refused(
@@ -113,9 +113,9 @@ def propose(console: ConsoleDep, actor: ActorDep, body: CandidateBody) -> Any:
 
 
 @router.post("/candidates/check", responses=answers(schemas.CandidateCheck))
-def check(console: ConsoleDep, visitor: VisitorDep, body: CheckBody) -> Any:
+def check(console: ConsoleDep, principal: PrincipalDep, body: CheckBody) -> Any:
     """Every rule that a candidate breaks, and what it would change against what is current. Nothing is written."""
-    visitor.acting("propose")
+    principal.acting("propose")
     candidate = read_candidate(body.configuration.encode(), body.manifest.encode())
     found = checked(console, candidate)
     return plain(
@@ -123,7 +123,7 @@ def check(console: ConsoleDep, visitor: VisitorDep, body: CheckBody) -> Any:
             candidate=candidate.candidate_id,
             holds=not found.refusals,
             refusals=tuple(found.refusals),
-            difference=_difference(found.difference or Difference(changes=(), raw="")),
+            difference=_difference(found.difference or CandidateDifference(changes=(), raw="")),
         )
     )
 
@@ -131,13 +131,13 @@ def check(console: ConsoleDep, visitor: VisitorDep, body: CheckBody) -> Any:
 @router.post("/missions/{mission_id}/case", responses=answers(CaseAdded))
 def add_case(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: ReasonBody) -> Any:
     """A disputed mission becomes a case of the regression suite: every later candidate is run on it too."""
-    decision = console.desk.add_case(mission_id, Say(actor, body.reason, mission_id))
+    decision = console.desk.add_case(mission_id, SignedBy(actor, body.reason, mission_id))
     if isinstance(decision, Refused):
         return refusal(decision)
     return plain(next(one for one in console.desk.growth().added if one.mission_id == mission_id))
 
 
-@router.get("/candidates/{candidate}", responses=answers(schemas.Candidate))
+@router.get("/candidates/{candidate}", responses=answers(schemas.CandidateResource))
 def show(console: ConsoleDep, candidate: str) -> Any:
     """One candidate: manifest, clauses, what persons said, and the digest that a decision must name."""
     return sheet(console.desk, _named(candidate))
@@ -161,9 +161,9 @@ def results(console: ConsoleDep, candidate: str) -> Any:
         schemas.Results(
             pairs=shown.pairs,
             safety_pairs=shown.safety_pairs,
-            pass_to_fail=tuple(schemas.Case(**vars(one)) for one in shown.worse),
+            pass_to_fail=tuple(schemas.CaseResource(**vars(one)) for one in shown.worse),
             pass_to_fail_total=shown.worse_total,
-            fail_to_pass=tuple(schemas.Case(**vars(one)) for one in shown.better),
+            fail_to_pass=tuple(schemas.CaseResource(**vars(one)) for one in shown.better),
             fail_to_pass_total=shown.better_total,
             families=tuple(_family(one) for one in shown.families),
             held_out=whole.held_out,
@@ -183,14 +183,14 @@ def replay(console: ConsoleDep, actor: ActorDep, candidate: str) -> Any:
     return plain(schemas.Replay(missions=found.looked, decisions=found.decisions, differing=differing))
 
 
-@router.post("/candidates/{candidate}/{word}", responses=answers(schemas.Candidate))
-def say(console: ConsoleDep, actor: ActorDep, candidate: str, word: Said, body: WordBody) -> Any:
+@router.post("/candidates/{candidate}/{word}", responses=answers(schemas.CandidateResource))
+def say(console: ConsoleDep, actor: ActorDep, candidate: str, word: ReviewActName, body: WordBody) -> Any:
     """One word, with the reason kept; refused with 409 and why."""
     name = console.desk.review(_named(candidate)).candidate
     typed = {"robot_id": body.robot_id, "mission_id": body.mission_id, "finding": body.finding}
     spoken = WORDS[word.replace("_", "-")]
-    seen = Seen(cycle=body.cycle, subject=Digest(body.subject))
-    decision = spoken(console.desk, name, Say(actor, body.reason, body.key), seen, typed)
+    seen = SeenSubject(cycle=body.cycle, subject=Digest(body.subject))
+    decision = spoken(console.desk, name, SignedBy(actor, body.reason, body.key), seen, typed)
     return refusal(decision) if isinstance(decision, Refused) else sheet(console.desk, name)
 
 
@@ -229,7 +229,7 @@ def releases(
 def policy(console: ConsoleDep, actor: ActorDep, body: PolicyBody) -> Any:
     """Say who must agree before a release. One that nobody could meet is refused now."""
     chosen = ReleasePolicy(kind=body.kind, quorum=body.quorum, cooling_off_s=body.cooling_off_s)
-    decision = saved(console, chosen, Say(actor, body.reason, f"policy:{console.doors.key()}"))
+    decision = saved(console, chosen, SignedBy(actor, body.reason, f"policy:{console.sessions.key()}"))
     return refusal(decision) if isinstance(decision, Refused) else plain(console.desk.pointer().policy)
 
 
@@ -244,7 +244,7 @@ def _refused(decision: Refused, found: list[str]) -> Response:
     return refusal(decision, do="; ".join(found[:20]) or "see the message")
 
 
-def _difference(found: Difference) -> schemas.ConfigurationDifference:
+def _difference(found: CandidateDifference) -> schemas.ConfigurationDifference:
     return schemas.ConfigurationDifference(changes=found.changes, raw=found.raw)
 
 

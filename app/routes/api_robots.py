@@ -8,11 +8,11 @@ from starlette.responses import JSONResponse
 from app.acts.missions import LimitAutonomyAct, SetAutonomyAct
 from app.console import ActorDep, Console, ConsoleDep
 from app.routes import api_schemas as schemas
-from app.routes.api_words import CHECKED, PROBLEMS, Body, Reason, ReasonBody, Text, answers, plain, refusal
+from app.routes.api_requests import CHECKED, PROBLEMS, Reason, ReasonBody, RequestBody, Text, answers, plain, refusal
 from app.routes.driving import Turn, turned
 from app.routes.robot_acts import all_made_safe, limited, made_safe, posed, signed, stopped_all, wheel_returned
 from app.routes.robots import RobotPath, card, newest_picture
-from app.security import VisitorDep
+from app.web.security import PrincipalDep
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.decisions import Decision, Refused
 from harness.contracts.errors import UnknownName
@@ -24,28 +24,28 @@ router = APIRouter(
 )
 
 
-class WheelBody(Body):
+class WheelBody(RequestBody):
     """From which device somebody drives, and why."""
 
     device: Text = ""
     reason: Reason
 
 
-class StopBody(Body):
+class StopBody(RequestBody):
     """Why, and whether every robot goes to safety then."""
 
     reason: Reason
     safe: bool = False
 
 
-class PostureBody(Body):
+class PostureBody(RequestBody):
     """Lie down or stand up, and why."""
 
     posture: Literal["standing", "lying"]
     reason: Reason
 
 
-@router.get("/robots", responses=answers(schemas.Robot, many=True))
+@router.get("/robots", responses=answers(schemas.RobotResource, many=True))
 def robots(console: ConsoleDep) -> Any:
     """Every robot of this console."""
     return [_row(console, name) for name in console.fleet.names]
@@ -58,22 +58,22 @@ def control(console: ConsoleDep) -> Any:
 
 
 @router.post("/control/autonomy", responses=answers(schemas.HouseControl))
-def limit(console: ConsoleDep, visitor: VisitorDep, body: LimitAutonomyAct) -> Any:
+def limit(console: ConsoleDep, principal: PrincipalDep, body: LimitAutonomyAct) -> Any:
     """Set the limit: it binds every mission from its next dispatch on."""
-    limited(console, visitor, body)
+    limited(console, principal, body)
     return _control(console)
 
 
 @router.post("/robots/stop", responses=answers(schemas.StopsAsked))
-def stop_all(console: ConsoleDep, visitor: VisitorDep, body: StopBody) -> Any:
+def stop_all(console: ConsoleDep, principal: PrincipalDep, body: StopBody) -> Any:
     """Ask every open mission of every robot to stop, and return every wheel; `safe`: then send each to safety."""
-    asked, refused = stopped_all(console, visitor, body.reason)
+    asked, refused = stopped_all(console, principal, body.reason)
     if body.safe:
-        refused = (*refused, *all_made_safe(console, visitor, body.reason))
+        refused = (*refused, *all_made_safe(console, principal, body.reason))
     return plain(schemas.StopsAsked(asked=tuple(asked), refused=tuple(refused)))
 
 
-@router.get("/robots/{robot_id}", responses=answers(schemas.Robot))
+@router.get("/robots/{robot_id}", responses=answers(schemas.RobotResource))
 def robot(console: ConsoleDep, robot_id: RobotPath) -> Any:
     """One robot."""
     return _row(console, robot_id)
@@ -85,32 +85,32 @@ def camera(console: ConsoleDep, robot_id: RobotPath) -> Response:
     return newest_picture(console, robot_id)
 
 
-@router.post("/missions/{mission_id}/autonomy", responses=answers(schemas.Robot))
+@router.post("/missions/{mission_id}/autonomy", responses=answers(schemas.RobotResource))
 def autonomy(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: SetAutonomyAct) -> Any:
     """Set the level of one mission, from its next dispatch on."""
     robot_id = console.runtime.mission(mission_id).robot_id
     return _answered(console, robot_id, console.runtime.submit(mission_id, body.to_command(actor)))
 
 
-@router.post("/robots/{robot_id}/safe", responses=answers(schemas.Robot))
-def safe(console: ConsoleDep, visitor: VisitorDep, robot_id: RobotPath, body: ReasonBody) -> Any:
+@router.post("/robots/{robot_id}/safe", responses=answers(schemas.RobotResource))
+def safe(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: ReasonBody) -> Any:
     """Stop what it does, then send it to the safe place of its zone; without one, or without `drive`, it lies down."""
-    return _answered(console, robot_id, made_safe(console, visitor, robot_id, body.reason))
+    return _answered(console, robot_id, made_safe(console, principal, robot_id, body.reason))
 
 
-@router.post("/robots/{robot_id}/posture", responses=answers(schemas.Robot))
-def posture(console: ConsoleDep, visitor: VisitorDep, robot_id: RobotPath, body: PostureBody) -> Any:
+@router.post("/robots/{robot_id}/posture", responses=answers(schemas.RobotResource))
+def posture(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: PostureBody) -> Any:
     """Lie down or stand up, where no mission acts."""
-    return _answered(console, robot_id, posed(console, visitor, robot_id, body.posture, body.reason))
+    return _answered(console, robot_id, posed(console, principal, robot_id, body.posture, body.reason))
 
 
 @router.post("/robots/{robot_id}/wheel", responses=answers(schemas.WheelSession))
-def take(console: ConsoleDep, visitor: VisitorDep, robot_id: RobotPath, body: WheelBody) -> Any:
+def take(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: WheelBody) -> Any:
     """Drive by hand: refused while a mission may move the robot."""
     device = body.device or "a program"
     decision = signed(
         console,
-        visitor,
+        principal,
         ("drive", "TakeWheel", robot_id),
         lambda wheel, actor: wheel.take(robot_id, actor=actor, device=device, reason=body.reason),
     )
@@ -123,16 +123,16 @@ def take(console: ConsoleDep, visitor: VisitorDep, robot_id: RobotPath, body: Wh
 
 
 @router.post("/robots/{robot_id}/wheel/turn", responses=answers(DriveReport))
-def turn(console: ConsoleDep, visitor: VisitorDep, robot_id: RobotPath, body: Turn) -> Any:
+def turn(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: Turn) -> Any:
     """Hold this velocity until the next call, for 0.8 s of the robot's time at most."""
-    report = turned(console, visitor, robot_id, body)
+    report = turned(console, principal, robot_id, body)
     return refusal(report) if isinstance(report, Refused) else plain(report)
 
 
-@router.post("/robots/{robot_id}/wheel/return", responses=answers(schemas.Robot))
-def give_back(console: ConsoleDep, visitor: VisitorDep, robot_id: RobotPath, body: ReasonBody) -> Any:
+@router.post("/robots/{robot_id}/wheel/return", responses=answers(schemas.RobotResource))
+def give_back(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: ReasonBody) -> Any:
     """End driving by hand; the base is free once the body is shown at rest."""
-    return _answered(console, robot_id, wheel_returned(console, visitor, robot_id, body.reason))
+    return _answered(console, robot_id, wheel_returned(console, principal, robot_id, body.reason))
 
 
 def _answered(console: Console, robot_id: RobotId, decision: Decision[AnyEvent]) -> Any:
@@ -151,7 +151,7 @@ def _row(console: Console, robot_id: RobotId) -> Any:
     said, word = card(console, robot_id), console.fleet.word(robot_id)
     mission = said.mission
     return plain(
-        schemas.Robot(
+        schemas.RobotResource(
             robot_id=robot_id,
             status=word.status,
             link_age_s=said.word.link_age_s if said.word.heard else None,

@@ -12,11 +12,11 @@ from harness.contracts.reasons import Reason
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Count, Value
 from harness.projections.exploration import ExplorationDecision
-from rsi_reviews.contracts import ClauseAnswer, HeldOutAnswer, Manifest, Refusal, ReleasePolicy
-from rsi_reviews.difference import Change
+from rsi_reviews.contracts import ClauseAnswer, HeldOutAnswer, Manifest, ReleasePolicy, RestrictionViolation
+from rsi_reviews.difference import FieldChange
 from rsi_reviews.events import ConfigurationQuarantined, HeldOutLooked, PointerMoved
 from rsi_reviews.pointers import Draining, Uptake
-from rsi_reviews.projections import CanaryEntry, Said
+from rsi_reviews.projections import CanaryEntry, ReviewEntry
 
 
 class ChangedSince(Value):
@@ -27,7 +27,7 @@ class ChangedSince(Value):
     now: str
 
 
-class Problem(Value):
+class ProblemDocument(Value):
     """RFC 9457. `code` is the slug for machines, `do` what can be done now; `changes` since what was answered.
 
     A refusal also has its `rule`, and `reason`: code and facts of what `detail` says.
@@ -44,7 +44,7 @@ class Problem(Value):
     reason: Reason | None = None
 
 
-class Recovery(Value):
+class RecoverySpend(Value):
     """Steps of recovery of one mission."""
 
     spent: Count
@@ -65,7 +65,7 @@ class MissionSummary(Value):
     handoff_id: str | None
     began_s: float
     ended_s: float | None
-    recovery: Recovery
+    recovery: RecoverySpend
 
 
 class StageOutcome(Value):
@@ -79,7 +79,7 @@ class StageOutcome(Value):
     accepted_at_k: Count | None
 
 
-class Segment(Value):
+class SegmentResource(Value):
     """One way of a mission, metres: as planned, as declared, as measured."""
 
     name: str
@@ -90,7 +90,7 @@ class Segment(Value):
     path_length_m: float | None
 
 
-class Image(Value):
+class ImageResource(Value):
     """One picture that a packet refers to. `captured_at`: RFC 3339, UTC."""
 
     sha256: str
@@ -130,18 +130,22 @@ class MissionOutcome(msgspec.Struct, frozen=True, kw_only=True):
     status: str
     goal_verdict: str | None
     reason: str
+    reason_code: str
+    reason_facts: dict[str, Any]
     report: str
+    report_code: str
+    report_facts: dict[str, Any]
     state_version: Count
     configuration: str
     seed: Count
     labels: dict[str, Any]
     handoff_id: str | None
     stages: tuple[StageOutcome, ...]
-    segments: tuple[Segment, ...]
-    images: tuple[Image, ...]
+    segments: tuple[SegmentResource, ...]
+    images: tuple[ImageResource, ...]
     findings: tuple[AnalysisFinding, ...]
     receipts: tuple[ReceiptOutcome, ...]
-    recovery: Recovery
+    recovery: RecoverySpend
     dispatches: Count
     physical_starts: Count | None
     duplicate_starts: Count | None
@@ -197,7 +201,7 @@ class Caller(Value):
     may: tuple[str, ...]
 
 
-class Account(Value):
+class AccountResource(Value):
     """One person."""
 
     name: str
@@ -207,7 +211,7 @@ class Account(Value):
     changed_at_s: float
 
 
-class Token(Value):
+class TokenResource(Value):
     """One token, without its secret."""
 
     token_id: str
@@ -221,13 +225,13 @@ class Token(Value):
     revoked_at_s: float | None
 
 
-class IssuedToken(Token):
+class IssuedToken(TokenResource):
     """A new token: `token` is shown this once."""
 
     token: str
 
 
-class Robot(Value):
+class RobotResource(Value):
     """One robot: what it declares of itself with the age of its word, its mission, and who is in control."""
 
     robot_id: str
@@ -294,7 +298,7 @@ class AlertLine(Value):
     position: Count
 
 
-class Alert(AlertSummary):
+class AlertResource(AlertSummary):
     """One alert with what lasts and its history, newest first."""
 
     conditions: tuple[str, ...]
@@ -314,7 +318,7 @@ class CandidateSummary(Value):
     baseline: str
 
 
-class Candidate(CandidateSummary):
+class CandidateResource(CandidateSummary):
     """A candidate with what a decision needs; a decision names `digest` and `cycle`."""
 
     digest: str
@@ -322,7 +326,7 @@ class Candidate(CandidateSummary):
     authors: tuple[str, ...]
     clauses: tuple[ClauseAnswer, ...]
     approvals: tuple[str, ...]
-    said: tuple[Said, ...]
+    said: tuple[ReviewEntry, ...]
     canary: tuple[CanaryEntry, ...]
     canary_outcome: str
     reason: str
@@ -331,7 +335,7 @@ class Candidate(CandidateSummary):
 class ConfigurationDifference(Value):
     """By component, and raw."""
 
-    changes: tuple[Change, ...]
+    changes: tuple[FieldChange, ...]
     raw: str
 
 
@@ -340,11 +344,11 @@ class CandidateCheck(Value):
 
     candidate: str
     holds: bool
-    refusals: tuple[Refusal, ...]
+    refusals: tuple[RestrictionViolation, ...]
     difference: ConfigurationDifference
 
 
-class Case(Value):
+class CaseResource(Value):
     """One case under both configurations. `before` and `after` are the declared metric, `change` which way it went."""
 
     case: str
@@ -376,9 +380,9 @@ class Results(Value):
 
     pairs: Count
     safety_pairs: Count
-    pass_to_fail: tuple[Case, ...]
+    pass_to_fail: tuple[CaseResource, ...]
     pass_to_fail_total: Count
-    fail_to_pass: tuple[Case, ...]
+    fail_to_pass: tuple[CaseResource, ...]
     fail_to_pass_total: Count
     families: tuple[Family, ...]
     held_out: HeldOutAnswer | None

@@ -6,10 +6,10 @@ from fastapi import APIRouter, Query
 from starlette.responses import HTMLResponse, PlainTextResponse
 
 from app.console import Console, ConsoleDep
-from app.messages import lazy_gettext
-from app.rendering import render
-from app.security import VisitorDep
-from app.views.audit import AccessPage, AuditPage, Deed, Sum, TrailRow, Wanted, deed
+from app.i18n.messages import lazy_gettext
+from app.views.audit import AccessPage, AuditEvent, AuditPage, AuditRow, Sum, Wanted, deed
+from app.web.rendering import render
+from app.web.security import PrincipalDep
 from harness.contracts.errors import LogDamaged
 from harness.contracts.stored_commands import command_of
 
@@ -22,7 +22,7 @@ Before = Annotated[int, Query(ge=0, le=2**62)]
 @router.get("")
 def show(
     console: ConsoleDep,
-    visitor: VisitorDep,
+    principal: PrincipalDep,
     actor: Filter = "",
     kind: Filter = "",
     everything: bool = False,
@@ -31,7 +31,7 @@ def show(
 ) -> HTMLResponse:
     wanted = Wanted(actor=actor.strip(), kind=kind.strip(), everything=everything)
     deeds, scanned_from = newest_first(console, wanted, before=before)
-    shell = console.shell("Audit", "audit", visitor.actor)
+    shell = console.shell("Audit", "audit", principal.actor)
     page = AuditPage(
         shell=shell,
         head=console.head(),
@@ -39,7 +39,7 @@ def show(
         wanted=wanted,
         scanned_from=scanned_from,
         found=_log_sum(console) if verify else Sum(),
-        keeps_trail=visitor.may("trail"),
+        keeps_trail=principal.may("trail"),
     )
     return render("audit/index.html", page)
 
@@ -57,18 +57,18 @@ def anchor(console: ConsoleDep) -> PlainTextResponse:
 @router.get("/access")
 def access(
     console: ConsoleDep,
-    visitor: VisitorDep,
+    principal: PrincipalDep,
     actor: Filter = "",
     kind: Filter = "",
     before: Before = 0,
     verify: bool = False,
 ) -> HTMLResponse:
-    visitor.acting("trail")
-    store = console.doors.accounts.store
-    entries = store.trail(before=before or None, kind=kind.strip(), actor=actor.strip(), limit=SHOWN)
+    principal.acting("trail")
+    store = console.sessions.accounts.store
+    entries = store.audit_log(before=before or None, kind=kind.strip(), actor=actor.strip(), limit=SHOWN)
     page = AccessPage(
-        shell=console.shell("Access", "audit", visitor.actor),
-        rows=tuple(TrailRow(e.number, e.at_s, e.kind, e.actor, e.role, e.subject, e.detail, e.source) for e in entries),
+        shell=console.shell("Access", "audit", principal.actor),
+        rows=tuple(AuditRow(e.number, e.at_s, e.kind, e.actor, e.role, e.subject, e.detail, e.source) for e in entries),
         wanted=Wanted(actor=actor, kind=kind),
         older=entries[-1].number if len(entries) == SHOWN else 0,
         found=_trail_sum(console) if verify else Sum(),
@@ -76,11 +76,11 @@ def access(
     return render("audit/access.html", page)
 
 
-def newest_first(console: Console, wanted: Wanted, *, before: int, shown: int = SHOWN) -> tuple[list[Deed], int]:
+def newest_first(console: Console, wanted: Wanted, *, before: int, shown: int = SHOWN) -> tuple[list[AuditEvent], int]:
     """Fitting deeds below a position (0: from the head), and the lowest position looked at. Reads at most SCANNED."""
     upto = before - 1 if before else console.head().position
     floor = max(0, upto - SCANNED)
-    found: list[Deed] = []
+    found: list[AuditEvent] = []
     while upto > floor and len(found) < shown:
         after = max(floor, upto - WINDOW)
         for stored in reversed(console.runtime.log(after, upto - after)):
@@ -125,7 +125,7 @@ def _before_commands(console: Console) -> str:
 
 def _trail_sum(console: Console) -> Sum:
     try:
-        entries = console.doors.accounts.store.verify_trail()
+        entries = console.sessions.accounts.store.verify_trail()
     except LogDamaged as error:
         return Sum(damage=str(error))
     return Sum(

@@ -6,20 +6,20 @@ import msgspec
 from fastapi import APIRouter
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
-from app.catalogues import N_
 from app.console import ActorDep, Console, ConsoleDep, FormDep
-from app.messages import lazy_gettext, reasoned
-from app.rendering import render
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext, reasoned
 from app.views.candidate_editor import EditorPage, Found, edited_text, editor_page
+from app.web.rendering import render
 from harness.contracts.actors import Actor
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Refused
 from harness.contracts.reasons import recorded
-from rsi_reviews.contracts import Candidate, Refusal
-from rsi_reviews.desk import Say
+from rsi_reviews.contracts import Candidate, RestrictionViolation
 from rsi_reviews.difference import difference
 from rsi_reviews.errors import CandidateInvalid
 from rsi_reviews.generate.person import Intention, edited
+from rsi_reviews.release_service import SignedBy
 
 router = APIRouter(prefix="/candidates")
 NOTHING = Found()
@@ -48,7 +48,7 @@ def propose(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
     name = candidate.candidate_id
     before = typed.get("supersedes", "").strip()
     supersedes = console.desk.review(before).candidate if before else None
-    say = Say(actor, candidate.manifest.reason, f"propose:{name}")
+    say = SignedBy(actor, candidate.manifest.reason, f"propose:{name}")
     decision = console.desk.propose(candidate, say, supersedes=supersedes)
     if isinstance(decision, Refused):
         again = page_of(console, actor, typed, Found(errors=(reasoned(decision.reason),)))
@@ -63,7 +63,9 @@ def read(console: Console, actor: Actor, typed: Mapping[str, str]) -> tuple[Cand
     try:
         made = edited(text, current, _intention(typed), who=actor.name)
     except CandidateInvalid as error:
-        refusal = Refusal(rule=error.rule, path=error.where or "edit", reason=recorded(f"{error.what}; {error.do}."))
+        refusal = RestrictionViolation(
+            rule=error.rule, path=error.where or "edit", reason=recorded(f"{error.what}; {error.do}.")
+        )
         return None, Found(errors=(f"{error.what}; {error.do}.",), refusals=(refusal,))
     except msgspec.ValidationError as error:
         return None, Found(errors=(lazy_gettext("The manifest does not stand: {error}.", error=str(error)),))

@@ -3,37 +3,37 @@
 from collections.abc import Callable, Mapping
 from typing import Any, get_args
 
-from app.catalogues import N_
-from app.reviewing import GuardedDesk
+from app.auth.guarded_releases import GuardedReleaseService
+from app.i18n.catalogues import N_
 from harness.contracts.actors import Actor
 from harness.contracts.decider import Codec
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import Digest, MissionId, RobotId
 from rsi_reviews.contracts import Finding, Subject
-from rsi_reviews.desk import Say, Seen
 from rsi_reviews.events import CandidateEvent, ReviewOpened
+from rsi_reviews.release_service import SeenSubject, SignedBy
 
 Typed = Mapping[str, str]
 Answered = Accepted[Any] | Refused
-Said = Callable[[GuardedDesk, Digest, Say, Seen, Typed], Answered]
+ReviewAct = Callable[[GuardedReleaseService, Digest, SignedBy, SeenSubject, Typed], Answered]
 CODEC: Codec[CandidateEvent] = Codec(CandidateEvent)
 LONGEST_KEY = 200
 
 
-def say_of(actor: Actor, typed: Typed, word: str) -> Say:
+def say_of(actor: Actor, typed: Typed, word: str) -> SignedBy:
     """Who, why and under which one-use key. Raises ContractInvalid without a key."""
     key = typed.get("key", "")
     if not 1 <= len(key) <= LONGEST_KEY:
         raise ContractInvalid(N_("The form carries no key"), where="key", do=N_("open the page again and use its form"))
-    return Say(actor=actor, reason=typed.get("reason", "").strip(), key=f"{word}:{key}"[:LONGEST_KEY])
+    return SignedBy(actor=actor, reason=typed.get("reason", "").strip(), key=f"{word}:{key}"[:LONGEST_KEY])
 
 
-def seen_of(typed: Typed) -> Seen:
+def seen_of(typed: Typed) -> SeenSubject:
     """What the form was shown with. What it does not name equals nothing, and so is refused by the desk."""
     cycle = typed.get("cycle", "")
     known = cycle.isascii() and cycle.isdigit() and len(cycle) < 10
-    return Seen(cycle=int(cycle) if known else 0, subject=Digest(typed.get("subject", "")))
+    return SeenSubject(cycle=int(cycle) if known else 0, subject=Digest(typed.get("subject", "")))
 
 
 def robot_of(typed: Typed) -> RobotId:
@@ -54,13 +54,13 @@ def finding_of(text: str) -> Finding:
     )
 
 
-def subject_in(desk: GuardedDesk, candidate: str, digest: str) -> Subject | None:
+def subject_in(desk: GuardedReleaseService, candidate: str, digest: str) -> Subject | None:
     """The subject that a form was shown with, as it stood when its review was opened."""
     opened = (CODEC.decode(stored) for stored in desk.events(candidate))
     return next((one.subject for one in opened if isinstance(one, ReviewOpened) and one.subject_digest == digest), None)
 
 
-WORDS: Mapping[str, Said] = {
+WORDS: Mapping[str, ReviewAct] = {
     "submit": lambda desk, name, say, seen, typed: desk.submit(name, say),
     "comment": lambda desk, name, say, seen, typed: desk.comment(name, say),
     "recall": lambda desk, name, say, seen, typed: desk.recall(name, say),

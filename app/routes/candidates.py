@@ -6,18 +6,18 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
-from app.catalogues import N_
+from app.background.evaluations import situations
 from app.console import ActorDep, Console, ConsoleDep, FormDep
-from app.evaluated import situations
-from app.messages import reasoned
-from app.rendering import render
+from app.i18n.catalogues import N_
+from app.i18n.messages import reasoned
 from app.routes.candidate_words import WORDS, say_of, seen_of, subject_in
 from app.views import candidates, forms
-from app.views.candidates import Asked, BoardPage
-from app.views.review import Left, ReviewPage, Seen, review_page
+from app.views.candidates import BoardPage, CandidateListParams
+from app.views.review import ReviewPage, ReviewSources, SubmittedReviewForm, review_page
 from app.views.review_cases import CasesPage, cases_page
 from app.views.review_replay import ReplayPage, replay_page
 from app.views.rollback import RollbackPage, rollback_page
+from app.web.rendering import render
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ConfigurationMissing, ContractInvalid, UnknownName
@@ -29,7 +29,7 @@ router = APIRouter(prefix="/candidates")
 REPLAYED = 40
 
 
-def asked_of(request: Request) -> Asked:
+def asked_of(request: Request) -> CandidateListParams:
     """Search, filters and place from the address. Raises UnknownName or ContractInvalid for what no page ever gave."""
     params = request.query_params
     group, skip = params.get("status", ""), params.get("skip", "0")
@@ -37,7 +37,7 @@ def asked_of(request: Request) -> Asked:
         raise UnknownName(f"There is no group of candidates called {group[:40]}", do=N_("choose one of the tabs"))
     if not skip.isascii() or not skip.isdigit() or len(skip) > 6:
         raise ContractInvalid(f"{skip[:40]!r} is no place in a list", where="skip", do=N_("begin at the first page"))
-    return Asked(
+    return CandidateListParams(
         words=params.get("q", "")[:200].strip(),
         group=group,
         component=params.get("component", "")[:40],
@@ -46,7 +46,7 @@ def asked_of(request: Request) -> Asked:
     )
 
 
-AskedDep = Annotated[Asked, Depends(asked_of)]
+AskedDep = Annotated[CandidateListParams, Depends(asked_of)]
 
 
 @router.get("")
@@ -107,24 +107,26 @@ def _again(
         page = rollback_of(console, actor, candidate, refused=refused, typed=typed.get("reason", ""))
         return render("candidates/rollback.html", page, status=status)
     seen = subject_in(console.desk, candidate, typed.get("subject", ""))
-    left = Left(reason=typed.get("reason", ""), refused=refused, subject=seen)
+    left = SubmittedReviewForm(reason=typed.get("reason", ""), refused=refused, subject=seen)
     return render("candidates/detail.html", page_of(console, actor, candidate, left), status=status)
 
 
-def board_of(console: Console, actor: Actor, asked: Asked) -> BoardPage:
+def board_of(console: Console, actor: Actor, asked: CandidateListParams) -> BoardPage:
     reviews = console.desk.reviews()
     progress = {one.candidate: console.evaluated.progress(one) for one in reviews if one.status == "evaluating"}
     shell = console.shell("Candidates", "candidates", actor)
     return candidates.board_page(shell, reviews, console.desk.pointer(), asked, progress)
 
 
-def page_of(console: Console, actor: Actor, candidate: str, left: Left = Left()) -> ReviewPage:
+def page_of(
+    console: Console, actor: Actor, candidate: str, left: SubmittedReviewForm = SubmittedReviewForm()
+) -> ReviewPage:
     """The page as it is now, with a fresh key. Raises UnknownName."""
     desk = console.desk
     review = desk.review(candidate)
     name = review.candidate
     found = console.evaluated.of(name)
-    seen = Seen(
+    seen = ReviewSources(
         difference=desk.diff(name),
         measured=found[1] if found else None,
         clauses=desk.clauses(name),
@@ -136,7 +138,9 @@ def page_of(console: Console, actor: Actor, candidate: str, left: Left = Left())
         progress=console.evaluated.progress(review) if review.status == "evaluating" else "",
     )
     shell = console.shell(candidates.title_of(review), "candidates", actor, topics=(f"candidate/{name}",))
-    return review_page(shell, review, seen, actor, robots=console.settings.robots, key=console.doors.key(), left=left)
+    return review_page(
+        shell, review, seen, actor, robots=console.settings.robots, key=console.sessions.key(), left=left
+    )
 
 
 def cases_of(console: Console, actor: Actor, candidate: str, *, change: str, family: str, skip: int) -> CasesPage:
@@ -167,7 +171,7 @@ def rollback_of(console: Console, actor: Actor, candidate: str, *, refused: str 
     shell = console.shell(N_("Roll back"), "candidates", actor)
     pinned = console.desk.pins().get(review.configuration, ())
     return rollback_page(
-        shell, review, console.desk.pointer(), pinned, key=console.doors.key(), refused=refused, typed=typed
+        shell, review, console.desk.pointer(), pinned, key=console.sessions.key(), refused=refused, typed=typed
     )
 
 

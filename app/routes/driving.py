@@ -6,16 +6,16 @@ from fastapi import APIRouter, Body
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 
-from app.catalogues import N_
+from app.auth.permissions import NotPermitted, Principal
 from app.console import ActorDep, Console, ConsoleDep, FormDep
-from app.messages import lazy_gettext, reasoned
-from app.permissions import NotPermitted, Visitor
-from app.rendering import render
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext, reasoned
 from app.routes.robot_acts import signed, wheel_returned
 from app.routes.robots import RobotPath, card
-from app.security import VisitorDep
 from app.views import forms
 from app.views.driving import DrivePage, TakenOver, taken_over
+from app.web.rendering import render
+from app.web.security import PrincipalDep
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused, refused
 from harness.contracts.errors import ProviderFailed
@@ -42,7 +42,9 @@ def pad(console: ConsoleDep, actor: ActorDep, robot_id: RobotPath) -> HTMLRespon
 
 
 @router.post("/drive")
-def take(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: RobotPath, typed: FormDep) -> Response:
+def take(
+    console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep
+) -> Response:
     wrong = forms.wrong_reason(typed.get("reason", ""))
     if wrong:
         return _pad(console, actor, robot_id, errors=wrong, status=422)
@@ -52,7 +54,7 @@ def take(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: Ro
         return RedirectResponse(f"/robots/{robot_id}/drive", status_code=303)
     decision = signed(
         console,
-        visitor,
+        principal,
         ("drive", "TakeWheel", robot_id),
         lambda wheel, who: wheel.take(robot_id, actor=who, device=device, reason=typed["reason"].strip()),
     )
@@ -62,9 +64,11 @@ def take(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: Ro
 
 
 @router.post("/drive/turn")
-def turn(console: ConsoleDep, visitor: VisitorDep, robot_id: RobotPath, body: Annotated[Turn, Body()]) -> JSONResponse:
+def turn(
+    console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: Annotated[Turn, Body()]
+) -> JSONResponse:
     """Hold this velocity until the next call, for 0.8 s of the robot's time at most."""
-    report = turned(console, visitor, robot_id, body)
+    report = turned(console, principal, robot_id, body)
     if isinstance(report, Refused):
         return JSONResponse({"status": "ended", "reason": reasoned(report.reason)}, status_code=409)
     return JSONResponse(
@@ -73,18 +77,18 @@ def turn(console: ConsoleDep, visitor: VisitorDep, robot_id: RobotPath, body: An
 
 
 @router.post("/drive/return")
-def give_back(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: RobotPath) -> Response:
+def give_back(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath) -> Response:
     """Back to the question if the robot was taken over for one. A wheel that went back by itself is no mistake."""
-    decision = wheel_returned(console, visitor, robot_id, N_("returned by a person"))
+    decision = wheel_returned(console, principal, robot_id, N_("returned by a person"))
     if isinstance(decision, Refused) and decision.rule != "not_at_the_wheel":
         return _pad(console, actor, robot_id, errors=[reasoned(decision.reason)], status=409)
     taken = _taken(console, actor, robot_id)
     return RedirectResponse(f"/handoffs/{taken.handoff_id}" if taken else f"/robots/{robot_id}", status_code=303)
 
 
-def turned(console: Console, visitor: Visitor, robot_id: RobotId, order: Turn) -> DriveReport | Refused:
+def turned(console: Console, principal: Principal, robot_id: RobotId, order: Turn) -> DriveReport | Refused:
     """Refused where nobody has the wheel or the robot does not take it; raises NotPermitted for anybody else."""
-    actor, held = visitor.acting("drive"), console.control().wheels.get(robot_id)
+    actor, held = principal.acting("drive"), console.control().wheels.get(robot_id)
     if held is None or console.wheel is None:
         return refused("not_at_the_wheel", because("wheel_not_taken", robot_id=robot_id))
     if held.actor.name != actor.name:

@@ -3,11 +3,11 @@
 from fastapi import APIRouter
 from starlette.responses import HTMLResponse
 
-from app.catalogues import N_
+from app.background.published_results import published
 from app.console import ActorDep, ConsoleDep
-from app.published import published
-from app.rendering import render
+from app.i18n.catalogues import N_
 from app.views.evaluation import MEASURES, EvaluationPage, evaluation_view, recursion_view
+from app.web.rendering import render
 from harness.contracts.errors import UnknownName
 
 router = APIRouter(prefix="/evaluation")

@@ -5,22 +5,22 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Path
 from starlette.responses import HTMLResponse, Response
 
-from app.catalogues import N_
 from app.console import ActorDep, ConsoleDep
-from app.messages import lazy_gettext
-from app.rendering import render
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext
 from app.routes.listing import searching
 from app.views import evidence_list
 from app.views.evidence_list import BlobPage
-from app.views.listing import Sought
+from app.views.list_params import ListParams
+from app.web.rendering import render
 from harness.contracts.errors import BlobDamaged, UnknownName
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.read_models import ListQuery
 from harness.projections.evidence_list import BLOB_SIGNS
 
 router = APIRouter(prefix="/evidence")
-SoughtDep = Annotated[
-    Sought, Depends(searching("evidence", "kind", "source", "node", "verdict", "decision", "mission"))
+ListParamsDep = Annotated[
+    ListParams, Depends(searching("evidence", "kind", "source", "node", "verdict", "decision", "mission"))
 ]
 DigestPath = Annotated[str, Path(pattern="^[0-9a-f]{64}$")]
 USES = 100
@@ -31,14 +31,14 @@ MAGIC: tuple[tuple[bytes, str, str], ...] = (
 
 
 @router.get("")
-def index(console: ConsoleDep, actor: ActorDep, sought: SoughtDep) -> HTMLResponse:
-    found = console.lists.evidence(sought.query)
+def index(console: ConsoleDep, actor: ActorDep, params: ListParamsDep) -> HTMLResponse:
+    found = console.lists.evidence(params.query)
     page = evidence_list.evidence_page(
         console.shell("Evidence", "evidence", actor),
-        sought,
+        params,
         found.items,
         found.following,
-        found=console.lists.found(sought.query, found),
+        found=console.lists.found(params.query, found),
         tallies=console.lists.tallies("evidence"),
     )
     return render("evidence/index.html", page)

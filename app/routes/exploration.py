@@ -6,8 +6,7 @@ from fastapi import APIRouter, Query
 from starlette.responses import HTMLResponse
 
 from app.console import ActorDep, Console, ConsoleDep
-from app.messages import lazy_gettext
-from app.rendering import render
+from app.i18n.messages import lazy_gettext
 from app.views.exploration import (
     ChoicesRegion,
     Recorded,
@@ -15,6 +14,7 @@ from app.views.exploration import (
     exploration_page,
     shown_of,
 )
+from app.web.rendering import render
 from harness.contracts.errors import BlobDamaged
 from harness.contracts.exploration import GridMap
 from harness.contracts.ids import Digest, MissionId

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from app.acts.base import Act
 from app.acts.handoffs import ApproveHandoffAct
 from app.console import Console
-from app.rendering import render
 from app.routes.robots import camera_of
 from app.views import handoffs, robots
-from app.views.handoff_shown import Difference, differences, shown_question
-from app.views.handoff_steps import Told
-from app.views.handoffs import HandoffPage, Surface
+from app.views.handoff_shown import ShownDifference, differences, shown_question
+from app.views.handoff_steps import HandoffEvents
+from app.views.handoffs import HandoffInputs, HandoffPage
 from app.views.places import site_map
-from app.views.robots import CameraView, RobotWord
+from app.views.robots import CameraView, LastReport
+from app.web.rendering import render
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.decider import Codec
@@ -30,7 +30,7 @@ EARLIER = 50
 
 
 @dataclass(frozen=True)
-class Left:
+class SubmittedForm:
     """A form as it was left: what was typed, why it did not count, and the cycle it was about."""
 
     typed: str = ""
@@ -38,17 +38,19 @@ class Left:
     cycle: str = ""
 
 
-def page_of(console: Console, actor: Actor, handoff_id: HandoffId, left: Left = Left()) -> HandoffPage:
+def page_of(
+    console: Console, actor: Actor, handoff_id: HandoffId, left: SubmittedForm = SubmittedForm()
+) -> HandoffPage:
     """The page as it is now, with a fresh key; raises UnknownName."""
     handoff = console.runtime.handoff(handoff_id)
     opened = handoffs.required(handoff)
     mission = console.runtime.mission(opened.mission_id)
     told = history_of(console, handoff_id)
     watched = f"handoff/{handoff_id}"
-    surface = Surface(
+    surface = HandoffInputs(
         now_s=console.clock(),
         person=actor.name,
-        key=console.doors.key(),
+        key=console.sessions.key(),
         shown=sha256(_question(opened, mission)),
         told=told,
         earlier=_earlier(console, opened),
@@ -98,20 +100,20 @@ def _unlike(console: Console, handoff_id: HandoffId, said: ApproveHandoffAct) ->
     return None
 
 
-def history_of(console: Console, handoff_id: HandoffId) -> Told:
+def history_of(console: Console, handoff_id: HandoffId) -> HandoffEvents:
     """The question's own events with their places in the log."""
     stored = console.runtime.stream(handoff_stream(handoff_id))
     return [(one.position, one.recorded_s, CODEC.decode(one)) for one in stored]
 
 
-def changes(handoff: Handoff, told: Told, cycle: str) -> tuple[Difference, ...]:
+def changes(handoff: Handoff, told: HandoffEvents, cycle: str) -> tuple[ShownDifference, ...]:
     """What is different now from the cycle that was answered."""
     opened = handoff.opened
     seen = as_asked(told, cycle)
     return differences(seen, opened) if seen is not None and opened is not None else ()
 
 
-def as_asked(told: Told, cycle: str) -> HandoffOpened | None:
+def as_asked(told: HandoffEvents, cycle: str) -> HandoffOpened | None:
     """The question as it stood in that cycle."""
     state, found = Handoff(), None
     for _, _, event in told:
@@ -131,7 +133,7 @@ def _earlier(console: Console, opened: HandoffOpened) -> tuple[HandoffItem, ...]
     return console.lists.handoffs(ListQuery(listing="handoff", facets=facets, limit=EARLIER)).items
 
 
-def word_of(console: Console, robot_id: str) -> RobotWord | None:
+def word_of(console: Console, robot_id: str) -> LastReport | None:
     """What the robot says of itself; None for one that is not connected here."""
     try:
         return robots.robot_word(console.fleet.word(robot_id), now_s=console.clock())

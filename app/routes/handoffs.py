@@ -8,40 +8,40 @@ from msgspec.structs import replace
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.acts import handoffs as handoff_acts
-from app.catalogues import N_
 from app.console import ActorDep, Console, ConsoleDep, FormDep
-from app.messages import reasoned
-from app.rendering import render
-from app.routes.handoff_page import Left, answered, kept_question, page_of
+from app.i18n.catalogues import N_
+from app.i18n.messages import reasoned
+from app.routes.handoff_page import SubmittedForm, answered, kept_question, page_of
 from app.routes.listing import searching
 from app.views import handoff_list
 from app.views.handoff_list import HandoffsPage
-from app.views.listing import Sought
+from app.views.list_params import ListParams
 from app.views.missions import Counted
+from app.web.rendering import render
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import HandoffId
 
 router = APIRouter(prefix="/handoffs")
-SoughtDep = Annotated[Sought, Depends(searching("handoff", "status", "robot", "failure", "mission"))]
+ListParamsDep = Annotated[ListParams, Depends(searching("handoff", "status", "robot", "failure", "mission"))]
 
 
 @router.get("")
-def index(console: ConsoleDep, actor: ActorDep, sought: SoughtDep) -> HTMLResponse:
-    return render("handoffs/index.html", listed(console, actor, sought))
+def index(console: ConsoleDep, actor: ActorDep, params: ListParamsDep) -> HTMLResponse:
+    return render("handoffs/index.html", listed(console, actor, params))
 
 
 @router.get("/list")
-def listing(console: ConsoleDep, actor: ActorDep, sought: SoughtDep) -> HTMLResponse:
-    return render("handoffs/_list.html", listed(console, actor, sought))
+def listing(console: ConsoleDep, actor: ActorDep, params: ListParamsDep) -> HTMLResponse:
+    return render("handoffs/_list.html", listed(console, actor, params))
 
 
-def listed(console: Console, actor: Actor, sought: Sought) -> HandoffsPage:
+def listed(console: Console, actor: Actor, params: ListParams) -> HandoffsPage:
     """One page of the list, with what its tabs would show."""
-    group = sought.given.get("status", "")
-    facets = {name: value for name, value in sought.query.facets.items() if name != "status"}
-    queries = {value: replace(sought.query, facets=facets | stands_for) for value, _, stands_for in handoff_list.GROUPS}
+    group = params.given.get("status", "")
+    facets = {name: value for name, value in params.query.facets.items() if name != "status"}
+    queries = {value: replace(params.query, facets=facets | stands_for) for value, _, stands_for in handoff_list.GROUPS}
     if group not in queries:
         raise UnknownName(f"There is no group of handoffs called {group}", do=N_("choose one of the tabs of the list"))
     found = console.lists.handoffs(queries[group])
@@ -50,7 +50,7 @@ def listed(console: Console, actor: Actor, sought: Sought) -> HandoffsPage:
         tallies=console.lists.tallies("handoff"),
     )
     shell = console.shell("Handoffs", "handoffs", actor)
-    return handoff_list.handoffs_page(shell, sought, found.items, found.following, counted)
+    return handoff_list.handoffs_page(shell, params, found.items, found.following, counted)
 
 
 @router.get("/{handoff_id}")
@@ -91,5 +91,5 @@ for word in ("decision", *handoff_acts.ACTS):
 def _again(
     console: Console, actor: Actor, handoff_id: HandoffId, typed: dict[str, str], *, refused: str, status: int
 ) -> HTMLResponse:
-    left = Left(typed=typed.get("reason", ""), refused=refused, cycle=typed.get("cycle", ""))
+    left = SubmittedForm(typed=typed.get("reason", ""), refused=refused, cycle=typed.get("cycle", ""))
     return render("handoffs/detail.html", page_of(console, actor, handoff_id, left), status=status)

@@ -5,8 +5,8 @@ from typing import get_args
 
 from fastapi import Request
 
-from app.catalogues import N_
-from app.views.listing import Sought
+from app.i18n.catalogues import N_
+from app.views.list_params import ListParams
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.read_models import Bookmark, Listing, ListOrder, ListQuery
 
@@ -14,10 +14,10 @@ SHOWN = 50
 LONGEST = 200
 
 
-def searching(listing: Listing, *facets: str) -> Callable[[Request], Sought]:
+def searching(listing: Listing, *facets: str) -> Callable[[Request], ListParams]:
     """Reads q, order, after and these filters from the address; raises ContractInvalid for an impossible place."""
 
-    def sought(request: Request) -> Sought:
+    def params(request: Request) -> ListParams:
         params = request.query_params
         given = {name: params[name][:LONGEST] for name in facets if params.get(name)}
         words = params.get("q", "")[:LONGEST].strip()
@@ -30,9 +30,9 @@ def searching(listing: Listing, *facets: str) -> Callable[[Request], Sought]:
             after=bookmark(after) if after else None,
             limit=SHOWN,
         )
-        return Sought(query=query, words=words, given=given, deep=bool(after))
+        return ListParams(query=query, words=words, given=given, deep=bool(after))
 
-    return sought
+    return params
 
 
 def order_of(text: str) -> ListOrder:

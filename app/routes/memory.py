@@ -5,12 +5,12 @@ from typing import Annotated, get_args
 from fastapi import APIRouter, Query
 from starlette.responses import HTMLResponse
 
-from app.catalogues import N_
 from app.console import ActorDep, ConsoleDep
-from app.rendering import render
+from app.i18n.catalogues import N_
 from app.views.memory import kinds_of, memory_page
+from app.web.rendering import render
 from harness.contracts.errors import UnknownName
-from harness.contracts.memory import ADMISSIBLE, MemoryQuery, Standing
+from harness.contracts.memory import ADMISSIBLE, MemoryQuery, RecordStanding
 
 router = APIRouter(prefix="/memory")
 SHOWN = 200
@@ -28,7 +28,7 @@ def index(
     kinds = kinds_of(role)
     if not kinds:
         raise UnknownName(f"Memory has no role {role[:40]!r}", do=N_("choose one of its tabs"))
-    standings = get_args(Standing) if everything else ADMISSIBLE
+    standings = get_args(RecordStanding) if everything else ADMISSIBLE
     query = MemoryQuery(kinds=kinds, subject=subject.strip(), standings=standings, limit=SHOWN)
     found = console.runtime.memory.find(query)
     shell = console.shell("Memory", "memory", actor)

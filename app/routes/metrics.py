@@ -45,7 +45,7 @@ def readyz(console: ConsoleDep) -> PlainTextResponse:
     """200 once log and accounts can be read, 503 while they cannot. Says no more: strangers may ask."""
     try:
         console.head()
-        console.doors.accounts.store.any_account()
+        console.sessions.accounts.store.any_account()
     except HarnessError:
         return PlainTextResponse("not ready\n", status_code=503)
     return PlainTextResponse("ok\n")

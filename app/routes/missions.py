@@ -8,31 +8,31 @@ from msgspec.structs import replace
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.acts.missions import StopMissionAct
-from app.catalogues import N_
 from app.console import ActorDep, Console, ConsoleDep, FormDep
-from app.messages import lazy_gettext, reasoned
-from app.rendering import render
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext, reasoned
 from app.routes.handoff_page import word_of
 from app.routes.listing import searching
-from app.security import VisitorDep
 from app.views import events, forms, missions
 from app.views import preview as previews
-from app.views.forms import Again, Before, Offer, StopPage, Wrong
-from app.views.listing import Sought
+from app.views.forms import Again, Before, FormOptions, StopPage, Wrong
+from app.views.list_params import ListParams
 from app.views.missions import Counted, MissionsPage
 from app.views.preview import Preview
+from app.web.rendering import render
+from app.web.security import PrincipalDep
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.events import MissionCreated
 from harness.contracts.ids import MissionId, RobotId
 from harness.contracts.tasks import TaskTemplate
-from harness.further import begin, draft, offered
+from harness.extra_templates import begin, draft, offered
 from harness.projections.mission import Mission
 from harness.runtime import Start
 
 router = APIRouter(prefix="/missions")
-SoughtDep = Annotated[Sought, Depends(searching("mission", "status", "robot", "template"))]
+ListParamsDep = Annotated[ListParams, Depends(searching("mission", "status", "robot", "template"))]
 
 
 class StartRefused(ContractInvalid):
@@ -42,27 +42,27 @@ class StartRefused(ContractInvalid):
 
 
 @router.get("")
-def index(console: ConsoleDep, actor: ActorDep, sought: SoughtDep) -> HTMLResponse:
-    return render("missions/index.html", listed(console, actor, sought))
+def index(console: ConsoleDep, actor: ActorDep, params: ListParamsDep) -> HTMLResponse:
+    return render("missions/index.html", listed(console, actor, params))
 
 
 @router.get("/list")
-def listing(console: ConsoleDep, actor: ActorDep, sought: SoughtDep) -> HTMLResponse:
-    return render("missions/_list.html", listed(console, actor, sought))
+def listing(console: ConsoleDep, actor: ActorDep, params: ListParamsDep) -> HTMLResponse:
+    return render("missions/_list.html", listed(console, actor, params))
 
 
-def listed(console: Console, actor: Actor, sought: Sought) -> MissionsPage:
+def listed(console: Console, actor: Actor, params: ListParams) -> MissionsPage:
     """One page of the list, with what its tabs would show."""
-    group = sought.given.get("status", "")
-    facets = {name: value for name, value in sought.query.facets.items() if name != "status"}
-    queries = {value: replace(sought.query, facets=facets | stands_for) for value, _, stands_for in missions.GROUPS}
+    group = params.given.get("status", "")
+    facets = {name: value for name, value in params.query.facets.items() if name != "status"}
+    queries = {value: replace(params.query, facets=facets | stands_for) for value, _, stands_for in missions.GROUPS}
     if group not in queries:
         raise UnknownName(f"There is no group of missions called {group}", do=N_("choose one of the tabs of the list"))
     found = console.lists.missions(queries[group])
     tallies = console.lists.tallies("mission")
     counted = Counted(groups={value: console.lists.count(one) for value, one in queries.items()}, tallies=tallies)
     return missions.missions_page(
-        console.shell("Missions", "missions", actor), sought, found.items, found.following, counted
+        console.shell("Missions", "missions", actor), params, found.items, found.following, counted
     )
 
 
@@ -75,9 +75,9 @@ def new(request: Request, console: ConsoleDep, actor: ActorDep, rerun_of: str = 
 
 
 @router.post("/preview")
-def preview(console: ConsoleDep, visitor: VisitorDep, actor: ActorDep, typed: FormDep) -> HTMLResponse:
+def preview(console: ConsoleDep, principal: PrincipalDep, actor: ActorDep, typed: FormDep) -> HTMLResponse:
     """The form with the contract it would be compiled to; nothing is written."""
-    visitor.acting("drive")
+    principal.acting("drive")
     order, wrong = _order(console, actor, typed)
     if order is None:
         return _form(console, actor, typed, wrong=wrong)
@@ -202,9 +202,9 @@ def _form(
     robot_id = typed.get("robot_id") or robots[0]
     page = forms.start_page(
         console.shell(N_("Start a mission"), "missions", actor),
-        Offer(_offered(console, typed), console.runtime.site.places, robots),
+        FormOptions(_offered(console, typed), console.runtime.site.places, robots),
         typed,
-        key=typed.get("key") or console.doors.key(),
+        key=typed.get("key") or console.sessions.key(),
         wrong=wrong,
         again=_again(console, typed),
         ahead=[Before(one.mission_id, one.goal, one.status) for one in waiting_line(console, robot_id)],

@@ -4,10 +4,10 @@ from fastapi import APIRouter
 from starlette.responses import HTMLResponse
 
 from app.console import ActorDep, Console, ConsoleDep
-from app.rendering import render
 from app.views import missions
 from app.views.overview import RECENT, OverviewPage, OverviewRegions, overview
-from app.views.shell import Frame
+from app.views.shell import PageShell
+from app.web.rendering import render
 from harness.contracts.ids import MissionId
 from harness.contracts.read_models import ListQuery
 
@@ -43,9 +43,9 @@ def now(console: ConsoleDep) -> HTMLResponse:
 
 @router.get("/overview/bar")
 def bar(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
-    return render("components/_bar.html", Frame(console.shell("", "", actor)))
+    return render("components/_bar.html", PageShell(console.shell("", "", actor)))
 
 
 @router.get("/overview/rail")
 def rail(console: ConsoleDep, actor: ActorDep, section: str = "") -> HTMLResponse:
-    return render("components/_rail.html", Frame(console.shell("", section, actor)))
+    return render("components/_rail.html", PageShell(console.shell("", section, actor)))

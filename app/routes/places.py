@@ -5,14 +5,14 @@ from collections.abc import Sequence
 from fastapi import APIRouter
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
-from app.catalogues import N_
 from app.console import ActorDep, Console, ConsoleDep, FormDep
-from app.messages import lazy_gettext, reasoned
-from app.rendering import render
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext, reasoned
 from app.views import place_editor
 from app.views.forms import Wrong, wrong_reason
 from app.views.place_editor import PlaceForm, Version
 from app.views.places import PlacesPage, site_map
+from app.web.rendering import render
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.decider import Codec

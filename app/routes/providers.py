@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from fastapi import APIRouter
 from starlette.responses import HTMLResponse
 
-from app.claims import claimed
+from app.background.conformance_claims import claimed
 from app.console import ActorDep, ConsoleDep
-from app.rendering import render
 from app.views.providers import providers_page
+from app.web.rendering import render
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.ids import ProviderId
 from harness.contracts.memory import KnownCard, MemoryQuery, MemoryRecord

@@ -7,10 +7,10 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.acts.missions import WithdrawMissionAct
 from app.console import ActorDep, Console, ConsoleDep, FormDep
-from app.messages import reasoned
-from app.rendering import render
+from app.i18n.messages import reasoned
 from app.routes.missions import waiting_line
 from app.views.queue import QueuePage, queue_page
+from app.web.rendering import render
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.ids import MissionId

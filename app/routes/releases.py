@@ -6,19 +6,19 @@ from datetime import UTC, datetime
 from fastapi import APIRouter
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
-from app.catalogues import N_
+from app.auth.permissions import permissions_of
 from app.console import ActorDep, Console, ConsoleDep, FormDep
-from app.messages import reasoned
-from app.permissions import permissions_of
-from app.rendering import render
+from app.i18n.catalogues import N_
+from app.i18n.messages import reasoned
 from app.routes.candidate_words import say_of
 from app.views import forms
 from app.views.releases import Around, ReleasesPage, at_instant, policy_form, releases_page
+from app.web.rendering import render
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ContractInvalid
 from rsi_reviews.contracts import ReleasePolicy
-from rsi_reviews.desk import Say
+from rsi_reviews.release_service import SignedBy
 
 router = APIRouter(prefix="/releases")
 MOST_HOURS = 24.0 * 30.0
@@ -50,7 +50,7 @@ def save_policy(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Respons
     return RedirectResponse("/releases#policy", status_code=303)
 
 
-def saved(console: Console, policy: ReleasePolicy, say: Say) -> Accepted[object] | Refused:
+def saved(console: Console, policy: ReleasePolicy, say: SignedBy) -> Accepted[object] | Refused:
     """Asked with the people who hold the roles now."""
     around = around_of(console)
     return console.desk.save_policy(policy, say, reviewers=tuple(around.reviewers), releasers=tuple(around.releasers))
@@ -87,8 +87,8 @@ def instant_of(text: str) -> float | None:
 
 def around_of(console: Console) -> Around:
     """Candidates, pins, versions, and who may review and release now."""
-    accounts = [one for one in console.doors.accounts.store.accounts() if not one.disabled]
-    alone = () if console.doors.has_accounts else (console.settings.operator,)
+    accounts = [one for one in console.sessions.accounts.store.accounts() if not one.disabled]
+    alone = () if console.sessions.has_accounts else (console.settings.operator,)
     return Around(
         reviews=console.desk.reviews(),
         pins=console.desk.pins(),
@@ -109,7 +109,7 @@ def page_of(
         pointer,
         around,
         actor,
-        key=console.doors.key(),
+        key=console.sessions.key(),
         at=at_instant(pointer, asked, instant_of(asked), console.settings.robots) if asked else None,
         policy=policy_form(
             pointer, around, may="people" in permissions_of(actor.role.split("+")), typed=typed, refused=refused

@@ -12,17 +12,17 @@ from starlette.background import BackgroundTask
 from starlette.responses import FileResponse, HTMLResponse, JSONResponse, RedirectResponse, Response
 
 from app.acts.missions import DisputeCompletionAct
-from app.catalogues import N_
 from app.console import ActorDep, Console, ConsoleDep, FormDep
-from app.languages import CHOICE
-from app.messages import lazy_gettext, reasoned
-from app.rendering import render
-from app.report_pdf import report_pdf
-from app.security import VisitorDep
+from app.i18n.catalogues import N_
+from app.i18n.languages import CHOICE
+from app.i18n.messages import lazy_gettext, reasoned
 from app.views import events, facts, report
 from app.views.facts import FactPage
-from app.views.outcome import mission_outcome, no_answer_outcome
-from app.views.report import Journal, ReportPage
+from app.views.mission_json import mission_outcome, no_answer_outcome
+from app.views.report import ReportPage, ReportSources
+from app.web.rendering import render
+from app.web.report_pdf import report_pdf
+from app.web.security import PrincipalDep
 from harness.contracts.actors import Actor
 from harness.contracts.control import CONTROL, ControlEvent
 from harness.contracts.decider import Codec
@@ -35,7 +35,7 @@ from harness.contracts.retreat_events import RetreatEnded, RetreatEvent, Retreat
 from harness.contracts.revision_commands import DisputeCompletion
 from harness.projections.handoffs import Unanswered
 from harness.projections.starts import repeated_starts
-from rsi_reviews.desk import Say
+from rsi_reviews.release_service import SignedBy
 
 router = APIRouter(prefix="/missions/{mission_id}")
 LONGEST = 200
@@ -60,9 +60,9 @@ def portable(console: ConsoleDep, actor: ActorDep, mission_id: MissionId) -> Res
 
 
 @router.get("/dossier")
-def dossier(console: ConsoleDep, visitor: VisitorDep, mission_id: MissionId) -> Response:
+def dossier(console: ConsoleDep, principal: PrincipalDep, mission_id: MissionId) -> Response:
     """Events, verdicts, decisions and evidence in one signed file, which `regen verify` checks offline."""
-    actor = visitor.acting("export")
+    actor = principal.acting("export")
     console.runtime.mission(mission_id)
     if console.dossier is None:
         raise UnknownName(
@@ -127,23 +127,30 @@ def fact(
 
 
 @router.post("/case")
-def case(console: ConsoleDep, visitor: VisitorDep, mission_id: MissionId) -> Response:
+def case(console: ConsoleDep, principal: PrincipalDep, mission_id: MissionId) -> Response:
     """A disputed mission becomes a case of the regression suite: every later candidate has to pass it."""
     disputes = console.runtime.mission(mission_id).disputes
     reason = reasoned(disputes[-1].reason) if disputes else "none"
-    decision = console.desk.add_case(mission_id, Say(actor=visitor.acting("dispute"), reason=reason, key=mission_id))
+    decision = console.desk.add_case(
+        mission_id, SignedBy(actor=principal.acting("dispute"), reason=reason, key=mission_id)
+    )
     if isinstance(decision, Refused):
-        page = page_of(console, visitor.actor, mission_id, (reasoned(decision.reason),))
+        page = page_of(console, principal.actor, mission_id, (reasoned(decision.reason),))
         return render("missions/report.html", page, status=409)
     return RedirectResponse(f"/missions/{mission_id}/report#case", status_code=303)
 
 
 @router.post("/facts/{packet_id}/{condition_id}/dispute")
 def dispute(
-    console: ConsoleDep, visitor: VisitorDep, mission_id: MissionId, packet_id: str, condition_id: str, typed: FormDep
+    console: ConsoleDep,
+    principal: PrincipalDep,
+    mission_id: MissionId,
+    packet_id: str,
+    condition_id: str,
+    typed: FormDep,
 ) -> Response:
     """Say that this acceptance is wrong (D21). `from` says which page it was said on, to go back to it."""
-    actor = visitor.acting("dispute")
+    actor = principal.acting("dispute")
     said = DisputeCompletionAct.from_form(typed | {"condition_id": condition_id})
     if isinstance(said, tuple):
         wrong, status = tuple(one.text for one in said), 422
@@ -151,9 +158,9 @@ def dispute(
         wrong, status = _disputed(console, mission_id, packet_id, said.to_command(actor)), 409
     reported = typed.get("from") == "report"
     if wrong and reported:
-        return render("missions/report.html", page_of(console, visitor.actor, mission_id, wrong), status=status)
+        return render("missions/report.html", page_of(console, principal.actor, mission_id, wrong), status=status)
     if wrong:
-        page = _fact(console, visitor.actor, mission_id, (packet_id, condition_id), wrong)
+        page = _fact(console, principal.actor, mission_id, (packet_id, condition_id), wrong)
         return render("missions/fact.html", page, status=status)
     back = "report#facts-title" if reported else f"facts/{quote(packet_id)}/{quote(condition_id)}"
     return RedirectResponse(f"/missions/{mission_id}/{back}", status_code=303)
@@ -177,13 +184,13 @@ def _fact(
     return facts.fact_page(shell, mission, entries, named, check=console.check, errors=errors)
 
 
-def _journal(console: Console, mission_id: MissionId) -> Journal:
+def _journal(console: Console, mission_id: MissionId) -> ReportSources:
     starts = console.starts(mission_id)
     is_case = any(one.mission_id == mission_id for one in console.desk.growth().added)
     unanswered = _unanswered(console, mission_id)
     if starts is None:
-        return Journal(starts=None, duplicates=None, is_case=is_case, unanswered=unanswered)
-    return Journal(starts=len(starts), duplicates=repeated_starts(starts), is_case=is_case, unanswered=unanswered)
+        return ReportSources(starts=None, duplicates=None, is_case=is_case, unanswered=unanswered)
+    return ReportSources(starts=len(starts), duplicates=repeated_starts(starts), is_case=is_case, unanswered=unanswered)
 
 
 def _unanswered(console: Console, mission_id: MissionId) -> Unanswered | None:

@@ -3,10 +3,10 @@
 from collections.abc import Callable
 
 from app.acts.missions import LimitAutonomyAct
-from app.catalogues import N_
-from app.console import Console, Wheel
-from app.messages import lazy_gettext, reasoned
-from app.permissions import NotPermitted, Permission, Visitor
+from app.auth.permissions import NotPermitted, Permission, Principal
+from app.console import Console, TeleoperationPort
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext, reasoned
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import StopMission
@@ -17,17 +17,18 @@ from harness.contracts.ids import MissionId, RobotId, mission_stream
 from harness.contracts.reasons import because, recorded
 
 
-def stopped_all(console: Console, visitor: Visitor, reason: str) -> tuple[tuple[MissionId, ...], tuple[str, ...]]:
+def stopped_all(console: Console, principal: Principal, reason: str) -> tuple[tuple[MissionId, ...], tuple[str, ...]]:
     """Ask every open mission of every robot to stop, each for itself: (those asked, why others could not be).
 
     Robots outside every mission are stopped first: wheels are returned, and those on their way to a safe place stand.
     """
     asked, left = [], []
     left += [
-        lazy_gettext("{who}: {reason}", who=name, reason=why) for name, why in wheels_returned(console, visitor, reason)
+        lazy_gettext("{who}: {reason}", who=name, reason=why)
+        for name, why in wheels_returned(console, principal, reason)
     ]
     for robot_id in on_their_way(console):
-        stopped = retreat_stopped(console, visitor, robot_id, reason)
+        stopped = retreat_stopped(console, principal, robot_id, reason)
         left += (
             [lazy_gettext("{who}: {reason}", who=robot_id, reason=stopped.reason)]
             if isinstance(stopped, Refused)
@@ -36,7 +37,7 @@ def stopped_all(console: Console, visitor: Visitor, reason: str) -> tuple[tuple[
     for mission in console.open_missions():
         if mission.replay or mission.status == "stopping":
             continue
-        decision = console.runtime.submit(mission.mission_id, StopMission(actor=visitor.actor, reason=reason))
+        decision = console.runtime.submit(mission.mission_id, StopMission(actor=principal.actor, reason=reason))
         if isinstance(decision, Accepted):
             asked.append(mission.mission_id)
         elif not console.runtime.mission(mission.mission_id).ended:
@@ -51,67 +52,67 @@ def on_their_way(console: Console) -> tuple[RobotId, ...]:
     return tuple(name for name in control.retreats if control.retreating(name) is not None)
 
 
-def wheels_returned(console: Console, visitor: Visitor, reason: str) -> list[tuple[RobotId, str]]:
+def wheels_returned(console: Console, principal: Principal, reason: str) -> list[tuple[RobotId, str]]:
     """Return every wheel, whoever has it; the robots whose wheel could not be returned, and why."""
     left = []
     for robot_id in console.control().wheels:
-        decision = wheel_returned(console, visitor, robot_id, reason)
+        decision = wheel_returned(console, principal, robot_id, reason)
         if isinstance(decision, Refused):
             left.append((robot_id, reasoned(decision.reason)))
     return left
 
 
-def wheel_returned(console: Console, visitor: Visitor, robot_id: RobotId, reason: str) -> Decision[AnyEvent]:
+def wheel_returned(console: Console, principal: Principal, robot_id: RobotId, reason: str) -> Decision[AnyEvent]:
     """End driving by hand, whoever drives."""
     return signed(
         console,
-        visitor,
+        principal,
         ("stop", "ReturnWheel", robot_id),
         lambda wheel, actor: wheel.give_back(robot_id, actor=actor, reason=reason),
     )
 
 
-def limited(console: Console, visitor: Visitor, said: LimitAutonomyAct) -> None:
+def limited(console: Console, principal: Principal, said: LimitAutonomyAct) -> None:
     """Set the limit of the whole house. Raises NotPermitted for a token that is bound to one robot."""
-    if visitor.robot_id:
+    if principal.robot_id:
         raise NotPermitted(
-            f"This token is for {visitor.robot_id} alone",
-            where=f"token {visitor.name}",
+            f"This token is for {principal.robot_id} alone",
+            where=f"token {principal.name}",
             do=N_("sign in to set the limit"),
         )
-    console.runtime.decide([(CONTROL, said.to_command(visitor.actor))])
+    console.runtime.decide([(CONTROL, said.to_command(principal.actor))])
     for mission in console.open_missions():
-        told = SetAutonomy(autonomy=said.autonomy, actor=visitor.actor, reason=said.reason, scope="house")
+        told = SetAutonomy(autonomy=said.autonomy, actor=principal.actor, reason=said.reason, scope="house")
         console.runtime.decide([(mission_stream(mission.mission_id), told)])
 
 
-def made_safe(console: Console, visitor: Visitor, robot_id: RobotId, reason: str) -> Decision[AnyEvent]:
+def made_safe(console: Console, principal: Principal, robot_id: RobotId, reason: str) -> Decision[AnyEvent]:
     """Stop the robot's missions, wait for standstill, and send it to its zone's safe place; without one it lies down.
 
     Whoever may only stop sets off no motion: it lies down then. A robot that is on its way is stopped there instead.
     """
-    visitor.acting("stop")
+    principal.acting("stop")
     if console.control().retreating(robot_id) is not None:
-        return retreat_stopped(console, visitor, robot_id, reason)
+        return retreat_stopped(console, principal, robot_id, reason)
     if robot_id in console.control().wheels:
-        wheel_returned(console, visitor, robot_id, reason)
+        wheel_returned(console, principal, robot_id, reason)
     for mission in console.open_missions():
         if mission.robot_id == robot_id and not mission.replay and mission.status != "stopping":
-            console.runtime.submit(mission.mission_id, StopMission(actor=visitor.actor, reason=reason))
-    if not visitor.may("drive"):
-        return posed(console, visitor, robot_id, "lying", reason)
+            console.runtime.submit(mission.mission_id, StopMission(actor=principal.actor, reason=reason))
+    if not principal.may("drive"):
+        return posed(console, principal, robot_id, "lying", reason)
     return signed(
         console,
-        visitor,
+        principal,
         ("drive", "SendRetreat", robot_id),
         lambda wheel, actor: wheel.to_safety(robot_id, actor=actor, reason=reason),
     )
 
 
-def all_made_safe(console: Console, visitor: Visitor, reason: str) -> tuple[str, ...]:
+def all_made_safe(console: Console, principal: Principal, reason: str) -> tuple[str, ...]:
     """Send every connected robot to safety, each for itself; why it could not be done for some of them."""
     busy = on_their_way(console)
-    made = [(name, made_safe(console, visitor, name, reason)) for name in console.fleet.names if name not in busy]
+    made = [(name, made_safe(console, principal, name, reason)) for name in console.fleet.names if name not in busy]
     return tuple(
         lazy_gettext("{who}: {reason}", who=name, reason=decision.reason)
         for name, decision in made
@@ -119,22 +120,24 @@ def all_made_safe(console: Console, visitor: Visitor, reason: str) -> tuple[str,
     )
 
 
-def retreat_stopped(console: Console, visitor: Visitor, robot_id: RobotId, reason: str) -> Decision[AnyEvent]:
+def retreat_stopped(console: Console, principal: Principal, robot_id: RobotId, reason: str) -> Decision[AnyEvent]:
     """Ask a robot on its way to a safe place to stand where it is."""
     return signed(
         console,
-        visitor,
+        principal,
         ("stop", "StopRetreat", robot_id),
         lambda wheel, actor: wheel.stop_retreat(robot_id, actor=actor, reason=reason),
     )
 
 
-def posed(console: Console, visitor: Visitor, robot_id: RobotId, posture: Posture, reason: str) -> Decision[AnyEvent]:
+def posed(
+    console: Console, principal: Principal, robot_id: RobotId, posture: Posture, reason: str
+) -> Decision[AnyEvent]:
     """Lying down is a stop; standing up is driving. Raises NotPermitted."""
     permission: Permission = "stop" if posture == "lying" else "drive"
     return signed(
         console,
-        visitor,
+        principal,
         (permission, "OrderPosture", robot_id),
         lambda wheel, actor: wheel.rest(robot_id, posture=posture, actor=actor, reason=reason),
     )
@@ -142,16 +145,16 @@ def posed(console: Console, visitor: Visitor, robot_id: RobotId, posture: Postur
 
 def signed(
     console: Console,
-    visitor: Visitor,
+    principal: Principal,
     asked: tuple[Permission, str, RobotId],
-    act: Callable[[Wheel, Actor], Decision[AnyEvent]],
+    act: Callable[[TeleoperationPort, Actor], Decision[AnyEvent]],
 ) -> Decision[AnyEvent]:
     """An act on a robot outside any mission: checked, signed and written to the trail as a command is."""
     permission, command, robot_id = asked
-    actor, wheel = visitor.acting(permission), console.wheel
-    if visitor.robot_id not in ("", robot_id):
+    actor, wheel = principal.acting(permission), console.wheel
+    if principal.robot_id not in ("", robot_id):
         raise NotPermitted(
-            f"This token is for {visitor.robot_id}", where=f"token {visitor.name}", do=N_("use another one")
+            f"This token is for {principal.robot_id}", where=f"token {principal.name}", do=N_("use another one")
         )
     if wheel is None:
         return refused("no_supervisor", because("no_supervisor_here"))
@@ -162,5 +165,5 @@ def signed(
     outcome = f"refused: {decision.rule}" if isinstance(decision, Refused) else "accepted"
     if robot_id in console.fleet.names:
         console.fleet.hear(robot_id)
-    console.doors.accounts.told(visitor, actor, command, f"robot/{robot_id}", outcome)
+    console.sessions.accounts.told(principal, actor, command, f"robot/{robot_id}", outcome)
     return decision

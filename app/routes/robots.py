@@ -7,15 +7,15 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.acts.base import Act
 from app.acts.missions import LimitAutonomyAct, PauseMissionAct, ResumeMissionAct, SetAutonomyAct
-from app.catalogues import N_
 from app.console import ActorDep, Console, ConsoleDep, FormDep
-from app.messages import reasoned
-from app.rendering import render
+from app.i18n.catalogues import N_
+from app.i18n.messages import reasoned
 from app.routes.robot_acts import all_made_safe, limited, made_safe, on_their_way, posed, stopped_all
-from app.security import VisitorDep
 from app.views import forms, robots
-from app.views.retreats import LastRetreat, last_retreat
 from app.views.robots import CameraRegion, CameraView, RobotCard, RobotPage, RobotRegion, RobotsRegion, StopAllPage
+from app.views.safe_returns import LastRetreat, last_retreat
+from app.web.rendering import render
+from app.web.security import PrincipalDep
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.control import CONTROL
@@ -53,25 +53,25 @@ def stopping_all(console: ConsoleDep, actor: ActorDep) -> HTMLResponse:
 
 
 @router.post("/stop")
-def stop_all(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, typed: FormDep) -> Response:
+def stop_all(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, typed: FormDep) -> Response:
     reason = (typed.get("quick") or typed.get("reason", "")).strip()
     wrong = tuple(forms.wrong_reason(reason))
     if wrong:
         return render("robots/stop.html", _stop_page(console, actor, errors=wrong), status=422)
-    _, left = stopped_all(console, visitor, reason)
+    _, left = stopped_all(console, principal, reason)
     if typed.get("safe"):
-        left = (*left, *all_made_safe(console, visitor, reason))
+        left = (*left, *all_made_safe(console, principal, reason))
     if left:
         return render("robots/stop.html", _stop_page(console, actor, errors=left), status=409)
     return RedirectResponse("/robots", status_code=303)
 
 
 @router.post("/autonomy")
-def limit(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, typed: FormDep) -> Response:
+def limit(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, typed: FormDep) -> Response:
     said = LimitAutonomyAct.from_form(typed)
     if isinstance(said, tuple):
         return _index(console, actor, errors=[one.text for one in said], status=422)
-    limited(console, visitor, said)
+    limited(console, principal, said)
     return RedirectResponse("/robots", status_code=303)
 
 
@@ -113,26 +113,32 @@ def kept_picture(console: ConsoleDep, robot_id: RobotPath, number: int) -> Respo
 
 @router.post("/{robot_id}/autonomy")
 def autonomy(
-    console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: RobotPath, typed: FormDep
+    console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep
 ) -> Response:
-    visitor.acting("drive")
+    principal.acting("drive")
     return _told(console, actor, robot_id, typed, SetAutonomyAct)
 
 
 @router.post("/{robot_id}/pause")
-def pause(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: RobotPath, typed: FormDep) -> Response:
-    visitor.acting("stop")
+def pause(
+    console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep
+) -> Response:
+    principal.acting("stop")
     return _told(console, actor, robot_id, typed, PauseMissionAct)
 
 
 @router.post("/{robot_id}/resume")
-def resume(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: RobotPath, typed: FormDep) -> Response:
-    visitor.acting("drive")
+def resume(
+    console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep
+) -> Response:
+    principal.acting("drive")
     return _told(console, actor, robot_id, typed, ResumeMissionAct)
 
 
 @router.post("/{robot_id}/safe")
-def safe(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: RobotPath, typed: FormDep) -> Response:
+def safe(
+    console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep
+) -> Response:
     """Stop whatever it does, then send it to the safe place of its zone, or have it lie down.
 
     One on its way there is stopped instead. `meant` (go, stay) is what the button said when the page was made.
@@ -143,16 +149,18 @@ def safe(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: Ro
     under_way = console.control().retreating(robot_id) is not None
     if typed.get("meant") == ("go" if under_way else "stay"):
         return _one(console, actor, robot_id, errors=[OTHERWISE[under_way]], status=409)
-    decision = made_safe(console, visitor, robot_id, typed["reason"].strip())
+    decision = made_safe(console, principal, robot_id, typed["reason"].strip())
     return _after(console, actor, robot_id, decision)
 
 
 @router.post("/{robot_id}/stand")
-def stand(console: ConsoleDep, actor: ActorDep, visitor: VisitorDep, robot_id: RobotPath, typed: FormDep) -> Response:
+def stand(
+    console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath, typed: FormDep
+) -> Response:
     wrong = forms.wrong_reason(typed.get("reason", ""))
     if wrong:
         return _one(console, actor, robot_id, errors=wrong, status=422)
-    return _after(console, actor, robot_id, posed(console, visitor, robot_id, "standing", typed["reason"].strip()))
+    return _after(console, actor, robot_id, posed(console, principal, robot_id, "standing", typed["reason"].strip()))
 
 
 def cards(console: Console) -> tuple[RobotCard, ...]:

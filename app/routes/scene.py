@@ -9,10 +9,10 @@ from fastapi import APIRouter, Path, Query, Request, WebSocket
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 
-from app import proxy
 from app.console import Console, ConsoleDep
-from app.scene import Form
-from app.security import VisitorDep
+from app.scene import proxy
+from app.scene.servers import Form
+from app.web.security import PrincipalDep
 from harness.contracts.errors import HarnessError
 from harness.contracts.ids import MissionId
 
@@ -22,9 +22,9 @@ EXPORTS: dict[Form, str] = {"viser": "application/octet-stream", "html": "text/h
 
 
 @router.get("/export.{form}")
-def export(console: ConsoleDep, visitor: VisitorDep, mission_id: MissionId, form: Form) -> Response:
+def export(console: ConsoleDep, principal: PrincipalDep, mission_id: MissionId, form: Form) -> Response:
     """The mission as a recording of its 3D view, to be kept or shown elsewhere; for operators."""
-    visitor.acting("export")
+    principal.acting("export")
     entries = console.histories.of(mission_id)
     begin_s, end_s = entries[0].mission_s, entries[-1].mission_s
     body = console.scenes.export(mission_id, form, begin_s=begin_s, end_s=end_s)

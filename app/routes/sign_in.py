@@ -6,16 +6,15 @@ from urllib.parse import quote
 from fastapi import APIRouter, Request
 from starlette.responses import RedirectResponse, Response
 
-from app.accounts import Throttled
-from app.catalogues import N_
+from app.auth.accounts import Throttled
+from app.auth.next_url import OVERVIEW, safe_next_url
+from app.auth.oidc_login import OidcLogin
+from app.auth.sessions import Origin
 from app.console import Console, ConsoleDep, FormDep
-from app.doors import Origin
-from app.issuer_door import IssuerDoor
-from app.rendering import render
-from app.security import VisitorDep, cookie_line, passing_cookie, same_origin, source_of
+from app.i18n.catalogues import N_
 from app.views.sign_in import (
-    Refusal,
     SignInPage,
+    SignInRefusal,
     from_elsewhere,
     other_address,
     refusal_of,
@@ -23,19 +22,20 @@ from app.views.sign_in import (
     too_often,
     wrong_password,
 )
-from app.wanted import OVERVIEW, wanted
+from app.web.rendering import render
+from app.web.security import PrincipalDep, cookie_line, passing_cookie, same_origin, source_of
 from harness.contracts.errors import UnknownName
 from harness.contracts.identity import IssuerUnreachable, SignInRefused
 
 router = APIRouter(prefix="/account")
-NOBODY = Refusal()
+NOBODY = SignInRefusal()
 
 
 @router.get("/sign-in")
 def sign_in(request: Request, console: ConsoleDep, token: str = "", page: str = "", left: bool = False) -> Response:
     """A page, not a redirect: a strict cookie is not sent along a navigation that another site began."""
-    known = request.state.visitor is not None
-    cookie = console.doors.enter(token, _origin(request)) if token else None
+    known = request.state.principal is not None
+    cookie = console.sessions.enter(token, _origin(request)) if token else None
     if cookie:
         return _let_in(console, request, cookie)
     failed = bool(token) and not known
@@ -46,15 +46,15 @@ def sign_in(request: Request, console: ConsoleDep, token: str = "", page: str = 
 @router.post("/sign-in")
 def sign_in_by_password(request: Request, console: ConsoleDep, typed: FormDep) -> Response:
     name, page = typed.get("name", "").strip().lower(), typed.get("page", "")
-    found = console.doors.sign_in(name, typed.get("password", ""), _origin(request))
+    found = console.sessions.sign_in(name, typed.get("password", ""), _origin(request))
     if isinstance(found, Throttled):
         wait_s = ceil(found.wait_s)
         shown = _page(console, refusal=too_often(wait_s), name=name, page=page)
         return _answer(shown, status=429, wait_s=wait_s)
     if found is None:
         return _answer(_page(console, refusal=wrong_password(), name=name, page=page), status=403)
-    console.doors.leave(request.cookies.get(console.settings.cookie, ""))
-    answer = RedirectResponse(wanted(page), status_code=303)
+    console.sessions.leave(request.cookies.get(console.settings.cookie, ""))
+    answer = RedirectResponse(safe_next_url(page), status_code=303)
     answer.headers.append("set-cookie", cookie_line(console.settings.cookie, found, secure=console.settings.secure))
     return answer
 
@@ -106,17 +106,17 @@ def leave(console: ConsoleDep) -> Response:
 
 @router.post("/sign-out")
 def sign_out(request: Request, console: ConsoleDep) -> Response:
-    console.doors.leave(request.cookies.get(console.settings.cookie, ""))
+    console.sessions.leave(request.cookies.get(console.settings.cookie, ""))
     return _signed_out(console)
 
 
 @router.post("/sign-out-everywhere")
-def sign_out_everywhere(console: ConsoleDep, visitor: VisitorDep) -> Response:
-    console.doors.leave_everywhere(visitor)
+def sign_out_everywhere(console: ConsoleDep, principal: PrincipalDep) -> Response:
+    console.sessions.leave_everywhere(principal)
     return _signed_out(console)
 
 
-def _door(console: Console) -> IssuerDoor:
+def _door(console: Console) -> OidcLogin:
     if console.issuer is None:
         raise UnknownName(N_("No identity provider is set up here."), do=N_("Sign in with your password."))
     return console.issuer
@@ -128,7 +128,7 @@ def _origin(request: Request) -> Origin:
 
 def _let_in(console: Console, request: Request, cookie: str, *, page: str = OVERVIEW) -> Response:
     """A fresh cookie always: one that a browser brought along is ended, never taken over."""
-    console.doors.leave(request.cookies.get(console.settings.cookie, ""))
+    console.sessions.leave(request.cookies.get(console.settings.cookie, ""))
     answer = _answer(_page(console, let_in=True, page=page, stays=False))
     answer.headers.append("set-cookie", cookie_line(console.settings.cookie, cookie, secure=console.settings.secure))
     return answer
@@ -154,16 +154,16 @@ def _page(
     *,
     let_in: bool = False,
     link_failed: bool = False,
-    refusal: Refusal = NOBODY,
+    refusal: SignInRefusal = NOBODY,
     name: str = "",
     page: str = "",
     left: bool = False,
     stays: bool = True,
 ) -> SignInPage:
-    on = wanted(page)
+    on = safe_next_url(page)
     return SignInPage(
         let_in=let_in,
-        by_password=console.doors.has_accounts,
+        by_password=console.sessions.has_accounts,
         link_failed=link_failed,
         refusal=refusal,
         name=name[:40],

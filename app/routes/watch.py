@@ -7,9 +7,9 @@ from starlette.convertors import Convertor, register_url_convertor
 from starlette.responses import HTMLResponse
 
 from app.console import ActorDep
-from app.instant import InstantDep, MissionPage
-from app.regions import REGIONS
-from app.rendering import render
+from app.routes.mission_at import InstantDep, MissionPage
+from app.web.regions import REGIONS
+from app.web.rendering import render
 
 
 class RegionName(Convertor[str]):
@@ -34,7 +34,7 @@ def show(instant: InstantDep, actor: ActorDep) -> HTMLResponse:
     page = MissionPage(
         **{one.name: getattr(instant, one.name) for one in fields(instant)},
         shell=instant.console.shell(instant.mission.goal, "missions", actor, topics=names),
-        viewer=instant.console.doors.key(),
+        viewer=instant.console.sessions.key(),
     )
     return render("missions/detail.html", page)
 

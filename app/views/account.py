@@ -3,8 +3,8 @@
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from app.messages import listed
-from app.permissions import GRANTS, MEANING, ROLES, SCOPES, Visitor
+from app.auth.permissions import GRANTS, MEANING, ROLES, SCOPES, Principal
+from app.i18n.messages import listed
 from app.views.shell import Shell
 
 
@@ -107,7 +107,7 @@ class PeoplePage:
 
 def account_page(
     shell: Shell,
-    visitor: Visitor,
+    principal: Principal,
     sessions: Sequence[tuple[str, float, float, bool]],
     *,
     by_password: bool = True,
@@ -117,13 +117,13 @@ def account_page(
     """`sessions`: (browser, since, last seen, whether it is this one)."""
     return AccountPage(
         shell=shell,
-        name=visitor.name,
-        roles=listed(visitor.roles),
-        invited=visitor.invited,
-        by_password=by_password and not visitor.invited,
-        keeps_people=visitor.may("people"),
+        name=principal.name,
+        roles=listed(principal.roles),
+        invited=principal.invited,
+        by_password=by_password and not principal.invited,
+        keeps_people=principal.may("people"),
         abilities=tuple(
-            Ability(meaning=MEANING[permission], allowed=visitor.may(permission), roles=listed(roles))
+            Ability(meaning=MEANING[permission], allowed=principal.may(permission), roles=listed(roles))
             for permission, roles in GRANTS.items()
         ),
         sessions=tuple(OpenSession(*one) for one in sessions),

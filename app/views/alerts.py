@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import assert_never
 
-from app.catalogues import N_
-from app.messages import lazy_gettext, reasoned, word
-from app.views.listing import Filter, Option, address
-from app.views.missions import Group
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext, reasoned, word
+from app.views.list_params import Filter, Option, address
+from app.views.missions import ListTab
 from app.views.shell import Shell
 from harness.contracts.alert_events import (
     PRIORITIES,
@@ -68,7 +68,7 @@ class AlertRow:
 
 
 @dataclass(frozen=True)
-class Shelf:
+class ShelfDuration:
     """How long an alert may be put on the shelf for."""
 
     seconds: int
@@ -76,7 +76,7 @@ class Shelf:
 
 
 @dataclass(frozen=True)
-class Asked:
+class AlertListParams:
     """What the address asks for."""
 
     group: str = ""
@@ -97,7 +97,7 @@ class AlertsPage:
 
     shell: Shell
     rows: tuple[AlertRow, ...]
-    groups: tuple[Group, ...]
+    groups: tuple[ListTab, ...]
     filters: tuple[Filter, ...]
     words: str
     group: str
@@ -106,12 +106,12 @@ class AlertsPage:
     following: str
     found: int
     total: int
-    shelves: tuple[Shelf, ...]
+    shelves: tuple[ShelfDuration, ...]
     notifies: str
 
 
 @dataclass(frozen=True)
-class Deed:
+class AlertHistoryRow:
     """One line of an alert's history."""
 
     at_s: float
@@ -126,8 +126,8 @@ class AlertPage:
     shell: Shell
     row: AlertRow
     conditions: tuple[str, ...]
-    history: tuple[Deed, ...]
-    shelves: tuple[Shelf, ...]
+    history: tuple[AlertHistoryRow, ...]
+    shelves: tuple[ShelfDuration, ...]
     errors: tuple[str, ...]
 
 
@@ -160,7 +160,7 @@ def row(alert_id: str, alert: Alert, *, now_s: float) -> AlertRow:
     )
 
 
-def chosen(alerts: Sequence[tuple[str, Alert]], asked: Asked, *, now_s: float) -> list[AlertRow]:
+def chosen(alerts: Sequence[tuple[str, Alert]], asked: AlertListParams, *, now_s: float) -> list[AlertRow]:
     """The rows that answer, newest first; of those to look at, the most pressing first."""
     states = next((states for value, _, states in GROUPS if value == asked.group), ())
     wanted = asked.words.lower().split()
@@ -176,7 +176,7 @@ def chosen(alerts: Sequence[tuple[str, Alert]], asked: Asked, *, now_s: float) -
 
 
 def alerts_page(
-    shell: Shell, alerts: Sequence[tuple[str, Alert]], asked: Asked, *, now_s: float, services: Sequence[str]
+    shell: Shell, alerts: Sequence[tuple[str, Alert]], asked: AlertListParams, *, now_s: float, services: Sequence[str]
 ) -> AlertsPage:
     """One page of the inbox, what happened last first."""
     found = chosen(alerts, asked, now_s=now_s)
@@ -188,7 +188,7 @@ def alerts_page(
         shell=shell,
         rows=tuple(shown),
         groups=tuple(
-            Group(
+            ListTab(
                 title=title,
                 href=address(PATH, asked.params, status=value),
                 count=str(counts[value]),
@@ -218,8 +218,8 @@ def lasting(condition: str) -> str:
     return lazy_gettext("{kind} {about}", kind=word(kind), about=about)
 
 
-def shelves() -> tuple[Shelf, ...]:
-    return tuple(Shelf(seconds, title) for seconds, title in SHELF)
+def shelves() -> tuple[ShelfDuration, ...]:
+    return tuple(ShelfDuration(seconds, title) for seconds, title in SHELF)
 
 
 def sentence(event: AlertEvent) -> str:

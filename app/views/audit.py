@@ -5,14 +5,15 @@ from typing import Any
 
 import msgspec
 
-from app.messages import listed
+from app.i18n.messages import listed, reasoned
 from app.views.shell import Shell
-from harness.contracts.ports import Head, StoredEvent
+from harness.contracts.ports import LogHead, StoredEvent
+from harness.contracts.reasons import Reason
 from harness.contracts.upcasting import name_of
 from harness.contracts.values import Count, Value
 
 
-class Deed(Value):
+class AuditEvent(Value):
     """One event of the log. `actor` is empty where nobody asked for it: the harness or a robot brought it about.
 
     `mission_id` and `robot_id` are empty where the event names none.
@@ -39,7 +40,7 @@ class Wanted:
     kind: str = ""
     everything: bool = False
 
-    def fits(self, deed: Deed) -> bool:
+    def fits(self, deed: AuditEvent) -> bool:
         if self.actor and self.actor.lower() not in deed.actor.lower():
             return False
         if self.kind and self.kind.lower() not in deed.kind.lower():
@@ -56,12 +57,12 @@ class Sum:
     note: str = ""
 
 
-def deed(stored: StoredEvent) -> Deed:
+def deed(stored: StoredEvent) -> AuditEvent:
     """One event with whoever asked for it."""
     body: dict[str, Any] = msgspec.json.decode(stored.body)
     actor = body.get("actor") or body.get("requested_by") or {}
     family, _, name = stored.stream.partition("/")
-    return Deed(
+    return AuditEvent(
         position=stored.position,
         at_s=stored.recorded_s,
         kind=name_of(stored.kind),
@@ -71,9 +72,14 @@ def deed(stored: StoredEvent) -> Deed:
         actor=str(actor.get("name", "")),
         role=listed(str(actor.get("role", "")).split("+")),
         channel=str(actor.get("channel", "human")) if actor else "",
-        reason=str(body.get("reason", "")),
+        reason=_reason(body.get("reason", "")),
         digest=stored.digest,
     )
+
+
+def _reason(stored: Any) -> str:
+    """What the event was stored with: a person's words, or a code with its facts."""
+    return reasoned(msgspec.convert(stored, Reason)) if isinstance(stored, dict) else str(stored)
 
 
 @dataclass(frozen=True)
@@ -81,8 +87,8 @@ class AuditPage:
     """Newest first, down to `scanned_from`, the lowest position that was looked at; older events may hold more."""
 
     shell: Shell
-    head: Head
-    deeds: tuple[Deed, ...]
+    head: LogHead
+    deeds: tuple[AuditEvent, ...]
     wanted: Wanted
     scanned_from: int
     found: Sum
@@ -90,7 +96,7 @@ class AuditPage:
 
 
 @dataclass(frozen=True)
-class TrailRow:
+class AuditRow:
     """One line of the access trail."""
 
     number: int
@@ -108,7 +114,7 @@ class AccessPage:
     """Who came in, from where, and what they commanded; newest first."""
 
     shell: Shell
-    rows: tuple[TrailRow, ...]
+    rows: tuple[AuditRow, ...]
     wanted: Wanted
     older: int
     found: Sum

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from app.catalogues import N_
-from app.messages import word
+from app.i18n.catalogues import N_
+from app.i18n.messages import word
 from harness.contracts.configuration import SPENDING
 from harness.contracts.ids import NodeId
 from harness.projections.mission import Mission, Spend

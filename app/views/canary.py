@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import exp, log
 
-from app.catalogues import N_
-from app.messages import word
+from app.i18n.catalogues import N_
+from app.i18n.messages import word
 from harness.contracts.actors import Actor
 from rsi_reviews.canary import outcome
 from rsi_reviews.contracts import CanaryTest

@@ -6,14 +6,14 @@ from typing import Any, get_args
 
 import msgspec
 
-from app.messages import lazy_gettext, reasoned, word
-from app.views.forms import Choice
+from app.i18n.messages import lazy_gettext, reasoned, word
+from app.views.forms import SelectOption
 from app.views.shell import Shell
 from harness.contracts.configuration import Configuration, RecoveryAction
 from harness.contracts.fields import Field, fields
 from harness.contracts.values import encode
-from rsi_reviews.contracts import BETTER, Metric, Refusal
-from rsi_reviews.difference import NAMES, Difference
+from rsi_reviews.contracts import BETTER, Metric, RestrictionViolation
+from rsi_reviews.difference import NAMES, CandidateDifference
 
 LADDERS = "recovery.ladders"
 SECTIONS = ("context_rules", "routing", "recovery")
@@ -51,8 +51,8 @@ class Found:
     """What was found about an edit: sentences above the form, rules broken, and, if it holds, what it changes."""
 
     errors: Sequence[str] = ()
-    refusals: Sequence[Refusal] = ()
-    difference: Difference | None = None
+    refusals: Sequence[RestrictionViolation] = ()
+    difference: CandidateDifference | None = None
 
 
 @dataclass(frozen=True)
@@ -64,14 +64,14 @@ class EditorPage:
     by_text: bool
     sections: tuple[EditSection, ...]
     text: str
-    metrics: tuple[Choice, ...]
+    metrics: tuple[SelectOption, ...]
     smallest_effect: str
     reason: str
     intended: str
     supersedes: str
     errors: tuple[str, ...]
-    broken: tuple[Refusal, ...]
-    changes: Difference | None
+    broken: tuple[RestrictionViolation, ...]
+    changes: CandidateDifference | None
 
 
 def editor_page(
@@ -86,7 +86,7 @@ def editor_page(
         sections=() if by_text else _sections(current, typed, wrong),
         text=typed.get("configuration", msgspec.json.format(encode(current), indent=2).decode()) if by_text else "",
         metrics=tuple(
-            Choice(
+            SelectOption(
                 one,
                 lazy_gettext("{metric}, {direction} is better", metric=word(one), direction=BETTER[one]),
                 one == chosen,

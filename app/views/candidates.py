@@ -4,9 +4,9 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from app.catalogues import N_
-from app.messages import lazy_gettext, listed, word
-from app.views.listing import Filter, Option, address
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext, listed, word
+from app.views.list_params import Filter, Option, address
 from app.views.shell import Shell
 from harness.contracts.ids import Digest
 from rsi_reviews.contracts import ClauseAnswer, Manifest
@@ -67,7 +67,7 @@ class BoardPage:
 
 
 @dataclass(frozen=True)
-class Asked:
+class CandidateListParams:
     """What the address asks for; `skip` rows were shown on earlier pages."""
 
     words: str = ""
@@ -82,7 +82,11 @@ class Asked:
 
 
 def board_page(
-    shell: Shell, reviews: Sequence[Review], pointer: Pointer, asked: Asked, progress: Mapping[Digest, str]
+    shell: Shell,
+    reviews: Sequence[Review],
+    pointer: Pointer,
+    asked: CandidateListParams,
+    progress: Mapping[Digest, str],
 ) -> BoardPage:
     """`reviews` newest first; `progress` says of a candidate under evaluation how far it is."""
     known = [one for one in reviews if one.manifest is not None]
@@ -114,7 +118,7 @@ def board_page(
     )
 
 
-def chosen(reviews: Sequence[Review], asked: Asked) -> list[Review]:
+def chosen(reviews: Sequence[Review], asked: CandidateListParams) -> list[Review]:
     """Those that the address asks for, in the given order."""
     wanted = _statuses(asked.group, Counter(str(one.status) for one in reviews))
     return [one for one in reviews if one.status in wanted and _like(one, asked)]
@@ -172,7 +176,7 @@ def _statuses(group: str, counted: Counter[str]) -> set[str]:
     return set(stands_for) or set(counted)
 
 
-def _like(review: Review, asked: Asked) -> bool:
+def _like(review: Review, asked: CandidateListParams) -> bool:
     manifest = review.manifest
     if manifest is None:
         return False
@@ -184,7 +188,7 @@ def _like(review: Review, asked: Asked) -> bool:
     )
 
 
-def _tab(asked: Asked, value: str, title: str, statuses: Counter[str]) -> Tab:
+def _tab(asked: CandidateListParams, value: str, title: str, statuses: Counter[str]) -> Tab:
     return Tab(
         title=title,
         href=address("/candidates", asked.params, status=value),
@@ -193,7 +197,7 @@ def _tab(asked: Asked, value: str, title: str, statuses: Counter[str]) -> Tab:
     )
 
 
-def _filters(known: Sequence[Review], asked: Asked) -> tuple[Filter, ...]:
+def _filters(known: Sequence[Review], asked: CandidateListParams) -> tuple[Filter, ...]:
     components = Counter(one.manifest.component for one in known if one.manifest)
     metrics = Counter(one.manifest.metric for one in known if one.manifest)
     named = [(value, NAMES[value], count) for value, count in sorted(components.items())]

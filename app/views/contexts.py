@@ -3,9 +3,9 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from app.catalogues import N_
-from app.messages import lazy_gettext, word
-from app.views.timeline import Entry
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext, word
+from app.views.timeline import TimelineEntry
 from harness.contracts.contexts import Context, Role
 from harness.contracts.events import DispatchIntended, GoalVerified, NodePlanned, RecoveryAuthorised, VerdictRecorded
 from harness.contracts.ids import Digest
@@ -33,7 +33,7 @@ class ContextView:
 
 
 @dataclass(frozen=True)
-class Choice:
+class RankedCandidates:
     """One candidate set, best first: those that passed the hard filter with their scores, and those it refused."""
 
     position: int
@@ -46,13 +46,15 @@ class ContextsView:
 
     node_id: str
     contexts: tuple[ContextView, ...]
-    choices: tuple[Choice, ...]
+    choices: tuple[RankedCandidates, ...]
 
 
-def contexts(entries: Sequence[Entry], *, node_id: str, read: ReadContext, candidates: ReadCandidates) -> ContextsView:
+def contexts(
+    entries: Sequence[TimelineEntry], *, node_id: str, read: ReadContext, candidates: ReadCandidates
+) -> ContextsView:
     """Contexts and candidate sets of one node, from the records that were stored with the decisions."""
     shown: list[ContextView] = []
-    choices: list[Choice] = []
+    choices: list[RankedCandidates] = []
     owner: dict[str, str] = {}
     for entry in entries:
         if isinstance(entry.event, DispatchIntended):
@@ -62,11 +64,11 @@ def contexts(entries: Sequence[Entry], *, node_id: str, read: ReadContext, candi
             continue
         shown.append(_context(entry.position, cited, read=read))
         if isinstance(entry.event, NodePlanned) and (found := candidates(entry.event.candidates)):
-            choices.append(Choice(position=entry.position, found=found))
+            choices.append(RankedCandidates(position=entry.position, found=found))
     return ContextsView(node_id=node_id, contexts=tuple(reversed(shown)), choices=tuple(reversed(choices)))
 
 
-def goal_context(entries: Sequence[Entry], *, read: ReadContext) -> ContextView | None:
+def goal_context(entries: Sequence[TimelineEntry], *, read: ReadContext) -> ContextView | None:
     """What the goal verifier was shown, if it has answered."""
     for entry in reversed(entries):
         if isinstance(entry.event, GoalVerified):
@@ -85,7 +87,7 @@ class _Cited:
     digest: Digest
 
 
-def _cited(entry: Entry, owner: dict[str, str]) -> _Cited | None:
+def _cited(entry: TimelineEntry, owner: dict[str, str]) -> _Cited | None:
     match entry.event:
         case NodePlanned() as event:
             return _Cited(event.node_id, "planner", N_("chose the stage and its provider"), event.context)

@@ -4,14 +4,14 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.views.timeline import Entry
+from app.views.timeline import TimelineEntry
 
 WIDTH = 99.0
 """How much of an axis the history takes, in percent: the newest event must not stand on the edge."""
 
 
 @dataclass(frozen=True)
-class Cursor:
+class TimeCursor:
     """`position`: the newest event at the instant, None while it follows the head. Seconds of mission time.
 
     `param` is how the address names it: at=POSITION, t=SECONDS, or nothing. `place` counts events, from 1.
@@ -43,7 +43,7 @@ class Cursor:
         return round(WIDTH * min(max((at_s - self.begin_s) / max(self.total_s, 0.001), 0.0), 1.0), 3)
 
 
-def cursor_of(entries: Sequence[Entry], *, at: int | None, t: float | None, now_s: float) -> Cursor:
+def cursor_of(entries: Sequence[TimelineEntry], *, at: int | None, t: float | None, now_s: float) -> TimeCursor:
     """The instant after event `at`, or `t` seconds into the mission; without either the head, which is at `now_s`.
 
     An instant before the first event is the first event's, one behind the last the last one's. Entries are not empty.
@@ -58,7 +58,9 @@ def cursor_of(entries: Sequence[Entry], *, at: int | None, t: float | None, now_
         place = max(bisect_right(entries, at_s + 1e-6, key=lambda entry: entry.mission_s), 1)
         here, param = entries[place - 1].position, f"t={t:g}"
     else:
-        return Cursor(
+        return TimeCursor(
             position=None, at_s=end_s, begin_s=begin_s, end_s=end_s, place=len(entries), count=len(entries), param=""
         )
-    return Cursor(position=here, at_s=at_s, begin_s=begin_s, end_s=end_s, place=place, count=len(entries), param=param)
+    return TimeCursor(
+        position=here, at_s=at_s, begin_s=begin_s, end_s=end_s, place=place, count=len(entries), param=param
+    )

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from app.messages import reasoned
+from app.i18n.messages import reasoned
 from app.views.handoffs import title
 from app.views.robots import RobotCard
 from app.views.shell import Shell

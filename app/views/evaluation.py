@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from app.catalogues import N_
-from app.messages import word
+from app.i18n.catalogues import N_
+from app.i18n.messages import word
 from app.views.shell import Shell
 
 MEASURES = (
@@ -47,7 +47,7 @@ class ArmRow:
 
 
 @dataclass(frozen=True)
-class Condition:
+class EvaluationConditionRow:
     """One condition (a fault) with every arm."""
 
     name: str
@@ -75,14 +75,14 @@ class EvaluationView:
     measure: str
     tabs: tuple[MeasureTab, ...]
     arms: tuple[tuple[str, str], ...]
-    conditions: tuple[Condition, ...]
+    conditions: tuple[EvaluationConditionRow, ...]
     checks: tuple[Document, ...]
     worst: tuple[str, ...]
     width: float
 
 
 @dataclass(frozen=True)
-class Point:
+class GenerationPoint:
     """One generation of one arm."""
 
     generation: int
@@ -102,7 +102,7 @@ class Curve:
     arm: str
     mark: str
     path: str
-    points: tuple[Point, ...]
+    points: tuple[GenerationPoint, ...]
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,7 @@ def recursion_view(found: Document) -> RecursionView:
     )
 
 
-def _condition(found: Document, condition: Document, measure: str) -> Condition:
+def _condition(found: Document, condition: Document, measure: str) -> EvaluationConditionRow:
     cells = [one for one in found.get("cells", ()) if one["condition"] == condition["name"]]
     rows = tuple(
         ArmRow(
@@ -199,7 +199,7 @@ def _condition(found: Document, condition: Document, measure: str) -> Condition:
         )
         for index, cell in enumerate(cells)
     )
-    return Condition(
+    return EvaluationConditionRow(
         name=word(condition["name"].replace("-", "_")), text=condition["text"], rows=rows, height=BAR_ROW * len(rows)
     )
 
@@ -222,10 +222,12 @@ def _chart(rows: Sequence[Document], key: str, title: str) -> Chart:
     def place_y(value: float) -> float:
         return round(CURVE_HEIGHT - MARGIN - (value - least) / span * (CURVE_HEIGHT - 2 * MARGIN), 1)
 
-    def point(row: Document) -> Point:
+    def point(row: Document) -> GenerationPoint:
         low, high = row.get(f"{key}_ci", (row[key], row[key]))
         x = round(MARGIN + row["generation"] / last * (CURVE_WIDTH - 2 * MARGIN), 1)
-        return Point(row["generation"], row[key], low, high, x, place_y(row[key]), place_y(low), place_y(high))
+        return GenerationPoint(
+            row["generation"], row[key], low, high, x, place_y(row[key]), place_y(low), place_y(high)
+        )
 
     arms = dict.fromkeys(row["arm"] for row in known)
     curves = []

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import msgspec
 
-from app.catalogues import N_
-from app.views.listing import address
+from app.i18n.catalogues import N_
+from app.views.list_params import address
 from app.views.sentences import FAMILY, sentence
 from app.views.shell import Shell
-from app.views.timeline import LANES, Entry, Line, line
+from app.views.timeline import LANES, TimelineEntry, TimelineLine, line
 from harness.contracts.errors import UnknownName
 
 SHOWN = 100
@@ -22,14 +22,14 @@ class EventPage:
 
     shell: Shell
     mission_id: str
-    entry: Entry
+    entry: TimelineEntry
     text: str
     body: str
     earlier: int | None
     later: int | None
 
 
-def event_page(shell: Shell, mission_id: str, entries: Sequence[Entry], *, position: int) -> EventPage:
+def event_page(shell: Shell, mission_id: str, entries: Sequence[TimelineEntry], *, position: int) -> EventPage:
     """Raises UnknownName if the mission has no event at that position."""
     place = next((index for index, entry in enumerate(entries) if entry.position == position), None)
     if place is None:
@@ -70,7 +70,7 @@ class LogPage:
 
     shell: Shell
     mission_id: str
-    lines: tuple[Line, ...]
+    lines: tuple[TimelineLine, ...]
     families: tuple[FamilyTab, ...]
     words: str
     family: str
@@ -80,7 +80,7 @@ class LogPage:
     first: str
 
 
-def log_page(shell: Shell, mission_id: str, entries: Sequence[Entry], query: EventQuery) -> LogPage:
+def log_page(shell: Shell, mission_id: str, entries: Sequence[TimelineEntry], query: EventQuery) -> LogPage:
     """Every word must stand in the event's kind, sentence or position."""
     path = f"/missions/{mission_id}/log"
     words = query.words.lower().split()
@@ -106,5 +106,5 @@ def log_page(shell: Shell, mission_id: str, entries: Sequence[Entry], query: Eve
     )
 
 
-def _text(entry: Entry) -> str:
+def _text(entry: TimelineEntry) -> str:
     return f"e-{entry.position} {entry.kind} {sentence(entry.event)}".lower()

@@ -3,10 +3,10 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from app.catalogues import N_
-from app.messages import lazy_gettext, reasoned
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext, reasoned
 from app.views.measures import Measure, quantity
-from app.views.timeline import Entry
+from app.views.timeline import TimelineEntry
 from harness.contracts.events import CommitRejected, NodeCommitted, PacketRetained, VerdictRecorded
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
 from harness.contracts.ids import Digest, PacketId
@@ -26,7 +26,7 @@ class Reference:
 
 
 @dataclass(frozen=True)
-class Picture:
+class EvidencePicture:
     """One camera frame, shown from its blob."""
 
     blob: str
@@ -52,7 +52,7 @@ class PacketView:
     verdict: NodeVerdict | None
     gate: Decision
     references: tuple[Reference, ...]
-    pictures: tuple[Picture, ...]
+    pictures: tuple[EvidencePicture, ...]
 
     @property
     def unsound(self) -> int:
@@ -69,7 +69,9 @@ class EvidenceView:
     packets: tuple[PacketView, ...]
 
 
-def evidence(mission_id: str, entries: Sequence[Entry], *, node_id: str, title: str, check: Check) -> EvidenceView:
+def evidence(
+    mission_id: str, entries: Sequence[TimelineEntry], *, node_id: str, title: str, check: Check
+) -> EvidenceView:
     """Every packet that was retained for the node, each with its verdict and the gate's decision."""
     packets = [e.event.packet for e in entries if isinstance(e.event, PacketRetained)]
     mine = [packet for packet in packets if packet.identity.node_id == node_id]
@@ -80,7 +82,9 @@ def evidence(mission_id: str, entries: Sequence[Entry], *, node_id: str, title: 
     )
 
 
-def packet_view(mission_id: str, packet: EvidencePacket, entries: Sequence[Entry], *, check: Check) -> PacketView:
+def packet_view(
+    mission_id: str, packet: EvidencePacket, entries: Sequence[TimelineEntry], *, check: Check
+) -> PacketView:
     """One packet with its verdict and the gate's decision; every blob is checked now."""
     packet_id = packet.identity.packet_id
     groups = (("before", packet.before), ("after", packet.after), ("estimates", packet.estimates))
@@ -105,12 +109,12 @@ def declared(packet: EvidencePacket) -> tuple[Measure, ...]:
     return tuple(Measure(*quantity(name, value)) for name, value in packet.declared.items())
 
 
-def _verdict(entries: Sequence[Entry], packet_id: PacketId) -> NodeVerdict | None:
+def _verdict(entries: Sequence[TimelineEntry], packet_id: PacketId) -> NodeVerdict | None:
     judged = (e.event.verdict for e in reversed(entries) if isinstance(e.event, VerdictRecorded))
     return next((verdict for verdict in judged if verdict.packet_id == packet_id), None)
 
 
-def _decision(mission_id: str, entries: Sequence[Entry], packet_id: PacketId) -> Decision:
+def _decision(mission_id: str, entries: Sequence[TimelineEntry], packet_id: PacketId) -> Decision:
     for entry in reversed(entries):
         href = f"/missions/{mission_id}/events/{entry.position}"
         match entry.event:
@@ -130,12 +134,12 @@ def _held(facts: int) -> str:
     )
 
 
-def _picture(reference: EvidenceReference, *, check: Check) -> Picture:
+def _picture(reference: EvidenceReference, *, check: Check) -> EvidencePicture:
     yaw = reference.values.get("yaw_rad")
     size = [reference.values.get(name) for name in ("width_px", "height_px")]
     shown = f"{size[0]:.0f}×{size[1]:.0f}" if isinstance(size[0], float) and isinstance(size[1], float) else ""
     turned = f"{yaw * 57.29578:.0f}°" if isinstance(yaw, float) else ""
-    return Picture(
+    return EvidencePicture(
         blob=reference.blob,
         caption=" ".join(part for part in (turned, shown) if part) or reference.source,
         broken=check(reference.blob),

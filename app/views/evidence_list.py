@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.views.listing import Filter, Paging, Sought, address, facet_filter, order_filter, paging
+from app.views.list_params import Filter, ListParams, Paging, address, facet_filter, order_filter, paging
 from app.views.shell import Shell
-from harness.contracts.read_models import EvidenceItem, ListQuery, Tally
+from harness.contracts.read_models import EvidenceItem, FacetCount, ListQuery
 
 PATH = "/evidence"
 FILTERS: tuple[tuple[str, str], ...] = (
@@ -45,22 +45,22 @@ class BlobPage:
 
 def evidence_page(
     shell: Shell,
-    sought: Sought,
+    params: ListParams,
     rows: Sequence[EvidenceItem],
     following: ListQuery | None,
     *,
     found: int,
-    tallies: Sequence[Tally],
+    tallies: Sequence[FacetCount],
 ) -> EvidencePage:
     """`found` counts the answer up to MANY + 1; `tallies` are those of the whole list."""
-    filters = tuple(facet_filter(name, title, tallies, sought) for name, title in FILTERS)
+    filters = tuple(facet_filter(name, title, tallies, params) for name, title in FILTERS)
     return EvidencePage(
         shell=shell,
         rows=tuple(rows),
-        filters=(*filters, order_filter(sought, by_length=False)),
-        paging=paging(PATH, sought, following, shown=len(rows), found=found),
-        words=sought.words,
-        mission=sought.given.get("mission", ""),
-        everything=address(PATH, sought.params, mission=""),
+        filters=(*filters, order_filter(params, by_length=False)),
+        paging=paging(PATH, params, following, shown=len(rows), found=found),
+        words=params.words,
+        mission=params.given.get("mission", ""),
+        everything=address(PATH, params.params, mission=""),
         total=next((one.count for one in tallies if not one.facet), 0),
     )

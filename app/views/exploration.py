@@ -8,17 +8,17 @@ from dataclasses import dataclass
 from itertools import pairwise
 from math import dist
 
-from app.catalogues import N_
-from app.messages import lazy_gettext, reasoned, word
-from app.views.explored_floor import Floor, explored_floor
-from app.views.missions import Head, head
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext, reasoned, word
+from app.views.explored_floor import ExploredFloor, explored_floor
+from app.views.missions import MissionHeader, head
 from app.views.shell import Shell
 from app.views.stages import Observed, Stage, stages
-from app.views.timeline import Entry
+from app.views.timeline import TimelineEntry
 from harness.contracts.errors import UnknownName
 from harness.contracts.exploration import (
     AnyFeedback,
-    Blocked,
+    BlockedTarget,
     Frontier,
     GridMap,
     MapChanged,
@@ -88,7 +88,7 @@ class ChoiceDetail:
     recorded: bool
     look: Stage | None
     change: MapUpdate | None
-    floor: Floor | None
+    floor: ExploredFloor | None
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ class ExplorationPage(ChoicesRegion):
     """The same inside the shell."""
 
     shell: Shell
-    head: Head
+    head: MissionHeader
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class _Told:
     """What a mission's own history says of its choices: every stage by name, every map by the leg it follows."""
 
     mission: Mission
-    entries: Sequence[Entry]
+    entries: Sequence[TimelineEntry]
     stages: Mapping[str, Stage]
     maps: Mapping[NodeId, MapUpdate]
 
@@ -132,7 +132,9 @@ def shown_of(mission: Mission, leg: str) -> ExplorationDecision | None:
     return found
 
 
-def choices_region(mission: Mission, entries: Sequence[Entry], recorded: Recorded, *, leg: str) -> ChoicesRegion:
+def choices_region(
+    mission: Mission, entries: Sequence[TimelineEntry], recorded: Recorded, *, leg: str
+) -> ChoicesRegion:
     """`recorded` belongs to what `shown_of` says."""
     shown = shown_of(mission, leg)
     told = _Told(
@@ -156,7 +158,7 @@ def choices_region(mission: Mission, entries: Sequence[Entry], recorded: Recorde
 
 
 def exploration_page(
-    shell: Shell, mission: Mission, entries: Sequence[Entry], region: ChoicesRegion
+    shell: Shell, mission: Mission, entries: Sequence[TimelineEntry], region: ChoicesRegion
 ) -> ExplorationPage:
     return ExplorationPage(**vars(region), shell=shell, head=head(mission, entries))
 
@@ -223,7 +225,7 @@ def _known(word_of: AnyFeedback) -> str:
     match word_of:
         case Reached(moved_m=moved_m):
             return lazy_gettext("({x}, {y}) was reached, {moved} m on the way.", **place, moved=f"{moved_m:.1f}")
-        case Blocked(failure=failure, reason=reason):
+        case BlockedTarget(failure=failure, reason=reason):
             return lazy_gettext(
                 "({x}, {y}) was given up: {failure}. {reason}", **place, failure=word(failure), reason=reason
             )
@@ -240,7 +242,7 @@ def _placed(at_m: tuple[float, float]) -> Mapping[str, str]:
     return {"x": f"{at_m[0]:.1f}", "y": f"{at_m[1]:.1f}"}
 
 
-def _made_at(entries: Sequence[Entry], leg: str) -> int | None:
+def _made_at(entries: Sequence[TimelineEntry], leg: str) -> int | None:
     """The event whose contract has this leg first."""
     revised = ((one.position, one.event.contract) for one in entries if isinstance(one.event, GraphRevised))
     found = (position for position, made in revised if made and any(node.node_id == leg for node in made.nodes))

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import groupby
 
-from app.views.drawn import polyline, view_box
+from app.views.svg_floor import polyline, view_box
 from harness.contracts.exploration import FREE, OCCUPIED, GridMap, TargetAnswer, TargetQuestion
 from harness.contracts.values import Point
 
@@ -15,7 +15,7 @@ KNOWN_M = 1.5
 
 
 @dataclass(frozen=True)
-class Mark:
+class EdgeMark:
     """An edge on the map: its number where one would stand for it, as large as it promises."""
 
     number: int
@@ -26,7 +26,7 @@ class Mark:
 
 
 @dataclass(frozen=True)
-class Spot:
+class MapPoint:
     """One point of the map, in its view box."""
 
     x: float
@@ -34,7 +34,7 @@ class Spot:
 
 
 @dataclass(frozen=True)
-class Floor:
+class ExploredFloor:
     """In metres, the y axis turned so that north is up. `free`, `closed`, `gained` are SVG paths of cells.
 
     `target` is where the robot was sent, `refused` where the proposer wanted it and the harness did not.
@@ -46,10 +46,10 @@ class Floor:
     gained: str
     keep_out: tuple[str, ...]
     route: str
-    marks: tuple[Mark, ...]
-    robot: Spot
-    target: Spot | None
-    refused: Spot | None
+    marks: tuple[EdgeMark, ...]
+    robot: MapPoint
+    target: MapPoint | None
+    refused: MapPoint | None
 
 
 def explored_floor(
@@ -58,14 +58,14 @@ def explored_floor(
     *,
     question: TargetQuestion | None,
     answer: TargetAnswer | None,
-) -> Floor | None:
+) -> ExploredFloor | None:
     """None where the map or the question is not kept any more. `after` is None until the way there was mapped."""
     if before is None or question is None:
         return None
     chosen = answer.chosen if answer else None
     wanted = answer.said if answer and answer.refused else None
     longest = max((one.length_m for one in question.frontiers), default=1.0)
-    return Floor(
+    return ExploredFloor(
         box=_box(after or before, question),
         free=_cells(before, lambda index: before.cells[index] == FREE),
         closed=_cells(after or before, lambda index: (after or before).cells[index] == OCCUPIED),
@@ -73,7 +73,7 @@ def explored_floor(
         keep_out=tuple(polyline(region) for region in question.keep_out_m),
         route=polyline(answer.route_m) if answer else "",
         marks=tuple(
-            Mark(
+            EdgeMark(
                 number=number,
                 x=round(one.approach_m[0], 3),
                 y=round(-one.approach_m[1], 3),
@@ -123,5 +123,5 @@ def _box(grid: GridMap, question: TargetQuestion) -> str:
     return view_box(xs, ys, margin_m=KNOWN_M)[0]
 
 
-def _spot(at_m: Point) -> Spot:
-    return Spot(x=round(at_m[0], 3), y=round(-at_m[1], 3))
+def _spot(at_m: Point) -> MapPoint:
+    return MapPoint(x=round(at_m[0], 3), y=round(-at_m[1], 3))

@@ -3,10 +3,10 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from app.catalogues import N_
+from app.i18n.catalogues import N_
 from app.views.evidence import PacketView, packet_view
 from app.views.shell import Shell
-from app.views.timeline import Entry
+from app.views.timeline import TimelineEntry
 from harness.contracts.errors import UnknownName
 from harness.contracts.events import NodeCommitted, PacketRetained
 from harness.contracts.evidence import CommittedFact
@@ -35,7 +35,7 @@ class FactPage:
 def fact_page(
     shell: Shell,
     mission: Mission,
-    entries: Sequence[Entry],
+    entries: Sequence[TimelineEntry],
     named: tuple[str, str],
     *,
     check: Callable[[Digest], str],

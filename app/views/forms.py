@@ -3,10 +3,10 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from app.catalogues import N_
-from app.messages import lazy_gettext
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext
 from app.views.preview import Preview
-from app.views.robots import RobotWord
+from app.views.robots import LastReport
 from app.views.shell import Shell
 from harness.contracts.errors import HarnessError
 from harness.contracts.places import Place
@@ -18,7 +18,7 @@ STOP_REASONS = (N_("unexpected motion"), N_("person in the way"), N_("wrong miss
 
 
 @dataclass(frozen=True)
-class Choice:
+class SelectOption:
     """One option of a select."""
 
     value: str
@@ -36,7 +36,7 @@ class ParameterField:
     value: str
     needed: bool
     wrong: str
-    places: tuple[Choice, ...]
+    places: tuple[SelectOption, ...]
 
 
 @dataclass(frozen=True)
@@ -74,8 +74,8 @@ class StartPage:
     """
 
     shell: Shell
-    templates: tuple[Choice, ...]
-    robots: tuple[Choice, ...]
+    templates: tuple[SelectOption, ...]
+    robots: tuple[SelectOption, ...]
     fields: tuple[ParameterField, ...]
     goal: str
     goal_wrong: str
@@ -88,7 +88,7 @@ class StartPage:
 
 
 @dataclass(frozen=True)
-class Offer:
+class FormOptions:
     """What may be chosen: templates, places and robots."""
 
     templates: Sequence[TaskTemplate]
@@ -105,14 +105,14 @@ class StopPage:
     robot_id: str
     goal: str
     status: str
-    robot: RobotWord | None
+    robot: LastReport | None
     reasons: tuple[str, ...]
     errors: tuple[str, ...]
 
 
 def start_page(
     shell: Shell,
-    offer: Offer,
+    offer: FormOptions,
     typed: Mapping[str, str],
     *,
     key: str,
@@ -128,8 +128,8 @@ def start_page(
     beside = {one.field: one.text for one in wrong if one.field}
     return StartPage(
         shell=shell,
-        templates=tuple(Choice(one.name, one.title, one.name == wanted) for one in templates),
-        robots=tuple(Choice(one, one, one == typed.get("robot_id", "")) for one in offer.robots),
+        templates=tuple(SelectOption(one.name, one.title, one.name == wanted) for one in templates),
+        robots=tuple(SelectOption(one, one, one == typed.get("robot_id", "")) for one in offer.robots),
         fields=_fields(template, offer.places, typed, beside) if template else (),
         goal=typed.get("goal", template.goal if template else ""),
         goal_wrong=beside.get("goal", ""),
@@ -213,7 +213,7 @@ def _fields(
             value=(value := typed.get(one.name, "" if one.default is None else str(one.default))),
             needed=one.default is None,
             wrong=wrong.get(one.name, ""),
-            places=tuple(Choice(place.place_id, place.name, place.place_id == value) for place in places)
+            places=tuple(SelectOption(place.place_id, place.name, place.place_id == value) for place in places)
             if one.type == "place"
             else (),
         )

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.views.timeline import Entry
+from app.views.timeline import TimelineEntry
 from harness.contracts.events import PacketRetained
 from harness.contracts.evidence import EvidenceReference
 
@@ -11,7 +11,7 @@ SHOWN = 8
 
 
 @dataclass(frozen=True)
-class Frame:
+class CameraFrame:
     """One camera frame. `age_s`: how long before the instant it was taken."""
 
     blob: str
@@ -26,12 +26,12 @@ class Frame:
 class FramesView:
     """The frames of the newest SHOWN before the instant, and how many there are in the whole mission."""
 
-    newest: Frame | None
-    earlier: tuple[Frame, ...]
+    newest: CameraFrame | None
+    earlier: tuple[CameraFrame, ...]
     total: int
 
 
-def frames(entries: Sequence[Entry], *, at_s: float) -> FramesView:
+def frames(entries: Sequence[TimelineEntry], *, at_s: float) -> FramesView:
     """Frames by their own sensor time, whether or not their packet had been retained by then."""
     begin_s = entries[0].mission_s
     taken: dict[str, tuple[EvidenceReference, str, str]] = {}
@@ -44,7 +44,7 @@ def frames(entries: Sequence[Entry], *, at_s: float) -> FramesView:
     every = sorted(taken.values(), key=lambda one: one[0].from_s)
     seen = [one for one in every if one[0].from_s <= at_s + 1e-6][-SHOWN:]
     found = [
-        Frame(
+        CameraFrame(
             blob=reference.blob,
             node_id=node_id,
             packet_id=packet_id,

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.catalogues import N_
-from app.views.listing import Filter, Paging, Sought, address, facet_filter, order_filter, paging
-from app.views.missions import Counted, Group, tabs
+from app.i18n.catalogues import N_
+from app.views.list_params import Filter, ListParams, Paging, address, facet_filter, order_filter, paging
+from app.views.missions import Counted, ListTab, tabs
 from app.views.shell import Shell
 from harness.contracts.read_models import HandoffItem, ListQuery
 
@@ -25,7 +25,7 @@ class HandoffsPage:
 
     shell: Shell
     rows: tuple[HandoffItem, ...]
-    groups: tuple[Group, ...]
+    groups: tuple[ListTab, ...]
     filters: tuple[Filter, ...]
     paging: Paging
     words: str
@@ -36,23 +36,23 @@ class HandoffsPage:
 
 
 def handoffs_page(
-    shell: Shell, sought: Sought, items: Sequence[HandoffItem], following: ListQuery | None, counted: Counted
+    shell: Shell, params: ListParams, items: Sequence[HandoffItem], following: ListQuery | None, counted: Counted
 ) -> HandoffsPage:
     """The rows of one page, in the order they come in."""
-    chosen = sought.given.get("status", "")
+    chosen = params.given.get("status", "")
     return HandoffsPage(
         shell=shell,
         rows=tuple(items),
-        groups=tabs(PATH, GROUPS, sought, counted),
+        groups=tabs(PATH, GROUPS, params, counted),
         filters=(
-            facet_filter("robot", "robot", counted.tallies, sought),
-            facet_filter("failure", "why", counted.tallies, sought),
-            order_filter(sought, by_length=False),
+            facet_filter("robot", "robot", counted.tallies, params),
+            facet_filter("failure", "why", counted.tallies, params),
+            order_filter(params, by_length=False),
         ),
-        paging=paging(PATH, sought, following, shown=len(items), found=counted.groups[chosen]),
-        words=sought.words,
+        paging=paging(PATH, params, following, shown=len(items), found=counted.groups[chosen]),
+        words=params.words,
         group=chosen,
-        live=not sought.deep,
-        query=address("", sought.params),
+        live=not params.deep,
+        query=address("", params.params),
         total=next((one.count for one in counted.tallies if not one.facet), 0),
     )

@@ -6,8 +6,8 @@ from typing import Any
 
 from msgspec import to_builtins
 
-from app.catalogues import N_
-from app.messages import lazy_gettext, word
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext, word
 from app.views.budgets import Budget, budget
 from app.views.measures import quantity
 from harness.contracts.handoff_events import HandoffOpened, ProposedAction
@@ -41,7 +41,7 @@ class ActionView:
 
 
 @dataclass(frozen=True)
-class Difference:
+class ShownDifference:
     """One thing that is not as it was shown."""
 
     name: str
@@ -90,11 +90,11 @@ def action_view(proposal: ProposedAction | None, *, subject: str) -> ActionView 
     )
 
 
-def differences(was: HandoffOpened, now: HandoffOpened) -> tuple[Difference, ...]:
+def differences(was: HandoffOpened, now: HandoffOpened) -> tuple[ShownDifference, ...]:
     """What changed between the question that was answered and the question as it is: subject first, then the robot."""
     before, after = _flat(was), _flat(now)
     return tuple(
-        Difference(name=name, was=before.get(name, "nothing"), now=after.get(name, "nothing"))
+        ShownDifference(name=name, was=before.get(name, "nothing"), now=after.get(name, "nothing"))
         for name in dict.fromkeys((*before, *after))
         if before.get(name) != after.get(name)
     )

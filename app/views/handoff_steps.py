@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.catalogues import N_
-from app.messages import lazy_gettext, reasoned, word
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext, reasoned, word
 from harness.contracts.handoff_events import HandoffEvent
 from harness.contracts.read_models import HandoffItem
-from harness.projections.handoffs import Answer, Handoff
+from harness.projections.handoffs import Handoff, HandoffAnswer
 from harness.projections.mission import Mission
 
-Told = Sequence[tuple[int, float, HandoffEvent]]
+HandoffEvents = Sequence[tuple[int, float, HandoffEvent]]
 """Position in the log, wall time and event of one handoff's stream, in order."""
 ENDED = ("rejected", "expired", "superseded", "closed")
 KNOWN = ("confirmed", "failed", "unknown")
@@ -18,7 +18,7 @@ TAKING_UP = ("HandoffApproved", "HandoffRejected", "HandoffAttested", "HandoffHa
 
 
 @dataclass(frozen=True)
-class Step:
+class DecisionStep:
     """One of the facts that follow a decision."""
 
     name: str
@@ -27,7 +27,7 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Line:
+class HandoffEventLine:
     """One event of the question's own history."""
 
     position: int
@@ -35,7 +35,7 @@ class Line:
     text: str
 
 
-def steps(handoff: Handoff, mission: Mission, told: Told) -> tuple[Step, ...]:
+def steps(handoff: Handoff, mission: Mission, told: HandoffEvents) -> tuple[DecisionStep, ...]:
     """Decided, dispatched, moving, verified: after a decision only. Taken up is not done."""
     if handoff.waits or handoff.opened is None:
         return ()
@@ -43,16 +43,18 @@ def steps(handoff: Handoff, mission: Mission, told: Told) -> tuple[Step, ...]:
     answer = handoff.answer
     if answer is None or handoff.status in ENDED:
         return _ended(handoff, mission, taken)
-    first = Step(name=word(answer.decision), state="done", text=_taken_up(answer, taken))
+    first = DecisionStep(name=word(answer.decision), state="done", text=_taken_up(answer, taken))
     if handoff.status == "voided":
         return (
             first,
-            Step(name="void", state="bad", text=lazy_gettext("{outcome}. Nothing was sent", outcome=handoff.outcome)),
+            DecisionStep(
+                name="void", state="bad", text=lazy_gettext("{outcome}. Nothing was sent", outcome=handoff.outcome)
+            ),
         )
     return (first, *_followed(handoff, mission))
 
 
-def _followed(handoff: Handoff, mission: Mission) -> tuple[Step, ...]:
+def _followed(handoff: Handoff, mission: Mission) -> tuple[DecisionStep, ...]:
     sent = handoff.invocation_id is not None
     invocation = mission.invocation
     open_now = invocation is not None and invocation.intent.invocation_id == handoff.invocation_id
@@ -60,13 +62,15 @@ def _followed(handoff: Handoff, mission: Mission) -> tuple[Step, ...]:
     known = handoff.status in KNOWN
     good = handoff.status == "confirmed"
     return (
-        Step(name="dispatched", state="done" if sent else "pending", text=handoff.invocation_id or N_("not yet")),
-        Step(
+        DecisionStep(
+            name="dispatched", state="done" if sent else "pending", text=handoff.invocation_id or N_("not yet")
+        ),
+        DecisionStep(
             name=moves,
             state="current" if open_now else "done" if sent else "pending",
             text=N_("under way") if open_now else "ended" if sent else N_("not yet"),
         ),
-        Step(
+        DecisionStep(
             name="verified",
             state="done" if good else "bad" if known else "pending",
             text=_found(handoff) if known else N_("the harness has not confirmed an effect yet"),
@@ -81,14 +85,16 @@ def _moved(handoff: Handoff) -> bool:
     return approved and proposal is not None and proposal.action not in ("verify_again", "re_perceive")
 
 
-def _ended(handoff: Handoff, mission: Mission, taken: int | None) -> tuple[Step, ...]:
+def _ended(handoff: Handoff, mission: Mission, taken: int | None) -> tuple[DecisionStep, ...]:
     answer, acted = handoff.answer, handoff.unanswered
     who = _taken_up(answer, taken) if answer else reasoned(handoff.outcome)
-    found = [Step(name=handoff.status, state="done", text=who or N_("nobody answered in time"))]
+    found = [DecisionStep(name=handoff.status, state="done", text=who or N_("nobody answered in time"))]
     if acted is not None:
-        found.append(Step(name=word(acted.action), state="done" if acted.done else "bad", text=reasoned(acted.reason)))
+        found.append(
+            DecisionStep(name=word(acted.action), state="done" if acted.done else "bad", text=reasoned(acted.reason))
+        )
     found.append(
-        Step(
+        DecisionStep(
             name="mission",
             state="done" if mission.ended else "pending",
             text=lazy_gettext("{status}. {reason}", status=word(mission.status), reason=mission.reason),
@@ -101,7 +107,7 @@ def _found(handoff: Handoff) -> str:
     return lazy_gettext("{status}: {outcome}", status=word(handoff.status), outcome=handoff.outcome)
 
 
-def _taken_up(answer: Answer, taken: int | None) -> str:
+def _taken_up(answer: HandoffAnswer, taken: int | None) -> str:
     return lazy_gettext(
         "{who}: {reason}. Decision taken up at event {taken}", who=answer.actor.name, reason=answer.reason, taken=taken
     )
@@ -117,9 +123,11 @@ def similar(items: Sequence[HandoffItem], handoff: Handoff) -> tuple[HandoffItem
     )
 
 
-def history(told: Told) -> tuple[Line, ...]:
+def history(told: HandoffEvents) -> tuple[HandoffEventLine, ...]:
     """The question's own events, newest last."""
-    return tuple(Line(position=position, at_s=at_s, text=_sentence(event)) for position, at_s, event in told)
+    return tuple(
+        HandoffEventLine(position=position, at_s=at_s, text=_sentence(event)) for position, at_s, event in told
+    )
 
 
 def _sentence(event: HandoffEvent) -> str:

@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.catalogues import N_
-from app.messages import lazy_gettext, reasoned, word
-from app.views.handoff_shown import ACTIONS, Difference, ShownQuestion, shown_question
-from app.views.handoff_steps import Line, Step, Told, history, similar, steps
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext, reasoned, word
+from app.views.handoff_shown import ACTIONS, ShownDifference, ShownQuestion, shown_question
+from app.views.handoff_steps import DecisionStep, HandoffEventLine, HandoffEvents, history, similar, steps
 from app.views.places import SiteMap
-from app.views.robots import CameraView, RobotWord
+from app.views.robots import CameraView, LastReport
 from app.views.shell import Shell
 from harness.contracts.effects import Condition
 from harness.contracts.handoff_events import HandoffOpened
@@ -39,7 +39,7 @@ class RobotMark:
 
 
 @dataclass(frozen=True)
-class Choice:
+class AlternativeAction:
     """Another action that could be proposed instead."""
 
     action: str
@@ -83,44 +83,44 @@ class HandoffPage:
     fresh_until_s: float
     shown: str
     question: ShownQuestion
-    robot: RobotWord | None
+    robot: LastReport | None
     camera: CameraView | None
     map: SiteMap
     marks: tuple[RobotMark, ...]
     hold: Holding
     viewers: tuple[str, ...]
     escalated: tuple[str, ...]
-    choices: tuple[Choice, ...]
+    choices: tuple[AlternativeAction, ...]
     attestable: tuple[Condition, ...]
-    steps: tuple[Step, ...]
+    steps: tuple[DecisionStep, ...]
     following: str
     similar: tuple[HandoffItem, ...]
-    lines: tuple[Line, ...]
+    lines: tuple[HandoffEventLine, ...]
     reasons: tuple[str, ...]
     typed: str
     key: str
     refused: str
-    changes: tuple[Difference, ...]
+    changes: tuple[ShownDifference, ...]
 
 
 @dataclass(frozen=True)
-class Surface:
+class HandoffInputs:
     """What the page needs beside the handoff and its mission: the instant, the robot, the person, the form as left."""
 
     now_s: float
     person: str
     key: str
     shown: str
-    told: Told
+    told: HandoffEvents
     earlier: Sequence[HandoffItem]
     map: SiteMap
-    robot: RobotWord | None = None
+    robot: LastReport | None = None
     camera: CameraView | None = None
     live_at: tuple[float, float, float] | None = None
     viewers: tuple[str, ...] = ()
     typed: str = ""
     refused: str = ""
-    changes: tuple[Difference, ...] = ()
+    changes: tuple[ShownDifference, ...] = ()
 
 
 def title(handoff: Handoff, mission: Mission | None) -> str:
@@ -149,7 +149,7 @@ def waits(item: HandoffItem) -> bool:
     return item.status in ("open", "claimed", "taken_over")
 
 
-def handoff_page(shell: Shell, handoff: Handoff, mission: Mission, surface: Surface) -> HandoffPage:
+def handoff_page(shell: Shell, handoff: Handoff, mission: Mission, surface: HandoffInputs) -> HandoffPage:
     opened = required(handoff)
     return HandoffPage(
         shell=shell,
@@ -215,7 +215,7 @@ def required(handoff: Handoff) -> HandoffOpened:
     return handoff.opened
 
 
-def _holding(handoff: Handoff, surface: Surface) -> Holding:
+def _holding(handoff: Handoff, surface: HandoffInputs) -> Holding:
     claim = handoff.claim if handoff.claim and handoff.claim.until_at_s > surface.now_s else None
     mine = claim is not None and claim.actor.name == surface.person
     opened = required(handoff)
@@ -245,9 +245,9 @@ def _mark(name: str, at: Point, yaw_rad: float, *, live: bool) -> RobotMark:
     return RobotMark(name=name, x=round(at[0], 2), y=round(-at[1], 2), yaw_deg=round(-yaw_rad * 57.29578, 1), live=live)
 
 
-def _choices(opened: HandoffOpened) -> tuple[Choice, ...]:
+def _choices(opened: HandoffOpened) -> tuple[AlternativeAction, ...]:
     now = opened.proposal.action if opened.proposal else ""
-    return tuple(Choice(action=one, title=ACTIONS[one], chosen=one == now) for one in opened.choices)
+    return tuple(AlternativeAction(action=one, title=ACTIONS[one], chosen=one == now) for one in opened.choices)
 
 
 def _attestable(opened: HandoffOpened, mission: Mission) -> tuple[Condition, ...]:

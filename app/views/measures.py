@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from app.catalogues import N_
-from app.messages import listed, word
+from app.i18n.catalogues import N_
+from app.i18n.messages import listed, word
 from harness.contracts.verdicts import ConditionResult
 
 DIGEST = re.compile("[0-9a-f]{64}")

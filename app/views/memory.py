@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import msgspec
 
-from app.catalogues import N_
-from app.messages import lazy_gettext
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext
 from app.views.measures import Measure, fields
 from app.views.shell import Shell
 from harness.contracts.memory import MemoryRecord, Remembered

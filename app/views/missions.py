@@ -3,15 +3,15 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from app.catalogues import N_
-from app.messages import lazy_gettext, reasoned, word
-from app.views.listing import Filter, Paging, Sought, address, facet_filter, order_filter, paging
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext, reasoned, word
+from app.views.list_params import Filter, ListParams, Paging, address, facet_filter, order_filter, paging
 from app.views.measures import fields
 from app.views.shell import Shell
-from app.views.timeline import Entry
+from app.views.timeline import TimelineEntry
 from harness.contracts.events import MissionEnded
 from harness.contracts.protocol import RobotStatus
-from harness.contracts.read_models import MANY, ListQuery, MissionItem, Tally
+from harness.contracts.read_models import MANY, FacetCount, ListQuery, MissionItem
 from harness.contracts.reasons import because
 from harness.contracts.tasks import order
 from harness.contracts.verdicts import GoalVerdict
@@ -31,7 +31,7 @@ GROUPS: tuple[tuple[str, str, dict[str, str]], ...] = (
 
 
 @dataclass(frozen=True)
-class Head:
+class MissionHeader:
     """A mission with its times: seconds. What is said of it after it ended, as a dispute, does not make it longer."""
 
     mission: Mission
@@ -53,11 +53,11 @@ class Counted:
     """How many missions each tab holds under the other filters, up to MANY + 1, and the values that filters offer."""
 
     groups: Mapping[str, int]
-    tallies: Sequence[Tally]
+    tallies: Sequence[FacetCount]
 
 
 @dataclass(frozen=True)
-class Group:
+class ListTab:
     """One tab of the list: which filters it stands for, and how many missions it would show."""
 
     title: str
@@ -72,7 +72,7 @@ class MissionsPage:
 
     shell: Shell
     rows: tuple[MissionItem, ...]
-    groups: tuple[Group, ...]
+    groups: tuple[ListTab, ...]
     filters: tuple[Filter, ...]
     paging: Paging
     words: str
@@ -92,51 +92,51 @@ def listed_stage(text: str) -> str:
 
 
 def tabs(
-    path: str, groups: Sequence[tuple[str, str, dict[str, str]]], sought: Sought, counted: Counted
-) -> tuple[Group, ...]:
+    path: str, groups: Sequence[tuple[str, str, dict[str, str]]], params: ListParams, counted: Counted
+) -> tuple[ListTab, ...]:
     """The tabs of a list: each with its count, and the one that is chosen."""
     return tuple(
-        Group(
+        ListTab(
             title=title,
-            href=address(path, sought.params, status=value),
+            href=address(path, params.params, status=value),
             count=str(counted.groups[value])
             if counted.groups[value] <= MANY
             else lazy_gettext("over {many}", many=MANY),
-            chosen=value == sought.given.get("status", ""),
+            chosen=value == params.given.get("status", ""),
         )
         for value, title, _ in groups
     )
 
 
 def missions_page(
-    shell: Shell, sought: Sought, rows: Sequence[MissionItem], following: ListQuery | None, counted: Counted
+    shell: Shell, params: ListParams, rows: Sequence[MissionItem], following: ListQuery | None, counted: Counted
 ) -> MissionsPage:
     """The rows of one page, in the order they come in."""
-    chosen = sought.given.get("status", "")
+    chosen = params.given.get("status", "")
     filters = (
-        facet_filter("robot", "robot", counted.tallies, sought),
-        facet_filter("template", "template", counted.tallies, sought),
-        order_filter(sought, by_length=True),
+        facet_filter("robot", "robot", counted.tallies, params),
+        facet_filter("template", "template", counted.tallies, params),
+        order_filter(params, by_length=True),
     )
     total = next((one.count for one in counted.tallies if not one.facet), 0)
     return MissionsPage(
         shell=shell,
         rows=tuple(rows),
-        groups=tabs(PATH, GROUPS, sought, counted),
+        groups=tabs(PATH, GROUPS, params, counted),
         filters=filters,
-        paging=paging(PATH, sought, following, shown=len(rows), found=counted.groups[chosen]),
-        words=sought.words,
+        paging=paging(PATH, params, following, shown=len(rows), found=counted.groups[chosen]),
+        words=params.words,
         group=chosen,
-        live=not sought.deep,
-        query=address("", sought.params),
+        live=not params.deep,
+        query=address("", params.params),
         total=total,
     )
 
 
-def head(mission: Mission, entries: Sequence[Entry]) -> Head:
+def head(mission: Mission, entries: Sequence[TimelineEntry]) -> MissionHeader:
     last = next((entry for entry in entries if isinstance(entry.event, MissionEnded)), None)
     ended_s = last.mission_s if last else entries[-1].mission_s
-    return Head(
+    return MissionHeader(
         mission=mission,
         began_s=entries[0].recorded_s,
         elapsed_s=ended_s - entries[0].mission_s,

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from math import degrees, hypot, isfinite, radians
 from typing import get_args
 
-from app.catalogues import N_
-from app.messages import lazy_gettext
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext
 from app.views.forms import Wrong, wrong_reason
 from app.views.places import SiteMap, site_map
 from app.views.shell import Shell

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 from math import hypot
 
-from app.catalogues import N_
-from app.messages import lazy_gettext, word
-from app.views.drawn import polyline, view_box
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext, word
 from app.views.shell import Shell
+from app.views.svg_floor import polyline, view_box
 from harness.contracts.places import Retreat, Route, Site
 from harness.contracts.values import Point
 
@@ -22,7 +22,7 @@ MEANING = {
 
 
 @dataclass(frozen=True)
-class Shape:
+class MapShape:
     """One outline or line of the map, as SVG points, with its name and where to write it."""
 
     name: str
@@ -39,8 +39,8 @@ class SiteMap:
     box: str
     width_m: float
     height_m: float
-    shapes: tuple[Shape, ...]
-    anchors: tuple[Shape, ...]
+    shapes: tuple[MapShape, ...]
+    anchors: tuple[MapShape, ...]
 
 
 @dataclass(frozen=True)
@@ -73,9 +73,9 @@ def site_map(site: Site) -> SiteMap:
     )
 
 
-def _shape(name: str, kind: str, points: Sequence[Point]) -> Shape:
+def _shape(name: str, kind: str, points: Sequence[Point]) -> MapShape:
     x, y = sum(p[0] for p in points) / len(points), -sum(p[1] for p in points) / len(points)
-    return Shape(name=name, kind=kind, points=polyline(points), x=x, y=y)
+    return MapShape(name=name, kind=kind, points=polyline(points), x=x, y=y)
 
 
 def length_m(route: Route) -> float:

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 from math import dist, hypot
 
-from app.catalogues import N_
-from app.messages import lazy_gettext
-from app.views.cursor import Cursor
-from app.views.timeline import Entry
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext
+from app.views.cursor import TimeCursor
+from app.views.timeline import TimelineEntry
 from harness.contracts.effects import Metric
 from harness.contracts.events import GoalVerified, RecoveryAuthorised
 from harness.contracts.ids import NodeId
@@ -25,7 +25,7 @@ Series = Sequence[tuple[float, float]]
 
 
 @dataclass(frozen=True)
-class Spot:
+class MeasuredPosition:
     """Where the body was measured to be, and for which stage: seconds of sensor time, metres in the map."""
 
     at_s: float
@@ -38,7 +38,7 @@ class Spot:
 class Readings:
     """What sensors said in one mission, by sensor time: poses, speed by odometry (m/s), charge (share)."""
 
-    spots: tuple[Spot, ...] = ()
+    spots: tuple[MeasuredPosition, ...] = ()
     speed: tuple[tuple[float, float], ...] = ()
     charge: tuple[tuple[float, float], ...] = ()
 
@@ -78,7 +78,7 @@ class Plot:
 
 
 def plots(
-    contract: TaskContract | None, entries: Sequence[Entry], readings: Readings, cursor: Cursor
+    contract: TaskContract | None, entries: Sequence[TimelineEntry], readings: Readings, cursor: TimeCursor
 ) -> tuple[Plot, ...]:
     """Always the same plots in the same order, so that nothing moves; one without readings says why."""
     nodes: Nodes = {node.node_id: node for node in contract.nodes} if contract else {}
@@ -103,7 +103,7 @@ def at_cursor(series: Series, at_s: float) -> float | None:
     return series[place - 1][1] if place else None
 
 
-def _plot(quantity: Quantity, series: Series, cursor: Cursor, *, limit: tuple[str, float | None]) -> Plot:
+def _plot(quantity: Quantity, series: Series, cursor: TimeCursor, *, limit: tuple[str, float | None]) -> Plot:
     bound, most = limit
     bounds = [] if most is None else [most]
     top = max([value for _, value in series] + bounds + [0.001])
@@ -127,7 +127,7 @@ def _plot(quantity: Quantity, series: Series, cursor: Cursor, *, limit: tuple[st
     )
 
 
-def _spent(entries: Sequence[Entry], cursor: Cursor) -> Series:
+def _spent(entries: Sequence[TimelineEntry], cursor: TimeCursor) -> Series:
     """A staircase: what recovery had cost by each instant."""
     total, steps = 0, [(cursor.begin_s, 0.0)]
     for entry in entries:
@@ -142,7 +142,7 @@ def _spent(entries: Sequence[Entry], cursor: Cursor) -> Series:
     return (*steps, (cursor.end_s, float(total)))
 
 
-def _distances(spots: Sequence[Spot], nodes: Nodes) -> Iterable[tuple[float, float]]:
+def _distances(spots: Sequence[MeasuredPosition], nodes: Nodes) -> Iterable[tuple[float, float]]:
     targets = {name: metric.target_m for name, node in nodes.items() if (metric := _metric(node)) is not None}
     for spot in spots:
         target = targets.get(spot.node)
@@ -150,7 +150,7 @@ def _distances(spots: Sequence[Spot], nodes: Nodes) -> Iterable[tuple[float, flo
             yield spot.at_s, hypot(spot.x_m - target[0], spot.y_m - target[1])
 
 
-def _progress(spots: Sequence[Spot], nodes: Nodes) -> Iterable[tuple[float, float]]:
+def _progress(spots: Sequence[MeasuredPosition], nodes: Nodes) -> Iterable[tuple[float, float]]:
     """How far along the stage's reference route the nearest point lies, never going back, in percent."""
     routes = {name: _route(node) for name, node in nodes.items()}
     reached: dict[NodeId, float] = {}
@@ -206,7 +206,7 @@ def _parts(series: Series) -> Iterable[Series]:
         yield part
 
 
-def _line(series: Series, cursor: Cursor, *, low: float, high: float) -> str:
+def _line(series: Series, cursor: TimeCursor, *, low: float, high: float) -> str:
     """SVG points; of each bucket of time the lowest and the highest value remain, in their order."""
     span_s = max(cursor.total_s, 0.001)
     buckets: dict[int, list[tuple[float, float]]] = {}

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.catalogues import N_
-from app.messages import lazy_gettext, listed, word
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext, listed, word
 from app.views.places import SiteMap, site_map
 from app.views.stages import Acceptance, Graph, Stage, graph
 from harness.contracts.effects import Metric
@@ -15,7 +15,7 @@ RISKS = ("low", "medium", "high")
 
 
 @dataclass(frozen=True)
-class Mark:
+class PlaceMark:
     """A place that the contract names, on the map."""
 
     name: str
@@ -33,7 +33,7 @@ class Preview:
     highest_risk: str
     longest_s: float
     map: SiteMap
-    marks: tuple[Mark, ...]
+    marks: tuple[PlaceMark, ...]
 
 
 def preview(contract: TaskContract, site: Site) -> Preview:
@@ -63,7 +63,7 @@ def allowed(limits: RecoveryLimits) -> str:
     return lazy_gettext("{total} in all: {allowed}", total=limits.total, allowed=told) if limits.total else "none"
 
 
-def _marks(contract: TaskContract, site: Site, nodes: Sequence[Node]) -> tuple[Mark, ...]:
+def _marks(contract: TaskContract, site: Site, nodes: Sequence[Node]) -> tuple[PlaceMark, ...]:
     """Targets of the stages, named by the place that lies there, else by their stage."""
     found: dict[tuple[float, float], str] = {}
     names = {place.approach_m: place.name for place in site.places}
@@ -72,7 +72,7 @@ def _marks(contract: TaskContract, site: Site, nodes: Sequence[Node]) -> tuple[M
             if isinstance(condition.effect, Metric) and condition.effect.frame == site.frame:
                 at = condition.effect.target_m
                 found.setdefault(at, names.get(at, node.node_id.replace("_", " ")))
-    return tuple(Mark(name=name, x=at[0], y=-at[1]) for at, name in found.items())
+    return tuple(PlaceMark(name=name, x=at[0], y=-at[1]) for at, name in found.items())
 
 
 def _pending(node: Node) -> Stage:

@@ -4,8 +4,8 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from app.catalogues import N_
-from app.messages import lazy_gettext, listed, word
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext, listed, word
 from app.views.shell import Shell
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.ids import ProviderId

@@ -10,7 +10,7 @@ NOT_BEGUN = ("compiled", "awaiting_approval")
 
 
 @dataclass(frozen=True)
-class Line:
+class RobotQueue:
     """One robot's missions, next first."""
 
     robot_id: str
@@ -22,7 +22,7 @@ class QueuePage:
     """The lines of all robots."""
 
     shell: Shell
-    lines: tuple[Line, ...]
+    lines: tuple[RobotQueue, ...]
     errors: tuple[str, ...]
 
 
@@ -30,7 +30,7 @@ def queue_page(shell: Shell, lines: Mapping[str, Sequence[Mission]], errors: Seq
     """`lines`: per robot, oldest first."""
     return QueuePage(
         shell=shell,
-        lines=tuple(Line(robot_id, tuple(missions)) for robot_id, missions in lines.items()),
+        lines=tuple(RobotQueue(robot_id, tuple(missions)) for robot_id, missions in lines.items()),
         errors=tuple(errors),
     )
 

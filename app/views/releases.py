@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from app.catalogues import N_
-from app.messages import lazy_gettext
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext
 from app.views.canary import CanaryPanel, canary_panel
 from app.views.review_rows import policy_sentence
 from app.views.shell import Shell

@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.catalogues import N_
-from app.messages import lazy_gettext, reasoned, word
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext, reasoned, word
 from app.views.measures import ConditionRow, condition_row
-from app.views.missions import Head, head
+from app.views.missions import MissionHeader, head
 from app.views.shell import Shell
 from app.views.stages import Observed, Stage, stages
-from app.views.timeline import Entry
+from app.views.timeline import TimelineEntry
 from harness.contracts.events import (
     DispatchIntended,
     HandoffAnswered,
@@ -37,7 +37,7 @@ class Timing:
 
 
 @dataclass(frozen=True)
-class Shown:
+class ReportPicture:
     """One picture of the report, by the digest of its bytes."""
 
     blob: str
@@ -47,7 +47,7 @@ class Shown:
 
 
 @dataclass(frozen=True)
-class Word:
+class DeclaredResult:
     """What a service said when it had done something: declared, never measured."""
 
     kind: str
@@ -60,7 +60,7 @@ class Word:
 
 
 @dataclass(frozen=True)
-class Deed:
+class ReportAction:
     """What a person did, or what recovery spent."""
 
     at_s: float
@@ -74,17 +74,17 @@ class ReportPage:
 
     shell: Shell
     mission_id: str
-    head: Head
+    head: MissionHeader
     verdict: str
     reason: str
     conditions: tuple[ConditionRow, ...]
     stages: tuple[Stage, ...]
     timings: tuple[Timing, ...]
-    findings: tuple[Word, ...]
-    receipts: tuple[Word, ...]
-    pictures: tuple[Shown, ...]
-    deeds: tuple[Deed, ...]
-    disputes: tuple[Deed, ...]
+    findings: tuple[DeclaredResult, ...]
+    receipts: tuple[DeclaredResult, ...]
+    pictures: tuple[ReportPicture, ...]
+    deeds: tuple[ReportAction, ...]
+    disputes: tuple[ReportAction, ...]
     unaccepted: tuple[str, ...]
     errors: tuple[str, ...]
     starts: int | None
@@ -95,7 +95,7 @@ class ReportPage:
 
 
 @dataclass(frozen=True)
-class Journal:
+class ReportSources:
     """What is known of a mission outside its own events.
 
     Physical starts and repeated ones by the robot's journal, None where it cannot be read; whether the regression
@@ -111,8 +111,8 @@ class Journal:
 def report_page(
     shell: Shell,
     mission: Mission,
-    entries: Sequence[Entry],
-    journal: Journal,
+    entries: Sequence[TimelineEntry],
+    journal: ReportSources,
     broken: dict[str, str],
     *,
     errors: Sequence[str] = (),
@@ -132,12 +132,12 @@ def report_page(
         findings=tuple(word for word in said if word.kind == "analysis"),
         receipts=tuple(word for word in said if word.kind != "analysis"),
         pictures=tuple(
-            Shown(blob=blob, node_id=node_id, at_s=at_s, broken=broken.get(blob, ""))
+            ReportPicture(blob=blob, node_id=node_id, at_s=at_s, broken=broken.get(blob, ""))
             for blob, node_id, at_s in pictures(entries)
         ),
         deeds=_deeds(entries, journal.unanswered),
         disputes=tuple(
-            Deed(entry.mission_s, entry.event.actor.name, f"{entry.event.condition_id}: {entry.event.reason}")
+            ReportAction(entry.mission_s, entry.event.actor.name, f"{entry.event.condition_id}: {entry.event.reason}")
             for entry in entries
             if isinstance(entry.event, CompletionDisputed)
         ),
@@ -153,7 +153,7 @@ def report_page(
     )
 
 
-def pictures(entries: Sequence[Entry]) -> tuple[tuple[str, str, float], ...]:
+def pictures(entries: Sequence[TimelineEntry]) -> tuple[tuple[str, str, float], ...]:
     """(blob, stage, sensor time) of every camera frame, by time."""
     taken: dict[str, tuple[str, str, float]] = {}
     for entry in entries:
@@ -165,7 +165,7 @@ def pictures(entries: Sequence[Entry]) -> tuple[tuple[str, str, float], ...]:
     return tuple(sorted(taken.values(), key=lambda one: one[2]))
 
 
-def timings(mission: Mission, entries: Sequence[Entry]) -> tuple[Timing, ...]:
+def timings(mission: Mission, entries: Sequence[TimelineEntry]) -> tuple[Timing, ...]:
     """One per stage that was dispatched, in that order; an abort-return is none of the stages."""
     sent: dict[NodeId, float] = {}
     accepted: dict[NodeId, float] = {}
@@ -189,7 +189,7 @@ def timings(mission: Mission, entries: Sequence[Entry]) -> tuple[Timing, ...]:
     )
 
 
-def _words(entries: Sequence[Entry]) -> tuple[Word, ...]:
+def _words(entries: Sequence[TimelineEntry]) -> tuple[DeclaredResult, ...]:
     return tuple(
         _word(receipt, entry.event.packet.identity.node_id)
         for entry in entries
@@ -198,8 +198,8 @@ def _words(entries: Sequence[Entry]) -> tuple[Word, ...]:
     )
 
 
-def _word(receipt: Receipt, node_id: str) -> Word:
-    return Word(
+def _word(receipt: Receipt, node_id: str) -> DeclaredResult:
+    return DeclaredResult(
         kind=receipt.kind,
         node_id=node_id,
         text=receipt.text,
@@ -210,29 +210,33 @@ def _word(receipt: Receipt, node_id: str) -> Word:
     )
 
 
-def _deeds(entries: Sequence[Entry], unanswered: Unanswered | None) -> tuple[Deed, ...]:
-    found: list[Deed] = []
+def _deeds(entries: Sequence[TimelineEntry], unanswered: Unanswered | None) -> tuple[ReportAction, ...]:
+    found: list[ReportAction] = []
     for entry in entries:
         match entry.event:
             case HandoffAnswered(actor=actor, decision=decision, reason=reason):
                 found.append(
-                    Deed(
+                    ReportAction(
                         entry.mission_s,
                         f"{actor.name} ({actor.channel})",
                         lazy_gettext("{decision}: {reason}", decision=word(decision), reason=reason),
                     )
                 )
                 if decision == "expired" and unanswered is not None:
-                    found.append(Deed(entry.mission_s, "robot", no_answer_taken(unanswered)))
+                    found.append(ReportAction(entry.mission_s, "robot", no_answer_taken(unanswered)))
             case StopRequested(actor=actor, reason=reason):
-                found.append(Deed(entry.mission_s, actor.name, lazy_gettext("asked to stop: {reason}", reason=reason)))
+                found.append(
+                    ReportAction(entry.mission_s, actor.name, lazy_gettext("asked to stop: {reason}", reason=reason))
+                )
             case CompletionDisputed(actor=actor, reason=reason):
                 found.append(
-                    Deed(entry.mission_s, actor.name, lazy_gettext("disputed an acceptance: {reason}", reason=reason))
+                    ReportAction(
+                        entry.mission_s, actor.name, lazy_gettext("disputed an acceptance: {reason}", reason=reason)
+                    )
                 )
             case AttestationRecorded(actor=actor, condition_id=condition_id):
                 found.append(
-                    Deed(
+                    ReportAction(
                         entry.mission_s, actor.name, lazy_gettext("attested {condition_id}", condition_id=condition_id)
                     )
                 )
@@ -240,7 +244,7 @@ def _deeds(entries: Sequence[Entry], unanswered: Unanswered | None) -> tuple[Dee
                 text = lazy_gettext(
                     "{action} after {failure}, cost {cost}", action=word(action), failure=word(failure), cost=cost
                 )
-                found.append(Deed(entry.mission_s, N_("recovery policy"), text))
+                found.append(ReportAction(entry.mission_s, N_("recovery policy"), text))
             case _:
                 continue
     return tuple(found)

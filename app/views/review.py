@@ -3,18 +3,18 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from app.catalogues import N_
-from app.messages import lazy_gettext, word
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext, word
 from app.views.canary import CanaryPanel, canary_panel
 from app.views.candidates import stale
-from app.views.review_results import Measured
+from app.views.review_results import MeasuredResults
 from app.views.review_rows import HeldOutView, PinRow, held_out_view, pin_rows
-from app.views.review_words import Offer, offers
+from app.views.review_words import OfferedAction, offers
 from app.views.shell import Shell
 from harness.contracts.actors import Actor
 from harness.contracts.ids import Digest
 from rsi_reviews.contracts import ClauseAnswer, Subject
-from rsi_reviews.difference import Difference
+from rsi_reviews.difference import CandidateDifference
 from rsi_reviews.pointers import Pointer
 from rsi_reviews.projections import ENDED, Review
 
@@ -29,7 +29,7 @@ class Changed:
 
 
 @dataclass(frozen=True)
-class Left:
+class SubmittedReviewForm:
     """A form as it was left: what was typed, why it did not count, the subject that was seen."""
 
     reason: str = ""
@@ -38,15 +38,15 @@ class Left:
 
 
 @dataclass(frozen=True)
-class Seen:
+class ReviewSources:
     """What the console found around the review: differences, results, pointer, and what runs under what.
 
     `pins` are unfinished missions by version, `versions` their states, `known` the missions that this log holds.
     `loads` is empty when the rollback target was loaded just now, else why it was not.
     """
 
-    difference: Difference
-    measured: Measured | None
+    difference: CandidateDifference
+    measured: MeasuredResults | None
     clauses: Sequence[ClauseAnswer]
     pointer: Pointer
     pins: Mapping[Digest, Sequence[str]]
@@ -62,22 +62,29 @@ class ReviewPage:
 
     shell: Shell
     review: Review
-    seen: Seen
+    seen: ReviewSources
     stale: str
     held_out: HeldOutView | None
     pins: tuple[PinRow, ...]
     rollback: str
     effects: tuple[str, ...]
     canary: CanaryPanel | None
-    offers: tuple[Offer, ...]
+    offers: tuple[OfferedAction, ...]
     robots: tuple[str, ...]
     key: str
-    left: Left
+    left: SubmittedReviewForm
     changes: tuple[Changed, ...]
 
 
 def review_page(
-    shell: Shell, review: Review, seen: Seen, actor: Actor, *, robots: Sequence[str], key: str, left: Left = Left()
+    shell: Shell,
+    review: Review,
+    seen: ReviewSources,
+    actor: Actor,
+    *,
+    robots: Sequence[str],
+    key: str,
+    left: SubmittedReviewForm = SubmittedReviewForm(),
 ) -> ReviewPage:
     """The page of one candidate for this visitor, at the shell's time."""
     pointer, manifest = seen.pointer, review.manifest
@@ -110,7 +117,7 @@ def _stale(review: Review, pointer: Pointer) -> str:
     )
 
 
-def _effects(review: Review, seen: Seen, *, robot: str) -> tuple[str, ...]:
+def _effects(review: Review, seen: ReviewSources, *, robot: str) -> tuple[str, ...]:
     """What a release will change, said before it happens; nothing once it has."""
     if review.released_by is not None or review.status in ENDED:
         return ()

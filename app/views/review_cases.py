@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from app.catalogues import N_
-from app.messages import word
-from app.views.listing import address
+from app.i18n.catalogues import N_
+from app.i18n.messages import word
+from app.views.list_params import address
 from app.views.review_results import CaseRow, case_row, pairs_of
 from app.views.shell import Shell
 from harness.contracts.errors import ContractInvalid, UnknownName

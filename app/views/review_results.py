@@ -3,8 +3,8 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
-from app.catalogues import N_
-from app.messages import word
+from app.i18n.catalogues import N_
+from app.i18n.messages import word
 from rsi_reviews.bounds import paired
 from rsi_reviews.contracts import BETTER, FAMILIES, CaseResult, Manifest, Metric, ResultSet
 
@@ -55,7 +55,7 @@ class FamilyRow:
 
 
 @dataclass(frozen=True)
-class Shape:
+class PlotShape:
     """The plot's size, and where no effect and the declared effect lie on it."""
 
     width: float
@@ -65,7 +65,7 @@ class Shape:
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredResults:
     """Everything that is shown of a result set. `worse` and `better` hold at most FLIPS rows each, of so many."""
 
     pairs: int
@@ -75,20 +75,20 @@ class Measured:
     better: tuple[CaseRow, ...]
     better_total: int
     families: tuple[FamilyRow, ...]
-    plot: Shape
+    plot: PlotShape
     seconds: float
 
 
 def measured(
     results: ResultSet, manifest: Manifest, regression: Collection[str], situations: Mapping[str, str]
-) -> Measured:
+) -> MeasuredResults:
     """`regression`: the cases that the declared metric is judged on; `situations` says in words what a case is."""
     pairs = pairs_of(results, manifest.baseline)
     judged = [pair for pair in pairs if pair[0].case in regression] or pairs
     worse = [pair for pair in pairs if passes(pair[0]) and not passes(pair[1])]
     better = [pair for pair in pairs if not passes(pair[0]) and passes(pair[1])]
     families, shape = _families(judged, pairs, manifest, key=results.terms)
-    return Measured(
+    return MeasuredResults(
         pairs=len(judged),
         safety_pairs=len(pairs),
         worse=tuple(case_row(pair, manifest.metric, situations) for pair in worse[:FLIPS]),
@@ -141,7 +141,7 @@ def _gain(pair: Pair, metric: Metric) -> float:
 
 def _families(
     judged: Sequence[Pair], every: Sequence[Pair], manifest: Manifest, *, key: str
-) -> tuple[tuple[FamilyRow, ...], Shape]:
+) -> tuple[tuple[FamilyRow, ...], PlotShape]:
     parts = {name: [pair for pair in judged if pair[0].family == name] for name in FAMILIES}
     flips = {name: [pair for pair in every if pair[0].family == name] for name in FAMILIES}
     named = [("all", list(judged), list(every))]
@@ -178,7 +178,7 @@ def _families(
         )
         for index, (name, part, whole, (gain, low, high)) in enumerate(found)
     )
-    return rows, Shape(
+    return rows, PlotShape(
         width=WIDTH, height=ROW * len(rows), zero_x=place(0.0), declared_x=place(manifest.smallest_effect)
     )
 

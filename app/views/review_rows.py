@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from app.catalogues import N_
-from app.messages import lazy_gettext, listed, word
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext, listed, word
 from harness.contracts.ids import Digest
 from rsi_reviews.contracts import ClauseAnswer
 from rsi_reviews.pointers import Pointer, Uptake

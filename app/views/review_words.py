@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from app.catalogues import N_
-from app.messages import reasoned
+from app.i18n.catalogues import N_
+from app.i18n.messages import reasoned
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.ids import RobotId
@@ -23,16 +23,16 @@ from rsi_reviews.commands import (
     RollBack,
     WithdrawCandidate,
 )
-from rsi_reviews.deciding import decide
+from rsi_reviews.deciders import decide
+from rsi_reviews.pointer_rules import decide as pointing
 from rsi_reviews.pointers import Pointer
-from rsi_reviews.pointing import decide as pointing
 from rsi_reviews.projections import Review
 
 KEY = "asked-before-the-click"
 
 
 @dataclass(frozen=True)
-class Offer:
+class OfferedAction:
     """One word: what its button says, whether it counts now, and the desk's sentence where it would not."""
 
     word: str
@@ -42,7 +42,7 @@ class Offer:
     danger: bool
 
 
-def offers(review: Review, pointer: Pointer, actor: Actor, *, now_s: float, robot: str) -> tuple[Offer, ...]:
+def offers(review: Review, pointer: Pointer, actor: Actor, *, now_s: float, robot: str) -> tuple[OfferedAction, ...]:
     """The words that the candidate's status asks for, in the order in which they are usually said."""
     now = Moment(mission_s=0.0, wall_s=now_s)
     found = []
@@ -52,7 +52,7 @@ def offers(review: Review, pointer: Pointer, actor: Actor, *, now_s: float, robo
         if not isinstance(decision, Refused) and (rest := _rests_on(word, review, pointer)) is not None:
             decision = pointing(pointer, rest, now)
         why_not = reasoned(decision.reason) if isinstance(decision, Refused) else ""
-        found.append(Offer(word=word, title=title, why_not=why_not, hold=hold, danger=danger))
+        found.append(OfferedAction(word=word, title=title, why_not=why_not, hold=hold, danger=danger))
     return tuple(found)
 
 

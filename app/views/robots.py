@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.catalogues import N_
-from app.fleet import Shots, Word
-from app.messages import lazy_gettext, reasoned
-from app.views.retreats import LastRetreat
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext, reasoned
+from app.views.safe_returns import LastRetreat
 from app.views.shell import Shell
 from harness.contracts.control import LEVELS, Autonomy
 from harness.contracts.ids import RobotId
-from harness.projections.control import Control, Retreating, Wheel
+from harness.contracts.protocol import Picture, RobotStatus
+from harness.projections.control import Retreating, SiteControl, TeleoperationSession
 from harness.projections.mission import Mission
 
 OLD_WORD_S = 3.0
@@ -25,7 +25,35 @@ AUTONOMY: dict[Autonomy, str] = {
 
 
 @dataclass(frozen=True)
-class RobotWord:
+class RobotReportSeen:
+    """A robot's newest report. `heard_s` is None if it never answered; `trouble` says why the last question failed."""
+
+    robot_id: RobotId
+    status: RobotStatus | None = None
+    heard_s: float | None = None
+    took_s: float = 0.0
+    trouble: str = ""
+
+
+@dataclass(frozen=True)
+class LiveFrame:
+    """One live picture: its number in this console, when it came, and its bytes."""
+
+    number: int
+    taken_s: float
+    picture: Picture
+
+
+@dataclass(frozen=True)
+class Shots:
+    """The last seconds of a robot's camera, oldest first. `trouble` says why the newest question brought none."""
+
+    kept: tuple[LiveFrame, ...]
+    trouble: str = ""
+
+
+@dataclass(frozen=True)
+class LastReport:
     """What a robot says of itself, and how old that word is in wall time. `link` is good, old or lost."""
 
     robot_id: str
@@ -67,7 +95,7 @@ class CameraView:
 
 
 @dataclass(frozen=True)
-class Step:
+class StopStep:
     """One step of a stop: whether it is done, and what shows it."""
 
     title: str
@@ -83,7 +111,7 @@ class RobotCard:
     """
 
     robot_id: str
-    word: RobotWord
+    word: LastReport
     camera: CameraView
     mission: Mission | None
     queued: int
@@ -159,11 +187,11 @@ class StopAllPage:
     errors: tuple[str, ...]
 
 
-def robot_word(word: Word, *, now_s: float) -> RobotWord:
+def robot_word(word: RobotReportSeen, *, now_s: float) -> LastReport:
     status = word.status
     age_s = max(now_s - word.heard_s, 0.0) if word.heard_s is not None else 0.0
     link = "lost" if word.heard_s is None or word.trouble else "old" if age_s > OLD_WORD_S else "good"
-    return RobotWord(
+    return LastReport(
         robot_id=word.robot_id,
         heard=status is not None,
         posture=status.posture if status else "unknown",
@@ -181,7 +209,7 @@ def robot_word(word: Word, *, now_s: float) -> RobotWord:
     )
 
 
-def _localisation(word: Word) -> str:
+def _localisation(word: RobotReportSeen) -> str:
     status = word.status
     if status is None:
         return "unknown"
@@ -209,7 +237,7 @@ def camera_view(robot_id: str, shots: Shots, *, now_s: float) -> CameraView:
     )
 
 
-def stop_steps(mission: Mission) -> tuple[Step, ...]:
+def stop_steps(mission: Mission) -> tuple[StopStep, ...]:
     """Asked, acknowledged, static: what is known of a stop, step by step; nothing if none was asked for."""
     if mission.stop is None:
         return ()
@@ -223,24 +251,24 @@ def stop_steps(mission: Mission) -> tuple[Step, ...]:
             N_("the body is static") if static else N_("nothing shows the body at rest")
         )
     return (
-        Step(
+        StopStep(
             "stopping", True, lazy_gettext("{who}: {reason}", who=mission.stop.actor.name, reason=mission.stop.reason)
         ),
-        Step(
+        StopStep(
             "acknowledged",
             acknowledged,
             N_("no execution runs") if acknowledged else N_("the provider has not answered yet"),
         ),
-        Step("static", static, shown),
+        StopStep("static", static, shown),
     )
 
 
 def robot_card(
-    word: RobotWord,
+    word: LastReport,
     camera: CameraView,
     missions: Sequence[Mission],
     *,
-    control: Control,
+    control: SiteControl,
     retreat: LastRetreat | None,
     watchers: Sequence[str],
 ) -> RobotCard:
@@ -264,7 +292,7 @@ def robot_card(
     )
 
 
-def _in_control(mission: Mission | None, wheel: Wheel | None, retreat: Retreating | None) -> str:
+def _in_control(mission: Mission | None, wheel: TeleoperationSession | None, retreat: Retreating | None) -> str:
     """Who moves the robot now, in words."""
     if retreat is not None:
         return lazy_gettext("the way to {place}", place=retreat.intent.place)
@@ -290,7 +318,7 @@ def levels(chosen: str) -> tuple[Level, ...]:
 def robots_page(
     shell: Shell,
     robots: Sequence[RobotCard],
-    control: Control,
+    control: SiteControl,
     *,
     present: Sequence[str],
     errors: Sequence[str] = (),

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.catalogues import N_
+from app.i18n.catalogues import N_
 from app.views.candidates import title_of
 from app.views.shell import Shell
 from rsi_reviews.pointers import Pointer

@@ -2,8 +2,8 @@
 
 from typing import Literal, assert_never
 
-from app.catalogues import N_
-from app.messages import lazy_gettext, listed, word
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext, listed, word
 from harness.contracts.control import AutonomySet
 from harness.contracts.events import (
     CommitRejected,

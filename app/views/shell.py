@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.messages import listed
-from app.permissions import permissions_of
+from app.auth.permissions import permissions_of
+from app.i18n.messages import listed
 from harness.contracts.actors import Actor
 from harness.projections.mission import Mission
 
@@ -43,7 +43,7 @@ class Shell:
 
 
 @dataclass(frozen=True)
-class Frame:
+class PageShell:
     """What the header and the navigation read: only the shell."""
 
     shell: Shell

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from app.catalogues import N_
-from app.messages import lazy_gettext
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext
 
 TRY_AGAIN = N_("Begin again from this page, in this browser, and within ten minutes.")
 ASK_AN_ADMIN = N_("Ask an admin of this console to look at how it is set up for the identity provider.")
@@ -40,7 +40,7 @@ REASONS: Mapping[str, tuple[str, str]] = {
 
 
 @dataclass(frozen=True)
-class Refusal:
+class SignInRefusal:
     """Why somebody is not let in, and what to do; empty for somebody who only just came."""
 
     why: str = ""
@@ -58,7 +58,7 @@ class SignInPage:
     let_in: bool
     by_password: bool
     link_failed: bool
-    refusal: Refusal
+    refusal: SignInRefusal
     name: str
     page: str
     page_query: str
@@ -67,30 +67,30 @@ class SignInPage:
     stays: bool
 
 
-def refusal_of(code: str, *, what: str, do: str) -> Refusal:
+def refusal_of(code: str, *, what: str, do: str) -> SignInRefusal:
     """In the words of the page; in the refusal's own for a code that the page has no words for."""
-    return Refusal(*REASONS.get(code, (what, do)))
+    return SignInRefusal(*REASONS.get(code, (what, do)))
 
 
-def wrong_password() -> Refusal:
-    return Refusal(lazy_gettext("Name and password do not belong together, or the account is disabled."))
+def wrong_password() -> SignInRefusal:
+    return SignInRefusal(lazy_gettext("Name and password do not belong together, or the account is disabled."))
 
 
-def too_often(wait_s: int) -> Refusal:
-    return Refusal(lazy_gettext("Too many wrong passwords. Try again in {wait_s} s.", wait_s=wait_s))
+def too_often(wait_s: int) -> SignInRefusal:
+    return SignInRefusal(lazy_gettext("Too many wrong passwords. Try again in {wait_s} s.", wait_s=wait_s))
 
 
-def too_fast(wait_s: int) -> Refusal:
-    return Refusal(lazy_gettext("Too many sign-ins began from here. Try again in {wait_s} s.", wait_s=wait_s))
+def too_fast(wait_s: int) -> SignInRefusal:
+    return SignInRefusal(lazy_gettext("Too many sign-ins began from here. Try again in {wait_s} s.", wait_s=wait_s))
 
 
-def from_elsewhere() -> Refusal:
-    return Refusal(
+def from_elsewhere() -> SignInRefusal:
+    return SignInRefusal(
         lazy_gettext("A sign-in at the identity provider begins on this page."), lazy_gettext("Begin it here.")
     )
 
 
-def other_address(address: str) -> Refusal:
-    return Refusal(
+def other_address(address: str) -> SignInRefusal:
+    return SignInRefusal(
         lazy_gettext("The identity provider knows this console as {address}. Open it there.", address=address)
     )

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot
 
-from app.catalogues import N_
-from app.messages import lazy_gettext, listed, reasoned, word
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext, listed, reasoned, word
 from app.views.measures import Measure, quantity
-from app.views.timeline import Entry
+from app.views.timeline import TimelineEntry
 from harness.contracts.effects import Metric
 from harness.contracts.events import CommitRejected, NodeCommitted
 from harness.contracts.ids import NodeId
@@ -60,7 +60,7 @@ class Stage:
 
 
 @dataclass(frozen=True)
-class Box:
+class GraphBox:
     """One node of the drawn graph, in the units of its view box."""
 
     x: int
@@ -78,12 +78,12 @@ class Graph:
 
     width: int
     height: int
-    boxes: tuple[Box, ...]
+    boxes: tuple[GraphBox, ...]
     edges: tuple[str, ...]
 
 
 def stages(
-    mission: Mission, entries: Sequence[Entry], now: Observed, *, selected: str, instant: str = ""
+    mission: Mission, entries: Sequence[TimelineEntry], now: Observed, *, selected: str, instant: str = ""
 ) -> tuple[Stage, ...]:
     """One per node in graph order; none before the contract is compiled. Links keep the `instant` (at=, t= or none)."""
     contract = mission.contract
@@ -116,7 +116,7 @@ def graph(contract: TaskContract, drawn: Sequence[Stage], *, goal: str) -> Graph
     edges += [_edge(place[node_id], end) for node_id in sorted(last)]
     boxes = [_box(place[NodeId(stage.node_id)], stage) for stage in drawn]
     boxes.append(
-        Box(
+        GraphBox(
             x=end[0],
             y=end[1],
             title="goal",
@@ -154,7 +154,9 @@ def _of_node(mission: Mission, node_id: NodeId, now: Observed) -> Observed:
     return Observed(report=now.report if mine else None, samples=now.samples)
 
 
-def _stage(mission: Mission, node: Node, entries: Sequence[Entry], *, now: Observed, chosen: tuple[str, str]) -> Stage:
+def _stage(
+    mission: Mission, node: Node, entries: Sequence[TimelineEntry], *, now: Observed, chosen: tuple[str, str]
+) -> Stage:
     selected, instant = chosen
     state = mission.of(node.node_id)
     verdict = state.verdicts[-1].verdict if state.verdicts else ""
@@ -239,7 +241,7 @@ def _leading(result: ConditionResult) -> tuple[Measure, ...]:
     return (Measure(label, value, quantity(name, result.bounds[name])[1] if name in result.bounds else ""),)
 
 
-def _acceptance(mission_id: str, state: NodeState, entries: Sequence[Entry]) -> Acceptance:
+def _acceptance(mission_id: str, state: NodeState, entries: Sequence[TimelineEntry]) -> Acceptance:
     for entry in reversed(entries):
         href = f"/missions/{mission_id}/events/{entry.position}"
         match entry.event:
@@ -266,8 +268,8 @@ def _note(state: NodeState) -> str:
     return ""
 
 
-def _box(place: tuple[int, int], stage: Stage) -> Box:
-    return Box(
+def _box(place: tuple[int, int], stage: Stage) -> GraphBox:
+    return GraphBox(
         x=place[0],
         y=place[1],
         title=word(stage.node_id),

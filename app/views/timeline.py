@@ -3,8 +3,8 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from app.catalogues import N_
-from app.messages import lazy_gettext
+from app.i18n.catalogues import N_
+from app.i18n.messages import lazy_gettext
 from app.views.sentences import FAMILY, Family, Tone, sentence, tone
 from harness.contracts.events import MissionEvent
 
@@ -25,7 +25,7 @@ AROUND = 60
 
 
 @dataclass(frozen=True)
-class Entry:
+class TimelineEntry:
     """One stored event, decoded. Times are seconds since the Unix epoch: mission time, and wall time of recording."""
 
     position: int
@@ -58,7 +58,7 @@ class Lane:
 
 
 @dataclass(frozen=True)
-class Line:
+class TimelineLine:
     """One event as a sentence."""
 
     position: int
@@ -88,7 +88,7 @@ class Timeline:
     marks: str
 
 
-def timeline(mission_id: str, entries: Sequence[Entry], *, axis: Axis, at_s: float, node: str) -> Timeline:
+def timeline(mission_id: str, entries: Sequence[TimelineEntry], *, axis: Axis, at_s: float, node: str) -> Timeline:
     """Entries must not be empty: a mission begins with one. Ticks that would cover each other are one tick."""
     begin_s = entries[0].mission_s
     chosen = f"&node={node}" if node else ""
@@ -115,23 +115,23 @@ def timeline(mission_id: str, entries: Sequence[Entry], *, axis: Axis, at_s: flo
     )
 
 
-def lines(mission_id: str, entries: Sequence[Entry], *, place: int, at: int | None) -> tuple[Line, ...]:
+def lines(mission_id: str, entries: Sequence[TimelineEntry], *, place: int, at: int | None) -> tuple[TimelineLine, ...]:
     """The events around the reader's place (counted from 1) as sentences, oldest first."""
     first = max(min(place - AROUND, len(entries) - 2 * AROUND), 0)
     around = entries[first : first + 2 * AROUND]
     return tuple(line(mission_id, entry, begin_s=entries[0].mission_s, at=at) for entry in around)
 
 
-def until(entries: Sequence[Entry], at: int | None) -> tuple[Entry, ...]:
+def until(entries: Sequence[TimelineEntry], at: int | None) -> tuple[TimelineEntry, ...]:
     """The history as it was at a position; all of it for None. At least the first entry remains."""
     if at is None:
         return tuple(entries)
     return tuple(entry for entry in entries if entry.position <= at) or tuple(entries[:1])
 
 
-def line(mission_id: str, entry: Entry, *, begin_s: float, at: int | None) -> Line:
+def line(mission_id: str, entry: TimelineEntry, *, begin_s: float, at: int | None) -> TimelineLine:
     """One event as a sentence; `at` marks the one that the reader stands at."""
-    return Line(
+    return TimelineLine(
         position=entry.position,
         elapsed_s=entry.mission_s - begin_s,
         recorded_s=entry.recorded_s,

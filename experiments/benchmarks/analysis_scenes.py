@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 
 from experiments.benchmarks.scenes import Scene, random_scene
-from harness.adapters.providers.models.passage import METHOD, Frame, Report, analyse, shows_passage
+from harness.adapters.providers.models.passage import METHOD, OrientedFrame, Report, analyse, shows_passage
 from harness.contracts.ids import sha256
 from simulator.camera import CAMERA, jpeg, render
 
@@ -41,7 +41,9 @@ def look_at(scene: Scene, *, seed: int) -> tuple[Report, float]:
         body = jpeg(render(scene.model, (x, y, true_rad)))
         pixels = cv2.imdecode(np.frombuffer(body, dtype=np.uint8), cv2.IMREAD_COLOR_RGB)
         assert pixels is not None
-        frames.append(Frame(digest=sha256(body), heading_rad=commanded_rad, pixels=np.asarray(pixels, dtype=np.uint8)))
+        frames.append(
+            OrientedFrame(digest=sha256(body), heading_rad=commanded_rad, pixels=np.asarray(pixels, dtype=np.uint8))
+        )
     begun = time.perf_counter()
     report = analyse(frames, camera=CAMERA, position=position, passage=scene.passage.floor_m)
     return report, time.perf_counter() - begun

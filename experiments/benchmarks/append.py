@@ -42,7 +42,7 @@ Append = Callable[[int], None]
 
 
 @dataclass(frozen=True)
-class Arm:
+class AppendArm:
     """One way to append: `append(n)` makes the n-th append and returns once it is durable; `durability` in force."""
 
     name: str
@@ -52,14 +52,14 @@ class Arm:
 
 
 @dataclass(frozen=True)
-class Times:
+class AppendTimes:
     """Microseconds of each append: as a clock on the wall saw it, and as the calling thread worked for it."""
 
     wall_us: list[float] = field(default_factory=list)
     cpu_us: list[float] = field(default_factory=list)
 
 
-def raw(folder: Path, *, rows: int) -> Arm:
+def raw(folder: Path, *, rows: int) -> AppendArm:
     """Nothing but the driver: one prepared insert per row in one immediate transaction."""
     connection = sqlite3.connect(folder / f"raw{rows}.db", isolation_level=None)
     pragmas = ("journal_mode=WAL", "synchronous=FULL")
@@ -80,10 +80,10 @@ def raw(folder: Path, *, rows: int) -> Arm:
         connection.execute("COMMIT")
 
     in_force = {name: connection.execute(f"PRAGMA {name}").fetchone()[0] for name in ("journal_mode", "synchronous")}
-    return Arm(f"raw sqlite3, {rows} row{'s' * (rows > 1)}", append, in_force)
+    return AppendArm(f"raw sqlite3, {rows} row{'s' * (rows > 1)}", append, in_force)
 
 
-def raw_server(server: PostgresServer) -> Arm:
+def raw_server(server: PostgresServer) -> AppendArm:
     """Nothing but the driver: one insert that psycopg prepares, committed by itself."""
     connection = psycopg.connect(server.database(), autocommit=True)
     connection.execute(
@@ -99,10 +99,10 @@ def raw_server(server: PostgresServer) -> Arm:
 
     names = ("synchronous_commit", "fsync", "full_page_writes")
     in_force = {name: str((connection.execute(f"SHOW {name}").fetchone() or ("",))[0]) for name in names}
-    return Arm(SERVER_FLOOR, append, in_force, SERVER_FLOOR)
+    return AppendArm(SERVER_FLOOR, append, in_force, SERVER_FLOOR)
 
 
-def ours(url: str, *, events: int, records: int = 0) -> Arm:
+def ours(url: str, *, events: int, records: int = 0) -> AppendArm:
     """The event log with everything on: version check, hash chain, and `records` of 4 KiB in the same transaction."""
     store = open_log(url)
     assert isinstance(store, SqlEventStore | PostgresEventStore)
@@ -118,15 +118,15 @@ def ours(url: str, *, events: int, records: int = 0) -> Arm:
     and_records = f", {records} records" if records else ""
     on_server = isinstance(store, PostgresEventStore)
     name = f"{'PostgreSQL' if on_server else 'event'} log, {events} event{'s' * (events > 1)}{and_records}"
-    return Arm(name, append, dict(store.durability()), SERVER_FLOOR if on_server else FLOOR)
+    return AppendArm(name, append, dict(store.durability()), SERVER_FLOOR if on_server else FLOOR)
 
 
-def measure(arms: Sequence[Arm], *, rounds: int) -> dict[str, Times]:
+def measure(arms: Sequence[AppendArm], *, rounds: int) -> dict[str, AppendTimes]:
     """Every append's times, by arm. The arms take turns and the first of a round changes."""
     for number in range(WARM_UP):
         for arm in arms:
             arm.append(number)
-    times = {arm.name: Times() for arm in arms}
+    times = {arm.name: AppendTimes() for arm in arms}
     for number in range(WARM_UP, WARM_UP + rounds):
         turn = number % len(arms)
         for arm in (*arms[turn:], *arms[:turn]):
@@ -137,7 +137,7 @@ def measure(arms: Sequence[Arm], *, rounds: int) -> dict[str, Times]:
     return times
 
 
-def report(arms: Sequence[Arm], times: dict[str, Times], *, rounds: int) -> dict[str, Any]:
+def report(arms: Sequence[AppendArm], times: dict[str, AppendTimes], *, rounds: int) -> dict[str, Any]:
     """The figures, with what they were measured on."""
     rows = []
     for arm in arms:

@@ -36,7 +36,7 @@ class Recipe:
     peer: bool = False
 
 
-class Arm:
+class RunningArm:
     """A running arm. Between turns it is stopped, its background threads included."""
 
     def __init__(self, recipe: Recipe, folder: Path) -> None:
@@ -97,17 +97,17 @@ class Arm:
 
 
 @contextmanager
-def arms(recipes: Sequence[Recipe]) -> Iterator[dict[str, Arm]]:
+def arms(recipes: Sequence[Recipe]) -> Iterator[dict[str, RunningArm]]:
     """All arms that can be started, by key; a peer that cannot is named aloud. Ours and the floor must start."""
     BENCH.mkdir(exist_ok=True)
     with ExitStack() as stack:
-        started: dict[str, Arm] = {}
+        started: dict[str, RunningArm] = {}
         for recipe in recipes:
             folder = Path(stack.enter_context(TemporaryDirectory(dir=BENCH)))
             try:
                 if recipe.peer and not PEERS.exists():
                     raise ArmFailed("its environment .bench/peers is not there; run `make bench`")
-                arm = Arm(recipe, folder)
+                arm = RunningArm(recipe, folder)
             except ArmFailed as why:
                 if not recipe.peer:
                     raise
@@ -119,7 +119,7 @@ def arms(recipes: Sequence[Recipe]) -> Iterator[dict[str, Arm]]:
 
 
 def rounds(
-    started: Mapping[str, Arm], requests: Mapping[str, Sequence[Mapping[str, Any]]], *, count: int
+    started: Mapping[str, RunningArm], requests: Mapping[str, Sequence[Mapping[str, Any]]], *, count: int
 ) -> dict[tuple[str, int], list[dict[str, Any]]]:
     """Replies by (arm, number of its request). In each round every arm answers each of its requests once."""
     cells = [(key, number) for key in started for number in range(len(requests[key]))]

@@ -23,9 +23,9 @@ from playwright.async_api import Browser, Page, async_playwright
 from playwright.sync_api import sync_playwright
 from pydantic import SecretStr
 
-from app.live import SignalBroker
+from app.background.signals import SignalBroker
 from app.main import bind, create_app, open_accounts
-from app.scene import Scenes
+from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from experiments.benchmarks.ours import PACKAGES
 from experiments.benchmarks.records import Figure, Target, figure, keep, table
@@ -53,7 +53,7 @@ SEEN = """() => { window.seen = {}; let newest = -1; new MutationObserver(() => 
 
 
 @dataclass
-class Readers:
+class BrowserReaders:
     """What the connections saw: when the answer with a tick came to each, and what went wrong."""
 
     seen: dict[int, list[float]] = field(default_factory=dict)
@@ -69,7 +69,7 @@ class Readers:
 
 
 @dataclass(frozen=True)
-class Run:
+class MeasuredRun:
     """One measured stretch: latencies in milliseconds, and the console's own share of a core."""
 
     pages_ms: tuple[float, ...]
@@ -81,7 +81,7 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Plan:
+class BrowserPlan:
     """Where the console is, what is read there, and by how many; `links` let one person in each."""
 
     address: str
@@ -117,7 +117,7 @@ def measure(*, readers: int, pages: int, events: int, per_s: float) -> list[Figu
     ]  # fmt: skip
 
 
-def _run(*, readers: int, pages: int, events: int, per_s: float) -> Run:
+def _run(*, readers: int, pages: int, events: int, per_s: float) -> MeasuredRun:
     executable, spawn = _executable(), multiprocessing.get_context("spawn")
     near, far = spawn.Pipe()
     child = spawn.Process(target=_console, args=(far, events, per_s, pages + 1), daemon=True)
@@ -125,7 +125,7 @@ def _run(*, readers: int, pages: int, events: int, per_s: float) -> Run:
     far.close()
     try:
         address, mission_id, links = near.recv()
-        plan = Plan(address=address, mission_id=mission_id, links=tuple(links), readers=readers)
+        plan = BrowserPlan(address=address, mission_id=mission_id, links=tuple(links), readers=readers)
         return asyncio.run(_stretch(plan, near, executable))
     finally:
         if child.is_alive():
@@ -133,9 +133,9 @@ def _run(*, readers: int, pages: int, events: int, per_s: float) -> Run:
         child.join(timeout=20)
 
 
-async def _stretch(plan: Plan, near: Connection, executable: Path) -> Run:
+async def _stretch(plan: BrowserPlan, near: Connection, executable: Path) -> MeasuredRun:
     """Let everybody in, let the console commit, and gather what was seen."""
-    found = Readers()
+    found = BrowserReaders()
     async with async_playwright() as driver, httpx.AsyncClient() as client:
         cookie = "; ".join(f"{k}={v}" for k, v in (await client.get(plan.address + plan.links[0])).cookies.items())
         running = await driver.chromium.launch(executable_path=executable, args=list(chromium.FLAGS))
@@ -150,7 +150,7 @@ async def _stretch(plan: Plan, near: Connection, executable: Path) -> Run:
             reader.cancel()
         await asyncio.gather(*readers, return_exceptions=True)
         await running.close()
-    return Run(
+    return MeasuredRun(
         pages_ms=tuple(1000 * (at - committed[int(tick)]) for one in seen for tick, at in one.items()),
         readers_ms=tuple(1000 * (at - committed[tick]) for tick, times in found.seen.items() for at in times),
         cpu=cpu,
@@ -160,7 +160,7 @@ async def _stretch(plan: Plan, near: Connection, executable: Path) -> Run:
     )
 
 
-async def _reader(plan: Plan, cookie: str, found: Readers) -> None:
+async def _reader(plan: BrowserPlan, cookie: str, found: BrowserReaders) -> None:
     """One page without a browser: names in, regions out. Speaks HTTP/1.1 itself, to cost the machine little.
 
     After each signal it does what static/js does: the whole instant at once, a little later the bar and the rail.
@@ -186,10 +186,10 @@ async def _reader(plan: Plan, cookie: str, found: Readers) -> None:
 
 
 async def _fetching(
-    plan: Plan,
+    plan: BrowserPlan,
     cookie: str,
     changed: asyncio.Event,
-    found: Readers,
+    found: BrowserReaders,
     *,
     paths: Sequence[str],
     after_s: float = 0.0,
@@ -213,12 +213,12 @@ async def _fetching(
         await asyncio.sleep(every_s)
 
 
-def _request(path: str, plan: Plan, cookie: str) -> bytes:
+def _request(path: str, plan: BrowserPlan, cookie: str) -> bytes:
     lines = (f"GET {path} HTTP/1.1", f"Host: 127.0.0.1:{plan.port}", f"Cookie: {cookie}", "HX-Request: true", "", "")
     return "\r\n".join(lines).encode()
 
 
-async def _opened(running: Browser, plan: Plan, links: Sequence[str]) -> list[Page]:
+async def _opened(running: Browser, plan: BrowserPlan, links: Sequence[str]) -> list[Page]:
     """Real pages of the mission, each of a person of its own, watching their own first line."""
     opened = []
     for link in links:
@@ -259,7 +259,7 @@ def _console(way: Connection, events: int, per_s: float, entries: int) -> None:
         server = uvicorn.Server(uvicorn.Config(app, log_level="error", timeout_graceful_shutdown=1))
         serving = Thread(target=server.run, kwargs={"sockets": [listener]})
         serving.start()
-        links = [app.state.doors.invite() for _ in range(entries)]
+        links = [app.state.sessions.invite() for _ in range(entries)]
         way.send((f"http://127.0.0.1:{settings.port}", mission_id, links))
         way.recv()
         way.send(_committing(harness.runtime, broker, mission_id, events=events, per_s=per_s))

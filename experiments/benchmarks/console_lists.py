@@ -20,11 +20,11 @@ from fastapi import FastAPI
 from fastapi.testclient import TestClient
 from msgspec.structs import replace
 
+from app.background.lists import FOLD, Lists
+from app.background.signals import SignalBroker
 from app.console import Console
-from app.lists import FOLD, Lists
-from app.live import SignalBroker
 from app.main import create_app, open_accounts
-from app.scene import Scenes
+from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from experiments.benchmarks.ours import PACKAGES
 from experiments.benchmarks.records import Figure, Target, figure, keep, table
@@ -43,7 +43,7 @@ from harness.contracts.events import (
     VerdictRecorded,
 )
 from harness.contracts.ids import MissionId, PacketId, RobotId
-from harness.contracts.memory import Mark
+from harness.contracts.memory import FollowPosition
 from harness.contracts.read_models import ListRow
 from harness.projections.evidence_list import Placed, evidence_rows, touched
 from harness.projections.mission import Mission
@@ -154,7 +154,7 @@ def measured(stand: FastAPI, mission: Mission, file: Path, *, count: int, rounds
         console: Console = stand.state.console
         stand.state.console = _over(console, Lists(console.runtime, models))
         client = TestClient(stand, base_url=BASE, headers={"Origin": BASE, "Sec-Fetch-Site": "same-origin"})
-        client.get(stand.state.doors.invite())
+        client.get(stand.state.sessions.invite())
         for name, paths in PATHS.items():
             times = {path: _timed(client, path, rounds) for path in paths}
             every = [one for many in times.values() for one in many]
@@ -182,7 +182,9 @@ def filled(models: SqlReadModels, stand: FastAPI, mission: Mission, *, count: in
         rows = [row for number in range(start, min(start + BATCH, count)) for row in _rows(mission, telling, number)]
         head = console.runtime.head()
         last = start + BATCH >= count
-        upto = Mark(fold=FOLD if last else "filling", position=head.position if last else start + 1, digest=head.digest)
+        upto = FollowPosition(
+            fold=FOLD if last else "filling", position=head.position if last else start + 1, digest=head.digest
+        )
         models.add(rows, after=mark, upto=upto)
         mark = upto
 

@@ -18,9 +18,9 @@ import viser
 from numpy.typing import NDArray
 from playwright.sync_api import Page, sync_playwright
 
-from app.cloud import by_height
-from app.drawing import Drawing
-from app.map_view import MapView
+from app.scene.drawing import Drawing
+from app.scene.map_cloud import MapView
+from app.scene.point_cloud import by_height
 from experiments.benchmarks.ours import PACKAGES
 from experiments.benchmarks.records import Figure, Target, figure, keep, table
 from experiments.benchmarks.turns import versions

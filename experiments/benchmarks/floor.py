@@ -24,7 +24,7 @@ def body() -> str:
     return empty.replace('"pad": ""', f'"pad": "{"x" * (600 - len(empty))}"')
 
 
-class Floor:
+class DurabilityFloor:
     """The table and its one connection; `append` returns once the row is durable."""
 
     def __init__(self, path: Path) -> None:
@@ -48,7 +48,7 @@ class Floor:
             self._count += 1
 
 
-def _appends(floor: Floor) -> Callable[[dict[str, Any]], dict[str, Any]]:
+def _appends(floor: DurabilityFloor) -> Callable[[dict[str, Any]], dict[str, Any]]:
     def turn(request: dict[str, Any]) -> dict[str, Any]:
         waits = []
         for _ in range(request["appends"]):
@@ -60,7 +60,7 @@ def _appends(floor: Floor) -> Callable[[dict[str, Any]], dict[str, Any]]:
     return turn
 
 
-def _approvals(floor: Floor) -> Callable[[dict[str, Any]], dict[str, Any]]:
+def _approvals(floor: DurabilityFloor) -> Callable[[dict[str, Any]], dict[str, Any]]:
     """Durable approval, waking the waiting thread, durable resumption: seconds, each."""
 
     def turn(request: dict[str, Any]) -> dict[str, Any]:
@@ -90,7 +90,7 @@ def _approvals(floor: Floor) -> Callable[[dict[str, Any]], dict[str, Any]]:
 
 def main() -> None:
     """Arguments: the folder for the database, and `appends` or `approvals`."""
-    floor = Floor(Path(sys.argv[1]) / "floor.db")
+    floor = DurabilityFloor(Path(sys.argv[1]) / "floor.db")
     turn = _appends(floor) if sys.argv[2] == "appends" else _approvals(floor)
     serve(turn, name="raw sqlite3", packages=(), durability=pragmas(floor.connection))
 

@@ -42,10 +42,10 @@ from harness.contracts.ids import (
 )
 from harness.contracts.memory import (
     AnyKnowledge,
-    Box,
     Episode,
+    FloorBox,
+    FollowPosition,
     KnownPose,
-    Mark,
     MemoryQuery,
     MemoryRecord,
     Provenance,
@@ -165,9 +165,9 @@ def sighting(number: int, draw: random.Random, last: dict[str, str]) -> MemoryRe
     return made
 
 
-def around(x_m: float, y_m: float, half_m: float) -> Box:
+def around(x_m: float, y_m: float, half_m: float) -> FloorBox:
     """A square on the site's map."""
-    return Box(
+    return FloorBox(
         frame="map",
         map_version="site-1",
         x_min_m=x_m - half_m,
@@ -196,7 +196,7 @@ def fill(index: SqlMemoryIndex, count: int) -> float:
     """Add `count` records in chunks; returns records per second."""
     made, mark, begun = records(count), EMPTY, time.perf_counter()
     while chunk := list(islice(made, CHUNK)):
-        upto = Mark(fold="bench", position=mark.position + len(chunk), digest=Digest("0" * 64))
+        upto = FollowPosition(fold="bench", position=mark.position + len(chunk), digest=Digest("0" * 64))
         index.add(chunk, after=mark, upto=upto)
         mark = upto
     return count / (time.perf_counter() - begun)

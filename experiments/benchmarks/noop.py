@@ -17,7 +17,7 @@ from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
 from harness.adapters.stores.snapshots import StoredSnapshots
 from harness.adapters.stores.spool import FileSpool
 from harness.adapters.stores.sql import SqlEventStore
-from harness.bootstrap import Harness, Parts, Unheard, assemble
+from harness.bootstrap import Harness, NullSignals, Parts, assemble
 from harness.contracts.actors import Actor
 from harness.contracts.capabilities import CancelBehaviour, CapabilityCard, Estimates, Latency
 from harness.contracts.decisions import Refused
@@ -39,7 +39,7 @@ from harness.contracts.tasks import TaskTemplate
 from harness.projections.mission import Mission
 from harness.runtime import Start
 from harness.settings import HarnessSettings
-from harness.supervisor.crew import Crew
+from harness.supervisor.robot_connection import RobotConnection
 from harness.supervisor.supervisor import Supervisor
 
 STAGES = 7
@@ -288,7 +288,7 @@ def noop_harness(
             spool=FileSpool(folder / "spool"),
             ids=SystemIds(),
             clock=clock,
-            signals=Unheard(),
+            signals=NullSignals(),
             index=stack.enter_context(closing(SqlMemoryIndex(f"sqlite:///{folder / 'memory.db'}"))),
         )
         transcript = blobs.put(GOAL.encode())
@@ -305,14 +305,14 @@ def noop_harness(
             configure=lambda mission: None,
         )
         if robots > 1:
-            crews = {name: _crew(name, parts, providers[name], looked=looked) for name in names}
-            harness = replace(harness, supervisor=Supervisor(runtime=harness.runtime, crews=crews))
+            connections = {name: _connection(name, parts, providers[name], looked=looked) for name in names}
+            harness = replace(harness, supervisor=Supervisor(runtime=harness.runtime, connections=connections))
             stack.callback(harness.supervisor.close)
         yield NoopHarness(harness, providers)
 
 
-def _crew(name: RobotId, parts: Parts, provider: NoopProvider, *, looked: Callable[[], None]) -> Crew:
-    return Crew(
+def _connection(name: RobotId, parts: Parts, provider: NoopProvider, *, looked: Callable[[], None]) -> RobotConnection:
+    return RobotConnection(
         robot_id=name,
         robot=NoopRobot(name, clock=parts.clock, looked=looked),
         providers={provider.card.provider_id: provider},

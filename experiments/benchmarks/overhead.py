@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from statistics import median
 from typing import Any
 
-from experiments.benchmarks.arms import Arm, Recipe, arms, rounds
+from experiments.benchmarks.arms import Recipe, RunningArm, arms, rounds
 from experiments.benchmarks.records import Figure, Target, figure, keep, table
 
 APPENDS = 400
@@ -68,7 +68,7 @@ def measure(*, count: int, missions: int) -> list[Figure]:
     ]
 
 
-def said_by(started: dict[str, Arm]) -> dict[str, Any]:
+def said_by(started: dict[str, RunningArm]) -> dict[str, Any]:
     """Versions of everything that ran, and the durability in force in each."""
     versions: dict[str, str] = {}
     for arm in started.values():

@@ -31,7 +31,7 @@ FROM_OUTSIDE = ("lease-conflict", "epoch-change", "veto")
 
 
 @dataclass
-class Course:
+class MissionCourse:
     """What happened around the steps. `escaped`: an error that no step answered; `endless`: cut off without an end."""
 
     steps: int = 0
@@ -42,7 +42,7 @@ class Course:
 
 
 @dataclass(frozen=True)
-class Act:
+class OutsideAct:
     """Something done to the mission from outside: the beginning of a disturbance, or its end."""
 
     at_s: float
@@ -52,9 +52,9 @@ class Act:
 
 def run(
     harness: Harness, mission_id: MissionId, *, plan: MissionPlan, clock: SteppedClock, struck: Counter[str]
-) -> Course:
+) -> MissionCourse:
     """Step until the mission is over or waits for a person who does not come; at most MOST_STEPS and LONGEST_S."""
-    course, begun_s = Course(), clock.true_s
+    course, begun_s = MissionCourse(), clock.true_s
     due = _acts(plan, begun_s)
     while True:
         while due and due[0].at_s <= clock.true_s:
@@ -74,14 +74,14 @@ def run(
             return course
 
 
-def _acts(plan: MissionPlan, begun_s: float) -> list[Act]:
+def _acts(plan: MissionPlan, begun_s: float) -> list[OutsideAct]:
     mine = [one for one in plan.disturbances if one.name in FROM_OUTSIDE]
-    begin = [Act(begun_s + one.at_s, one, True) for one in mine]
-    end = [Act(begun_s + one.at_s + one.for_s, one, False) for one in mine if one.name != "epoch-change"]
+    begin = [OutsideAct(begun_s + one.at_s, one, True) for one in mine]
+    end = [OutsideAct(begun_s + one.at_s + one.for_s, one, False) for one in mine if one.name != "epoch-change"]
     return sorted([*begin, *end], key=lambda act: act.at_s)
 
 
-def _do(harness: Harness, mission_id: MissionId, act: Act, struck: Counter[str]) -> None:
+def _do(harness: Harness, mission_id: MissionId, act: OutsideAct, struck: Counter[str]) -> None:
     """One act; what the gate refuses did not strike."""
     runtime, name = harness.runtime, act.disturbance.name
     if name == "lease-conflict":
@@ -109,7 +109,7 @@ def _do(harness: Harness, mission_id: MissionId, act: Act, struck: Counter[str])
         struck[name] += 1
 
 
-def answered(harness: Harness, mission_id: MissionId, plan: MissionPlan, course: Course) -> bool:
+def answered(harness: Harness, mission_id: MissionId, plan: MissionPlan, course: MissionCourse) -> bool:
     """Two persons approve the same question at once; at most one of them may be taken. False: nobody came."""
     mission = harness.runtime.mission(mission_id)
     if mission.handoff_id is None or course.answered >= plan.approvals:

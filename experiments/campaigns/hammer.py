@@ -18,7 +18,15 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from experiments.campaigns.chance import between, one_of
-from experiments.campaigns.hammer_asks import KEYED, SHARED_MISSIONS, Ask, Told, requests_of, shared_mission, told
+from experiments.campaigns.hammer_asks import (
+    KEYED,
+    SHARED_MISSIONS,
+    HammerRequest,
+    JournalContent,
+    requests_of,
+    shared_mission,
+    told,
+)
 from experiments.campaigns.hammer_caller import ENOUGH, Calling, call, creation, opened
 from experiments.campaigns.hammer_judge import Keys, wrong
 from harness.adapters.stores.folder import prepare
@@ -98,7 +106,7 @@ def _begun(data: Path) -> None:
     with opened(data) as runtime:
         creating = creation(runtime)
         for slot in range(SHARED_MISSIONS):
-            ask = Ask(key=shared_mission(slot), kind="mission")
+            ask = HammerRequest(key=shared_mission(slot), kind="mission")
             runtime.commit(requests_of(ask, number=0, creating=creating))
 
 
@@ -187,7 +195,7 @@ class _House:
         files = (self._calling(number).journal for number in self._lives)
         return sum(file.read_bytes().count(b'"done"') for file in files if file.exists())
 
-    def journals(self) -> list[Told]:
+    def journals(self) -> list[JournalContent]:
         """What every caller wrote down."""
         return [told(self._calling(number).journal) for number in self._lives]
 

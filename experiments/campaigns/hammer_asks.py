@@ -37,7 +37,7 @@ SHARED_RESOURCES = 3
 FAR_S = 4e9
 
 
-class Ask(Value):
+class HammerRequest(Value):
     """One decision. `slot`: which mission, question or resource; `holder`: whose lease is given back, or whose token.
 
     `back`: a veto is cleared, a lease given back. `requests` stand together in the log or not at all.
@@ -56,30 +56,30 @@ class Ask(Value):
         return 2 if self.kind == "answer" else 1
 
 
-class Line(Value):
+class JournalLine(Value):
     """One line of a caller's journal: a question, or the answer to the last one."""
 
-    ask: Ask | None = None
+    ask: HammerRequest | None = None
     key: str = ""
     answer: Answer = ""
 
 
-class Journal:
+class CallerJournal:
     """Append-only. Answers are on the disk before the caller goes on; questions survive its process."""
 
     def __init__(self, file: Path) -> None:
         self._file = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
 
-    def asks(self, ask: Ask) -> None:
+    def asks(self, ask: HammerRequest) -> None:
         """Before the question."""
-        os.write(self._file, msgspec.json.encode(Line(ask=ask)) + b"\n")
+        os.write(self._file, msgspec.json.encode(JournalLine(ask=ask)) + b"\n")
 
     def hears(self, key: str, answer: Answer) -> None:
         """After the answer."""
-        os.write(self._file, msgspec.json.encode(Line(key=key, answer=answer)) + b"\n")
+        os.write(self._file, msgspec.json.encode(JournalLine(key=key, answer=answer)) + b"\n")
         os.fsync(self._file)
 
-    def __enter__(self) -> "Journal":
+    def __enter__(self) -> "CallerJournal":
         return self
 
     def __exit__(
@@ -88,24 +88,24 @@ class Journal:
         os.close(self._file)
 
 
-class Told(Value):
+class JournalContent(Value):
     """What a journal says: every question, the answers by key, and the last question if nobody answered it.
 
     `again`: keys that were asked for more than once; who asks again for what was done may well be refused.
     """
 
-    asks: tuple[Ask, ...]
+    asks: tuple[HammerRequest, ...]
     answers: dict[str, Answer]
-    open: Ask | None
+    open: HammerRequest | None
     again: frozenset[str]
 
 
-def told(file: Path) -> Told:
+def told(file: Path) -> JournalContent:
     """The whole journal of one caller; one that is not there says nothing. A torn last line was never an answer."""
-    asks: list[Ask] = []
+    asks: list[HammerRequest] = []
     answers: dict[str, Answer] = {}
     for text in file.read_bytes().split(b"\n")[:-1] if file.exists() else ():
-        line = msgspec.json.decode(text, type=Line)
+        line = msgspec.json.decode(text, type=JournalLine)
         if line.ask is not None:
             asks.append(line.ask)
         else:
@@ -113,10 +113,10 @@ def told(file: Path) -> Told:
     last = asks[-1] if asks and asks[-1].key not in answers else None
     times = Counter(ask.key for ask in asks)
     again = frozenset(key for key, n in times.items() if n > 1)
-    return Told(asks=tuple(dict.fromkeys(asks)), answers=answers, open=last, again=again)
+    return JournalContent(asks=tuple(dict.fromkeys(asks)), answers=answers, open=last, again=again)
 
 
-def requests_of(ask: Ask, *, number: int, creating: CreateMission) -> Sequence[CommandEnvelope]:
+def requests_of(ask: HammerRequest, *, number: int, creating: CreateMission) -> Sequence[CommandEnvelope]:
     """The commands of an ask of caller `number`, the same whenever it is asked; `creating` is any new mission."""
     match ask.kind:
         case "mission":
@@ -142,7 +142,7 @@ def requests_of(ask: Ask, *, number: int, creating: CreateMission) -> Sequence[C
             return [_lease(ask, shared_resource(ask.slot))]
 
 
-def _approval(ask: Ask, number: int) -> CommandEnvelope:
+def _approval(ask: HammerRequest, number: int) -> CommandEnvelope:
     question = question_id(ask.slot)
     asked = opening(question)
     approve = ApproveHandoff(
@@ -158,7 +158,7 @@ def _approval(ask: Ask, number: int) -> CommandEnvelope:
     return CommandEnvelope(handoff_stream(question), approve, None)
 
 
-def _lease(ask: Ask, resource: ResourceId) -> CommandEnvelope:
+def _lease(ask: HammerRequest, resource: ResourceId) -> CommandEnvelope:
     if ask.back:
         return CommandEnvelope(
             lease_stream(resource), ReleaseLease(invocation_id=InvocationId(ask.holder), reason=ask.key), None

@@ -8,8 +8,8 @@ from experiments.campaigns.chance import one_of
 from experiments.campaigns.hammer_asks import (
     SHARED_MISSIONS,
     SHARED_RESOURCES,
-    Ask,
-    Journal,
+    CallerJournal,
+    HammerRequest,
     Kind,
     own_resource,
     question_id,
@@ -29,7 +29,7 @@ from harness.adapters.stores.memory_index import VolatileMemoryIndex
 from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
 from harness.adapters.stores.snapshots import StoredSnapshots
 from harness.adapters.stores.sql import SqlEventStore
-from harness.bootstrap import Parts, Unheard, runtime_on
+from harness.bootstrap import NullSignals, Parts, runtime_on
 from harness.contracts.actors import Actor
 from harness.contracts.commands import CreateMission
 from harness.contracts.decisions import Accepted
@@ -79,7 +79,7 @@ def opened(data: Path, *, failpoint: str = "", keeping: bool = True, afresh: boo
             spool=MemorySpool(),
             ids=SystemIds(),
             clock=LockstepClock(lambda until_s: until_s, at_s=NOW_S, wall=lambda: NOW_S),
-            signals=Unheard(),
+            signals=NullSignals(),
             index=index,
             snapshots=None if afresh else stack.enter_context(closing(StoredSnapshots(log, keeping=keeping))),
         )
@@ -106,7 +106,7 @@ def call(calling: Calling) -> None:
     """Go on where the journal ends, until somebody says that it is enough."""
     data = Path(calling.data)
     before = told(calling.journal)
-    with opened(data, failpoint=calling.failpoint) as runtime, Journal(calling.journal) as journal:
+    with opened(data, failpoint=calling.failpoint) as runtime, CallerJournal(calling.journal) as journal:
         caller = _Caller(calling, runtime, journal)
         if before.open is not None:
             caller.ask(before.open)
@@ -121,18 +121,18 @@ def call(calling: Calling) -> None:
 class _Caller:
     """Draws what to ask by the seed and the state of the house, and writes down what came of it."""
 
-    def __init__(self, calling: Calling, runtime: Runtime, journal: Journal) -> None:
+    def __init__(self, calling: Calling, runtime: Runtime, journal: CallerJournal) -> None:
         self._calling, self._runtime, self._journal = calling, runtime, journal
         self._creating = creation(runtime)
         self._question = max((ask.slot for ask in told(calling.journal).asks if ask.kind == "question"), default=0)
 
-    def ask(self, ask: Ask) -> None:
+    def ask(self, ask: HammerRequest) -> None:
         """Ask the gate and write the answer down."""
         self._journal.asks(ask)
         decision = self._runtime.commit(requests_of(ask, number=self._calling.number, creating=self._creating))
         self._journal.hears(ask.key, "done" if isinstance(decision, Accepted) else "refused")
 
-    def next(self, asked: int) -> Ask:
+    def next(self, asked: int) -> HammerRequest:
         """What to ask as number `asked`."""
         number, seed = self._calling.number, self._calling.seed
         key = f"c{number}-{asked:06d}"
@@ -141,29 +141,31 @@ class _Caller:
             case "veto":
                 slot = one_of(seed, range(SHARED_MISSIONS), number, asked)
                 vetoes = self._runtime.mission(shared_mission(slot)).vetoes
-                return Ask(key=key, kind=kind, slot=slot, back=f"caller-{number}" in vetoes)
+                return HammerRequest(key=key, kind=kind, slot=slot, back=f"caller-{number}" in vetoes)
             case "question":
                 self._walk()
-                return Ask(key=key, kind=kind, slot=self._question)
+                return HammerRequest(key=key, kind=kind, slot=self._question)
             case "answer":
                 return self._answer(key)
             case "lease":
                 slot = one_of(seed, range(SHARED_RESOURCES), number, asked)
                 lease = self._runtime.lease(shared_resource(slot))
                 back = lease.status == "held" and lease.invocation_id.startswith(f"c{number}-")
-                return Ask(key=key, kind=kind, slot=slot, back=back, holder=lease.invocation_id, token=lease.token + 1)
+                return HammerRequest(
+                    key=key, kind=kind, slot=slot, back=back, holder=lease.invocation_id, token=lease.token + 1
+                )
             case _:
-                return Ask(key=key, kind="mission")
+                return HammerRequest(key=key, kind="mission")
 
-    def _answer(self, key: str) -> Ask:
+    def _answer(self, key: str) -> HammerRequest:
         """An answer takes the caller's own resource with it; where it has it still, that is given back first."""
         lease = self._runtime.lease(own_resource(self._calling.number))
         if lease.status == "held":
-            return Ask(key=key, kind="rest", back=True, holder=lease.invocation_id)
+            return HammerRequest(key=key, kind="rest", back=True, holder=lease.invocation_id)
         self._walk()
         if self._asked.opened is None:
-            return Ask(key=key, kind="question", slot=self._question)
-        return Ask(key=key, kind="answer", slot=self._question, token=lease.token + 1)
+            return HammerRequest(key=key, kind="question", slot=self._question)
+        return HammerRequest(key=key, kind="answer", slot=self._question, token=lease.token + 1)
 
     def _walk(self) -> None:
         """On to the first question that nobody has answered."""

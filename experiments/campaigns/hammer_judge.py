@@ -7,7 +7,14 @@ from pathlib import Path
 
 import msgspec
 
-from experiments.campaigns.hammer_asks import KEYED, SHARED_MISSIONS, Answer, Ask, Told, shared_mission
+from experiments.campaigns.hammer_asks import (
+    KEYED,
+    SHARED_MISSIONS,
+    Answer,
+    HammerRequest,
+    JournalContent,
+    shared_mission,
+)
 from experiments.campaigns.hammer_caller import opened
 from experiments.campaigns.ledgers import exclusive_leases
 from harness.adapters.stores.sql import SqlEventStore
@@ -46,7 +53,7 @@ class Keys:
         self.kinds[key, kind] += 1
 
 
-def wrong(data: Path, keys: Keys, journals: Sequence[Told]) -> Iterator[str]:
+def wrong(data: Path, keys: Keys, journals: Sequence[JournalContent]) -> Iterator[str]:
     """What journals and log say against each other, and what log and folds do."""
     asked: set[str] = set()
     for journal in journals:
@@ -62,7 +69,7 @@ def wrong(data: Path, keys: Keys, journals: Sequence[Told]) -> Iterator[str]:
     yield from _refolded(data)
 
 
-def misplaced(ask: Ask, keys: Keys, answer: Answer) -> Iterator[str]:
+def misplaced(ask: HammerRequest, keys: Keys, answer: Answer) -> Iterator[str]:
     """What is wrong with where one ask stands, against what its caller was told; an empty answer is none."""
     positions = keys.positions.get(ask.key, [])
     if any(keys.kinds[ask.key, kind] > 1 for kind in KEYED):

@@ -48,7 +48,7 @@ SIDE_BY_SIDE = 4
 SECOND = "after:report"
 
 
-class Point(Value):
+class KillPoint(Value):
     """A fail-point, in a mission with these faults of the robot."""
 
     faults: tuple[str, ...]
@@ -99,7 +99,7 @@ def kill_campaign(*, most: int | None = None, seed: int = 1) -> KillReport:
     )
 
 
-def every_point() -> list[Point]:
+def every_point() -> list[KillPoint]:
     """Before and after each kind of commit that these missions make, and each act of a provider."""
     seen: set[frozenset[str]] = set()
     points = []
@@ -116,16 +116,16 @@ def every_point() -> list[Point]:
                 continue
             seen.add(frozenset(kinds))
             rarest = min(kinds, key=lambda kind: counts[kind])
-            points += [Point(faults=faults, name=f"{when}:{rarest}#{counts[rarest]}") for when in WHENS]
-    acts = [Point(faults=faults, name=f"{when}:{act}") for act, faults in ACTS.items() for when in WHENS]
+            points += [KillPoint(faults=faults, name=f"{when}:{rarest}#{counts[rarest]}") for when in WHENS]
+    acts = [KillPoint(faults=faults, name=f"{when}:{act}") for act, faults in ACTS.items() for when in WHENS]
     return [*points, *acts]
 
 
-def _title(point: Point) -> str:
+def _title(point: KillPoint) -> str:
     return f"{point.name} ({' '.join(point.faults) or 'no fault'})"
 
 
-def killed_twice(point: Point) -> Killed:
+def killed_twice(point: KillPoint) -> Killed:
     """One mission in a folder of its own: killed at the point, killed again once it goes on, then let run."""
     with TemporaryDirectory(prefix="kills-") as folder:
         data = Path(folder)

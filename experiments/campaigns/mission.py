@@ -10,10 +10,10 @@ from tempfile import TemporaryDirectory
 
 from msgspec.structs import replace
 
-from experiments.campaigns.course import Course, run
+from experiments.campaigns.course import MissionCourse, run
 from experiments.campaigns.host import RobotHost
 from experiments.campaigns.plan import MissionPlan
-from experiments.campaigns.wire import SteppedClock, Wire, WiredProvider, WiredRobot
+from experiments.campaigns.wire import FaultyWire, SteppedClock, WiredProvider, WiredRobot
 from harness.adapters.clock import LockstepClock
 from harness.adapters.ids import SeededIds
 from harness.adapters.providers.intake import TextIntake
@@ -24,12 +24,12 @@ from harness.adapters.providers.speech.speaker import PacedSpeaker
 from harness.adapters.providers.speech.voice import EspeakVoice
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.baseline.load import read_yaml
-from harness.bootstrap import Harness, Parts, Unheard, assemble
+from harness.bootstrap import Harness, NullSignals, Parts, assemble
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted
 from harness.contracts.errors import ProviderUnreachable
 from harness.contracts.ids import Digest, MissionId, RobotId
-from harness.contracts.ports import Batch, Head, Provider, Record, StoredEvent
+from harness.contracts.ports import Batch, LogHead, Provider, Record, StoredEvent
 from harness.contracts.protocol import PhysicalStart
 from harness.contracts.reasons import plain
 from harness.contracts.tasks import TaskTemplate
@@ -55,7 +55,7 @@ class WatchedStore(MemoryEventStore):
         super().__init__()
         self.commits: list[tuple[int, int]] = []
 
-    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> Head:
+    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> LogHead:
         """The store's append; the positions after and up to which it wrote are one commit."""
         before = self.head().position
         head = super().append(batches, records, now)
@@ -89,7 +89,7 @@ class Played:
     starts: tuple[PhysicalStart, ...]
     sent: frozenset[str]
     struck: dict[str, int]
-    course: Course
+    course: MissionCourse
     harness: Harness
 
 
@@ -102,7 +102,7 @@ def played(plan: MissionPlan) -> Iterator[Played]:
         host = RobotHost(plan, folder, struck)
         stack.callback(host.close)
         clock = SteppedClock(LockstepClock(host.advance, at_s=host.at_s, wall=lambda: host.at_s), plan, struck)
-        wire = Wire(plan, clock, struck)
+        wire = FaultyWire(plan, clock, struck)
         store, outbox = WatchedStore(), WatchedOutbox()
         parts = Parts(
             store=store,
@@ -110,7 +110,7 @@ def played(plan: MissionPlan) -> Iterator[Played]:
             spool=MemorySpool(),
             ids=SeededIds(plan.seed),
             clock=clock,
-            signals=Unheard(),
+            signals=NullSignals(),
         )
         harness = assemble(
             stack,
@@ -172,7 +172,7 @@ def _configure(host: RobotHost, mission: Mission) -> None:
         return
 
 
-def _local(parts: Parts, outbox: WatchedOutbox, wire: Wire) -> list[Provider]:
+def _local(parts: Parts, outbox: WatchedOutbox, wire: FaultyWire) -> list[Provider]:
     """The providers beside the harness, each behind the wire, without journals on a disk."""
     clock, blobs = parts.clock, parts.blobs
     made: list[Provider] = [

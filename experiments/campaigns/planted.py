@@ -131,7 +131,7 @@ BUGS: tuple[Bug, ...] = (
     Bug(
         name="budget check dropped",
         check="simulation",
-        edits=(Edit(file="harness/recovery/standing.py", function="unaffordable", new=PREDICATES),),
+        edits=(Edit(file="harness/recovery/state.py", function="unaffordable", new=PREDICATES),),
     ),
     Bug(
         name="outbox not atomic",

@@ -15,7 +15,7 @@ def regen(*words: object, before: Callable[[], None] | None = None, **changes: s
     """One call of the command line, waited for. `before` runs in the child before the command begins."""
     environment = {name: value for name, value in os.environ.items() if not name.startswith("REGEN_")} | changes
     return subprocess.run(
-        [sys.executable, "-P", "-m", "app.cli", *(str(word) for word in words)],
+        [sys.executable, "-P", "-m", "app.cli.main", *(str(word) for word in words)],
         cwd=ROOT,
         env={**environment, "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1"},
         capture_output=True,

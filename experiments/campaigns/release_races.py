@@ -50,7 +50,7 @@ from rsi_reviews.contracts import (
     ReleasePolicy,
     ResultSet,
 )
-from rsi_reviews.deciding import DECIDERS
+from rsi_reviews.deciders import DECIDERS
 from rsi_reviews.pointers import POINTER, Pointer, candidate_stream
 from rsi_reviews.projections import Review
 from rsi_reviews.rollback import DESK

@@ -21,7 +21,7 @@ SILENT_S = 300.0
 Chunk = Callable[[list[int]], Tally]
 
 
-class WorkersLost(HarnessError):
+class CampaignWorkersLost(HarnessError):
     """Worker processes that died, or from which nothing came for long: the campaign has counted nothing since."""
 
     code = "workers_lost"
@@ -84,14 +84,14 @@ def spread(
         while open_:
             done, open_ = wait(open_, timeout=silent_s, return_when=FIRST_COMPLETED)
             if not done:
-                raise WorkersLost(
+                raise CampaignWorkersLost(
                     f"No worker answered for {silent_s:.0f} s",
                     where=f"{processes} processes, {len(open_)} chunks left",
                     do="run with --processes 1 to see where it stands",
                 )
             yield from (one.result() for one in done)
     except BrokenProcessPool as error:
-        raise WorkersLost(
+        raise CampaignWorkersLost(
             f"A worker process died ({error})",
             where=f"{processes} processes",
             do="run with --processes 1 to see why: code that cannot be imported, or too little memory",

@@ -34,7 +34,7 @@ from harness.contracts.ids import (
     lease_stream,
     request_id,
 )
-from harness.contracts.protocol import TERMINAL, Identity, StartRequest
+from harness.contracts.protocol import TERMINAL, InvocationIdentity, StartRequest
 from harness.contracts.reasons import plain
 from harness.contracts.values import Value
 from harness.gate.commit import CommandEnvelope, Gate
@@ -177,16 +177,16 @@ def _pid(process: SpawnProcess) -> int:
     return process.pid
 
 
-def _request(number: int, who: str) -> tuple[Identity, InvocationId]:
+def _request(number: int, who: str) -> tuple[InvocationIdentity, InvocationId]:
     mission_id, node_id = MissionId(f"mis_{who}_{number}"), NodeId("go")
     request = request_id(mission_id, node_id, 1)
-    identity = Identity(
+    identity = InvocationIdentity(
         mission_id=mission_id, node_id=node_id, attempt=1, request_id=request, provider_id=ProviderId("route-follower")
     )
     return identity, invocation_id(request)
 
 
-def _start(identity: Identity, token: int, now_s: float) -> StartRequest:
+def _start(identity: InvocationIdentity, token: int, now_s: float) -> StartRequest:
     return StartRequest(
         identity=identity,
         capability="navigate",

@@ -57,7 +57,7 @@ class SteppedClock:
         return offset_s
 
 
-class Wire:
+class FaultyWire:
     """Carries calls. One counter of calls per mission keys every draw, so that a seed replays exactly."""
 
     def __init__(self, plan: MissionPlan, clock: SteppedClock, struck: Counter[str]) -> None:
@@ -99,7 +99,9 @@ class Wire:
 class WiredProvider:
     """A provider at the other end of the wire. `local` providers may fall silent by themselves."""
 
-    def __init__(self, provider: Callable[[], Provider], wire: Wire, *, card: CapabilityCard, local: bool) -> None:
+    def __init__(
+        self, provider: Callable[[], Provider], wire: FaultyWire, *, card: CapabilityCard, local: bool
+    ) -> None:
         self._provider, self._wire, self._card, self._local = provider, wire, card, local
         self._before: dict[str, InvocationReport] = {}
 
@@ -144,7 +146,7 @@ class WiredProvider:
 class WiredRobot:
     """A robot at the other end of the wire. Its start journal is read beside the wire, for counting."""
 
-    def __init__(self, robot: Callable[[], Robot], wire: Wire) -> None:
+    def __init__(self, robot: Callable[[], Robot], wire: FaultyWire) -> None:
         self._robot, self._wire = robot, wire
         self._batch: Observations | None = None
         self._providers = [

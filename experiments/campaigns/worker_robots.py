@@ -7,15 +7,15 @@ from harness.adapters.clock import LockstepClock
 from harness.adapters.ids import SeededIds
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.adapters.stores.postgres import PostgresEventStore
-from harness.bootstrap import Harness, Parts, Unheard, local_providers, runtime_on
+from harness.bootstrap import Harness, NullSignals, Parts, local_providers, runtime_on
 from harness.contracts.ids import ProviderId, RobotId
-from harness.contracts.ports import Batch, Clock, Head, Provider, Record
+from harness.contracts.ports import Batch, Clock, LogHead, Provider, Record
 from harness.contracts.regularities import HiddenSite
 from harness.contracts.values import Moment, Value
 from harness.projections.mission import Mission
-from harness.supervisor.crew import Crew
+from harness.supervisor.robot_connection import RobotConnection
 from harness.supervisor.supervisor import Supervisor
-from harness.supervisor.wheel import HandWheel
+from harness.supervisor.teleoperation import Teleoperation
 from simulator.camera import CAMERA
 from simulator.faults import parse_faults
 from simulator.robot import SimulatedRobot
@@ -42,7 +42,7 @@ class AcknowledgedStore(PostgresEventStore):
         super().__init__(url)
         self._acknowledged = acknowledged
 
-    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> Head:
+    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> LogHead:
         """The store's append."""
         head = super().append(batches, records, now)
         self._acknowledged.append((head.position, head.digest))
@@ -59,33 +59,33 @@ class Robots:
             spool=MemorySpool(),
             ids=SeededIds(shift.seeds[0]),
             clock=LockstepClock(lambda until_s: until_s, at_s=0.0),
-            signals=Unheard(),
+            signals=NullSignals(),
         )
         settings = WorldSettings(seed=shift.seeds[0], hidden=HiddenSite(name="nothing", regularities=()))
         self.robots = {name: SimulatedRobot(settings, robot_id=name) for name in shift.robots}
         self.clocks = {name: LockstepClock(one.advance_to, at_s=one.at_s) for name, one in self.robots.items()}
-        self.crews = {RobotId(name): self._crew(name) for name in shift.robots}
+        self.connections = {RobotId(name): self._connection(name) for name in shift.robots}
 
     def house(self, store: AcknowledgedStore) -> Harness:
         """One house over these robots on that log."""
-        clocks: dict[RobotId, Clock] = {robot_id: crew.clock for robot_id, crew in self.crews.items()}
+        clocks: dict[RobotId, Clock] = {robot_id: connection.clock for robot_id, connection in self.connections.items()}
         clock = next(iter(clocks.values()))
         runtime = runtime_on(replace(self._parts, store=store, clock=clock), clocks)
         return Harness(
             runtime=runtime,
-            supervisor=Supervisor(runtime=runtime, crews=self.crews),
-            robots={robot_id: crew.robot for robot_id, crew in self.crews.items()},
+            supervisor=Supervisor(runtime=runtime, connections=self.connections),
+            robots={robot_id: connection.robot for robot_id, connection in self.connections.items()},
             clock=clock,
-            wheel=HandWheel(runtime=runtime, crews=self.crews),
+            wheel=Teleoperation(runtime=runtime, connections=self.connections),
             clocks=clocks,
             cameras={},
         )
 
     def again(self, harness: Harness) -> Harness:
         """The house with a supervisor that knows nothing of what was under way: it meets it from the log."""
-        return replace(harness, supervisor=Supervisor(runtime=harness.runtime, crews=self.crews))
+        return replace(harness, supervisor=Supervisor(runtime=harness.runtime, connections=self.connections))
 
-    def _crew(self, name: str) -> Crew:
+    def _connection(self, name: str) -> RobotConnection:
         robot, clock = self.robots[name], self.clocks[name]
 
         def configure(mission: Mission) -> None:
@@ -94,7 +94,7 @@ class Robots:
 
         local = local_providers(replace(self._parts, clock=clock), camera=CAMERA, folder=None)
         providers: tuple[Provider, ...] = (*robot.providers(), *local)
-        return Crew(
+        return RobotConnection(
             robot_id=RobotId(name),
             robot=robot,
             providers={ProviderId(one.card.provider_id): one for one in providers},

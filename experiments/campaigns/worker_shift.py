@@ -12,7 +12,7 @@ from pathlib import Path
 import msgspec
 
 from experiments.campaigns.adjudicate import judged
-from experiments.campaigns.course import LONGEST_S, MOST_STEPS, Course, answered
+from experiments.campaigns.course import LONGEST_S, MOST_STEPS, MissionCourse, answered
 from experiments.campaigns.kills import commits_of
 from experiments.campaigns.mission import ASKING, Played, template_of
 from experiments.campaigns.plan import MissionPlan, mission_plan
@@ -60,19 +60,19 @@ class _Errand:
     mission_id: MissionId
     begun_s: float
     lease_version: int
-    course: Course = field(default_factory=Course)
+    course: MissionCourse = field(default_factory=MissionCourse)
 
 
 def work(shift: Shift) -> Worked:
     """All missions of the shift, or as many as there are before ENOUGH appears."""
-    worker = _Worker(shift)
+    worker = _ShiftWorker(shift)
     try:
         return worker.run()
     finally:
         worker.close()
 
 
-class _Worker:
+class _ShiftWorker:
     def __init__(self, shift: Shift) -> None:
         self._shift, self._robots = shift, Robots(shift)
         self._worked = Worked()

@@ -19,7 +19,7 @@ import msgspec
 
 from experiments.campaigns.chance import between, one_of
 from experiments.campaigns.ledgers import exclusive_leases
-from experiments.campaigns.simulate import WorkersLost, seeds_of
+from experiments.campaigns.simulate import CampaignWorkersLost, seeds_of
 from experiments.campaigns.tally import Tally, tallied
 from experiments.campaigns.worker_robots import Shift
 from experiments.campaigns.worker_shift import AT_WORK, ENOUGH, Worked, work
@@ -172,7 +172,9 @@ def _worked(shifts: Sequence[Shift], restarter: _Restarter, *, minutes: float | 
                 if minutes is not None and time.monotonic() - begun_s > 60.0 * minutes:
                     (folder / ENOUGH).touch()
         except BrokenProcessPool as error:
-            raise WorkersLost(f"A worker process died ({error})", where="workers", do="look at what it said") from error
+            raise CampaignWorkersLost(
+                f"A worker process died ({error})", where="workers", do="look at what it said"
+            ) from error
         finally:
             (folder / ENOUGH).touch()
         return [one.result() for one in futures]

@@ -15,7 +15,7 @@ from typing import Literal, TypeVar
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import Digest, RequestId, StreamId
-from harness.contracts.ports import Batch, EventStore, Head, Provider, Record, StoredEvent
+from harness.contracts.ports import Batch, EventStore, LogHead, Provider, Record, StoredEvent
 from harness.contracts.protocol import InvocationReport, StartRequest
 from harness.contracts.upcasting import name_of
 from harness.contracts.values import Moment, Value
@@ -91,7 +91,7 @@ class FailpointStore:
         self._what = plan.what
         self._trigger = _Trigger(plan)
 
-    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> Head:
+    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> LogHead:
         """The store's append; a refused one counts as an occurrence too."""
         occurs = any(name_of(event.kind) == self._what for batch in batches for event in batch.events)
         return self._trigger.around(lambda: self._store.append(batches, records, now), occurs=occurs)
@@ -114,10 +114,10 @@ class FailpointStore:
     def record(self, digest: Digest) -> Record:
         return self._store.record(digest)
 
-    def head(self) -> Head:
+    def head(self) -> LogHead:
         return self._store.head()
 
-    def verify(self) -> Head:
+    def verify(self) -> LogHead:
         return self._store.verify()
 
     def close(self) -> None:

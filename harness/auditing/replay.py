@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from harness.auditing import legacy, legacy_neighbours
 from harness.auditing.commands import CommandUnreadable, command_at, tokens_in
 from harness.auditing.prose import is_old, same
-from harness.auditing.roles import Roles
+from harness.auditing.roles import RoleReplay
 from harness.contracts.commands import HandoffCommand, LeaseCommand, MissionCommand
 from harness.contracts.decider import Decider
 from harness.contracts.decisions import Accepted, Decision, Refused
@@ -102,7 +102,7 @@ def replay_mission(runtime: Runtime, mission_id: MissionId) -> ReplayReport:
     Raises UnknownName for a mission that does not exist.
     """
     live = runtime.mission(mission_id)
-    replay, roles = _Replay(runtime), Roles(runtime)
+    replay, roles = _Replay(runtime), RoleReplay(runtime)
     stored = runtime.events(mission_id)
     mission, decisions = _mission(replay, roles, stored)
     if encode(mission) != encode(live):
@@ -129,7 +129,7 @@ def replay_all(runtime: Runtime) -> Iterator[ReplayReport]:
         yield replay_mission(runtime, MissionId(stream.partition("/")[2]))
 
 
-def _mission(replay: _Replay, roles: Roles, stored: Sequence[StoredEvent]) -> tuple[Mission, int]:
+def _mission(replay: _Replay, roles: RoleReplay, stored: Sequence[StoredEvent]) -> tuple[Mission, int]:
     """The mission folded from zero, and how many of the gate's decisions were made again."""
     mission, decisions = Mission(), 0
     replay.old = roles.old = is_old(one.body for one in stored)

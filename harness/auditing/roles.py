@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import msgspec
 
-from harness.auditing.exploring import map_differences, new_choices, target_differences
+from harness.auditing.exploration import map_differences, new_choices, target_differences
 from harness.auditing.prose import same
 from harness.contracts.contexts import Context
 from harness.contracts.errors import HarnessError
@@ -47,7 +47,7 @@ class Differs(Exception):
     """What was derived again is not what is stored: the message says how."""
 
 
-class Roles:
+class RoleReplay:
     """Derives again what each event says a role decided. `derived` counts them by kind."""
 
     def __init__(self, runtime: Runtime) -> None:

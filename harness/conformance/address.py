@@ -5,7 +5,7 @@ from contextlib import ExitStack, contextmanager
 
 from harness.adapters.clock import LockstepClock, RobotClock
 from harness.adapters.providers.http.robot import HttpProvider, HttpRobot
-from harness.conformance.subject import Stand, Subject
+from harness.conformance.subject import ProviderUnderTest, Stand
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import ProviderFailed, ProviderUnreachable, UnknownName
 from harness.contracts.ids import ProviderId
@@ -38,8 +38,8 @@ def addressed(url: str, token: str) -> Iterator[tuple[dict[ProviderId, Stand], t
 
 
 def _stand(robot: HttpRobot, card: CapabilityCard, clock: Clock, fresh: Callable[[], HttpRobot]) -> Stand:
-    def stand() -> Subject:
-        return Subject(
+    def stand() -> ProviderUnderTest:
+        return ProviderUnderTest(
             provider=HttpProvider(robot, card),
             clock=clock,
             reattached=lambda: HttpProvider(fresh(), card),

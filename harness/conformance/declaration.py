@@ -17,7 +17,7 @@ from harness.contracts.values import Name, Value
 _SHIPPED = files("harness.baseline").joinpath("conformance")
 
 
-class Declaration(Value):
+class ConformanceFile(Value):
     """One conformance file.
 
     `done`: parameters of requests that end as succeeded. `long`: of requests that are under way for 5 s or more, or
@@ -33,7 +33,7 @@ class Declaration(Value):
     blobs: dict[str, str] = msgspec.field(default_factory=dict)
 
 
-def shipped(provider_id: ProviderId) -> Declaration:
+def shipped(provider_id: ProviderId) -> ConformanceFile:
     """The file that ships for a provider of the installed crew. Raises UnknownName."""
     entry = _SHIPPED.joinpath(f"{provider_id}.yaml")
     if not entry.is_file():
@@ -45,7 +45,7 @@ def shipped(provider_id: ProviderId) -> Declaration:
     return _checked(entry.read_text(encoding="utf-8"), where=f"baseline/conformance/{provider_id}.yaml")
 
 
-def read(path: Path) -> Declaration:
+def read(path: Path) -> ConformanceFile:
     """A conformance file from the disk. Raises ContractInvalid that names the place in it."""
     try:
         text = path.read_text(encoding="utf-8")
@@ -61,7 +61,7 @@ def filled(parameters: Parameters, blobs: dict[str, Digest]) -> Parameters:
     return {name: _filled(value, blobs) for name, value in parameters.items()}
 
 
-def kept(declaration: Declaration, keep: Callable[[bytes], Digest]) -> dict[str, Digest]:
+def kept(declaration: ConformanceFile, keep: Callable[[bytes], Digest]) -> dict[str, Digest]:
     """The file's blobs, stored where the provider finds them."""
     return {name: keep(_bytes(text)) for name, text in declaration.blobs.items()}
 
@@ -79,8 +79,8 @@ def _bytes(text: str) -> bytes:
     return base64.b64decode("".join(text.split()), validate=True)
 
 
-def _checked(text: str, *, where: str) -> Declaration:
-    declaration = read_yaml(text, Declaration, where=where)
+def _checked(text: str, *, where: str) -> ConformanceFile:
+    declaration = read_yaml(text, ConformanceFile, where=where)
     if not declaration.done or not declaration.long:
         raise ContractInvalid("The file names no request to try", where=where, do="fill in `done` and `long`")
     both = sorted(set(declaration.meets) & set(declaration.exempt))

@@ -13,14 +13,14 @@ UNTYPED = (ArithmeticError, AssertionError, AttributeError, LookupError, OSError
 """What a provider in this process may raise instead of a typed error."""
 
 
-class Seen(Value):
+class RuleObservation(Value):
     """What one row saw, as a sentence, and whether it is as the contract wants."""
 
     met: bool
     text: str
 
 
-class Finding(Value):
+class ConformanceFinding(Value):
     """One row of one provider. `text` is what was seen, or why the row is exempt."""
 
     row: str
@@ -35,7 +35,7 @@ class Checked(Value):
     provider_id: ProviderId
     version: str
     card: CapabilityCard
-    findings: tuple[Finding, ...]
+    findings: tuple[ConformanceFinding, ...]
 
     @property
     def ok(self) -> bool:
@@ -46,10 +46,10 @@ class Checked(Value):
         return tuple(finding.row for finding in self.findings if finding.outcome == outcome)
 
 
-def judged(text: str, *wrong: str) -> Seen:
+def judged(text: str, *wrong: str) -> RuleObservation:
     """Met with `text` if nothing is wrong, else what is."""
     found = [one for one in wrong if one]
-    return Seen(met=not found, text="; ".join(found) if found else text)
+    return RuleObservation(met=not found, text="; ".join(found) if found else text)
 
 
 def unless(holds: bool, wrong: str) -> str:

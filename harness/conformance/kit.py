@@ -2,11 +2,11 @@
 
 from collections.abc import Callable, Sequence
 
-from harness.conformance.bench import Bench, Log
-from harness.conformance.declaration import Declaration
-from harness.conformance.findings import UNTYPED, Checked, Finding
-from harness.conformance.rows import NAMES, ROWS, Row
+from harness.conformance.declaration import ConformanceFile
+from harness.conformance.findings import UNTYPED, Checked, ConformanceFinding
+from harness.conformance.rows import NAMES, ROWS, ConformanceRule
 from harness.conformance.subject import Stand
+from harness.conformance.test_bench import Bench, Log
 from harness.contracts.errors import ContractInvalid, HarnessError
 from harness.contracts.ids import MissionId
 
@@ -16,12 +16,12 @@ FIRST_TOKEN = 1
 
 def check(
     stand: Stand,
-    declaration: Declaration,
+    declaration: ConformanceFile,
     *,
     mission_id: MissionId,
     fencing: int = FIRST_TOKEN,
-    rows: Sequence[Row] = ROWS,
-    watch: Callable[[Finding], None] = lambda finding: None,
+    rows: Sequence[ConformanceRule] = ROWS,
+    watch: Callable[[ConformanceFinding], None] = lambda finding: None,
 ) -> Checked:
     """Try every row; a row that the file exempts is not tried, unless the card binds the provider to it.
 
@@ -39,10 +39,10 @@ def check(
     for row in rows:
         reason = declaration.exempt.get(row.name, "")
         if reason and not row.binding(card):
-            finding = Finding(row=row.name, title=row.title, outcome="exempt", text=reason)
+            finding = ConformanceFinding(row=row.name, title=row.title, outcome="exempt", text=reason)
         elif reason:
             bound = f"its file exempts it ({reason}), but its card binds it to this row"
-            finding = Finding(row=row.name, title=row.title, outcome="not met", text=bound)
+            finding = ConformanceFinding(row=row.name, title=row.title, outcome="not met", text=bound)
         else:
             finding = _tried(row, stand, declaration, log=log, mission_id=mission_id, fencing=fencing)
         watch(finding)
@@ -51,8 +51,8 @@ def check(
 
 
 def _tried(
-    row: Row, stand: Stand, declaration: Declaration, *, log: Log, mission_id: MissionId, fencing: int
-) -> Finding:
+    row: ConformanceRule, stand: Stand, declaration: ConformanceFile, *, log: Log, mission_id: MissionId, fencing: int
+) -> ConformanceFinding:
     try:
         bench = Bench(stand(), declaration, log=log, mission_id=mission_id, fencing=fencing)
         try:
@@ -60,8 +60,8 @@ def _tried(
         finally:
             bench.close()
     except HarnessError as error:
-        return Finding(row=row.name, title=row.title, outcome="not met", text=f"{error.code}: {error}")
+        return ConformanceFinding(row=row.name, title=row.title, outcome="not met", text=f"{error.code}: {error}")
     except UNTYPED as error:
         text = f"an untyped {type(error).__name__}: {error}"
-        return Finding(row=row.name, title=row.title, outcome="not met", text=text)
-    return Finding(row=row.name, title=row.title, outcome="met" if seen.met else "not met", text=seen.text)
+        return ConformanceFinding(row=row.name, title=row.title, outcome="not met", text=text)
+    return ConformanceFinding(row=row.name, title=row.title, outcome="met" if seen.met else "not met", text=seen.text)

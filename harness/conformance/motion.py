@@ -7,7 +7,7 @@ from statistics import median
 from harness.contracts.observations import AnySample, Odometry
 from harness.contracts.protocol import Observations
 from harness.contracts.values import Value
-from harness.supervisor.rest import LIMIT_M, WINDOW_S
+from harness.supervisor.standstill import LIMIT_M, WINDOW_S
 from harness.verification.geometry import Fix, window_displacement
 
 TURN_LIMIT_RAD = 0.03
@@ -30,7 +30,7 @@ class Motion(Value):
         return f"{self.displacement_m:.3f} m and {self.turned_rad:.3f} rad in {WINDOW_S:.0f} s"
 
 
-class Senses:
+class SampleLog:
     """The robot's samples since this row began, in order of arrival."""
 
     def __init__(self, observations: Callable[[int, int], Observations] | None) -> None:

@@ -4,9 +4,9 @@ import math
 from collections.abc import Iterator
 from itertools import pairwise
 
-from harness.conformance.bench import POLL_S, Bench
-from harness.conformance.findings import Seen, judged, unless
+from harness.conformance.findings import RuleObservation, judged, unless
 from harness.conformance.stops import DEADLINE_S, deadline
+from harness.conformance.test_bench import POLL_S, Bench
 from harness.contracts.errors import HarnessError
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.observations import Battery, Image, Imu, Odometry, Pose, Sample, Scan
@@ -23,7 +23,7 @@ SAMPLES: dict[str, type[Sample]] = {
 SHARE_SLIP = 0.05
 
 
-def completes(bench: Bench) -> Seen:
+def completes(bench: Bench) -> RuleObservation:
     """The file's request ends as succeeded."""
     request, ended = bench.done()
     took_s = ended.at_s - bench.asked_s(request)
@@ -33,7 +33,7 @@ def completes(bench: Bench) -> Seen:
     )
 
 
-def identity_echo(bench: Bench) -> Seen:
+def identity_echo(bench: Bench) -> RuleObservation:
     """Every report speaks of the request it was asked about: mission, node, attempt, request, provider."""
     bench.done()
     wrong = sorted(
@@ -46,7 +46,7 @@ def identity_echo(bench: Bench) -> Seen:
     return judged(f"{len(bench.log)} reports, each with the identity it was asked for", *wrong[:3])
 
 
-def progress(bench: Bench) -> Seen:
+def progress(bench: Bench) -> RuleObservation:
     """Statuses follow one another as they may, progress is a share that does not fall, all numbers are numbers."""
     bench.done()
     by_handle: dict[str, list[InvocationReport]] = {}
@@ -57,7 +57,7 @@ def progress(bench: Bench) -> Seen:
     return judged(f"{len(by_handle)} executions in order: {', '.join(seen)}", *sorted(set(wrong))[:4])
 
 
-def failure_words(bench: Bench) -> Seen:
+def failure_words(bench: Bench) -> RuleObservation:
     """A failure carries a word of the card; nothing else does."""
     deadline(bench)
     words = bench.card.failure_words
@@ -76,13 +76,13 @@ def failure_words(bench: Bench) -> Seen:
     )
 
 
-def evidence_promised(bench: Bench) -> Seen:
+def evidence_promised(bench: Bench) -> RuleObservation:
     """Every kind of evidence on the card is really there after a success: receipts in the report, samples, bytes."""
     begun_s = bench.now_s
     _, ended = bench.done()
     bench.wait(1.0)
     kinds = {f"receipt:{receipt.kind}" for receipt in ended.receipts}
-    sensed = [s for s in bench.senses.collect() if s.at_s >= begun_s - POLL_S]
+    sensed = [s for s in bench.observations.collect() if s.at_s >= begun_s - POLL_S]
     kinds |= {word for word, kind in SAMPLES.items() if any(isinstance(sample, kind) for sample in sensed)}
     missing = [word for word in bench.card.evidence if word not in kinds]
     blobs = [s.blob for s in sensed if isinstance(s, Image | Scan)][-3:]
@@ -94,7 +94,7 @@ def evidence_promised(bench: Bench) -> Seen:
     )
 
 
-def receipts_bound(bench: Bench) -> Seen:
+def receipts_bound(bench: Bench) -> RuleObservation:
     """Receipts name their request and their provider, lie inside the execution, and cite bytes that match."""
     request, ended = bench.done()
     names = [receipt.receipt_id for receipt in ended.receipts]
@@ -106,7 +106,7 @@ def receipts_bound(bench: Bench) -> Seen:
     )
 
 
-def late_repeat(bench: Bench) -> Seen:
+def late_repeat(bench: Bench) -> RuleObservation:
     """After the end, a late repeat of the start and repeated questions get the same last word, and start nothing."""
     request, ended = bench.done()
     repeated = bench.start(request)

@@ -7,8 +7,8 @@ from functools import partial
 import msgspec
 from msgspec.structs import replace
 
-from harness.conformance.bench import Bench
-from harness.conformance.findings import Seen, judged, refusal, unless
+from harness.conformance.findings import RuleObservation, judged, refusal, unless
+from harness.conformance.test_bench import Bench
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import FencingRefused, HarnessError
 from harness.contracts.ids import ProviderId, RequestId
@@ -20,13 +20,13 @@ NOWHERE = "no-such-handle"
 EVIDENCE = ("pose", "odometry", "imu", "scan", "image", "battery")
 
 
-def card_complete(bench: Bench) -> Seen:
+def card_complete(bench: Bench) -> RuleObservation:
     """The twelve fields say something, bounds are bounds, and the card is the same when read again."""
     card = bench.card
     try:
         reread = decode(encode(card), CapabilityCard) == card
     except msgspec.MsgspecError as error:
-        return Seen(met=False, text=f"the card breaks its own types ({error})")
+        return RuleObservation(met=False, text=f"the card breaks its own types ({error})")
     said = {"embodiments": card.embodiments, "failure_words": card.failure_words, "evidence": card.evidence}
     names = [parameter.name for parameter in card.parameters]
     bounded = [p for p in card.parameters if p.minimum is not None and p.maximum is not None]
@@ -48,7 +48,7 @@ def card_complete(bench: Bench) -> Seen:
     )
 
 
-def idempotent_start(bench: Bench) -> Seen:
+def idempotent_start(bench: Bench) -> RuleObservation:
     """The same request again, at a later state version too, is the same execution."""
     request = bench.request(long=True)
     first = bench.start(request)
@@ -62,13 +62,13 @@ def idempotent_start(bench: Bench) -> Seen:
     )
 
 
-def other_parameters_refused(bench: Bench) -> Seen:
+def other_parameters_refused(bench: Bench) -> RuleObservation:
     """The same request id with other parameters is refused; the first execution goes on."""
     request = bench.request(long=True)
     first = bench.start(request)
     other = next(_others(bench, request), None)
     if other is None:
-        return Seen(met=False, text="the conformance file names no second set of parameters")
+        return RuleObservation(met=False, text="the conformance file names no second set of parameters")
     wrong = refusal(lambda: bench.provider.start(other))
     kept = bench.report(first.handle)
     return judged(
@@ -79,7 +79,7 @@ def other_parameters_refused(bench: Bench) -> Seen:
     )
 
 
-def unfit_request_refused(bench: Bench) -> Seen:
+def unfit_request_refused(bench: Bench) -> RuleObservation:
     """What the card does not declare is refused by name, and nothing begins."""
     wrongs, tried = [], 0
     for what, unfit in _unfit(bench):
@@ -94,7 +94,7 @@ def unfit_request_refused(bench: Bench) -> Seen:
     return judged(f"{tried} unfit requests refused, nothing begun", *wrongs)
 
 
-def found_by_request(bench: Bench) -> Seen:
+def found_by_request(bench: Bench) -> RuleObservation:
     """An execution is found by its request id, and a request that never came is not."""
     request = bench.request(long=True)
     first = bench.start(request)
@@ -108,7 +108,7 @@ def found_by_request(bench: Bench) -> Seen:
     )
 
 
-def reattach(bench: Bench) -> Seen:
+def reattach(bench: Bench) -> RuleObservation:
     """A supervisor that restarted finds the execution again, and begins nothing."""
     request = bench.request(long=True)
     first = bench.start(request)
@@ -117,9 +117,9 @@ def reattach(bench: Bench) -> Seen:
         by_handle = bench.card.reattach == "by_handle"
         found = again.report(first.handle) if by_handle else again.find(request.identity.request_id)
     except HarnessError as error:
-        return Seen(met=False, text=f"after a restart of the supervisor: {error.what}")
+        return RuleObservation(met=False, text=f"after a restart of the supervisor: {error.what}")
     if found is None:
-        return Seen(met=False, text="after a restart of the supervisor the request is unknown")
+        return RuleObservation(met=False, text="after a restart of the supervisor the request is unknown")
     bench.noted(request, found)
     repeated = again.start(request)
     return judged(
@@ -129,7 +129,7 @@ def reattach(bench: Bench) -> Seen:
     )
 
 
-def fencing(bench: Bench) -> Seen:
+def fencing(bench: Bench) -> RuleObservation:
     """A request under an older token than the newest seen is refused, and nothing begins."""
     report = bench.start(bench.request(long=True))
     bench.close()
@@ -144,7 +144,7 @@ def fencing(bench: Bench) -> Seen:
     )
 
 
-def lease_required(bench: Bench) -> Seen:
+def lease_required(bench: Bench) -> RuleObservation:
     """A request without a token for each of the card's resources is refused."""
     bare = replace(bench.request(long=True), fencing={})
     wrong = refusal(lambda: bench.provider.start(bare))
@@ -155,7 +155,7 @@ def lease_required(bench: Bench) -> Seen:
     )
 
 
-def unknown_handle(bench: Bench) -> Seen:
+def unknown_handle(bench: Bench) -> RuleObservation:
     """A handle that was never given out is refused by every act."""
     provider = bench.provider
     said = {

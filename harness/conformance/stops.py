@@ -1,18 +1,18 @@
 """Rows about ending: a stop is acknowledged only at rest, nobody at the other end means standing still."""
 
-from harness.conformance.bench import POLL_S, SLACK_S, Bench
-from harness.conformance.findings import Seen, judged, unless
+from harness.conformance.findings import RuleObservation, judged, unless
 from harness.conformance.motion import Motion
+from harness.conformance.test_bench import POLL_S, SLACK_S, Bench
 from harness.contracts.errors import HarnessError
 from harness.contracts.protocol import KEEPALIVE_LOST, TERMINAL, InvocationReport
-from harness.supervisor.rest import WINDOW_S
+from harness.supervisor.standstill import WINDOW_S
 
 STANDS_WITHIN_S = 2.0
 DEADLINE_S = 1.0
 STOP_POLL_S = 0.1
 
 
-def acknowledged_stop(bench: Bench) -> Seen:
+def acknowledged_stop(bench: Bench) -> RuleObservation:
     """`stopping` at once, `cancelled` only with the body at rest, within what the card says."""
     report, motion = bench.moving()
     if bench.card.moves and motion is None:
@@ -33,7 +33,7 @@ def acknowledged_stop(bench: Bench) -> Seen:
     )
 
 
-def stop_is_final(bench: Bench) -> Seen:
+def stop_is_final(bench: Bench) -> RuleObservation:
     """Nothing revives what was cancelled: not a second stop, a keepalive, a resume or a repeated start."""
     request = bench.request(long=True)
     report = bench.start(request)
@@ -57,7 +57,7 @@ def stop_is_final(bench: Bench) -> Seen:
     )
 
 
-def deadline(bench: Bench) -> Seen:
+def deadline(bench: Bench) -> RuleObservation:
     """Work that is not done by the deadline ends as failed with `timeout`, at rest."""
     request = bench.request(long=True, within_s=DEADLINE_S)
     report = bench.start(request)
@@ -75,14 +75,14 @@ def deadline(bench: Bench) -> Seen:
     )
 
 
-def dead_man(bench: Bench) -> Seen:
+def dead_man(bench: Bench) -> RuleObservation:
     """Without keepalives the body stands within 2 s by its odometry, and the execution says why it is blocked."""
     report, motion = bench.moving()
     if motion is None:
         return _never_moved(report)
     lost_s = bench.now_s
     bench.wait(STANDS_WITHIN_S + WINDOW_S + POLL_S)
-    after = bench.senses.motion(lost_s + STANDS_WITHIN_S + WINDOW_S)
+    after = bench.observations.motion(lost_s + STANDS_WITHIN_S + WINDOW_S)
     held = bench.report(report.handle)
     return judged(
         f"moved {motion}, then {after} from {STANDS_WITHIN_S:.0f} s after the last keepalive on",
@@ -93,7 +93,7 @@ def dead_man(bench: Bench) -> Seen:
     )
 
 
-def resume(bench: Bench) -> Seen:
+def resume(bench: Bench) -> RuleObservation:
     """After a lost keepalive the same execution goes on; nothing is started a second time."""
     report, motion = bench.moving()
     if motion is None:
@@ -103,7 +103,7 @@ def resume(bench: Bench) -> Seen:
     resumed = bench.noted(request, bench.provider.resume(report.handle))
     again: Motion | None = None
     for _ in bench.watch(resumed, within_s=STANDS_WITHIN_S + WINDOW_S):
-        again = bench.senses.motion(bench.now_s)
+        again = bench.observations.motion(bench.now_s)
         if again is not None and not again.still:
             break
     return judged(
@@ -120,9 +120,11 @@ def _rest_after(bench: Bench, ended: InvocationReport) -> tuple[str, bool]:
         return "it moves nothing", False
     ended_s = min(ended.at_s, bench.now_s)
     bench.wait(max(0.0, ended_s + WINDOW_S + POLL_S - bench.now_s))
-    motion = bench.senses.motion(ended_s + WINDOW_S)
+    motion = bench.observations.motion(ended_s + WINDOW_S)
     return (str(motion), not motion.still) if motion else ("no odometry shows rest", True)
 
 
-def _never_moved(report: InvocationReport) -> Seen:
-    return Seen(met=False, text=f"odometry never showed motion; the execution is {report.status}: {report.message}")
+def _never_moved(report: InvocationReport) -> RuleObservation:
+    return RuleObservation(
+        met=False, text=f"odometry never showed motion; the execution is {report.status}: {report.message}"
+    )

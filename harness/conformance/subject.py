@@ -9,7 +9,7 @@ from harness.contracts.protocol import Observations, PhysicalStart
 
 
 @dataclass(frozen=True)
-class Subject:
+class ProviderUnderTest:
     """One provider, ready for one row.
 
     `reattached` gives the provider as a restarted supervisor would get it. `observations` and `starts` are None for a
@@ -25,5 +25,5 @@ class Subject:
     keep: Callable[[bytes], Digest] | None = None
 
 
-Stand = Callable[[], Subject]
+Stand = Callable[[], ProviderUnderTest]
 """Gives a subject for the next row: a fresh one where that costs nothing, the same robot again where it is real."""

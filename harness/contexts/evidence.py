@@ -7,7 +7,7 @@ from typing import Any
 from msgspec.structs import replace
 
 from harness.contexts.observed import other_map, reference_states
-from harness.contexts.selection import Item, withhold
+from harness.contexts.selection import SelectionItem, withhold
 from harness.contexts.view import StateView, plain, referenced
 from harness.contracts.contexts import ContextRecord
 from harness.contracts.effects import Relational, Symbolic, Visual
@@ -56,7 +56,7 @@ def sources_of(view: StateView, packet: EvidencePacket) -> list[Source]:
     ]
 
 
-def provider_word(source: Source, *, node: Node) -> list[Item]:
+def provider_word(source: Source, *, node: Node) -> list[SelectionItem]:
     """Structured numbers and receipts, origin provider: seen as declared, never decisive alone (R108)."""
     packet, identity = source.packet, source.packet.identity
     said: list[tuple[str, Any]] = [("declared", packet.declared)] if packet.declared else []
@@ -74,7 +74,7 @@ def provider_word(source: Source, *, node: Node) -> list[Item]:
             value=plain(value),
             mandatory=needed and kind == "receipts" and source.lasting,
         )
-        items.append(_unless_replaced(Item(record, scope=frozenset({identity.node_id})), source))
+        items.append(_unless_replaced(SelectionItem(record, scope=frozenset({identity.node_id})), source))
     return items
 
 
@@ -92,7 +92,7 @@ def without_prose_facts(facts: Sequence[CommittedFact]) -> tuple[CommittedFact, 
     )
 
 
-def seen(view: StateView, source: Source, *, node: Node) -> list[Item]:
+def seen(view: StateView, source: Source, *, node: Node) -> list[SelectionItem]:
     """The packet's references as records: trajectory, image, attestation, before, after."""
     packet = source.packet
     items = [_instant(view, "before", one, source=source, node=node) for one in packet.before]
@@ -100,11 +100,11 @@ def seen(view: StateView, source: Source, *, node: Node) -> list[Item]:
         match reference.kind:
             case "trajectory":
                 record = trajectory_record(packet, reference, current=source.current, mandatory=source.lasting)
-                items.append(Item(record))
+                items.append(SelectionItem(record))
             case "image":
                 visual = any(isinstance(one.effect, Visual) for one in node.success_conditions)
                 record = referenced("image", reference, mandatory=visual and not packet.verify_only)
-                items.append(_unless_replaced(Item(record), source))
+                items.append(_unless_replaced(SelectionItem(record), source))
             case "attestation":
                 items.append(_attestation(reference, node=node))
             case _:
@@ -125,7 +125,7 @@ def trajectory_record(
     return referenced("trajectory", replace(reference, values=reference.values | values), mandatory=mandatory)
 
 
-def _instant(view: StateView, kind: str, reference: EvidenceReference, *, source: Source, node: Node) -> Item:
+def _instant(view: StateView, kind: str, reference: EvidenceReference, *, source: Source, node: Node) -> SelectionItem:
     """An observation on one side of the execution: its age counts at dispatch, or at collection."""
     rules, policy = view.rules, node.evidence
     slow = reference.kind in SLOW_KINDS
@@ -133,7 +133,7 @@ def _instant(view: StateView, kind: str, reference: EvidenceReference, *, source
     values: dict[str, float | str] = {"dispatched_s": packet.dispatched_s}
     record = referenced(kind, replace(reference, values=reference.values | values))
     stated = reference_states(reference) if source.current else {}
-    return Item(
+    return SelectionItem(
         record,
         speaks_at_s=packet.dispatched_s if kind == "before" else packet.collected_s,
         limit_s=min(rules.image_age_s, policy.image_age_s) if slow else min(rules.pose_age_s, policy.pose_age_s),
@@ -141,23 +141,23 @@ def _instant(view: StateView, kind: str, reference: EvidenceReference, *, source
     )
 
 
-def _attestation(reference: EvidenceReference, *, node: Node) -> Item:
+def _attestation(reference: EvidenceReference, *, node: Node) -> SelectionItem:
     record = referenced("attestation", reference, mandatory=True)
     if node.evidence.attestation and reference.origin == "human":
-        return Item(record)
-    return Item(record, barred=withhold(record, "scope", because("attestation_not_in_policy")))
+        return SelectionItem(record)
+    return SelectionItem(record, barred=withhold(record, "scope", because("attestation_not_in_policy")))
 
 
-def _unless_replaced(item: Item, source: Source) -> Item:
+def _unless_replaced(item: SelectionItem, source: Source) -> SelectionItem:
     if not source.replaced:
         return item
     detail = because("packet_executed_again", packet=source.replaced)
-    return Item(item.record, scope=item.scope, barred=withhold(item.record, "superseded", detail))
+    return SelectionItem(item.record, scope=item.scope, barred=withhold(item.record, "superseded", detail))
 
 
-def _placed(view: StateView, item: Item, *, scope: frozenset[Any]) -> Item:
+def _placed(view: StateView, item: SelectionItem, *, scope: frozenset[Any]) -> SelectionItem:
     reference = item.record.read(EvidenceReference)
-    return Item(
+    return SelectionItem(
         item.record,
         scope=scope,
         speaks_at_s=item.speaks_at_s,

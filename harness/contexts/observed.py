@@ -2,20 +2,20 @@
 
 import msgspec
 
-from harness.contexts.selection import Item
+from harness.contexts.selection import SelectionItem
 from harness.contexts.view import StateView, plain, referenced
 from harness.contracts.contexts import ContextRecord, Withheld
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import NodeId
-from harness.contracts.judging import RecentSamples
 from harness.contracts.observations import AnySample, Image, Pose, Trajectory
 from harness.contracts.reasons import because
+from harness.contracts.verifier_inputs import RecentSamples
 
 SLOW_SOURCES = ("battery", "lidar")
 """Sources that speak less than once a second: they age like images."""
 
 
-def newest_samples(view: StateView) -> list[Item]:
+def newest_samples(view: StateView) -> list[SelectionItem]:
     """The newest sample of each source, kind "observation"; ages to now, since it is about now."""
     newest: dict[str, AnySample] = {}
     for sample in view.recent:
@@ -24,7 +24,7 @@ def newest_samples(view: StateView) -> list[Item]:
     return [_sample_item(view, sample) for sample in newest.values()]
 
 
-def robot_status(view: StateView) -> list[Item]:
+def robot_status(view: StateView) -> list[SelectionItem]:
     """The robot's own word on its condition, kind "robot"."""
     if view.status is None:
         return []
@@ -36,15 +36,15 @@ def robot_status(view: StateView) -> list[Item]:
         value=plain(view.status),
     )
     states = {"map_version": view.status.map_version}
-    return [Item(record, speaks_at_s=view.at_s, limit_s=view.rules.pose_age_s, states=states)]
+    return [SelectionItem(record, speaks_at_s=view.at_s, limit_s=view.rules.pose_age_s, states=states)]
 
 
-def observed_references(view: StateView, *, scope: frozenset[NodeId] = frozenset()) -> list[Item]:
+def observed_references(view: StateView, *, scope: frozenset[NodeId] = frozenset()) -> list[SelectionItem]:
     """References that the mission recorded, kind "observed": the newest of each source, none of another map."""
     return [_reference_item(view, reference, scope=scope) for reference in view.mission.observed]
 
 
-def recent_window(view: StateView, *, window_s: float) -> Item:
+def recent_window(view: StateView, *, window_s: float) -> SelectionItem:
     """The samples of the last `window_s` seconds as one record, kind "observations"."""
     kept = [sample for sample in view.recent if view.at_s - window_s <= sample.at_s <= view.at_s]
     streams = {
@@ -52,7 +52,7 @@ def recent_window(view: StateView, *, window_s: float) -> Item:
         for name, tag in (("poses", "pose"), ("odometry", "odometry"), ("imu", "imu"), ("battery", "battery"))
     }
     samples = RecentSamples(window_s=window_s, trajectory=msgspec.convert(streams, Trajectory, from_attributes=True))
-    return Item(
+    return SelectionItem(
         ContextRecord(
             kind="observations",
             origin="sensor",
@@ -77,7 +77,7 @@ def other_map(view: StateView, record: ContextRecord, map_version: str) -> Withh
     return Withheld(kind=record.kind, source=record.source, reason="stale", detail=detail)
 
 
-def _sample_item(view: StateView, sample: AnySample) -> Item:
+def _sample_item(view: StateView, sample: AnySample) -> SelectionItem:
     slow = sample.source in SLOW_SOURCES or isinstance(sample, Image)
     confidence = sample.confidence if isinstance(sample, Pose) else 1.0
     record = ContextRecord(
@@ -90,7 +90,7 @@ def _sample_item(view: StateView, sample: AnySample) -> Item:
         blob=getattr(sample, "blob", None),
     )
     map_version = sample.map_version if isinstance(sample, Pose) else ""
-    return Item(
+    return SelectionItem(
         record,
         speaks_at_s=view.at_s,
         limit_s=view.rules.image_age_s if slow else view.rules.pose_age_s,
@@ -100,9 +100,9 @@ def _sample_item(view: StateView, sample: AnySample) -> Item:
     )
 
 
-def _reference_item(view: StateView, reference: EvidenceReference, *, scope: frozenset[NodeId]) -> Item:
+def _reference_item(view: StateView, reference: EvidenceReference, *, scope: frozenset[NodeId]) -> SelectionItem:
     record = referenced("observed", reference)
-    return Item(
+    return SelectionItem(
         record,
         scope=scope,
         states=reference_states(reference),

@@ -8,7 +8,7 @@ CommittedFact, one record per node); "place" (Place) and "map"; "robot" (RobotSt
 from collections import Counter
 
 from harness.contexts.observed import newest_samples, observed_references, robot_status
-from harness.contexts.selection import Item, Selection, compile_context
+from harness.contexts.selection import Selection, SelectionItem, compile_context
 from harness.contexts.view import StateView, accepted, configured, plain
 from harness.contracts.capabilities import Capability, Risk
 from harness.contracts.configuration import FailureClass
@@ -42,9 +42,9 @@ class CoarseFailures(Value):
 def planner_context(view: StateView) -> Context:
     """C1 of one state version. Raises ContextOverflow if the mandatory records exceed the role's budget."""
     items = [
-        Item(goal_record(view)),
-        Item(accepted("frontier", "mission", frontier(view), at_s=view.at_s, mandatory=True)),
-        *(Item(record, scope=frozenset({NodeId(record.source)})) for record in facts_by_node(view)),
+        SelectionItem(goal_record(view)),
+        SelectionItem(accepted("frontier", "mission", frontier(view), at_s=view.at_s, mandatory=True)),
+        *(SelectionItem(record, scope=frozenset({NodeId(record.source)})) for record in facts_by_node(view)),
         *_places(view),
         *robot_status(view),
         *newest_samples(view),
@@ -52,7 +52,7 @@ def planner_context(view: StateView) -> Context:
         *_failures(view),
     ]
     if view.history:
-        items.append(Item(accepted("history", "missions", view.history, at_s=view.at_s)))
+        items.append(SelectionItem(accepted("history", "missions", view.history, at_s=view.at_s)))
     return compile_context(
         view,
         items,
@@ -105,20 +105,20 @@ def facts_by_node(view: StateView) -> list[ContextRecord]:
     ]
 
 
-def _places(view: StateView) -> list[Item]:
+def _places(view: StateView) -> list[SelectionItem]:
     named = str(plain(view.contract.bindings))
     targets = {place.approach_m for place in view.site.places if repr(place.place_id) in named}
     places = [place for place in view.site.places if place.approach_m in targets or not targets]
     map_state = {"site": view.site.name, "frame": view.contract.frame, "map_version": view.contract.map_version}
     return [
-        Item(configured("map", view.site.name, map_state, at_s=view.at_s)),
-        *(Item(configured("place", place.place_id, place, at_s=view.at_s)) for place in places),
+        SelectionItem(configured("map", view.site.name, map_state, at_s=view.at_s)),
+        *(SelectionItem(configured("place", place.place_id, place, at_s=view.at_s)) for place in places),
     ]
 
 
-def _failures(view: StateView) -> list[Item]:
+def _failures(view: StateView) -> list[SelectionItem]:
     return [
-        Item(
+        SelectionItem(
             accepted(
                 "failures",
                 node_id,

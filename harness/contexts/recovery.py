@@ -8,7 +8,7 @@ for this failure class); "alternative" (CapabilityCard, one per provider that ma
 """
 
 from harness.contexts.observed import observed_references, other_map, robot_status
-from harness.contexts.selection import Item, Selection, compile_context
+from harness.contexts.selection import Selection, SelectionItem, compile_context
 from harness.contexts.skill import ancestors
 from harness.contexts.view import StateView, accepted, configured, referenced
 from harness.contracts.capabilities import Capability, CapabilityCard, Risk
@@ -62,12 +62,12 @@ def recovery_context(view: StateView, node_id: NodeId, alternatives: tuple[Capab
             f"Node {node_id} has no failure to recover from", where=f"mission {view.mission.mission_id}"
         )
     items = [
-        Item(accepted("failure", node_id, state.failure, at_s=state.failure.at_s, mandatory=True)),
-        Item(accepted("node", node_id, _failed_node(view, node_id), at_s=view.at_s, mandatory=True)),
-        Item(accepted("attempts", node_id, state.spends, at_s=view.at_s, mandatory=True)),
-        Item(accepted("budget", node_id, _remaining(view, node_id), at_s=view.at_s, mandatory=True)),
+        SelectionItem(accepted("failure", node_id, state.failure, at_s=state.failure.at_s, mandatory=True)),
+        SelectionItem(accepted("node", node_id, _failed_node(view, node_id), at_s=view.at_s, mandatory=True)),
+        SelectionItem(accepted("attempts", node_id, state.spends, at_s=view.at_s, mandatory=True)),
+        SelectionItem(accepted("budget", node_id, _remaining(view, node_id), at_s=view.at_s, mandatory=True)),
         *_ladder(view.recovery, state.failure),
-        *(Item(configured("alternative", card.provider_id, card, at_s=view.at_s)) for card in alternatives),
+        *(SelectionItem(configured("alternative", card.provider_id, card, at_s=view.at_s)) for card in alternatives),
         *_verdict(view, node_id),
         *_evidence(view, node_id),
         *observed_references(view),
@@ -111,7 +111,7 @@ def _remaining(view: StateView, node_id: NodeId) -> Remaining:
     )
 
 
-def _ladder(policy: RecoveryPolicy | None, failure: Failure) -> list[Item]:
+def _ladder(policy: RecoveryPolicy | None, failure: Failure) -> list[SelectionItem]:
     if policy is None:
         return []
     ladder = LadderState(
@@ -120,15 +120,15 @@ def _ladder(policy: RecoveryPolicy | None, failure: Failure) -> list[Item]:
         approval_share=policy.approval_share,
         wait_s=policy.wait_s,
     )
-    return [Item(configured("ladder", failure.failure, ladder, at_s=failure.at_s, mandatory=True))]
+    return [SelectionItem(configured("ladder", failure.failure, ladder, at_s=failure.at_s, mandatory=True))]
 
 
-def _verdict(view: StateView, node_id: NodeId) -> list[Item]:
+def _verdict(view: StateView, node_id: NodeId) -> list[SelectionItem]:
     verdicts = view.mission.of(node_id).verdicts
-    return [Item(accepted("verdict", node_id, verdicts[-1], at_s=verdicts[-1].at_s))] if verdicts else []
+    return [SelectionItem(accepted("verdict", node_id, verdicts[-1], at_s=verdicts[-1].at_s))] if verdicts else []
 
 
-def _evidence(view: StateView, node_id: NodeId) -> list[Item]:
+def _evidence(view: StateView, node_id: NodeId) -> list[SelectionItem]:
     """What this node's packets saw after execution: the observations newer than a failure are the news (D25)."""
     items = []
     for packet in view.mission.of(node_id).packets:
@@ -136,5 +136,5 @@ def _evidence(view: StateView, node_id: NodeId) -> list[Item]:
             record = referenced("observed", reference)
             barred = other_map(view, record, reference.map_version)
             subject = f"{reference.kind}@{reference.frame}"
-            items.append(Item(record, scope=frozenset({node_id}), subject=subject, barred=barred))
+            items.append(SelectionItem(record, scope=frozenset({node_id}), subject=subject, barred=barred))
     return items

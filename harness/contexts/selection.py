@@ -17,7 +17,7 @@ PROVIDER_KINDS = ("declared", "receipts")
 EARLY_S = 1e-6
 
 
-class Item(msgspec.Struct, frozen=True):
+class SelectionItem(msgspec.Struct, frozen=True):
     """A record that asks to be let in.
 
     `scope`: the nodes it is about; empty = the whole mission. `speaks_at_s` and `limit_s`: its age counts at that
@@ -46,9 +46,9 @@ class Selection:
     nodes: frozenset[NodeId] | None = None
 
 
-def compile_context(view: StateView, items: Iterable[Item], *, selection: Selection) -> Context:
+def compile_context(view: StateView, items: Iterable[SelectionItem], *, selection: Selection) -> Context:
     """One role's view of one state version. Raises ContextOverflow if the mandatory records exceed the budget."""
-    kept: list[Item] = []
+    kept: list[SelectionItem] = []
     withheld: list[Withheld] = []
     for item in items:
         refusal = _refusal(item, selection)
@@ -77,7 +77,7 @@ def withhold(record: ContextRecord, reason: str, detail: Reason) -> Withheld:
     return Withheld(kind=record.kind, source=record.source, reason=reason, detail=detail)  # type: ignore[arg-type]
 
 
-def budgeted(items: Iterable[Item], *, limit: int) -> list[Item]:
+def budgeted(items: Iterable[SelectionItem], *, limit: int) -> list[SelectionItem]:
     """At most `limit` items, the newest; the others are barred by the budget of their kind."""
     ranked = sorted(items, key=lambda item: -item.record.at_s)
     return [
@@ -88,7 +88,7 @@ def budgeted(items: Iterable[Item], *, limit: int) -> list[Item]:
     ]
 
 
-def _refusal(item: Item, selection: Selection) -> Withheld | None:
+def _refusal(item: SelectionItem, selection: Selection) -> Withheld | None:
     record = item.record
     if item.barred is not None:
         return item.barred
@@ -110,7 +110,7 @@ def _admissible_evidence(record: ContextRecord) -> bool:
     return record.origin != "planner" and (record.origin != "provider" or record.kind in PROVIDER_KINDS)
 
 
-def _aged(item: Item) -> Withheld | None:
+def _aged(item: SelectionItem) -> Withheld | None:
     if item.speaks_at_s is None or item.limit_s is None:
         return None
     age_s = item.speaks_at_s - item.record.at_s
@@ -120,7 +120,7 @@ def _aged(item: Item) -> Withheld | None:
     return old if age_s > item.limit_s else None
 
 
-def _settled(items: list[Item]) -> tuple[list[Item], list[Withheld]]:
+def _settled(items: list[SelectionItem]) -> tuple[list[SelectionItem], list[Withheld]]:
     statements = [
         Statement(
             source=item.record.source,
@@ -138,7 +138,7 @@ def _settled(items: list[Item]) -> tuple[list[Item], list[Withheld]]:
     return [item for index, item in enumerate(items) if index not in old and index not in torn], withheld
 
 
-def _within_budget(items: list[Item], selection: Selection) -> tuple[list[Item], list[Withheld]]:
+def _within_budget(items: list[SelectionItem], selection: Selection) -> tuple[list[SelectionItem], list[Withheld]]:
     mandatory = [item for item in items if item.record.mandatory]
     if len(mandatory) > selection.budget:
         raise ContextOverflow(

@@ -10,7 +10,7 @@ planner said: usable here, evidence nowhere).
 from msgspec.structs import replace
 
 from harness.contexts.observed import newest_samples, observed_references, robot_status
-from harness.contexts.selection import Item, Selection, budgeted, compile_context
+from harness.contexts.selection import Selection, SelectionItem, budgeted, compile_context
 from harness.contexts.view import StateView, accepted, configured
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.configuration import FailureClass, RecoveryAction
@@ -21,7 +21,7 @@ from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Count, Value
 
 
-class Attempt(Value):
+class SkillAttempt(Value):
     """Which attempt comes next, and what recovery authorised it; no action: the first, free one (D24)."""
 
     attempt: Count
@@ -33,11 +33,11 @@ def skill_context(view: StateView, node_id: NodeId, card: CapabilityCard) -> Con
     """C2 of one node for the routed provider. Raises ContextOverflow if the mandatory records exceed the budget."""
     scope = ancestors(view.contract, node_id) | {node_id}
     items = [
-        Item(configured("node", node_id, view.node(node_id), at_s=view.at_s, mandatory=True)),
-        Item(configured("card", card.provider_id, card, at_s=view.at_s, mandatory=True)),
-        Item(accepted("attempt", "mission", _attempt(view, node_id), at_s=view.at_s, mandatory=True)),
+        SelectionItem(configured("node", node_id, view.node(node_id), at_s=view.at_s, mandatory=True)),
+        SelectionItem(configured("card", card.provider_id, card, at_s=view.at_s, mandatory=True)),
+        SelectionItem(accepted("attempt", "mission", _attempt(view, node_id), at_s=view.at_s, mandatory=True)),
         *_facts(view, node_id),
-        Item(configured("constraints", "contract", view.contract.constraints, at_s=view.at_s)),
+        SelectionItem(configured("constraints", "contract", view.contract.constraints, at_s=view.at_s)),
         *robot_status(view),
         *newest_samples(view),
         *observed_references(view),
@@ -57,9 +57,9 @@ def skill_context(view: StateView, node_id: NodeId, card: CapabilityCard) -> Con
     )
 
 
-def _kept(example: ContextRecord) -> Item:
+def _kept(example: ContextRecord) -> SelectionItem:
     """An example has its own budget: newer observations do not crowd it out."""
-    return Item(replace(example, mandatory=True))
+    return SelectionItem(replace(example, mandatory=True))
 
 
 def ancestors(contract: TaskContract, node_id: NodeId) -> frozenset[NodeId]:
@@ -80,22 +80,22 @@ def relevant_facts(view: StateView, node_id: NodeId) -> tuple[CommittedFact, ...
     return tuple(fact for fact in view.mission.facts if fact.node_id in wanted)
 
 
-def _facts(view: StateView, node_id: NodeId) -> list[Item]:
+def _facts(view: StateView, node_id: NodeId) -> list[SelectionItem]:
     facts = relevant_facts(view, node_id)
     if not facts:
         return []
-    return [Item(accepted("facts", "mission", facts, at_s=max(fact.at_s for fact in facts), mandatory=True))]
+    return [SelectionItem(accepted("facts", "mission", facts, at_s=max(fact.at_s for fact in facts), mandatory=True))]
 
 
-def _attempt(view: StateView, node_id: NodeId) -> Attempt:
+def _attempt(view: StateView, node_id: NodeId) -> SkillAttempt:
     state = view.mission.of(node_id)
     if not state.spends:
-        return Attempt(attempt=state.attempt + 1)
+        return SkillAttempt(attempt=state.attempt + 1)
     spend = state.spends[-1]
-    return Attempt(attempt=state.attempt + 1, action=spend.action, failure=spend.failure)
+    return SkillAttempt(attempt=state.attempt + 1, action=spend.action, failure=spend.failure)
 
 
-def _said(record: ContextRecord, view: StateView) -> Item:
+def _said(record: ContextRecord, view: StateView) -> SelectionItem:
     """A proposal names its node in its source where it is about one node only."""
     node_id = NodeId(record.source)
-    return Item(record, scope=frozenset({node_id}) if node_id in view.mission.nodes else frozenset())
+    return SelectionItem(record, scope=frozenset({node_id}) if node_id in view.mission.nodes else frozenset())

@@ -23,7 +23,7 @@ from harness.contexts.evidence import (
 )
 from harness.contexts.observed import other_map, recent_window
 from harness.contexts.planner import goal_record
-from harness.contexts.selection import Item, Selection, compile_context
+from harness.contexts.selection import Selection, SelectionItem, compile_context
 from harness.contexts.skill import ancestors, relevant_facts
 from harness.contexts.view import StateView, accepted, configured, plain, referenced
 from harness.contracts.capabilities import CapabilityCard, Risk
@@ -31,8 +31,8 @@ from harness.contracts.contexts import Context, ContextRecord
 from harness.contracts.effects import Condition, Metric, Relational, Symbolic
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
 from harness.contracts.ids import NodeId
-from harness.contracts.judging import CommittedNode, Execution, SafetyState, VerificationPolicy
 from harness.contracts.tasks import EvidencePolicy, Node, order
+from harness.contracts.verifier_inputs import CommittedNode, Execution, SafetyState, VerificationPolicy
 
 REQUIRED_INDEPENDENCE: dict[Risk, int] = {"low": 0, "medium": 1, "high": 2}
 WINDOW_S = 3.0
@@ -45,16 +45,16 @@ def verifier_context(view: StateView, packet: EvidencePacket, card: CapabilityCa
     node = view.node(packet.identity.node_id)
     sources = sources_of(view, packet)
     items = [
-        Item(configured("conditions", node.node_id, node.success_conditions, at_s=view.at_s, mandatory=True)),
-        Item(configured("policy", node.node_id, _node_policy(node), at_s=view.at_s, mandatory=True)),
-        Item(accepted("execution", "supervisor", _execution(packet), at_s=packet.collected_s, mandatory=True)),
-        Item(configured("card", card.provider_id, card, at_s=view.at_s)),
-        Item(configured("constraints", "contract", _safety_state(view), at_s=view.at_s)),
-        Item(replace(goal_record(view), mandatory=False)),
+        SelectionItem(configured("conditions", node.node_id, node.success_conditions, at_s=view.at_s, mandatory=True)),
+        SelectionItem(configured("policy", node.node_id, _node_policy(node), at_s=view.at_s, mandatory=True)),
+        SelectionItem(accepted("execution", "supervisor", _execution(packet), at_s=packet.collected_s, mandatory=True)),
+        SelectionItem(configured("card", card.provider_id, card, at_s=view.at_s)),
+        SelectionItem(configured("constraints", "contract", _safety_state(view), at_s=view.at_s)),
+        SelectionItem(replace(goal_record(view), mandatory=False)),
         *_facts(view, node),
         *(item for source in sources for item in provider_word(source, node=node)),
         *(item for source in sources for item in seen(view, source, node=node)),
-        *(Item(record) for record in view.proposals),
+        *(SelectionItem(record) for record in view.proposals),
     ]
     selection = Selection(
         role="verifier",
@@ -72,16 +72,16 @@ def goal_context(view: StateView) -> Context:
     packets = _committing(view)
     facts = without_prose_facts(view.mission.facts)
     items = [
-        Item(goal_record(view)),
-        Item(configured("conditions", "goal", contract.completion_conditions, at_s=view.at_s, mandatory=True)),
-        Item(configured("policy", "goal", _goal_policy(view), at_s=view.at_s, mandatory=True)),
-        Item(configured("constraints", "contract", _safety_state(view), at_s=view.at_s)),
-        Item(accepted("facts", "mission", facts, at_s=view.at_s, mandatory=True)),
+        SelectionItem(goal_record(view)),
+        SelectionItem(configured("conditions", "goal", contract.completion_conditions, at_s=view.at_s, mandatory=True)),
+        SelectionItem(configured("policy", "goal", _goal_policy(view), at_s=view.at_s, mandatory=True)),
+        SelectionItem(configured("constraints", "contract", _safety_state(view), at_s=view.at_s)),
+        SelectionItem(accepted("facts", "mission", facts, at_s=view.at_s, mandatory=True)),
         *(_node(view, node_id, packet) for node_id, packet in packets.items()),
         *_receipts(view, packets),
         recent_window(view, window_s=WINDOW_S),
         *_histories(view, packets),
-        *(Item(record) for record in view.proposals),
+        *(SelectionItem(record) for record in view.proposals),
     ]
     selection = Selection(
         role="verifier",
@@ -148,13 +148,13 @@ def _required(condition: Condition, nodes: tuple[Node, ...]) -> int:
     return max([condition.independence or 0, *(REQUIRED_INDEPENDENCE[risk] for risk in risks)])
 
 
-def _facts(view: StateView, node: Node) -> list[Item]:
+def _facts(view: StateView, node: Node) -> list[SelectionItem]:
     facts = without_prose_facts(relevant_facts(view, node.node_id))
     if not facts:
         return []
     needed = any(isinstance(one.effect, Relational | Symbolic) for one in node.success_conditions)
     newest = max(fact.at_s for fact in facts)
-    return [Item(accepted("facts", "mission", facts, at_s=newest, mandatory=needed))]
+    return [SelectionItem(accepted("facts", "mission", facts, at_s=newest, mandatory=needed))]
 
 
 def _committing(view: StateView) -> dict[NodeId, EvidencePacket]:
@@ -170,7 +170,7 @@ def _committing(view: StateView) -> dict[NodeId, EvidencePacket]:
     return found
 
 
-def _node(view: StateView, node_id: NodeId, packet: EvidencePacket) -> Item:
+def _node(view: StateView, node_id: NodeId, packet: EvidencePacket) -> SelectionItem:
     node = CommittedNode(
         node_id=node_id,
         identity=packet.identity,
@@ -179,10 +179,10 @@ def _node(view: StateView, node_id: NodeId, packet: EvidencePacket) -> Item:
         terminal_s=packet.terminal_s,
         committed_k=view.mission.of(node_id).committed_k or 0,
     )
-    return Item(accepted("node", node_id, node, at_s=packet.terminal_s, mandatory=True))
+    return SelectionItem(accepted("node", node_id, node, at_s=packet.terminal_s, mandatory=True))
 
 
-def _receipts(view: StateView, packets: dict[NodeId, EvidencePacket]) -> list[Item]:
+def _receipts(view: StateView, packets: dict[NodeId, EvidencePacket]) -> list[SelectionItem]:
     receipts = [
         without_prose(receipt)
         for packet in packets.values()
@@ -200,10 +200,10 @@ def _receipts(view: StateView, packets: dict[NodeId, EvidencePacket]) -> list[It
         value=plain(receipts),
         mandatory=True,
     )
-    return [Item(record)]
+    return [SelectionItem(record)]
 
 
-def _histories(view: StateView, packets: dict[NodeId, EvidencePacket]) -> list[Item]:
+def _histories(view: StateView, packets: dict[NodeId, EvidencePacket]) -> list[SelectionItem]:
     effects = (one.effect for one in view.contract.completion_conditions)
     wanted = {effect.target_m for effect in effects if isinstance(effect, Metric) and effect.predicate in HISTORIES}
     items = []
@@ -218,13 +218,13 @@ def _histories(view: StateView, packets: dict[NodeId, EvidencePacket]) -> list[I
     return items
 
 
-def _past(view: StateView, packet: EvidencePacket, reference: EvidenceReference) -> Item:
+def _past(view: StateView, packet: EvidencePacket, reference: EvidenceReference) -> SelectionItem:
     """Samples of a finished execution, or of the seconds before it: its interval is what they speak of."""
     if reference.kind == "trajectory":
         record = trajectory_record(packet, reference, current=False, mandatory=True)
     else:
         record = referenced(reference.kind, reference)
-    return Item(record, barred=other_map(view, record, reference.map_version))
+    return SelectionItem(record, barred=other_map(view, record, reference.map_version))
 
 
 def _targets(node: Node) -> set[tuple[float, float]]:

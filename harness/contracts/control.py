@@ -88,7 +88,7 @@ class LimitAutonomy(Command, tag=True):
     reason: Name
 
 
-class TakeWheel(Command, tag=True):
+class BeginTeleoperation(Command, tag=True):
     robot_id: RobotId
     session: RequestId
     token: Count
@@ -97,7 +97,7 @@ class TakeWheel(Command, tag=True):
     reason: Name
 
 
-class ReturnWheel(Command, tag=True):
+class EndTeleoperation(Command, tag=True):
     robot_id: RobotId
     session: RequestId
     actor: Actor
@@ -105,7 +105,7 @@ class ReturnWheel(Command, tag=True):
     measured: dict[str, float]
 
 
-class RequireFreeWheel(Command, tag=True):
+class RequireNoTeleoperation(Command, tag=True):
     """Goes with a hand-back in one commit: refused while somebody drives the robot by hand. Leads to no event."""
 
     robot_id: RobotId
@@ -119,4 +119,6 @@ class OrderPosture(Command, tag=True):
 
 
 ControlEvent = AutonomyLimited | WheelTaken | WheelReturned | PostureOrdered | RetreatEvent
-ControlCommand = LimitAutonomy | TakeWheel | ReturnWheel | RequireFreeWheel | OrderPosture | RetreatCommand
+ControlCommand = (
+    LimitAutonomy | BeginTeleoperation | EndTeleoperation | RequireNoTeleoperation | OrderPosture | RetreatCommand
+)

@@ -1,7 +1,7 @@
 """A mission's dossier: everything that was decided about it and on what, in one signed file."""
 
 from harness.contracts.ids import Digest, MissionId, RobotId
-from harness.contracts.ports import Head
+from harness.contracts.ports import LogHead
 from harness.contracts.values import Count, Value
 
 FORMAT = "regenharness-dossier/1"
@@ -23,7 +23,7 @@ class DossierContents(Value):
     configuration: Digest
     exported_by: str
     exported_at_s: float
-    head: Head
+    head: LogHead
     events: Count
     records: Count
     files: dict[str, Digest]

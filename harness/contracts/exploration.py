@@ -50,7 +50,7 @@ class Reached(Feedback, tag="reached"):
     moved_m: NonNegative
 
 
-class Blocked(Feedback, tag="blocked"):
+class BlockedTarget(Feedback, tag="blocked"):
     """The target was given up. `failure` is the class of the last failure, `reason` the harness's own record of it."""
 
     failure: Name
@@ -66,7 +66,7 @@ class MapChanged(Feedback, tag="map_changed"):
     closed_m2: NonNegative
 
 
-AnyFeedback = Reached | Blocked | MapChanged
+AnyFeedback = Reached | BlockedTarget | MapChanged
 
 
 class TargetQuestion(Value):

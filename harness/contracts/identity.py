@@ -36,7 +36,7 @@ class Claims(Value):
     groups: tuple[str, ...]
 
 
-class Attempt(Value):
+class SignInAttempt(Value):
     """The secrets of one sign-in, each unguessable and used once: `verifier` of PKCE stays here until the exchange."""
 
     state: Name
@@ -115,11 +115,11 @@ class IdentityProvider(Protocol):
         """Where the issuer sends people: an address of this console, the one that is registered there."""
         ...
 
-    def begin(self, attempt: Attempt) -> str:
+    def begin(self, attempt: SignInAttempt) -> str:
         """Where to send the browser."""
         ...
 
-    def finish(self, attempt: Attempt, *, code: str, issuer: str, by_groups: Callable[[str], bool]) -> Claims:
+    def finish(self, attempt: SignInAttempt, *, code: str, issuer: str, by_groups: Callable[[str], bool]) -> Claims:
         """Who came back with `code`; `issuer` is what the answer says of itself, empty if it says nothing.
 
         `by_groups` says of a subject whether their groups are wanted: they may have to be asked for.

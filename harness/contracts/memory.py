@@ -31,8 +31,8 @@ from harness.contracts.verdicts import Verdict
 
 MemoryRole = Literal["spatial", "episodic", "operational", "semantic"]
 Verification = Literal["configured", "observed", "verified", "disputed"]
-Standing = Literal["configured", "observed", "verified", "disputed", "superseded"]
-ADMISSIBLE: tuple[Standing, ...] = ("configured", "observed", "verified")
+RecordStanding = Literal["configured", "observed", "verified", "disputed", "superseded"]
+ADMISSIBLE: tuple[RecordStanding, ...] = ("configured", "observed", "verified")
 """What a query answers with unless it asks for more: neither superseded records nor sides of an open conflict (R69)."""
 
 
@@ -48,7 +48,7 @@ class Provenance(Value):
     blobs: tuple[Digest, ...] = ()
 
 
-class Box(Value):
+class FloorBox(Value):
     """An axis-aligned stretch of floor in `frame` of one map version, metres."""
 
     frame: Name
@@ -107,7 +107,7 @@ class Sighting(Knowledge, tag="sighting"):
     report: Digest | None = None
 
 
-class Dispute(Knowledge, tag="dispute"):
+class DisputeRecord(Knowledge, tag="dispute"):
     """An observation or a person contradicts what was accepted: what no longer counts, not what is true (D21)."""
 
     condition_id: ConditionId
@@ -165,8 +165,8 @@ class KnownRules(Knowledge, tag="rules"):
 
 
 AnyKnowledge = (
-    MapEpoch | KnownPlace | KnownRegion | KnownRelation | KnownPose | Sighting | Dispute | Episode | ProviderOutcome
-    | KnownCard | KnownRules
+    MapEpoch | KnownPlace | KnownRegion | KnownRelation | KnownPose | Sighting | DisputeRecord | Episode
+    | ProviderOutcome | KnownCard | KnownRules
 )  # fmt: skip
 
 
@@ -184,7 +184,7 @@ class MemoryRecord(Value):
     provenance: Provenance
     supersedes: tuple[str, ...] = ()
     conflicts: tuple[str, ...] = ()
-    where: Box | None = None
+    where: FloorBox | None = None
 
     @property
     def kind(self) -> str:
@@ -196,11 +196,11 @@ class Remembered(Value):
     """A record and what became of it. `until_s`: its validity, cut short where a newer record took over."""
 
     record: MemoryRecord
-    standing: Standing
+    standing: RecordStanding
     until_s: float | None
 
 
-class Mark(Value):
+class FollowPosition(Value):
     """How far a read model has followed the log, and by which fold. Position 0: it holds nothing."""
 
     fold: str
@@ -223,10 +223,10 @@ class MemoryQuery(Value):
     place: str | None = None
     configuration: str = ""
     verdicts: tuple[Verdict, ...] = ()
-    region: Box | None = None
+    region: FloorBox | None = None
     valid_at_s: float | None = None
     as_of: Count | None = None
-    standings: Annotated[tuple[Standing, ...], msgspec.Meta(min_length=1)] = ADMISSIBLE
+    standings: Annotated[tuple[RecordStanding, ...], msgspec.Meta(min_length=1)] = ADMISSIBLE
     minimum_confidence: Share = 0.0
     limit: Annotated[int, msgspec.Meta(ge=0, le=10_000)] = 100
 

@@ -6,7 +6,7 @@ from typing import Protocol
 from harness.contracts.values import Name, Value
 
 
-class Message(Value):
+class Notification(Value):
     """Made of names, numbers and an address of this console: no words that people or models wrote."""
 
     title: Name
@@ -20,6 +20,6 @@ class Notifier(Protocol):
     @property
     def services(self) -> Collection[str]: ...
 
-    def send(self, service: str, message: Message) -> str:
+    def send(self, service: str, message: Notification) -> str:
         """Empty if the service took it, by its own word; else why not, in words that hold no address."""
         ...

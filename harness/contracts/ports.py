@@ -6,7 +6,7 @@ from typing import Protocol, TypeVar
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.configuration import Configuration
 from harness.contracts.ids import Digest, InvocationId, MissionId, RequestId, RobotId, StreamId
-from harness.contracts.memory import Mark, MemoryQuery, MemoryRecord, Remembered
+from harness.contracts.memory import FollowPosition, MemoryQuery, MemoryRecord, Remembered
 from harness.contracts.observations import AnySample
 from harness.contracts.protocol import (
     DriveOrder,
@@ -19,7 +19,7 @@ from harness.contracts.protocol import (
     RobotStatus,
     StartRequest,
 )
-from harness.contracts.read_models import Listing, ListPage, ListQuery, ListRow, Tally
+from harness.contracts.read_models import FacetCount, Listing, ListPage, ListQuery, ListRow
 from harness.contracts.values import Moment, Value
 
 State = TypeVar("State")
@@ -69,7 +69,7 @@ class StoredEvent(Value):
     digest: Digest
 
 
-class Head(Value):
+class LogHead(Value):
     """The end of the log: what an anchor exports."""
 
     position: int
@@ -79,7 +79,7 @@ class Head(Value):
 class EventStore(Protocol):
     """The append-only log. One global order, one hash chain, atomic over several streams."""
 
-    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> Head:
+    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> LogHead:
         """All or nothing, durable on return. Raises ConcurrencyConflict if a stream's version differs."""
 
     def load(self, stream: StreamId, after: int = 0) -> list[StoredEvent]:
@@ -100,9 +100,9 @@ class EventStore(Protocol):
     def record(self, digest: Digest) -> Record:
         """Raises UnknownName."""
 
-    def head(self) -> Head: ...
+    def head(self) -> LogHead: ...
 
-    def verify(self) -> Head:
+    def verify(self) -> LogHead:
         """Recompute the chain and every record's digest; raises LogDamaged that names the first bad position."""
 
     def close(self) -> None: ...
@@ -234,7 +234,7 @@ class LiveCamera(Protocol):
         """What it sees now, at most half a second old. Raises ProviderFailed where there is no camera."""
 
 
-class HandDriven(Protocol):
+class Teleoperable(Protocol):
     """A robot that a person may drive by hand, where nothing else moves it."""
 
     def drive(self, order: DriveOrder) -> DriveReport:
@@ -263,9 +263,9 @@ class Signals(Protocol):
 class MemoryIndex(Protocol):
     """A read model of memory records that follows the log. It can be dropped at any time and built again."""
 
-    def mark(self) -> Mark: ...
+    def mark(self) -> FollowPosition: ...
 
-    def add(self, records: Sequence[MemoryRecord], *, after: Mark, upto: Mark) -> None:
+    def add(self, records: Sequence[MemoryRecord], *, after: FollowPosition, upto: FollowPosition) -> None:
         """All or nothing, with the new mark. Raises ConcurrencyConflict if the index is not at `after`."""
 
     def clear(self) -> None:
@@ -286,10 +286,10 @@ class MemoryIndex(Protocol):
 class ReadModels(Protocol):
     """Lists that follow the log. Losing them costs a rebuild and nothing else."""
 
-    def mark(self) -> Mark:
+    def mark(self) -> FollowPosition:
         """How far they have followed the log; position 0 and no fold if they hold nothing."""
 
-    def add(self, rows: Sequence[ListRow], *, after: Mark, upto: Mark) -> None:
+    def add(self, rows: Sequence[ListRow], *, after: FollowPosition, upto: FollowPosition) -> None:
         """Put rows in the place of those with their number. All or nothing.
 
         Raises ConcurrencyConflict if the lists are not at `after`.
@@ -304,7 +304,7 @@ class ReadModels(Protocol):
     def count(self, query: ListQuery) -> int:
         """How many rows answer the query, counted up to read_models.MANY + 1; `after` and `limit` play no part."""
 
-    def tallies(self, listing: Listing) -> list[Tally]:
+    def tallies(self, listing: Listing) -> list[FacetCount]:
         """Every value of every facet with its count, and the whole list under an empty facet."""
 
     def body(self, listing: Listing, key: str) -> bytes | None:

@@ -13,7 +13,7 @@ from harness.contracts.values import Count, Name, Value
 Filter = Literal["capability", "embodiment", "parameters", "preconditions", "freshness", "safety", "excluded", ""]
 
 
-class Candidate(Value):
+class ProviderCandidate(Value):
     """One provider looked at. `refused_by` names the hard filter that refused it; `terms` are weighted score terms."""
 
     provider_id: ProviderId
@@ -29,7 +29,7 @@ class CandidateSet(Value):
 
     node_id: NodeId
     k: Count
-    candidates: tuple[Candidate, ...]
+    candidates: tuple[ProviderCandidate, ...]
     chosen: ProviderId | None
 
 

@@ -41,7 +41,7 @@ class Receipt(Value):
     values: dict[str, float] = msgspec.field(default_factory=dict)
 
 
-class Identity(Value):
+class InvocationIdentity(Value):
     """Whose report this is. The provider echoes it; the gate compares it (R94)."""
 
     mission_id: MissionId
@@ -54,7 +54,7 @@ class Identity(Value):
 class StartRequest(Value):
     """One invocation request. `deadline_s` is mission time; `fencing` maps each leased resource to its token."""
 
-    identity: Identity
+    identity: InvocationIdentity
     capability: Name
     parameters: Parameters
     k_ctx: Count
@@ -76,7 +76,7 @@ class InvocationReport(Value):
     """What a provider says of an invocation now. `declared` is its own word for the result, by name."""
 
     handle: Name
-    identity: Identity
+    identity: InvocationIdentity
     status: InvocationStatus
     at_s: float
     progress: Progress

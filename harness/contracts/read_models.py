@@ -123,7 +123,7 @@ class ListPage(Value):
     following: Bookmark | None
 
 
-class Tally(Value):
+class FacetCount(Value):
     """How many rows of a list carry one value of one facet."""
 
     facet: str

@@ -6,7 +6,7 @@ from typing import Literal, Protocol
 import msgspec
 
 from harness.contracts.ids import Digest, MissionId
-from harness.contracts.ports import HandDriven, LiveCamera, Robot
+from harness.contracts.ports import LiveCamera, Robot, Teleoperable
 from harness.contracts.regularities import HiddenSite
 
 Fidelity = Literal["mujoco", "kinematic"]
@@ -25,7 +25,7 @@ class InProcessRobot(msgspec.Struct, frozen=True):
     advance_to: Callable[[float], float]
     configure: Callable[[MissionId, int, Sequence[str]], None]
     camera: LiveCamera
-    hand: HandDriven
+    hand: Teleoperable
 
 
 class Simulator(Protocol):

@@ -8,7 +8,7 @@ import numpy as np
 from harness.contracts.exploration import UNKNOWN, Frontier, GridMap
 from harness.contracts.values import Point
 from harness.exploration.grid import cells_of, middle_of
-from harness.exploration.ways import Cell, Mask, Ways, free_floor, widened
+from harness.exploration.paths import Cell, Mask, Ways, free_floor, widened
 
 LEAST_EDGE_M = 0.8
 LEAST_WAY_M = 1.2

@@ -8,12 +8,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from harness.contracts.decisions import Refused, refused
-from harness.contracts.exploration import Blocked, Frontier, GridMap, TargetAnswer, TargetProposal, TargetQuestion
+from harness.contracts.exploration import BlockedTarget, Frontier, GridMap, TargetAnswer, TargetProposal, TargetQuestion
 from harness.contracts.reasons import Explanation, Reason, because
 from harness.contracts.values import Point
 from harness.exploration.grid import cell_of
+from harness.exploration.paths import Ways
 from harness.exploration.region import contains
-from harness.exploration.ways import Ways
 
 NEAR_BLOCKED_M = 0.8
 """A target as near as this to one that was given up is the same target again."""
@@ -34,7 +34,7 @@ class Proposer:
 
 def nearest_edge(question: TargetQuestion, picture: bytes = b"") -> TargetProposal | None:
     """The edge that shows most for its way, away from what was given up. Deterministic; needs no picture."""
-    given_up = [one.target_m for one in question.feedback if isinstance(one, Blocked)]
+    given_up = [one.target_m for one in question.feedback if isinstance(one, BlockedTarget)]
     left = [one for one in question.frontiers if not _near(one.approach_m, given_up)]
     if not left:
         return None
@@ -67,7 +67,7 @@ def target_refusal(target: Point, *, question: TargetQuestion, grid: GridMap, wa
         return refused("outside_zones", because("target_outside_zones", at=said))
     if any(contains(region, target) for region in question.keep_out_m):
         return refused("keep_out", because("target_kept_out", at=said))
-    if _near(target, [one.target_m for one in question.feedback if isinstance(one, Blocked)]):
+    if _near(target, [one.target_m for one in question.feedback if isinstance(one, BlockedTarget)]):
         return refused("given_up_before", because("target_given_up", at=said))
     return _way_refusal(said, question=question, way_m=ways.length_m((row, column)))
 

@@ -4,14 +4,14 @@ from typing import assert_never
 
 from harness.contracts.control import (
     AutonomyLimited,
+    BeginTeleoperation,
     ControlCommand,
     ControlEvent,
+    EndTeleoperation,
     LimitAutonomy,
     OrderPosture,
     PostureOrdered,
-    RequireFreeWheel,
-    ReturnWheel,
-    TakeWheel,
+    RequireNoTeleoperation,
     WheelReturned,
     WheelTaken,
 )
@@ -29,20 +29,20 @@ from harness.contracts.retreat_events import (
     StopRetreat,
 )
 from harness.contracts.values import Moment
-from harness.projections.control import Control, apply
+from harness.projections.control import SiteControl, apply
 
 
-def decide(control: Control, command: ControlCommand, now: Moment) -> Decision[ControlEvent]:
+def decide(control: SiteControl, command: ControlCommand, now: Moment) -> Decision[ControlEvent]:
     """Accept or refuse one request to the house's control."""
     match command:
         case LimitAutonomy():
             limited = AutonomyLimited(autonomy=command.autonomy, actor=command.actor, reason=command.reason)
             return Accepted((limited,))
-        case TakeWheel():
+        case BeginTeleoperation():
             return _take(control, command)
-        case ReturnWheel():
+        case EndTeleoperation():
             return _return(control, command)
-        case RequireFreeWheel():
+        case RequireNoTeleoperation():
             return _still_held(control, command.robot_id) or Accepted(())
         case OrderPosture():
             if busy := _busy(control, command.robot_id):
@@ -57,7 +57,7 @@ def decide(control: Control, command: ControlCommand, now: Moment) -> Decision[C
             assert_never(command)
 
 
-def _retreat(control: Control, command: RetreatCommand) -> Decision[ControlEvent]:
+def _retreat(control: SiteControl, command: RetreatCommand) -> Decision[ControlEvent]:
     """One open retreat per robot. A stop of one that is over, and a second end, are refused and change nothing."""
     match command:
         case SendRetreat(intent=intent):
@@ -82,7 +82,7 @@ def _retreat(control: Control, command: RetreatCommand) -> Decision[ControlEvent
             assert_never(command)
 
 
-def _misbound(control: Control, intent: RetreatIntended) -> Refused | None:
+def _misbound(control: SiteControl, intent: RetreatIntended) -> Refused | None:
     """Its ids are derived, so that the same retreat can be sent once only; its time is bounded."""
     if intent.request_id != request_id(intent.task_id, RETREAT, intent.attempt):
         return refused("wrong_request_id", because("request_id_not_of_retreat"))
@@ -96,7 +96,7 @@ def _misbound(control: Control, intent: RetreatIntended) -> Refused | None:
     return None
 
 
-def _take(control: Control, command: TakeWheel) -> Decision[ControlEvent]:
+def _take(control: SiteControl, command: BeginTeleoperation) -> Decision[ControlEvent]:
     if busy := _busy(control, command.robot_id):
         return busy
     taken = WheelTaken(
@@ -110,7 +110,7 @@ def _take(control: Control, command: TakeWheel) -> Decision[ControlEvent]:
     return Accepted((taken,))
 
 
-def _return(control: Control, command: ReturnWheel) -> Decision[ControlEvent]:
+def _return(control: SiteControl, command: EndTeleoperation) -> Decision[ControlEvent]:
     wheel = control.wheels.get(command.robot_id)
     if wheel is None or wheel.session != command.session:
         return refused("not_at_the_wheel", because("session_not_driving", robot_id=command.robot_id))
@@ -124,7 +124,7 @@ def _return(control: Control, command: ReturnWheel) -> Decision[ControlEvent]:
     return Accepted((returned,))
 
 
-def _still_held(control: Control, robot_id: RobotId) -> Refused | None:
+def _still_held(control: SiteControl, robot_id: RobotId) -> Refused | None:
     """Nobody drives a robot that the harness judges."""
     wheel = control.wheels.get(robot_id)
     if wheel is None:
@@ -132,7 +132,7 @@ def _still_held(control: Control, robot_id: RobotId) -> Refused | None:
     return refused("wheel_held", actor=wheel.actor.name, robot_id=robot_id, device=wheel.device)
 
 
-def _busy(control: Control, robot_id: RobotId) -> Refused | None:
+def _busy(control: SiteControl, robot_id: RobotId) -> Refused | None:
     """Who moves the robot outside every mission now, if anybody does."""
     wheel, retreat = control.wheels.get(robot_id), control.retreating(robot_id)
     if wheel is not None:
@@ -144,6 +144,6 @@ def _busy(control: Control, robot_id: RobotId) -> Refused | None:
     return None
 
 
-DECIDER: Decider[Control, ControlCommand, ControlEvent] = Decider(
-    initial=Control(), apply=apply, decide=decide, codec=Codec(ControlEvent)
+DECIDER: Decider[SiteControl, ControlCommand, ControlEvent] = Decider(
+    initial=SiteControl(), apply=apply, decide=decide, codec=Codec(ControlEvent)
 )

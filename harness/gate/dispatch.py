@@ -21,7 +21,7 @@ from harness.gate.rules import standing_vetoes
 from harness.projections.mission import Mission, NodeState, eligible, failed, required_contract, required_policy
 from harness.recovery.approval import approval_required
 from harness.recovery.rules import first_broken_recovery
-from harness.recovery.standing import VERIFY_ONLY, cost_of, left_now, over_budget
+from harness.recovery.state import VERIFY_ONLY, cost_of, left_now, over_budget
 
 
 def authorise(mission: Mission, command: AuthoriseDispatch) -> Decision[MissionEvent]:

@@ -13,7 +13,7 @@ from harness.contracts.tasks import TaskContract, order
 from harness.contracts.verdicts import GoalVerdict, strictest
 from harness.planning.revision import reopened_with
 from harness.projections.mission import Mission, all_required_committed, required_contract
-from harness.recovery.standing import left_now, over_budget
+from harness.recovery.state import left_now, over_budget
 
 
 def judge(mission: Mission, command: JudgeGoal) -> Decision[MissionEvent]:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from harness.contracts.errors import ConcurrencyConflict
 from harness.contracts.ids import StreamId
-from harness.contracts.memory import Mark
+from harness.contracts.memory import FollowPosition
 from harness.contracts.ports import MISSION_ENDED, MISSION_STREAMS, EventStore, StoredEvent
 from harness.followers import Follower
 
@@ -19,7 +19,7 @@ class OpenMissions:
 
     def __init__(self, store: EventStore) -> None:
         self._store = store
-        self._known: tuple[Mark, tuple[StreamId, ...]] | None = None
+        self._known: tuple[FollowPosition, tuple[StreamId, ...]] | None = None
         self._follower = Follower(self, head=store.head, read=store.read, fold=FOLD)
 
     def streams(self) -> tuple[StreamId, ...]:
@@ -27,11 +27,11 @@ class OpenMissions:
         self._follower.catch_up()
         return self._asked()[1]
 
-    def mark(self) -> Mark:
+    def mark(self) -> FollowPosition:
         """How far the log was followed; before the first question, its head."""
         return self._asked()[0]
 
-    def take(self, fresh: Sequence[StoredEvent], *, after: Mark, upto: Mark) -> None:
+    def take(self, fresh: Sequence[StoredEvent], *, after: FollowPosition, upto: FollowPosition) -> None:
         """Add missions that began and drop those that ended."""
         mark, streams = self._asked()
         if mark != after:
@@ -45,7 +45,7 @@ class OpenMissions:
         """Ask the whole log again."""
         self._known = None
 
-    def _asked(self) -> tuple[Mark, tuple[StreamId, ...]]:
+    def _asked(self) -> tuple[FollowPosition, tuple[StreamId, ...]]:
         known = self._known
         if known is None:
             mark = self._follower.mark_at(self._store.head())

@@ -18,7 +18,7 @@ from harness.planning.restrictions import tightest
 from harness.planning.revision import revision_refusal
 from harness.projections.mission import Mission, required_contract, required_policy
 from harness.recovery.rules import first_broken_recovery
-from harness.recovery.standing import left_now, over_budget
+from harness.recovery.state import left_now, over_budget
 
 
 def revise(mission: Mission, command: ReviseContract) -> Decision[MissionEvent]:

@@ -7,8 +7,8 @@ from harness.contracts.events import CommitRejected, NodeCommitted
 from harness.contracts.ids import NodeId
 from harness.contracts.memory import AnyKnowledge, Episode, MemoryRole, ProviderOutcome
 from harness.contracts.verdicts import NodeVerdict
-from harness.memory.draft import Draft, Told, confidence_of, provenance
-from harness.projections.memory import Judgement, judgement
+from harness.memory.draft import MemoryDraft, MissionStep, confidence_of, provenance
+from harness.projections.memory import VerifiedAttempt, judgement
 
 DEVIATIONS = ("distance_m", "displacement_m", "turn_rad")
 """Measured names that say how far the observed effect is from the expected one, where a condition bounds them."""
@@ -16,7 +16,7 @@ SHORTFALLS = ("progress",)
 """Measured shares of which all was expected; the bound is the least that is accepted."""
 
 
-def episodic(told: Told) -> Iterator[Draft]:
+def episodic(told: MissionStep) -> Iterator[MemoryDraft]:
     """The attempt, if it was verified: committed, or its effect refuted (R138)."""
     closed = _closed(told)
     if closed is None:
@@ -44,7 +44,7 @@ def episodic(told: Told) -> Iterator[Draft]:
     )
 
 
-def operational(told: Told) -> Iterator[Draft]:
+def operational(told: MissionStep) -> Iterator[MemoryDraft]:
     """What the acting provider achieved (R139). A later look at the same execution replaces the earlier word.
 
     Executions that a person or the supervisor cut short say nothing about the provider; one that ran out of time does.
@@ -93,18 +93,18 @@ def failure_of(verdict: NodeVerdict) -> FailureClass:
     return "unsafe_action" if verdict.verdict == "unsafe" else "violated"
 
 
-def _closed(told: Told) -> Judgement | None:
+def _closed(told: MissionStep) -> VerifiedAttempt | None:
     event = told.event
     return judgement(told.before, event) if isinstance(event, NodeCommitted | CommitRejected) else None
 
 
 def _draft(
-    told: Told, closed: Judgement, *, role: MemoryRole, subject: str, knowledge: AnyKnowledge, fresh: bool
-) -> Draft:
+    told: MissionStep, closed: VerifiedAttempt, *, role: MemoryRole, subject: str, knowledge: AnyKnowledge, fresh: bool
+) -> MemoryDraft:
     packet, verdict = closed.packet, closed.verdict
     sources = {source for result in verdict.results for source in result.sources}
     blobs = [one.blob for one in (*packet.before, *packet.after, *packet.estimates)]
-    return Draft(
+    return MemoryDraft(
         role=role,
         subject=subject,
         knowledge=knowledge,

@@ -5,13 +5,13 @@ from collections.abc import Iterator
 from harness.contracts.events import ObservationRecorded
 from harness.contracts.evidence import CommittedFact
 from harness.contracts.ids import ConditionId, PacketId
-from harness.contracts.memory import Dispute
+from harness.contracts.memory import DisputeRecord
 from harness.contracts.revision_events import CompletionDisputed
-from harness.memory.draft import Draft, Key, Told, provenance
+from harness.memory.draft import Key, MemoryDraft, MissionStep, provenance
 from harness.memory.spatial import keys_of
 
 
-def disputed(told: Told) -> Iterator[Draft]:
+def disputed(told: MissionStep) -> Iterator[MemoryDraft]:
     """One record per accepted fact that the event contradicts, in conflict with every record that rests on it."""
     match told.event:
         case ObservationRecorded() as event:
@@ -26,13 +26,15 @@ def disputed(told: Told) -> Iterator[Draft]:
             return
 
 
-def _observed(told: Told, fact: CommittedFact, event: ObservationRecorded) -> Draft:
+def _observed(told: MissionStep, fact: CommittedFact, event: ObservationRecorded) -> MemoryDraft:
     """The body is no longer where it was accepted to be; that it once arrived there stays true."""
     reference = event.reference
-    return Draft(
+    return MemoryDraft(
         role="spatial",
         subject=f"dispute/{told.mission_id}/{fact.condition_id}",
-        knowledge=Dispute(condition_id=fact.condition_id, reason="contradicted by observation", observation=reference),
+        knowledge=DisputeRecord(
+            condition_id=fact.condition_id, reason="contradicted by observation", observation=reference
+        ),
         verification="disputed",
         provenance=provenance(
             told, sources=(reference.source,), node_id=fact.node_id, packet_id=fact.packet_id, blobs=(reference.blob,)
@@ -43,12 +45,14 @@ def _observed(told: Told, fact: CommittedFact, event: ObservationRecorded) -> Dr
     )
 
 
-def _said(told: Told, event: CompletionDisputed, *, condition_id: ConditionId, packet_id: PacketId) -> Draft:
+def _said(
+    told: MissionStep, event: CompletionDisputed, *, condition_id: ConditionId, packet_id: PacketId
+) -> MemoryDraft:
     """A person's word against an acceptance: neither the attempt nor its outcome is learnt from any more."""
-    return Draft(
+    return MemoryDraft(
         role="episodic",
         subject=f"dispute/{told.mission_id}/{condition_id}",
-        knowledge=Dispute(condition_id=condition_id, reason=event.reason),
+        knowledge=DisputeRecord(condition_id=condition_id, reason=event.reason),
         verification="disputed",
         provenance=provenance(told, sources=(event.actor.name,), node_id=event.node_id, packet_id=packet_id),
         valid_from_s=told.stored.mission_s,
@@ -56,7 +60,7 @@ def _said(told: Told, event: CompletionDisputed, *, condition_id: ConditionId, p
     )
 
 
-def _resting_on(told: Told, condition_id: ConditionId, packet_id: PacketId) -> tuple[Key, ...]:
+def _resting_on(told: MissionStep, condition_id: ConditionId, packet_id: PacketId) -> tuple[Key, ...]:
     """What memory holds because of one acceptance."""
     credit, fact = told.before.credits.get(packet_id), told.before.facts.get(condition_id)
     learnt = (("episode", f"attempt/{credit.attempt}"), ("outcome", f"outcome/{credit.acting}")) if credit else ()

@@ -7,7 +7,7 @@ import msgspec
 from harness.contracts.events import MissionEvent
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
 from harness.contracts.ids import Digest, MissionId, NodeId, PacketId, sha256
-from harness.contracts.memory import AnyKnowledge, Box, MemoryRecord, MemoryRole, Provenance, Verification, kind_of
+from harness.contracts.memory import AnyKnowledge, FloorBox, MemoryRecord, MemoryRole, Provenance, Verification, kind_of
 from harness.contracts.ports import StoredEvent
 from harness.contracts.values import Value
 from harness.projections.memory import MissionThread
@@ -18,7 +18,7 @@ CONFIGURATION = "configuration"
 SUPERVISOR = "supervisor"
 
 
-class Told(Value):
+class MissionStep(Value):
     """One event of a mission, and the mission as it was before it."""
 
     stored: StoredEvent
@@ -31,7 +31,7 @@ class Told(Value):
         return self.before.mission_id
 
 
-class Draft(Value):
+class MemoryDraft(Value):
     """What one event adds to memory.
 
     `fresh`: nothing can be known about its subject yet. `compared`: other sources' words about the subject are
@@ -46,7 +46,7 @@ class Draft(Value):
     valid_from_s: float
     valid_until_s: float | None = None
     confidence: float = 1.0
-    where: Box | None = None
+    where: FloorBox | None = None
     fresh: bool = False
     compared: bool = False
     disputes: tuple[Key, ...] = ()
@@ -58,7 +58,7 @@ class Draft(Value):
 
 
 def recorded(
-    draft: Draft, *, supersedes: Sequence[str], conflicts: Sequence[str], verification: Verification
+    draft: MemoryDraft, *, supersedes: Sequence[str], conflicts: Sequence[str], verification: Verification
 ) -> MemoryRecord:
     """The record, named by the event that caused it and by what it is about."""
     kind, subject = draft.key
@@ -80,10 +80,10 @@ def recorded(
 
 
 def configured(
-    told: Told, *, role: MemoryRole, subject: str, knowledge: AnyKnowledge, where: Box | None = None
-) -> Draft:
+    told: MissionStep, *, role: MemoryRole, subject: str, knowledge: AnyKnowledge, where: FloorBox | None = None
+) -> MemoryDraft:
     """Configured semantics: nobody perceived them, and they hold until they are configured anew."""
-    return Draft(
+    return MemoryDraft(
         role=role,
         subject=subject,
         knowledge=knowledge,
@@ -95,7 +95,7 @@ def configured(
 
 
 def provenance(
-    told: Told,
+    told: MissionStep,
     *,
     sources: Sequence[str],
     node_id: NodeId | None = None,

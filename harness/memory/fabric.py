@@ -13,7 +13,7 @@ from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.contexts import ContextRecord
 from harness.contracts.errors import ConcurrencyConflict, UnknownName
 from harness.contracts.ids import Digest, ProviderId
-from harness.contracts.memory import Box, Mark, MemoryQuery, MemoryRecord, ProviderOutcome, Remembered
+from harness.contracts.memory import FloorBox, FollowPosition, MemoryQuery, MemoryRecord, ProviderOutcome, Remembered
 from harness.contracts.ports import EventStore, MemoryIndex, StoredEvent
 from harness.followers import Follower
 from harness.memory.examples import as_example
@@ -30,8 +30,8 @@ SEMANTIC = ("card", "rules")
 class Behind:
     """What was folded between two marks and is not in the index yet."""
 
-    after: Mark
-    upto: Mark
+    after: FollowPosition
+    upto: FollowPosition
     records: list[MemoryRecord] = field(default_factory=list)
 
     def touches(self, kind: str, subject: str) -> bool:
@@ -51,10 +51,10 @@ class MemoryFabric:
         self._following = RLock()
         self._follower = Follower(self, head=store.head, read=store.read, fold=FOLD)
         self._recent = Recent()
-        self._idle: list[tuple[Mark, Fold]] = []
+        self._idle: list[tuple[FollowPosition, Fold]] = []
         self._behind: Behind | None = None
 
-    def catch_up(self) -> Mark:
+    def catch_up(self) -> FollowPosition:
         """Follow the log to its head, index and all. Raises LogDamaged for an event that cannot be read."""
         with self._following:
             mark = self._followed()
@@ -62,12 +62,12 @@ class MemoryFabric:
                 mark = self._followed()
             return mark
 
-    def _followed(self) -> Mark:
+    def _followed(self) -> FollowPosition:
         """The mark at the head of the log, up to which everything is folded."""
         with self._following:
             return self._follower.catch_up()
 
-    def mark(self) -> Mark:
+    def mark(self) -> FollowPosition:
         """How far the log is folded: in the index, or behind it."""
         return self._behind.upto if self._behind else self._index.mark()
 
@@ -118,7 +118,7 @@ class MemoryFabric:
         said = ((one.record, one.record.knowledge) for one in self._recently(query))
         return tuple(as_example(record, outcome) for record, outcome in said if isinstance(outcome, ProviderOutcome))
 
-    def spatial(self, region: Box, *, at_s: float, limit: int = 100) -> list[Remembered]:
+    def spatial(self, region: FloorBox, *, at_s: float, limit: int = 100) -> list[Remembered]:
         """What is known of a region at one instant of mission time, conflicts and expired records withheld (R69)."""
         return self.find(MemoryQuery(kinds=SPATIAL, region=region, valid_at_s=at_s, limit=limit))
 
@@ -135,7 +135,7 @@ class MemoryFabric:
             self._recent.keep(query, known, at=mark)
         return known
 
-    def take(self, fresh: Sequence[StoredEvent], *, after: Mark, upto: Mark) -> None:
+    def take(self, fresh: Sequence[StoredEvent], *, after: FollowPosition, upto: FollowPosition) -> None:
         """Fold one stretch of the log. Raises ConcurrencyConflict if another process took the index elsewhere."""
         fold = self._fold(after)
         records = list(fold.advance(fresh))
@@ -162,7 +162,7 @@ class MemoryFabric:
                 raise
         return True
 
-    def _fold(self, mark: Mark) -> Fold:
+    def _fold(self, mark: FollowPosition) -> Fold:
         """The fold that wrote up to this mark, if it is free; else one that learns from the log and the index."""
         try:
             at, fold = self._idle.pop()

@@ -11,7 +11,7 @@ from harness.contracts.memory import MemoryRecord, Remembered
 from harness.contracts.ports import StoredEvent
 from harness.memory.attempts import episodic, operational
 from harness.memory.disputes import disputed
-from harness.memory.draft import Draft, Key, Told
+from harness.memory.draft import Key, MemoryDraft, MissionStep
 from harness.memory.relations import relate
 from harness.memory.semantic import ReadRecord, semantic
 from harness.memory.spatial import spatial
@@ -47,9 +47,9 @@ class Fold:
                 related = (self._related(draft) for draft in self._drafts(stored))
                 yield from (record for record in related if record is not None)
 
-    def _drafts(self, stored: StoredEvent) -> list[Draft]:
+    def _drafts(self, stored: StoredEvent) -> list[MemoryDraft]:
         before, event = self._thread(stored), _codec.decode(stored)
-        told = Told(stored=stored, event=event, before=before)
+        told = MissionStep(stored=stored, event=event, before=before)
         learnt = (*spatial(told), *episodic(told), *operational(told), *semantic(told, read=self._read))
         drafts = [*learnt, *disputed(told)]
         self._own.setdefault(stored.stream, []).extend(draft.key for draft in drafts if draft.fresh)
@@ -73,7 +73,7 @@ class Fold:
         for key in self._own.pop(stream):
             self._current.pop(key, None)
 
-    def _related(self, draft: Draft) -> MemoryRecord | None:
+    def _related(self, draft: MemoryDraft) -> MemoryRecord | None:
         current = [] if draft.fresh else self._held(draft.key)
         against = [one for key in draft.disputes for one in self._held(key)]
         record = relate(draft, current, disputed=against)

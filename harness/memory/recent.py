@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Iterable
 from threading import Lock
 
-from harness.contracts.memory import Mark, MemoryQuery, MemoryRecord, Remembered, labels_of
+from harness.contracts.memory import FollowPosition, MemoryQuery, MemoryRecord, Remembered, labels_of
 
 MOST = 64
 """So many questions are kept, one for each provider, place and configuration that is asked about."""
@@ -19,16 +19,16 @@ class Recent:
 
     def __init__(self) -> None:
         self._lock = Lock()
-        self._at: Mark | None = None
+        self._at: FollowPosition | None = None
         self._answers: dict[MemoryQuery, deque[Remembered]] = {}
 
-    def answer(self, query: MemoryQuery, *, at: Mark) -> list[Remembered] | None:
+    def answer(self, query: MemoryQuery, *, at: FollowPosition) -> list[Remembered] | None:
         """Newest first; None where the index has to be asked."""
         with self._lock:
             kept = self._answers.get(query) if self._at == at else None
             return None if kept is None else list(kept)
 
-    def keep(self, query: MemoryQuery, found: Iterable[Remembered], *, at: Mark) -> None:
+    def keep(self, query: MemoryQuery, found: Iterable[Remembered], *, at: FollowPosition) -> None:
         """What the index answered at this mark, newest first."""
         with self._lock:
             if self._at != at or len(self._answers) >= MOST:
@@ -36,7 +36,7 @@ class Recent:
                 self._at = at
             self._answers[query] = deque(found, maxlen=query.limit)
 
-    def follow(self, records: Iterable[MemoryRecord], *, after: Mark, upto: Mark) -> None:
+    def follow(self, records: Iterable[MemoryRecord], *, after: FollowPosition, upto: FollowPosition) -> None:
         """The index went from one mark to the next by adding these records."""
         fresh = list(records)
         with self._lock:

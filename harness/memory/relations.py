@@ -8,11 +8,13 @@ looks again and confirms one of them (R69). The same source saying the same agai
 from collections.abc import Sequence
 
 from harness.contracts.memory import MemoryRecord, Remembered, Sighting, Verification
-from harness.memory.draft import Draft, recorded, same
+from harness.memory.draft import MemoryDraft, recorded, same
 from harness.memory.spatial import contradiction
 
 
-def relate(draft: Draft, current: Sequence[Remembered], *, disputed: Sequence[Remembered] = ()) -> MemoryRecord | None:
+def relate(
+    draft: MemoryDraft, current: Sequence[Remembered], *, disputed: Sequence[Remembered] = ()
+) -> MemoryRecord | None:
     """The record with its relations; None for configured knowledge that says what is already known.
 
     `current`: records of the same kind and subject that nothing has superseded. `disputed`: current records of the
@@ -30,7 +32,7 @@ def relate(draft: Draft, current: Sequence[Remembered], *, disputed: Sequence[Re
     return _compared(draft, current)
 
 
-def _compared(draft: Draft, current: Sequence[Remembered]) -> MemoryRecord:
+def _compared(draft: MemoryDraft, current: Sequence[Remembered]) -> MemoryRecord:
     sources = draft.provenance.sources
     live = [one for one in current if not _expired(one, draft.valid_from_s)]
     others = [one for one in live if one.record.provenance.sources != sources]
@@ -43,7 +45,7 @@ def _compared(draft: Draft, current: Sequence[Remembered]) -> MemoryRecord:
     return recorded(draft, supersedes=replaced, conflicts=conflicts, verification=verification)
 
 
-def _known(draft: Draft, one: Remembered) -> bool:
+def _known(draft: MemoryDraft, one: Remembered) -> bool:
     return one.standing == "configured" and same(one.record.knowledge, draft.knowledge)
 
 
@@ -51,7 +53,7 @@ def _expired(one: Remembered, at_s: float) -> bool:
     return one.until_s is not None and one.until_s <= at_s
 
 
-def _differs(draft: Draft, one: Remembered) -> bool:
+def _differs(draft: MemoryDraft, one: Remembered) -> bool:
     mine, theirs = draft.knowledge, one.record.knowledge
     if isinstance(mine, Sighting) and isinstance(theirs, Sighting):
         return bool(contradiction(mine, theirs))

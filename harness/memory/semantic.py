@@ -8,7 +8,7 @@ from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.events import ContractCompiled, ContractRecompiled, DispatchIntended
 from harness.contracts.ids import Digest
 from harness.contracts.memory import KnownCard, KnownRules
-from harness.memory.draft import Draft, Told, configured, provenance
+from harness.memory.draft import MemoryDraft, MissionStep, configured, provenance
 
 ReadRecord = Callable[[Digest], bytes | None]
 """The body of a decision's stored artefact, from the log; None if it was not stored."""
@@ -29,7 +29,7 @@ _shown = msgspec.json.Decoder(_Shown)
 _card = msgspec.json.Decoder(CapabilityCard)
 
 
-def semantic(told: Told, *, read: ReadRecord) -> Iterator[Draft]:
+def semantic(told: MissionStep, *, read: ReadRecord) -> Iterator[MemoryDraft]:
     """What one event adds to semantic memory."""
     match told.event:
         case ContractCompiled() | ContractRecompiled() as event:
@@ -45,7 +45,7 @@ def semantic(told: Told, *, read: ReadRecord) -> Iterator[Draft]:
         case DispatchIntended() as event:
             card = shown_card(read(event.context))
             if card is not None:
-                yield Draft(
+                yield MemoryDraft(
                     role="semantic",
                     subject=f"card/{card.provider_id}",
                     knowledge=KnownCard(card=card),

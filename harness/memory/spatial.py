@@ -16,7 +16,7 @@ from harness.contracts.evidence import CommittedFact
 from harness.contracts.ids import Digest
 from harness.contracts.memory import (
     AnyKnowledge,
-    Box,
+    FloorBox,
     KnownPlace,
     KnownPose,
     KnownRegion,
@@ -29,8 +29,8 @@ from harness.contracts.revision_events import GraphRevised
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Point
 from harness.contracts.verdicts import ConditionResult
-from harness.memory.draft import SUPERVISOR, Draft, Key, Told, confidence_of, configured, provenance
-from harness.projections.memory import Judgement, bound, judgement
+from harness.memory.draft import SUPERVISOR, Key, MemoryDraft, MissionStep, confidence_of, configured, provenance
+from harness.projections.memory import VerifiedAttempt, bound, judgement
 
 SIGHTING_HOLDS_S = 12 * 3600.0
 """How long a sighting speaks for the world it saw: a shift. After that it is expired, and another look is needed."""
@@ -38,7 +38,7 @@ BINDING = ("frames", "foreign")
 """Measured names of an analysis that speak of its binding to the images, not of what they show."""
 
 
-def spatial(told: Told) -> Iterator[Draft]:
+def spatial(told: MissionStep) -> Iterator[MemoryDraft]:
     """What one event adds to spatial memory."""
     match told.event:
         case ContractCompiled() | ContractRecompiled() as event:
@@ -64,7 +64,7 @@ def contradiction(one: Sighting, other: Sighting) -> str:
     return ""
 
 
-def _configured(told: Told, contract: TaskContract) -> Iterator[Draft]:
+def _configured(told: MissionStep, contract: TaskContract) -> Iterator[MemoryDraft]:
     yield configured(
         told,
         role="spatial",
@@ -91,11 +91,11 @@ def _configured(told: Told, contract: TaskContract) -> Iterator[Draft]:
         yield configured(told, role="spatial", subject=f"route/{route.name}", knowledge=leads, where=where)
 
 
-def _epoch(told: Told, event: EpochChanged) -> Iterator[Draft]:
+def _epoch(told: MissionStep, event: EpochChanged) -> Iterator[MemoryDraft]:
     contract = told.before.contract
     if contract is None:
         return
-    yield Draft(
+    yield MemoryDraft(
         role="spatial",
         subject=f"map/{told.before.robot_id}/{contract.frame}",
         knowledge=MapEpoch(frame=contract.frame, map_version=event.map_version),
@@ -105,7 +105,7 @@ def _epoch(told: Told, event: EpochChanged) -> Iterator[Draft]:
     )
 
 
-def _departed(told: Told, event: DispatchIntended) -> Iterator[Draft]:
+def _departed(told: MissionStep, event: DispatchIntended) -> Iterator[MemoryDraft]:
     """From here on nobody knows where the body is until something is measured and accepted again."""
     robot, place = told.before.robot_id, told.before.place(event.node_id)
     towards = f"place/{place}" if place else f"node/{event.node_id}"
@@ -115,7 +115,7 @@ def _departed(told: Told, event: DispatchIntended) -> Iterator[Draft]:
         (f"robot/{robot}/at", moves),
     )
     for subject, knowledge in said:
-        yield Draft(
+        yield MemoryDraft(
             role="spatial",
             subject=subject,
             knowledge=knowledge,
@@ -125,7 +125,7 @@ def _departed(told: Told, event: DispatchIntended) -> Iterator[Draft]:
         )
 
 
-def _committed(told: Told, event: NodeCommitted) -> Iterator[Draft]:
+def _committed(told: MissionStep, event: NodeCommitted) -> Iterator[MemoryDraft]:
     """One record per thing, though several conditions may speak of it: the last of them."""
     closed = judgement(told.before, event)
     if closed is not None:
@@ -133,7 +133,7 @@ def _committed(told: Told, event: NodeCommitted) -> Iterator[Draft]:
         yield from accepted.values()
 
 
-def _accepted(told: Told, fact: CommittedFact, closed: Judgement) -> Iterator[Draft]:
+def _accepted(told: MissionStep, fact: CommittedFact, closed: VerifiedAttempt) -> Iterator[MemoryDraft]:
     robot = told.before.robot_id
     pose = _pose(told, fact)
     if pose is not None and pose.point_m is not None:
@@ -146,7 +146,7 @@ def _accepted(told: Told, fact: CommittedFact, closed: Judgement) -> Iterator[Dr
         yield _sighted(told, fact, closed)
 
 
-def _pose(told: Told, fact: CommittedFact) -> KnownPose | None:
+def _pose(told: MissionStep, fact: CommittedFact) -> KnownPose | None:
     """Where a fact says that the body stands: at a target, within what was measured, or at a measured position."""
     arguments, robot_id = fact.arguments, told.before.robot_id
     if "target_m" in arguments and "distance_m" in fact.measured:
@@ -160,10 +160,16 @@ def _pose(told: Told, fact: CommittedFact) -> KnownPose | None:
 
 
 def _measured(
-    told: Told, fact: CommittedFact, closed: Judgement, *, subject: str, knowledge: AnyKnowledge, where: Box
-) -> Draft:
+    told: MissionStep,
+    fact: CommittedFact,
+    closed: VerifiedAttempt,
+    *,
+    subject: str,
+    knowledge: AnyKnowledge,
+    where: FloorBox,
+) -> MemoryDraft:
     """What the gate accepted of the body's position: verified, by the sources that its condition rests on."""
-    return Draft(
+    return MemoryDraft(
         role="spatial",
         subject=subject,
         knowledge=knowledge,
@@ -181,7 +187,7 @@ def _measured(
     )
 
 
-def _sighted(told: Told, fact: CommittedFact, closed: Judgement) -> Draft:
+def _sighted(told: MissionStep, fact: CommittedFact, closed: VerifiedAttempt) -> MemoryDraft:
     """What an analysis saw. The gate accepted its binding to the images; that it is right, nobody else has said."""
     contract = told.before.contract
     passage = next(iter(bound(contract, Passage)), None) if contract else None
@@ -190,7 +196,7 @@ def _sighted(told: Told, fact: CommittedFact, closed: Judgement) -> Draft:
     where = None
     if passage is not None and contract is not None:
         where = _box(passage.floor_m, frame=passage.frame, map_version=contract.map_version)
-    return Draft(
+    return MemoryDraft(
         role="spatial",
         subject=_sighting_subject(told, fact),
         knowledge=Sighting(states={n: v for n, v in fact.measured.items() if n not in BINDING}, report=report),
@@ -210,7 +216,7 @@ def _sighted(told: Told, fact: CommittedFact, closed: Judgement) -> Draft:
     )
 
 
-def keys_of(told: Told, fact: CommittedFact) -> tuple[Key, ...]:
+def keys_of(told: MissionStep, fact: CommittedFact) -> tuple[Key, ...]:
     """What spatial memory holds because of a fact."""
     if _pose(told, fact) is not None:
         robot = f"robot/{told.before.robot_id}"
@@ -218,20 +224,20 @@ def keys_of(told: Told, fact: CommittedFact) -> tuple[Key, ...]:
     return (("sighting", _sighting_subject(told, fact)),) if fact.name == "analysis_of" else ()
 
 
-def _sighting_subject(told: Told, fact: CommittedFact) -> str:
+def _sighting_subject(told: MissionStep, fact: CommittedFact) -> str:
     contract = told.before.contract
     passage = next(iter(bound(contract, Passage)), None) if contract else None
     return f"passage/{passage.passage_id}" if passage else f"place/{told.before.place(fact.node_id) or 'unknown'}"
 
 
-def _result(closed: Judgement, fact: CommittedFact) -> ConditionResult:
+def _result(closed: VerifiedAttempt, fact: CommittedFact) -> ConditionResult:
     return next(result for result in closed.verdict.results if result.condition_id == fact.condition_id)
 
 
-def _around(point: Point, within_m: float, told: Told) -> Box:
+def _around(point: Point, within_m: float, told: MissionStep) -> FloorBox:
     contract = told.before.contract
     frame, version = (contract.frame, contract.map_version) if contract else ("unknown", "unknown")
-    return Box(
+    return FloorBox(
         frame=frame,
         map_version=version,
         x_min_m=point[0] - within_m,
@@ -241,6 +247,8 @@ def _around(point: Point, within_m: float, told: Told) -> Box:
     )
 
 
-def _box(points: Sequence[Point], *, frame: str, map_version: str) -> Box:
+def _box(points: Sequence[Point], *, frame: str, map_version: str) -> FloorBox:
     xs, ys = [x for x, _ in points] or [math.nan], [y for _, y in points] or [math.nan]
-    return Box(frame=frame, map_version=map_version, x_min_m=min(xs), y_min_m=min(ys), x_max_m=max(xs), y_max_m=max(ys))
+    return FloorBox(
+        frame=frame, map_version=map_version, x_min_m=min(xs), y_min_m=min(ys), x_max_m=max(xs), y_max_m=max(ys)
+    )

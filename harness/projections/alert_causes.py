@@ -30,7 +30,7 @@ UNCLAIMED = {"next_person": because("unclaimed_for_minute"), "outside": because(
 OF_THE_LINK = frozenset({"provider_unavailable", "outcome_unknown", "cancel_unacknowledged"})
 """Failures that a robot which does not answer brings about: its own alert tells them."""
 
-Told = tuple[str, RaiseAlert | ClearAlert]
+AlertChange = tuple[str, RaiseAlert | ClearAlert]
 """A cause, and what is asked of its alert."""
 
 
@@ -54,7 +54,7 @@ class About:
 
 
 @dataclass(frozen=True)
-class Heard:
+class RobotReport:
     """What is known of a robot at this moment: its own word, how old that is, and why it does not answer if so."""
 
     robot_id: str
@@ -75,7 +75,7 @@ def mission_cause(about: About) -> str:
     return f"mission/{about.mission_id}/{about.node or 'goal'}"
 
 
-def of_mission(event: MissionEvent, about: About) -> tuple[Told, ...]:
+def of_mission(event: MissionEvent, about: About) -> tuple[AlertChange, ...]:
     """What a mission's event raises or clears."""
     match event:
         case VetoRaised():
@@ -120,7 +120,7 @@ def of_mission(event: MissionEvent, about: About) -> tuple[Told, ...]:
             return ()
 
 
-def of_handoff(event: HandoffEvent, about: About, handoff_id: str) -> tuple[Told, ...]:
+def of_handoff(event: HandoffEvent, about: About, handoff_id: str) -> tuple[AlertChange, ...]:
     """A question that nobody takes becomes more pressing; from the second step on it is told again.
 
     Where the robot could not be shown to do what it does without an answer, a person has to look.
@@ -145,7 +145,7 @@ def troubled(event: MissionEvent, about: About) -> tuple[str, str]:
             return about.node, about.failure
 
 
-def of_robot(heard: Heard) -> tuple[Occurrence, ...]:
+def of_robot(heard: RobotReport) -> tuple[Occurrence, ...]:
     """What is wrong with a robot now; each lasts until it is not in this list any more."""
     robot_id, status = heard.robot_id, heard.status
     silent = heard.trouble or (heard.age_s is not None and heard.age_s > LOST_AFTER_S)
@@ -225,7 +225,7 @@ def _robot(robot_id: str, kind: AlertKind, priority: Priority, title: Reason, te
 
 def _raise(
     about: About, kind: AlertKind, priority: Priority, title: Reason, text: Explanation, lasting: str = ""
-) -> Told:
+) -> AlertChange:
     cause = mission_cause(about)
     link = f"/handoffs/{lasting.split(' ')[0]}" if kind == "handoff" else f"/missions/{about.mission_id}"
     why = _cut(text, LONGEST_TEXT) or because("no_reason_given")
@@ -244,7 +244,7 @@ def _raise(
     return cause, RaiseAlert(occurrence=occurrence, at_s=about.at_s)
 
 
-def _ended(event: MissionEnded, about: About) -> tuple[Told, ...]:
+def _ended(event: MissionEnded, about: About) -> tuple[AlertChange, ...]:
     """A bad end is trouble of its own; whatever the end, vetoes of this mission stand no longer."""
     title = because("alert_mission_ended", status=event.status)
     bad = event.status in ("failed", "safe_stopped", "handed_off")
@@ -253,7 +253,7 @@ def _ended(event: MissionEnded, about: About) -> tuple[Told, ...]:
     return (*raised, *over)
 
 
-def _clear(about: About, condition: str, reason: Explanation) -> tuple[Told, ...]:
+def _clear(about: About, condition: str, reason: Explanation) -> tuple[AlertChange, ...]:
     """Under the stage's cause and under the robot's: which of them told it depends on what was known then."""
     cleared = ClearAlert(condition=condition, reason=_cut(reason, LONGEST_TEXT), at_s=about.at_s, source=about.position)
     return tuple((cause, cleared) for cause in dict.fromkeys((mission_cause(about), link_cause(about.robot_id))))

@@ -25,7 +25,7 @@ from harness.contracts.retreat_events import (
 from harness.contracts.values import Count, Value
 
 
-class Wheel(Value):
+class TeleoperationSession(Value):
     """Who drives a robot by hand, from which device, under which fencing token."""
 
     robot_id: RobotId
@@ -53,14 +53,14 @@ class Retreating(Value):
         return self.ended is None
 
 
-class Control(Value):
+class SiteControl(Value):
     """The fold of the house's control stream."""
 
     version: Count = 0
     autonomy: Autonomy = "autonomous"
     limited_by: Actor | None = None
     limit_reason: str = ""
-    wheels: dict[RobotId, Wheel] = msgspec.field(default_factory=dict)
+    wheels: dict[RobotId, TeleoperationSession] = msgspec.field(default_factory=dict)
     retreats: dict[RobotId, Retreating] = msgspec.field(default_factory=dict)
 
     def retreating(self, robot_id: RobotId) -> Retreating | None:
@@ -69,14 +69,14 @@ class Control(Value):
         return newest if newest is not None and newest.open else None
 
 
-def apply(control: Control, event: ControlEvent) -> Control:
+def apply(control: SiteControl, event: ControlEvent) -> SiteControl:
     """The control after one more event."""
     nxt = replace(control, version=control.version + 1)
     match event:
         case AutonomyLimited():
             return replace(nxt, autonomy=event.autonomy, limited_by=event.actor, limit_reason=event.reason)
         case WheelTaken():
-            taken = Wheel(
+            taken = TeleoperationSession(
                 robot_id=event.robot_id,
                 session=event.session,
                 token=event.token,
@@ -95,7 +95,7 @@ def apply(control: Control, event: ControlEvent) -> Control:
             assert_never(event)
 
 
-def _retreat(control: Control, event: RetreatEvent) -> Retreating:
+def _retreat(control: SiteControl, event: RetreatEvent) -> Retreating:
     match event:
         case RetreatIntended():
             return Retreating(intent=event, version=control.version)

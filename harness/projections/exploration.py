@@ -9,7 +9,7 @@ import msgspec
 
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.evidence import CommittedFact, EvidencePacket, EvidenceReference
-from harness.contracts.exploration import AnyFeedback, Blocked, MapChanged, MapUpdate, Reached, TargetChoice
+from harness.contracts.exploration import AnyFeedback, BlockedTarget, MapChanged, MapUpdate, Reached, TargetChoice
 from harness.contracts.ids import Digest, MissionId, NodeId, PacketId, ProviderId
 from harness.contracts.protocol import InvocationStatus
 from harness.contracts.reasons import Explanation
@@ -149,7 +149,7 @@ def _said(
         yield Reached(node_id=leg.node_id, target_m=choice.target_m, moved_m=moved_m)
     elif leg.status == "failed":
         last = leg.failures[-1]
-        yield Blocked(node_id=leg.node_id, target_m=choice.target_m, failure=last.failure, reason=last.reason)
+        yield BlockedTarget(node_id=leg.node_id, target_m=choice.target_m, failure=last.failure, reason=last.reason)
     for after, change in changes:
         if after == leg.node_id and (change.opened_m2 or change.closed_m2):
             yield MapChanged(

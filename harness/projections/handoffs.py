@@ -57,7 +57,7 @@ WAITING: tuple[HandoffStatus, ...] = ("open", "claimed", "taken_over")
 """Nobody has decided yet."""
 
 
-class Answer(Value):
+class HandoffAnswer(Value):
     """Who decided what, when, on which key and digest. `fresh` and `shown`: see HandoffApproved."""
 
     decision: Decided
@@ -79,7 +79,7 @@ class Claim(Value):
     until_at_s: float
 
 
-class Control(Value):
+class ManualControl(Value):
     """A person drives the robot; `left_s` is what the deadline had to go when it was paused."""
 
     device: str
@@ -105,13 +105,13 @@ class Handoff(Value):
     status: HandoffStatus = "none"
     opened: HandoffOpened | None = None
     cycle: Count = 0
-    answer: Answer | None = None
+    answer: HandoffAnswer | None = None
     invocation_id: InvocationId | None = None
     outcome: Explanation = ""
     claim: Claim | None = None
     extended_by: Actor | None = None
     escalated: tuple[EscalationLevel, ...] = ()
-    control: Control | None = None
+    control: ManualControl | None = None
     unanswered: Unanswered | None = None
 
     @property
@@ -188,7 +188,7 @@ def _held(
         case HandoffEscalated():
             return replace(h, escalated=(*h.escalated, event.level))
         case HandoffTakenOver():
-            control = Control(device=event.device, reason=event.reason, at_s=event.at_s, left_s=event.left_s)
+            control = ManualControl(device=event.device, reason=event.reason, at_s=event.at_s, left_s=event.left_s)
             return replace(h, status="taken_over", control=control)
         case _:
             assert_never(event)
@@ -226,7 +226,7 @@ def _decided(
 ) -> Handoff:
     """Nothing of the question itself changes: what was asked stays as it was asked."""
     bound = event.subject if isinstance(event, HandoffApproved | HandoffRejected) else None
-    answer = Answer(
+    answer = HandoffAnswer(
         decision=decision,
         actor=event.actor,
         reason=event.reason,

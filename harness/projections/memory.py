@@ -61,7 +61,7 @@ REFUTED = "not_satisfied"
 """The gate's rule that speaks of the effect itself; every other one says that the packet may not be used."""
 
 
-class Judgement(Value):
+class VerifiedAttempt(Value):
     """A verified attempt: the verifier decided, and the gate acted on it.
 
     `acting` is the execution that caused the effect: the attempt itself, or, for one that only looked, the node's
@@ -159,7 +159,7 @@ def follow(thread: MissionThread, event: MissionEvent) -> MissionThread:
             assert_never(event)
 
 
-def judgement(thread: MissionThread, event: NodeCommitted | CommitRejected) -> Judgement | None:
+def judgement(thread: MissionThread, event: NodeCommitted | CommitRejected) -> VerifiedAttempt | None:
     """The verified attempt that this event closes; none if nothing was decided about the effect.
 
     Ambiguous and stale evidence, packets of another identity, version or configuration, vetoed ones and executions
@@ -175,7 +175,7 @@ def judgement(thread: MissionThread, event: NodeCommitted | CommitRejected) -> J
     if isinstance(event, CommitRejected) and not (event.rule == REFUTED and verdict.verdict in DECIDED):
         return None
     acting = thread.intents[thread.acting[intent.node_id]] if intent.node_id in thread.acting else intent
-    return Judgement(intent=intent, acting=acting, packet=packet, verdict=verdict, committed=committed)
+    return VerifiedAttempt(intent=intent, acting=acting, packet=packet, verdict=verdict, committed=committed)
 
 
 def place_of(contract: TaskContract, node_id: NodeId) -> str:

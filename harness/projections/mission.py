@@ -103,7 +103,7 @@ class Superseded(Value):
     facts: tuple[CommittedFact, ...]
 
 
-class Dispute(Value):
+class DisputedFact(Value):
     """An accepted fact that a person disputes, or that builds on one (`root` false). `packet_id`: which acceptance."""
 
     condition_id: ConditionId
@@ -148,7 +148,7 @@ class Mission(Value):
     report: Explanation = ""
     reason: Explanation = ""
     history: tuple[Superseded, ...] = ()
-    disputes: tuple[Dispute, ...] = ()
+    disputes: tuple[DisputedFact, ...] = ()
 
     @property
     def ended(self) -> bool:

@@ -12,7 +12,7 @@ from harness.contracts.places import Place, Site
 from harness.contracts.values import Count, Value
 
 
-class Change(Value):
+class ChangedPlace(Value):
     """The newest change to a place: `place` is None where it was removed."""
 
     place_id: PlaceId
@@ -27,7 +27,7 @@ class Places(Value):
     """The fold of a site's changes."""
 
     version: Count = 0
-    changes: dict[PlaceId, Change] = msgspec.field(default_factory=dict)
+    changes: dict[PlaceId, ChangedPlace] = msgspec.field(default_factory=dict)
 
     def revision(self, place_id: PlaceId) -> int:
         """0 for a place that nobody changed."""
@@ -55,7 +55,7 @@ def changed_site(site: Site, places: Places) -> Site:
 
 
 def _with(places: Places, event: PlaceEvent, place_id: PlaceId, place: Place | None) -> Places:
-    change = Change(
+    change = ChangedPlace(
         place_id=place_id,
         place=place,
         revision=event.revision,

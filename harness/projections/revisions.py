@@ -3,7 +3,7 @@
 from msgspec.structs import replace
 
 from harness.contracts.revision_events import CompletionDisputed, GraphRevised
-from harness.projections.mission import Dispute, Mission, NodeState, Spend, Superseded, required_contract
+from harness.projections.mission import DisputedFact, Mission, NodeState, Spend, Superseded, required_contract
 
 
 def revised(m: Mission, event: GraphRevised) -> Mission:
@@ -68,7 +68,7 @@ def disputed(m: Mission, event: CompletionDisputed) -> Mission:
     """The accepted fact and those that build on it are marked; they stay where they are (D21)."""
     accepted = {fact.condition_id: fact for fact in m.facts}
     marked = [
-        Dispute(
+        DisputedFact(
             condition_id=condition_id,
             packet_id=fact.packet_id,
             node_id=fact.node_id,

@@ -12,14 +12,14 @@ from harness.contracts.protocol import InvocationReport, StartRequest
 from harness.contracts.values import Value, decode, encode
 
 
-class Entry(Value):
+class JournalEntry(Value):
     """One journal line: a new status of one request. `request` stands on the line that accepted it."""
 
     report: InvocationReport
     request: StartRequest | None = None
 
 
-class Journal:
+class RequestJournal:
     """What a provider remembers of its requests: append-only JSON lines, fsynced; in memory when `path` is None.
 
     A last line without its newline was never acknowledged and is cut off. Raises LogDamaged for a damaged earlier
@@ -34,7 +34,7 @@ class Journal:
         if path is not None:
             self._on_disk(self._load, path)
 
-    def write(self, entry: Entry) -> None:
+    def write(self, entry: JournalEntry) -> None:
         """Durable on return, then visible."""
         if self._path is not None:
             line = encode(entry) + b"\n"
@@ -49,7 +49,7 @@ class Journal:
             os.truncate(path, len(whole))
         for number, line in enumerate(whole.splitlines(), start=1):
             try:
-                self._fold(decode(line, Entry))
+                self._fold(decode(line, JournalEntry))
             except msgspec.MsgspecError as error:
                 raise LogDamaged(
                     f"A provider's journal holds an unreadable line ({error})",
@@ -57,7 +57,7 @@ class Journal:
                     do="restore the file from a backup, or move it away and let a person judge the open requests",
                 ) from error
 
-    def _fold(self, entry: Entry) -> None:
+    def _fold(self, entry: JournalEntry) -> None:
         request = entry.report.identity.request_id
         self.reports[request] = entry.report
         if entry.request is not None:

@@ -1,6 +1,6 @@
 """What a robot may serve for people beside the provider protocol: a live camera, driving by hand, a posture."""
 
-from harness.contracts.ports import HandDriven, LiveCamera
+from harness.contracts.ports import LiveCamera, Teleoperable
 from harness.contracts.protocol import DriveOrder, DriveReport, Picture, PostureOrder, RobotStatus
 from harness.provider_protocol.operations import Names, Operation
 from harness.provider_protocol.wire import DriveSession
@@ -15,7 +15,7 @@ def camera_operations(camera: LiveCamera) -> tuple[Operation, ...]:
     return (Operation("GET", "/camera", "What the camera sees now; no evidence", Picture, picture, apart=True),)
 
 
-def hand_operations(hand: HandDriven) -> tuple[Operation, ...]:
+def hand_operations(hand: Teleoperable) -> tuple[Operation, ...]:
     """Driving by hand and posture, both fenced by the token of the base's lease."""
 
     def drive(names: Names, body: DriveOrder) -> DriveReport:

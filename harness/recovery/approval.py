@@ -4,7 +4,7 @@ from harness.contracts.configuration import RecoveryAction
 from harness.contracts.reasons import Reason, because
 from harness.contracts.tasks import Node
 from harness.projections.mission import Mission
-from harness.recovery.standing import OBSERVING, cost_of
+from harness.recovery.state import OBSERVING, cost_of
 
 
 def approval_required(

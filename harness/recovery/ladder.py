@@ -5,8 +5,8 @@ from harness.contracts.contexts import Context
 from harness.contracts.ids import ProviderId
 from harness.contracts.proposals import RecoveryProposal
 from harness.contracts.reasons import Explanation, Reason, because
-from harness.recovery.reading import alternatives_of, failed_node, failure_of, rungs_of, standing_in
-from harness.recovery.standing import Rung, Standing, climbed, cost_of, repeated, unaffordable
+from harness.recovery.inputs import alternatives_of, failed_node, failure_of, rungs_of, standing_in
+from harness.recovery.state import LadderStep, RecoveryState, climbed, cost_of, repeated, unaffordable
 
 SAME_PROVIDER: tuple[RecoveryAction, ...] = ("retry", "local_replan")
 
@@ -32,15 +32,15 @@ def recover(context: Context) -> RecoveryProposal:
     )
 
 
-def next_rung(standing: Standing, *, ladder: tuple[RecoveryAction, ...], other: ProviderId | None) -> Rung:
+def next_rung(standing: RecoveryState, *, ladder: tuple[RecoveryAction, ...], other: ProviderId | None) -> LadderStep:
     """The first rung above the last authorised one that may be climbed. `other`: who could take over, if anybody."""
     refused: list[Reason] = []
     for action in ladder[climbed(ladder, standing.tried()) :]:
         why = unaffordable(action, standing) or _impossible(action, standing, other)
         if why is None:
-            return Rung(action=action, refused=tuple(refused))
+            return LadderStep(action=action, refused=tuple(refused))
         refused.append(because("step_passed_over", action=action, why=why))
-    return Rung(action="human", refused=tuple(refused))
+    return LadderStep(action="human", refused=tuple(refused))
 
 
 def exhausted(proposal: RecoveryProposal) -> bool:
@@ -50,13 +50,13 @@ def exhausted(proposal: RecoveryProposal) -> bool:
     return proposal.action == "human" and any(isinstance(why, Reason) and why.code in spent for why in passed)
 
 
-def _impossible(action: RecoveryAction, standing: Standing, other: ProviderId | None) -> Reason | None:
+def _impossible(action: RecoveryAction, standing: RecoveryState, other: ProviderId | None) -> Reason | None:
     if action == "switch_skill" and other is None:
         return because("no_alternative")
     return repeated(action, standing, provider_id=other if action == "switch_skill" else None)
 
 
-def _reason(rung: Rung, standing: Standing, *, said: Explanation, provider: ProviderId | None) -> Reason:
+def _reason(rung: LadderStep, standing: RecoveryState, *, said: Explanation, provider: ProviderId | None) -> Reason:
     """For a person: what failed, what was tried, what is next, what is left."""
     failure = because("failure", failure=standing.failure)
     return because(
@@ -69,7 +69,7 @@ def _reason(rung: Rung, standing: Standing, *, said: Explanation, provider: Prov
     )
 
 
-def _following(rung: Rung, provider: ProviderId | None) -> Reason:
+def _following(rung: LadderStep, provider: ProviderId | None) -> Reason:
     if rung.action == "human":
         return because("person_is_asked")
     if provider:

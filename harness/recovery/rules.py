@@ -6,15 +6,7 @@ from harness.contracts.ids import NodeId
 from harness.contracts.proposals import RecoveryProposal, Signature
 from harness.contracts.reasons import because
 from harness.projections.mission import Mission
-from harness.recovery.standing import (
-    Standing,
-    climbed,
-    cost_of,
-    ladder_of,
-    repeated,
-    standing_of,
-    unaffordable,
-)
+from harness.recovery.state import RecoveryState, climbed, cost_of, ladder_of, repeated, standing_of, unaffordable
 
 ALWAYS: tuple[RecoveryAction, ...] = ("human", "stop", "safe_stop")
 """Stopping and asking a person cost nothing and are possible at any time (D24)."""
@@ -44,7 +36,7 @@ def first_broken_recovery(
     )
 
 
-def _wrong_word(proposal: RecoveryProposal, standing: Standing) -> Refused | None:
+def _wrong_word(proposal: RecoveryProposal, standing: RecoveryState) -> Refused | None:
     if proposal.failure != standing.failure:
         return refused("wrong_failure", answered=proposal.failure, failure=standing.failure)
     if proposal.cost != cost_of(proposal.action):
@@ -55,7 +47,7 @@ def _wrong_word(proposal: RecoveryProposal, standing: Standing) -> Refused | Non
     return None
 
 
-def _over_budget(proposal: RecoveryProposal, standing: Standing) -> Refused | None:
+def _over_budget(proposal: RecoveryProposal, standing: RecoveryState) -> Refused | None:
     why = unaffordable(proposal.action, standing)
     return refused(why.code, because("action_unpaid", action=proposal.action, why=why)) if why else None
 
@@ -77,7 +69,7 @@ def _repeated(
     )
 
 
-def _wrong_order(proposal: RecoveryProposal, standing: Standing, policy: RecoveryPolicy) -> Refused | None:
+def _wrong_order(proposal: RecoveryProposal, standing: RecoveryState, policy: RecoveryPolicy) -> Refused | None:
     if proposal.action in ALWAYS:
         return None
     ladder = ladder_of(standing.failure, policy)

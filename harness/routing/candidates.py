@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.configuration import RoutingPreferences
-from harness.contracts.proposals import Candidate, CandidateSet
+from harness.contracts.proposals import CandidateSet, ProviderCandidate
 from harness.routing.filter import refusal
 from harness.routing.need import Need
 from harness.routing.score import dearest, terms, total
@@ -29,7 +29,7 @@ def candidates(need: Need, *, cards: Sequence[CapabilityCard], preferences: Rout
         k=need.k,
         candidates=(
             *(
-                Candidate(
+                ProviderCandidate(
                     provider_id=card.provider_id,
                     version=card.version,
                     score=scores[card.provider_id],
@@ -38,7 +38,7 @@ def candidates(need: Need, *, cards: Sequence[CapabilityCard], preferences: Rout
                 for card in ranked
             ),
             *(
-                Candidate(
+                ProviderCandidate(
                     provider_id=card.provider_id,
                     version=card.version,
                     refused_by=verdicts[card.provider_id][0],

@@ -11,7 +11,7 @@ SILENT: tuple[Verdict, ...] = ("ambiguous", "stale")
 """Verdicts that say nothing about the effect."""
 
 
-class Outcome(Value):
+class ExecutionOutcome(Value):
     """One judged execution. `residual` is the transition residual: expected against observed effect, 0 to 1."""
 
     provider_id: ProviderId
@@ -29,7 +29,7 @@ class Judged(Value, array_like=True):
     residual: Share = 0.0
 
 
-class Series(Value):
+class OutcomeSeries(Value):
     """The judged executions of one provider in one setting, oldest first.
 
     Two hundred of them are stored with every dispatch, so the setting is said once.
@@ -42,11 +42,11 @@ class Series(Value):
     judged: tuple[Judged, ...]
 
 
-class History(Value):
+class RoutingHistory(Value):
     """Judged executions, oldest first: one series for each setting. `outcomes`, one by one, come from older logs."""
 
-    series: tuple[Series, ...] = ()
-    outcomes: tuple[Outcome, ...] = ()
+    series: tuple[OutcomeSeries, ...] = ()
+    outcomes: tuple[ExecutionOutcome, ...] = ()
 
     def penalty(
         self, provider_id: ProviderId, *, capability: Capability, place: str, configuration: Digest, half_life: float
@@ -66,7 +66,7 @@ class History(Value):
             weight *= fading
         return failed / total
 
-    def _newest_first(self, setting: tuple[ProviderId, Capability, str, Digest]) -> Iterator[Judged | Outcome]:
+    def _newest_first(self, setting: tuple[ProviderId, Capability, str, Digest]) -> Iterator[Judged | ExecutionOutcome]:
         for held in reversed(self.series):
             if _setting(held) == setting:
                 yield from reversed(held.judged)
@@ -78,5 +78,5 @@ def judged(outcomes: Iterable[tuple[Verdict, float]]) -> tuple[Judged, ...]:
     return tuple([Judged(verdict=verdict, residual=residual) for verdict, residual in outcomes])
 
 
-def _setting(one: Series | Outcome) -> tuple[ProviderId, Capability, str, Digest]:
+def _setting(one: OutcomeSeries | ExecutionOutcome) -> tuple[ProviderId, Capability, str, Digest]:
     return (one.provider_id, one.capability, one.place, one.configuration)

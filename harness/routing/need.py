@@ -8,7 +8,7 @@ from harness.contracts.protocol import Parameters, RobotStatus
 from harness.contracts.reasons import Explanation
 from harness.contracts.tasks import Node
 from harness.contracts.values import Count, Name, Positive, Value
-from harness.routing.history import History
+from harness.routing.history import RoutingHistory
 
 
 class Need(Value):
@@ -33,7 +33,7 @@ class Need(Value):
     minimum_charge: float = 0.0
     excluded: tuple[ProviderId, ...] = ()
     vetoes: dict[str, Explanation] = msgspec.field(default_factory=dict)
-    history: History = History()
+    history: RoutingHistory = RoutingHistory()
 
     @property
     def node_id(self) -> NodeId:

@@ -14,18 +14,18 @@ from harness.contracts.reasons import Explanation, because
 from harness.planning.planner import Plan
 from harness.projections.mission import Mission, NodeState, all_required_committed, eligible, failed
 from harness.runtime import Live, Runtime
-from harness.supervisor.attend import POLL_S, Attendant
-from harness.supervisor.crew import Crew
-from harness.supervisor.desk import Desk
-from harness.supervisor.dispatch import Attempt, Dispatcher
-from harness.supervisor.exploring import Explorer
+from harness.supervisor.dispatch import DispatchAttempt, Dispatcher
+from harness.supervisor.exploration import Explorer
+from harness.supervisor.handoff_timeouts import HandoffTimeouts
+from harness.supervisor.handoffs import HandoffService
+from harness.supervisor.invocation_monitor import POLL_S, InvocationMonitor
 from harness.supervisor.leases import SUPERVISOR, expired
-from harness.supervisor.pins import begin
-from harness.supervisor.recover import Recovery
-from harness.supervisor.rest import at_rest
-from harness.supervisor.roles import Roles, context_record
-from harness.supervisor.senses import Senses
-from harness.supervisor.vigil import Vigil
+from harness.supervisor.observations import ObservationBuffer
+from harness.supervisor.pinned_configurations import begin
+from harness.supervisor.recovery import Recovery
+from harness.supervisor.robot_connection import RobotConnection
+from harness.supervisor.roles import RoleContexts, context_record
+from harness.supervisor.standstill import at_rest
 from harness.supervisor.watchdog import Watchdog, invocation_moves
 from harness.verification.verdict import verify_goal
 
@@ -36,16 +36,16 @@ RELOOK_S = 3.0
 class AgentLoop:
     """One mission on one robot."""
 
-    def __init__(self, *, runtime: Runtime, crew: Crew, mission_id: MissionId) -> None:
+    def __init__(self, *, runtime: Runtime, connection: RobotConnection, mission_id: MissionId) -> None:
         self.mission_id = mission_id
         self._runtime = runtime
-        self._crew = crew
-        self._senses = Senses(runtime=runtime, crew=crew)
-        self._roles = Roles(runtime=runtime, crew=crew, senses=self._senses)
+        self._connection = connection
+        self._observations = ObservationBuffer(runtime=runtime, connection=connection)
+        self._roles = RoleContexts(runtime=runtime, connection=connection, observations=self._observations)
         self._dispatcher = Dispatcher(self._roles)
-        self.desk = Desk(self._roles, self._dispatcher)
-        self.vigil = Vigil(self._roles)
-        self._attendant = Attendant(self._roles, found=runtime.mission(mission_id).invocation)
+        self.desk = HandoffService(self._roles, self._dispatcher)
+        self.handoff_timeouts = HandoffTimeouts(self._roles)
+        self._monitor = InvocationMonitor(self._roles, found=runtime.mission(mission_id).invocation)
         self._watchdog = Watchdog(self._roles)
         self._recovery = Recovery(self._roles, dispatcher=self._dispatcher, desk=self.desk)
         self._explorer = Explorer(self._roles)
@@ -59,15 +59,15 @@ class AgentLoop:
         if mission.ended:
             return None
         if not self._prepared:
-            self._crew.prepare(mission)
+            self._connection.prepare(mission)
             self._prepared = True
         open_invocation = mission.invocation
-        if not self._senses.collect(open_invocation.intent.invocation_id if open_invocation else None):
-            self._crew.revive()
+        if not self._observations.collect(open_invocation.intent.invocation_id if open_invocation else None):
+            self._connection.revive()
         self._watch_leases()
         if self._watchdog.look(mission):
             mission = self._runtime.mission(self.mission_id)
-        now_s = self._crew.clock.now().mission_s
+        now_s = self._connection.clock.now().mission_s
         match mission.status:
             case "draft" | "compiled" | "awaiting_approval":
                 begin(self._runtime, mission)
@@ -88,7 +88,7 @@ class AgentLoop:
     def _working(self, mission: Mission, now_s: float) -> float | None:
         vetoed = mission.vetoes and invocation_moves(mission)
         if vetoed and mission.invocation is not None and not mission.invocation.stop_requested:
-            self._attendant.stop(
+            self._monitor.stop(
                 mission, mission.invocation, reason=because("stopped_by_veto", vetoes=tuple(mission.vetoes.values()))
             )
             return now_s
@@ -101,7 +101,7 @@ class AgentLoop:
             if invocation.status == "outcome_unknown" and lost.wait_until_s is not None and now_s >= lost.wait_until_s:
                 self._again(mission, lost, because("execution_not_found"), now_s)
                 return now_s
-            return self._attendant.attend(mission, invocation)
+            return self._monitor.attend(mission, invocation)
         self._publish(mission)
         return self._advance(mission, now_s)
 
@@ -138,7 +138,7 @@ class AgentLoop:
         self, mission: Mission, node_id: NodeId, *, now_s: float, plan: tuple[Plan, Context] | None = None
     ) -> float:
         try:
-            decision = self._dispatcher.dispatch(mission, Attempt(node_id=node_id), plan=plan)
+            decision = self._dispatcher.dispatch(mission, DispatchAttempt(node_id=node_id), plan=plan)
         except (ContextOverflow, ContractInvalid) as error:
             self._report(mission, node_id, str(error), now_s)
             return now_s
@@ -200,16 +200,16 @@ class AgentLoop:
         """STOPPING until the provider acknowledged and the body is static by a source outside the localiser."""
         self._publish(mission)
         if mission.handoff_id is not None:
-            self.vigil.supersede(mission, because("mission_was_stopped"))
+            self.handoff_timeouts.supersede(mission, because("mission_was_stopped"))
             return now_s
         invocation = mission.invocation
         if invocation is not None and invocation.status != "outcome_unknown":
             if not invocation.stop_requested:
-                self._attendant.stop(mission, invocation, reason=because("stopped_with_mission", reason=mission.reason))
+                self._monitor.stop(mission, invocation, reason=because("stopped_with_mission", reason=mission.reason))
                 return now_s
-            return self._attendant.attend(mission, invocation)
+            return self._monitor.attend(mission, invocation)
         self._stopping_since = self._stopping_since if self._stopping_since is not None else now_s
-        rest = at_rest(self._senses.recent, now_s)
+        rest = at_rest(self._observations.recent, now_s)
         if not rest.static and now_s < self._stopping_since + STATIC_WITHIN_S:
             return now_s + POLL_S
         done = AcknowledgeStop(
@@ -219,32 +219,34 @@ class AgentLoop:
         return None
 
     def _paused(self, mission: Mission, now_s: float) -> float | None:
-        self.vigil.watch(mission)
+        self.handoff_timeouts.watch(mission)
         invocation = mission.invocation
         if invocation is None:
-            return None if not self._crew.waits_for_people else now_s + POLL_S
+            return None if not self._connection.waits_for_people else now_s + POLL_S
         if not invocation.stop_requested:
-            self._attendant.stop(mission, invocation, reason=because("paused_with_mission", reason=mission.reason))
+            self._monitor.stop(mission, invocation, reason=because("paused_with_mission", reason=mission.reason))
             return now_s
-        return self._attendant.attend(mission, invocation)
+        return self._monitor.attend(mission, invocation)
 
     def _waiting(self, mission: Mission, now_s: float) -> float | None:
         """A person is asked. At speed 0 nothing waits for people (D7)."""
-        self.vigil.watch(mission)
+        self.handoff_timeouts.watch(mission)
         self._publish(mission)
-        return now_s + POLL_S if self._crew.waits_for_people else None
+        return now_s + POLL_S if self._connection.waits_for_people else None
 
     def _watch_leases(self) -> None:
-        resources = tuple(dict.fromkeys(r for card in self._crew.cards for r in card.resources))
-        late = expired(self._runtime, self._crew.robot_id, resources, now_s=self._crew.clock.now().mission_s)
+        resources = tuple(dict.fromkeys(r for card in self._connection.cards for r in card.resources))
+        late = expired(
+            self._runtime, self._connection.robot_id, resources, now_s=self._connection.clock.now().mission_s
+        )
         if late:
             self._runtime.commit(late)
 
     def _publish(self, mission: Mission) -> None:
         live = Live(
             mission_id=mission.mission_id,
-            at_s=self._crew.clock.now().mission_s,
-            status=self._senses.status,
-            samples=self._senses.recent,
+            at_s=self._connection.clock.now().mission_s,
+            status=self._observations.status,
+            samples=self._observations.recent,
         )
         self._runtime.publish(live)

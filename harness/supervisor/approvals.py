@@ -10,8 +10,8 @@ from harness.gate.commit import CommandEnvelope
 from harness.gate.rules import standing_vetoes
 from harness.projections.mission import Invocation, Mission
 from harness.runtime import Runtime
-from harness.supervisor.crew import Crew
 from harness.supervisor.leases import Held, give_back
+from harness.supervisor.robot_connection import RobotConnection
 
 
 def clear_to_send(runtime: Runtime, mission: Mission, invocation: Invocation) -> Refused | None:
@@ -53,7 +53,9 @@ def _stopped(invocation: Invocation) -> Refused | None:
     return refused("stopped", because("stopped_before_sending", reason=invocation.stop_requested))
 
 
-def withdraw(runtime: Runtime, crew: Crew, mission: Mission, *, intent: DispatchIntended, reason: Explanation) -> None:
+def withdraw(
+    runtime: Runtime, connection: RobotConnection, mission: Mission, *, intent: DispatchIntended, reason: Explanation
+) -> None:
     """The invocation ends unsent and its leases are free; a person's word for it is void, or its effect unknown.
 
     The stage stands where it stood, so that whoever was asked is asked anew.
@@ -64,13 +66,13 @@ def withdraw(runtime: Runtime, crew: Crew, mission: Mission, *, intent: Dispatch
         status="cancelled",
         failure=failures[-1].failure if failures else "interrupted",
         reason=because("never_sent", why=reason),
-        at_s=crew.clock.now().mission_s,
+        at_s=connection.clock.now().mission_s,
     )
     runtime.commit(
         [
-            *_void(crew.robot_id, intent.handoff_id, reason),
-            CommandEnvelope(mission_stream(mission.mission_id), ended, crew.robot_id),
-            *give_back(runtime, Held(crew.robot_id, intent), at_rest=True, reason=because("it_was_never_sent")),
+            *_void(connection.robot_id, intent.handoff_id, reason),
+            CommandEnvelope(mission_stream(mission.mission_id), ended, connection.robot_id),
+            *give_back(runtime, Held(connection.robot_id, intent), at_rest=True, reason=because("it_was_never_sent")),
         ]
     )
 

@@ -19,7 +19,7 @@ from harness.contracts.commands import (
 )
 from harness.contracts.configuration import FailureClass
 from harness.contracts.contexts import Context
-from harness.contracts.control import CONTROL, RequireFreeWheel
+from harness.contracts.control import CONTROL, RequireNoTeleoperation
 from harness.contracts.decisions import Accepted, Refused, refused
 from harness.contracts.events import DispatchIntended, NodePlanned
 from harness.contracts.evidence import EvidenceReference
@@ -48,11 +48,11 @@ from harness.planning.planner import Plan, planned
 from harness.planning.skill import LOOK_S, propose_skill
 from harness.projections.mission import Mission, required_contract
 from harness.projections.mission_fold import apply
-from harness.recovery.standing import VERIFY_ONLY
+from harness.recovery.state import VERIFY_ONLY
 from harness.routing.need import Need
 from harness.routing.question import RoutingQuestion
 from harness.supervisor.leases import acquire, tokens
-from harness.supervisor.roles import Roles, context_record, record
+from harness.supervisor.roles import RoleContexts, context_record, record
 from harness.verification.preconditions import verify_preconditions
 
 OBSERVING_TIMEOUT_S = 30.0
@@ -71,7 +71,7 @@ class Approval:
 
 
 @dataclass(frozen=True)
-class Attempt:
+class DispatchAttempt:
     """One wish to dispatch a node: the first attempt, or a recovery step that C4 proposed."""
 
     node_id: NodeId
@@ -94,7 +94,7 @@ class Prepared:
 
 
 @dataclass(frozen=True)
-class Blocked:
+class PreconditionBlocked:
     """A precondition that does not hold now."""
 
     name: str
@@ -104,17 +104,17 @@ class Blocked:
 class Dispatcher:
     """Builds intents and hands them to the gate; nothing is sent before the intent is durable."""
 
-    def __init__(self, roles: Roles) -> None:
+    def __init__(self, roles: RoleContexts) -> None:
         self._roles = roles
         self._runtime = roles.runtime
-        self._crew = roles.crew
+        self._connection = roles.connection
 
     def next_node(self, mission: Mission) -> tuple[Plan, Context]:
         """What comes next, and the C1 it was planned from; whoever plans, the harness admits or takes its own."""
         c1 = planner_context(self._roles.view(mission))
-        return planned(self._crew.planner, c1, mission=mission), c1
+        return planned(self._connection.planner, c1, mission=mission), c1
 
-    def blocked(self, mission: Mission, node_id: NodeId) -> Blocked | None:
+    def blocked(self, mission: Mission, node_id: NodeId) -> PreconditionBlocked | None:
         """The first precondition that does not hold now, tested again at every dispatch (R18)."""
         view = self._roles.view(mission)
         node = required_contract(mission).node(node_id)
@@ -123,24 +123,26 @@ class Dispatcher:
         )
         broken = next((result for result in results if result.verdict != "satisfied"), None)
         return (
-            Blocked(broken.condition_id, because("precondition_fails", condition=broken.text, reason=broken.reason))
+            PreconditionBlocked(
+                broken.condition_id, because("precondition_fails", condition=broken.text, reason=broken.reason)
+            )
             if broken
             else None
         )
 
-    def refuse(self, mission: Mission, node_id: NodeId, blocked: Blocked) -> None:
+    def refuse(self, mission: Mission, node_id: NodeId, blocked: PreconditionBlocked) -> None:
         self._runtime.submit(
             mission.mission_id,
             RefusePrecondition(
                 node_id=node_id,
                 precondition=blocked.name,
                 reason=blocked.reason,
-                at_s=self._crew.clock.now().mission_s,
+                at_s=self._connection.clock.now().mission_s,
             ),
         )
 
     def dispatch(
-        self, mission: Mission, attempt: Attempt, *, plan: tuple[Plan, Context] | None = None
+        self, mission: Mission, attempt: DispatchAttempt, *, plan: tuple[Plan, Context] | None = None
     ) -> Accepted[AnyEvent] | Refused:
         """Prepare and commit one invocation. Refused leaves nothing behind but a failure."""
         prepared = self.prepare(mission, attempt)
@@ -149,7 +151,12 @@ class Dispatcher:
         return self.commit(mission, attempt, prepared, plan=plan)
 
     def commit(
-        self, mission: Mission, attempt: Attempt, prepared: Prepared, *, plan: tuple[Plan, Context] | None = None
+        self,
+        mission: Mission,
+        attempt: DispatchAttempt,
+        prepared: Prepared,
+        *,
+        plan: tuple[Plan, Context] | None = None,
     ) -> Accepted[AnyEvent] | Refused:
         """Commit one invocation as it was prepared, with what authorises it."""
         command = self._command(attempt, prepared, plan)
@@ -163,7 +170,7 @@ class Dispatcher:
     def taken(self, mission: Mission, node_id: NodeId) -> Reason | None:
         """Which resource of this node somebody still holds, and why; None if all of them are free."""
         node = required_contract(mission).node(node_id)
-        cards = [card for card in self._crew.cards if card.capability in node.capabilities]
+        cards = [card for card in self._connection.cards if card.capability in node.capabilities]
         wanted = dict.fromkeys((*node.resources, *(one for card in cards for one in card.resources)))
         leases = [self._runtime.lease(leased(mission.robot_id, one)) for one in wanted]
         held = [lease for lease in leases if lease.status != "free"]
@@ -174,7 +181,7 @@ class Dispatcher:
             ]
         )
 
-    def prepare(self, mission: Mission, attempt: Attempt) -> Prepared | Refused:
+    def prepare(self, mission: Mission, attempt: DispatchAttempt) -> Prepared | Refused:
         """Route and compile C2 to exactly what would run; nothing is written."""
         view = self._roles.view(self._ahead(mission, attempt))
         question = self._question(view, attempt)
@@ -185,7 +192,7 @@ class Dispatcher:
                 for one in chosen.candidates
             )
             return refused("provider_unavailable", because("nobody_can_serve", node_id=attempt.node_id, why=why))
-        card = self._crew.provider(chosen.chosen).card
+        card = self._connection.provider(chosen.chosen).card
         examples = self._roles.examples(mission, attempt.node_id, card)
         c2 = skill_context(replace(view, examples=examples), attempt.node_id, card)
         skill = propose_skill(c2)
@@ -198,7 +205,7 @@ class Dispatcher:
         records = (context_record(c2), asked, answered, record("skill", skill))
         return Prepared(intent=intent, candidates=answered.digest, records=records)
 
-    def _ahead(self, mission: Mission, attempt: Attempt) -> Mission:
+    def _ahead(self, mission: Mission, attempt: DispatchAttempt) -> Mission:
         """The state version the invocation will be bound to: after the spend that pays for it (D9)."""
         if attempt.recovery is None or attempt.c4 is None:
             return mission
@@ -206,10 +213,10 @@ class Dispatcher:
         paid = spend(node, attempt.recovery, attempt=node.attempt + 1, context=attempt.c4.digest, until_s=None)
         return apply(mission, paid)
 
-    def _question(self, view: StateView, attempt: Attempt) -> RoutingQuestion:
+    def _question(self, view: StateView, attempt: DispatchAttempt) -> RoutingQuestion:
         mission, node = view.mission, view.node(attempt.node_id)
         state = mission.of(attempt.node_id)
-        cards: Sequence[CapabilityCard] = self._crew.cards
+        cards: Sequence[CapabilityCard] = self._connection.cards
         if attempt.recovery is not None and attempt.recovery.provider_id is not None:
             cards = [card for card in cards if card.provider_id == attempt.recovery.provider_id]
         capabilities = OBSERVE if attempt.verify_only else node.capabilities
@@ -218,7 +225,7 @@ class Dispatcher:
             node=node,
             capabilities=capabilities,
             parameters=LOOK if attempt.verify_only else node.parameters,
-            embodiment=self._crew.embodiment,
+            embodiment=self._connection.embodiment,
             k=mission.k,
             at_s=view.at_s,
             map_version=view.contract.map_version,
@@ -234,11 +241,11 @@ class Dispatcher:
         return RoutingQuestion(need=need, cards=tuple(cards), preferences=preferences)
 
     def _intent(
-        self, mission: Mission, attempt: Attempt, *, card: CapabilityCard, skill: SkillProposal, c2: Context
+        self, mission: Mission, attempt: DispatchAttempt, *, card: CapabilityCard, skill: SkillProposal, c2: Context
     ) -> DispatchIntended:
         node, number = required_contract(mission).node(attempt.node_id), mission.of(attempt.node_id).attempt + 1
         request = request_id(mission.mission_id, attempt.node_id, number)
-        now_s = self._crew.clock.now().mission_s
+        now_s = self._connection.clock.now().mission_s
         timeout_s = min(node.timeout_s, OBSERVING_TIMEOUT_S) if attempt.verify_only else node.timeout_s
         images = skill.parameters.get("images", ())
         cites = tuple(packet.identity.packet_id for packet in mission.of(attempt.node_id).packets)
@@ -265,14 +272,16 @@ class Dispatcher:
             moves=card.moves,
         )
 
-    def _before(self, node: Node, attempt: Attempt) -> tuple[EvidenceReference, ...]:
+    def _before(self, node: Node, attempt: DispatchAttempt) -> tuple[EvidenceReference, ...]:
         """O_before: the samples of the last seconds, for nodes whose policy wants pose evidence."""
         if attempt.verify_only or "trajectory" not in node.evidence.mandatory:
             return ()
-        reference, _ = self._roles.senses.seal(self._roles.senses.recent, source="robot")
+        reference, _ = self._roles.observations.seal(self._roles.observations.recent, source="robot")
         return (replace(reference, kind="before"),)
 
-    def _command(self, attempt: Attempt, prepared: Prepared, plan: tuple[Plan, Context] | None) -> AuthoriseDispatch:
+    def _command(
+        self, attempt: DispatchAttempt, prepared: Prepared, plan: tuple[Plan, Context] | None
+    ) -> AuthoriseDispatch:
         approval, intent = attempt.approval, prepared.intent
         return AuthoriseDispatch(
             intent=intent,
@@ -288,7 +297,7 @@ class Dispatcher:
         )
 
     def _commit(
-        self, mission: Mission, attempt: Attempt, command: AuthoriseDispatch, *, records: Sequence[Record]
+        self, mission: Mission, attempt: DispatchAttempt, command: AuthoriseDispatch, *, records: Sequence[Record]
     ) -> Accepted[AnyEvent] | Refused:
         """The intent, its leases and the approval that pays for it: all or none."""
         requests = [
@@ -303,17 +312,19 @@ class Dispatcher:
                 ),
             )
         if command.handed_back:
-            requests.insert(0, CommandEnvelope(CONTROL, RequireFreeWheel(robot_id=mission.robot_id), mission.robot_id))
+            requests.insert(
+                0, CommandEnvelope(CONTROL, RequireNoTeleoperation(robot_id=mission.robot_id), mission.robot_id)
+            )
         return self._runtime.commit(requests, records=records)
 
-    def _fail(self, mission: Mission, attempt: Attempt, failure: FailureClass, reason: Reason) -> Refused:
+    def _fail(self, mission: Mission, attempt: DispatchAttempt, failure: FailureClass, reason: Reason) -> Refused:
         if attempt.approval is None and mission.of(attempt.node_id).failure is None:
             command = ReportFailure(
                 node_id=attempt.node_id,
                 invocation_id=None,
                 failure=failure,
                 reason=reason,
-                at_s=self._crew.clock.now().mission_s,
+                at_s=self._connection.clock.now().mission_s,
             )
             self._runtime.submit(mission.mission_id, command)
         return Refused(failure, reason)

@@ -25,13 +25,13 @@ from harness.contracts.observations import AnySample
 from harness.contracts.protocol import TERMINAL
 from harness.contracts.reasons import Explanation, because
 from harness.gate.commit import CommandEnvelope
-from harness.projections.control import Control
+from harness.projections.control import SiteControl
 from harness.projections.leases import Lease
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
-from harness.supervisor.crew import Crew
-from harness.supervisor.rest import WINDOW_S, at_rest
-from harness.supervisor.senses import BATCH
+from harness.supervisor.observations import BATCH
+from harness.supervisor.robot_connection import RobotConnection
+from harness.supervisor.standstill import WINDOW_S, at_rest
 
 GRACE_S = 10.0
 """A lease outlives the node's deadline by this much, so that the happy path needs no renewal."""
@@ -152,7 +152,7 @@ def free(runtime: Runtime, mission: Mission, *, static: dict[str, float]) -> lis
     ]
 
 
-def freed(runtime: Runtime, crew: Crew, order: FreeOrder) -> Accepted[AnyEvent] | Refused:
+def freed(runtime: Runtime, connection: RobotConnection, order: FreeOrder) -> Accepted[AnyEvent] | Refused:
     """A named person frees a resource (D14): the robot is looked at now, and what its odometry shows is the evidence.
 
     Whoever had it is told to stop where he can be reached: what is freed is not taken up again. An engaged hardware
@@ -160,26 +160,26 @@ def freed(runtime: Runtime, crew: Crew, order: FreeOrder) -> Accepted[AnyEvent] 
     robot does not answer.
     """
     held = runtime.lease(order.resource)
-    lost = _lost(runtime, crew.robot_id, held)
+    lost = _lost(runtime, connection.robot_id, held)
     if lost is not None:
-        _halt(crew, held, lost)
-    crew.clock.wait_until(crew.clock.now().mission_s + WINDOW_S + LOOK_S)
-    command = FreeLease(actor=order.actor, static=_static(crew), reason=order.reason)
-    return runtime.commit([CommandEnvelope(lease_stream(order.resource), command, crew.robot_id)])
+        _halt(connection, held, lost)
+    connection.clock.wait_until(connection.clock.now().mission_s + WINDOW_S + LOOK_S)
+    command = FreeLease(actor=order.actor, static=_static(connection), reason=order.reason)
+    return runtime.commit([CommandEnvelope(lease_stream(order.resource), command, connection.robot_id)])
 
 
-def _static(crew: Crew) -> dict[str, float]:
+def _static(connection: RobotConnection) -> dict[str, float]:
     """What shows the body at rest now; empty if nothing is known."""
     samples: list[AnySample] = []
-    while batch := crew.robot.observations(samples[-1].seq if samples else 0, BATCH).samples:
+    while batch := connection.robot.observations(samples[-1].seq if samples else 0, BATCH).samples:
         samples.extend(batch)
-    stopped = {"hardware_stop": 1.0} if crew.robot.status().hardware_stop else {}
-    return at_rest(samples, crew.clock.now().mission_s).measured | stopped
+    stopped = {"hardware_stop": 1.0} if connection.robot.status().hardware_stop else {}
+    return at_rest(samples, connection.clock.now().mission_s).measured | stopped
 
 
 def _lost(runtime: Runtime, robot_id: RobotId, lease: Lease) -> RequestId | None:
     """The request that a lease was taken for: a retreat's, or an attempt's of its mission."""
-    control: Control = runtime.fold(CONTROL)
+    control: SiteControl = runtime.fold(CONTROL)
     retreat = control.retreats.get(robot_id)
     if retreat is not None and retreat.intent.invocation_id == lease.invocation_id:
         return retreat.intent.request_id
@@ -191,11 +191,11 @@ def _lost(runtime: Runtime, robot_id: RobotId, lease: Lease) -> RequestId | None
     return next((request for request in requests if invocation_id(request) == lease.invocation_id), None)
 
 
-def _halt(crew: Crew, lease: Lease, lost: RequestId) -> None:
+def _halt(connection: RobotConnection, lease: Lease, lost: RequestId) -> None:
     """Stop the execution that a lease was quarantined for, where it still runs and can be reached."""
-    for provider in crew.providers.values():
+    for provider in connection.providers.values():
         if (
-            not any(lease.resource == leased(crew.robot_id, one) for one in provider.card.resources)
+            not any(lease.resource == leased(connection.robot_id, one) for one in provider.card.resources)
             or provider.card.reattach != "by_request"
         ):
             continue

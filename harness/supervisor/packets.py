@@ -11,7 +11,7 @@ from harness.contracts.observations import AnySample, Image
 from harness.contracts.protocol import InvocationReport
 from harness.contracts.reasons import Explanation
 from harness.projections.mission import Invocation, Mission, required_contract
-from harness.supervisor.senses import Senses, image_reference
+from harness.supervisor.observations import ObservationBuffer, image_reference
 
 
 def build_packet(
@@ -20,7 +20,7 @@ def build_packet(
     *,
     report: InvocationReport,
     samples: Sequence[AnySample],
-    senses: Senses,
+    observations: ObservationBuffer,
     collected_s: float,
 ) -> EvidencePacket:
     """Z = (I, k_ctx, O_before, O_after, P, proposed facts). The identity is the provider's own echo, not ours."""
@@ -28,8 +28,8 @@ def build_packet(
     estimates: tuple[EvidenceReference, ...] = ()
     after: tuple[EvidenceReference, ...] = ()
     if samples:
-        trajectory, _ = senses.seal(samples, source="robot")
-        tail, _ = senses.seal([s for s in samples if s.at_s >= report.at_s - 1.0], source="robot")
+        trajectory, _ = observations.seal(samples, source="robot")
+        tail, _ = observations.seal([s for s in samples if s.at_s >= report.at_s - 1.0], source="robot")
         estimates, after = (trajectory,), (replace(tail, kind="after"),)
     images = tuple(image_reference(sample) for sample in samples if isinstance(sample, Image))
     node = required_contract(mission).node(intent.node_id)

@@ -11,10 +11,10 @@ from harness.contracts.proposals import RecoveryProposal
 from harness.contracts.reasons import because
 from harness.contracts.values import digest
 from harness.projections.mission import Mission, required_contract, required_policy
-from harness.recovery.standing import cost_of, ladder_of, over_budget
-from harness.supervisor.dispatch import Attempt, Dispatcher, Prepared
-from harness.supervisor.rest import at_rest
-from harness.supervisor.roles import Roles
+from harness.recovery.state import cost_of, ladder_of, over_budget
+from harness.supervisor.dispatch import DispatchAttempt, Dispatcher, Prepared
+from harness.supervisor.roles import RoleContexts
+from harness.supervisor.standstill import at_rest
 from harness.verification.preconditions import verify_preconditions
 
 OFFERED: tuple[RecoveryAction, ...] = (
@@ -32,13 +32,13 @@ ALWAYS: tuple[RecoveryAction, ...] = ("retry", "verify_again")
 class Questions:
     """Reads the robot and prepares invocations; writes nothing but pictures and samples of its sensors."""
 
-    def __init__(self, roles: Roles, dispatcher: Dispatcher) -> None:
+    def __init__(self, roles: RoleContexts, dispatcher: Dispatcher) -> None:
         self._roles = roles
         self._runtime = roles.runtime
-        self._crew = roles.crew
+        self._connection = roles.connection
         self._dispatcher = dispatcher
 
-    def wish(self, mission: Mission, node_id: NodeId, action: RecoveryAction = "retry") -> Attempt:
+    def wish(self, mission: Mission, node_id: NodeId, action: RecoveryAction = "retry") -> DispatchAttempt:
         """One further attempt by this action: a retry outside the budget (D1), any other at its own cost."""
         state = mission.of(node_id)
         cost = 0 if action == "retry" else cost_of(action)
@@ -50,15 +50,15 @@ class Questions:
             action=action, failure=failure, provider_id=provider, cost=cost, reason=because("chosen_by_person")
         )
         paid = cost and state.failure is not None
-        c4 = recovery_context(self._roles.view(mission), node_id, self._crew.cards) if paid else None
-        return Attempt(node_id=node_id, recovery=rung, c4=c4)
+        c4 = recovery_context(self._roles.view(mission), node_id, self._connection.cards) if paid else None
+        return DispatchAttempt(node_id=node_id, recovery=rung, c4=c4)
 
     def proposal(self, mission: Mission, node_id: NodeId, action: RecoveryAction = "retry") -> ProposedAction | None:
         """Exactly what an approval would let run, once; None where nobody can do it now."""
         wish = self.wish(mission, node_id, action)
         return self.proposed(mission, wish, self._dispatcher.prepare(mission, wish))
 
-    def proposed(self, mission: Mission, wish: Attempt, prepared: Prepared | Refused) -> ProposedAction | None:
+    def proposed(self, mission: Mission, wish: DispatchAttempt, prepared: Prepared | Refused) -> ProposedAction | None:
         """What a person is shown of an invocation that was prepared; None where nobody can do it."""
         if isinstance(prepared, Refused) or wish.recovery is None:
             return None
@@ -97,8 +97,8 @@ class Questions:
         The picture comes first, since a camera takes its time and a judgement of rest wants the newest odometry.
         """
         image = self._picture()
-        self._roles.senses.collect(None)
-        now, recent = self._crew.clock.now(), self._roles.senses.recent
+        self._roles.observations.collect(None)
+        now, recent = self._connection.clock.now(), self._roles.observations.recent
         pose = next((s for s in reversed(recent) if isinstance(s, Pose)), None)
         where = pose or next((s for s in reversed(recent) if isinstance(s, Odometry)), None)
         return Snapshot(
@@ -139,11 +139,11 @@ class Questions:
 
     def _picture(self) -> Digest | None:
         """The camera as it sees now; else the newest frame the sensors sent. A question opens without one, too."""
-        seen = next((s.blob for s in reversed(self._roles.senses.recent) if isinstance(s, Image)), None)
-        if self._crew.camera is None:
+        seen = next((s.blob for s in reversed(self._roles.observations.recent) if isinstance(s, Image)), None)
+        if self._connection.camera is None:
             return seen
         try:
-            return self._runtime.keep(self._crew.camera.picture().body)
+            return self._runtime.keep(self._connection.camera.picture().body)
         except ProviderFailed:
             return seen
 
@@ -153,7 +153,7 @@ class Questions:
         return next(
             (
                 card.provider_id
-                for card in self._crew.cards
+                for card in self._connection.cards
                 if card.capability in node.capabilities
                 and card.provider_id != state.provider_id
                 and card.provider_id not in state.excluded

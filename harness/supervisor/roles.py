@@ -14,10 +14,10 @@ from harness.contracts.values import encode
 from harness.contracts.verdicts import Verdict
 from harness.projections.memory import place_of
 from harness.projections.mission import Mission, required_contract, required_policy
-from harness.routing.history import History, Series, judged
+from harness.routing.history import OutcomeSeries, RoutingHistory, judged
 from harness.runtime import Runtime
-from harness.supervisor.crew import Crew
-from harness.supervisor.senses import Senses
+from harness.supervisor.observations import ObservationBuffer
+from harness.supervisor.robot_connection import RobotConnection
 
 
 def record(kind: str, value: Any) -> Record:
@@ -34,22 +34,22 @@ HALF_LIVES = 10
 """Outcomes older than this many half-lives weigh under a thousandth and are not asked for."""
 
 
-class Roles:
+class RoleContexts:
     """Compiles the view that all four contexts are selected from."""
 
-    def __init__(self, *, runtime: Runtime, crew: Crew, senses: Senses) -> None:
+    def __init__(self, *, runtime: Runtime, connection: RobotConnection, observations: ObservationBuffer) -> None:
         self.runtime = runtime
-        self.crew = crew
-        self.senses = senses
+        self.connection = connection
+        self.observations = observations
 
     def view(self, mission: Mission) -> StateView:
         return StateView(
             mission=mission,
-            at_s=self.crew.clock.now().mission_s,
+            at_s=self.connection.clock.now().mission_s,
             rules=self.runtime.configuration_of(mission).context_rules,
             site=self.runtime.site_of(mission),
-            status=self.senses.status,
-            recent=self.senses.recent,
+            status=self.observations.status,
+            recent=self.observations.recent,
             recovery=required_policy(mission),
         )
 
@@ -57,13 +57,13 @@ class Roles:
         """The id of the place a node works at; empty where none is known."""
         return place_of(required_contract(mission), node_id)
 
-    def history(self, mission: Mission, node_id: NodeId, cards: Sequence[CapabilityCard]) -> History:
+    def history(self, mission: Mission, node_id: NodeId, cards: Sequence[CapabilityCard]) -> RoutingHistory:
         """What memory holds of these providers in the node's setting: verified outcomes only (R60, D23)."""
         half_life = self.runtime.configuration_of(mission).routing.history_half_life
         place = self.place(mission, node_id)
-        return History(
+        return RoutingHistory(
             series=tuple(
-                Series(
+                OutcomeSeries(
                     provider_id=card.provider_id,
                     capability=card.capability,
                     place=place,

@@ -16,11 +16,11 @@ from harness.contracts.reasons import because
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from harness.supervisor.agent_loop import AgentLoop
-from harness.supervisor.crew import Crew
+from harness.supervisor.handoff_timeouts import overlooked
 from harness.supervisor.leases import SUPERVISOR, FreeOrder, freed
-from harness.supervisor.pins import check_readable, readable, tell_unreadable
-from harness.supervisor.returning import Returning
-from harness.supervisor.vigil import overlooked
+from harness.supervisor.pinned_configurations import check_readable, readable, tell_unreadable
+from harness.supervisor.robot_connection import RobotConnection
+from harness.supervisor.safe_return import Returning
 
 LOG = logging.getLogger("regen.supervisor")
 IDLE_WAIT_S = 0.2
@@ -36,13 +36,15 @@ class Supervisor:
     Whoever meets StoreUnavailable here may ask again: what was open is then met again from the log, as after a restart.
     """
 
-    def __init__(self, *, runtime: Runtime, crews: Mapping[RobotId, Crew]) -> None:
+    def __init__(self, *, runtime: Runtime, connections: Mapping[RobotId, RobotConnection]) -> None:
         self._runtime = runtime
-        self._crews = crews
-        self._locks = {robot_id: RLock() for robot_id in crews}
-        self._loops: dict[RobotId, dict[MissionId, AgentLoop]] = {robot_id: {} for robot_id in crews}
+        self._connections = connections
+        self._locks = {robot_id: RLock() for robot_id in connections}
+        self._loops: dict[RobotId, dict[MissionId, AgentLoop]] = {robot_id: {} for robot_id in connections}
         self._cut_off: set[RobotId] = set()
-        self._returning = {robot_id: Returning(runtime=runtime, crew=crew) for robot_id, crew in crews.items()}
+        self._returning = {
+            robot_id: Returning(runtime=runtime, connection=connection) for robot_id, connection in connections.items()
+        }
         self._halt = Event()
         self._threads: list[Thread] = []
 
@@ -64,7 +66,7 @@ class Supervisor:
         Raises StoreUnavailable if the log stays away.
         """
         mission = self._runtime.mission(mission_id)
-        clock, tries = self._crews[mission.robot_id].clock, 0
+        clock, tries = self._connections[mission.robot_id].clock, 0
         while not self._halt.is_set():
             try:
                 wake_s = self.step(mission_id)
@@ -93,7 +95,7 @@ class Supervisor:
                 return self.step_retreat(mission.robot_id)
             wake_s = self._loop(mission).step()
             sent = self._returning[mission.robot_id].under_way
-            return self._crews[mission.robot_id].clock.now().mission_s if sent else wake_s
+            return self._connections[mission.robot_id].clock.now().mission_s if sent else wake_s
 
     def step_retreat(self, robot_id: RobotId) -> float:
         """One step of a robot's open retreat, before any mission of this robot goes on; its end is told at once."""
@@ -106,7 +108,7 @@ class Supervisor:
     def answer(self, handoff_id: HandoffId, command: PersonCommand) -> Decision[AnyEvent]:
         """A person's answer, between two steps of the robot's loop; what it lets happen begins at once."""
         opened = self._runtime.handoff(handoff_id).opened
-        if opened is None or opened.robot_id not in self._crews:
+        if opened is None or opened.robot_id not in self._connections:
             return refused("no_robot", because("handoff_robot_away"))
         with self._turn_of(opened.robot_id):
             loop = self._loop(self._runtime.mission(opened.mission_id))
@@ -132,10 +134,10 @@ class Supervisor:
         if not lease.version:
             raise UnknownName(f"{resource} was never leased", do="list the leases with `regen lease list`")
         robot_id = RobotId(resource.partition("/")[0])
-        if robot_id not in self._crews:
+        if robot_id not in self._connections:
             return refused("no_robot", because("lease_robot_away"))
         with self._locks[robot_id]:
-            return freed(self._runtime, self._crews[robot_id], FreeOrder(resource, actor, reason))
+            return freed(self._runtime, self._connections[robot_id], FreeOrder(resource, actor, reason))
 
     def finish_unanswered(self, robot_id: RobotId) -> None:
         """What is still due where a question expired and the harness stopped before the robot acted."""
@@ -143,12 +145,12 @@ class Supervisor:
             if handoff.opened is None:
                 continue
             with self._locks[robot_id]:
-                self._loop(self._runtime.mission(handoff.opened.mission_id)).vigil.act(handoff)
+                self._loop(self._runtime.mission(handoff.opened.mission_id)).handoff_timeouts.act(handoff)
 
     def serve(self) -> None:
         """In the background: every robot works through its missions, oldest first."""
         tell_unreadable(self._runtime)
-        for robot_id in self._crews:
+        for robot_id in self._connections:
             self.finish_unanswered(robot_id)
             thread = Thread(target=self._work, args=(robot_id,), name=f"robot {robot_id}", daemon=True)
             thread.start()
@@ -176,7 +178,7 @@ class Supervisor:
         with self._turn_of(robot_id):
             retreats = self._returning[robot_id].under_way
         if retreats:
-            self._crews[robot_id].clock.wait_until(self.step_retreat(robot_id))
+            self._connections[robot_id].clock.wait_until(self.step_retreat(robot_id))
             return
         mission = self._next(robot_id)
         if mission is None:
@@ -192,7 +194,7 @@ class Supervisor:
         if wake_s is None:
             self._halt.wait(IDLE_WAIT_S)
         else:
-            self._crews[robot_id].clock.wait_until(wake_s)
+            self._connections[robot_id].clock.wait_until(wake_s)
 
     def _next(self, robot_id: RobotId) -> Mission | None:
         """The oldest mission of this robot that is not over."""
@@ -218,8 +220,10 @@ class Supervisor:
         if mission.mission_id not in loops:
             for over in [one for one in loops if self._runtime.mission(one).ended]:
                 del loops[over]
-            crew = self._crews[mission.robot_id]
-            loops[mission.mission_id] = AgentLoop(runtime=self._runtime, crew=crew, mission_id=mission.mission_id)
+            connection = self._connections[mission.robot_id]
+            loops[mission.mission_id] = AgentLoop(
+                runtime=self._runtime, connection=connection, mission_id=mission.mission_id
+            )
         return loops[mission.mission_id]
 
     @contextmanager

@@ -13,9 +13,9 @@ from harness.contracts.control import CONTROL, SetAutonomy
 from harness.contracts.evidence import CommittedFact
 from harness.contracts.observations import Pose
 from harness.contracts.reasons import because
-from harness.projections.control import Control
+from harness.projections.control import SiteControl
 from harness.projections.mission import Mission, required_contract
-from harness.supervisor.roles import Roles
+from harness.supervisor.roles import RoleContexts
 
 LAYER = "robot"
 SAMPLES = 3
@@ -26,7 +26,7 @@ BEYOND_M = 0.2
 class Watchdog:
     """Looks once per step; remembers what it said, so that a standing condition is one event."""
 
-    def __init__(self, roles: Roles) -> None:
+    def __init__(self, roles: RoleContexts) -> None:
         self._roles = roles
         self._map_version: str | None = None
 
@@ -39,7 +39,7 @@ class Watchdog:
 
     def _limit(self, mission: Mission) -> tuple[MissionCommand, ...]:
         """The house's limit on autonomy, as far as the mission does not know it yet: before its next dispatch."""
-        control: Control = self._roles.runtime.fold(CONTROL)
+        control: SiteControl = self._roles.runtime.fold(CONTROL)
         if control.limited_by is None or control.autonomy == mission.autonomy_limit:
             return ()
         return (
@@ -49,7 +49,7 @@ class Watchdog:
         )
 
     def _stop(self, mission: Mission) -> tuple[MissionCommand, ...]:
-        status = self._roles.senses.status
+        status = self._roles.observations.status
         if status is None:
             return ()
         if status.hardware_stop and LAYER not in mission.vetoes:
@@ -59,7 +59,7 @@ class Watchdog:
         return ()
 
     def _epoch(self, mission: Mission) -> tuple[MissionCommand, ...]:
-        status = self._roles.senses.status
+        status = self._roles.observations.status
         if status is None or not status.map_version:
             return ()
         before = self._map_version or required_contract(mission).map_version
@@ -74,12 +74,12 @@ class Watchdog:
         if invocation_moves(mission):
             return ()
         known = {name for reference in mission.observed for name in str(reference.values.get("refutes", "")).split()}
-        newest = (sample for sample in reversed(self._roles.senses.recent) if isinstance(sample, Pose))
+        newest = (sample for sample in reversed(self._roles.observations.recent) if isinstance(sample, Pose))
         poses = list(islice(newest, SAMPLES))[::-1]
         refuted = [f for f in mission.facts if f.condition_id not in known and _refuted(f, poses)]
         if not refuted:
             return ()
-        reference, _ = self._roles.senses.seal(poses, source="localiser")
+        reference, _ = self._roles.observations.seal(poses, source="localiser")
         names = " ".join(fact.condition_id for fact in refuted)
         return (
             RecordObservation(

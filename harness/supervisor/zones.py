@@ -21,7 +21,7 @@ OFF_WAY_M = 1.0
 NO_STEP_M = 0.01
 
 
-class Patience(Value):
+class ResponseTimeout(Value):
     """Seconds until a question expires, seconds that no extension may pass, and what happens then.
 
     `retreat`: the zone's, where that is what happens.
@@ -33,7 +33,7 @@ class Patience(Value):
     retreat: Retreat | None = None
 
 
-class Way(Value):
+class ApproachPath(Value):
     """A zone's retreat with the geometry it has on the site now, metres in the site's frame."""
 
     zone: str
@@ -42,12 +42,12 @@ class Way(Value):
     waypoints_m: tuple[Point, ...]
 
 
-def patience(zones: Sequence[Zone], at: Point, *, reserve_s: float) -> Patience:
+def patience(zones: Sequence[Zone], at: Point, *, reserve_s: float) -> ResponseTimeout:
     """At most 15 minutes, the zone's hold limit and what the battery lasts; outside every zone the robot holds."""
     zone = zone_at(zones, at)
     limit_s = min(zone.hold_limit_s if zone else LONGEST_WAIT_S, reserve_s)
     action = zone.no_answer if zone else "hold"
-    return Patience(
+    return ResponseTimeout(
         wait_s=min(LONGEST_WAIT_S, limit_s),
         limit_s=limit_s,
         no_answer=action,
@@ -74,7 +74,7 @@ def inside(point: Point, region: tuple[Point, ...]) -> bool:
     return not region or contains(region, point)
 
 
-def way_of(site: Site, zone: Zone) -> Way:
+def way_of(site: Site, zone: Zone) -> ApproachPath:
     """The way that a zone authorises to its safe place, on the site as it is now.
 
     Raises ContractInvalid where it names what is not there, leaves the map, or would end beside the place.
@@ -104,7 +104,9 @@ def way_of(site: Site, zone: Zone) -> Way:
             where=where,
             do="name one that ends there",
         )
-    return Way(zone=zone.name, retreat=retreat, place=place, waypoints_m=(*route.waypoints_m[:-1], place.approach_m))
+    return ApproachPath(
+        zone=zone.name, retreat=retreat, place=place, waypoints_m=(*route.waypoints_m[:-1], place.approach_m)
+    )
 
 
 def on_map(site: Site, point: Point) -> bool:
@@ -113,7 +115,7 @@ def on_map(site: Site, point: Point) -> bool:
     return any(inside(point, region) for region in regions)
 
 
-def ahead(way: Way, at: Point) -> tuple[Point, ...]:
+def ahead(way: ApproachPath, at: Point) -> tuple[Point, ...]:
     """What of the way lies ahead of the robot, beginning where it stands; empty if it stands off the way."""
     best: float = OFF_WAY_M
     found: tuple[Point, ...] = ()

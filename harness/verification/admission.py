@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from statistics import median
 
-from harness.contracts.judging import SafetyState
 from harness.contracts.observations import Odometry
 from harness.contracts.reasons import Explanation, Reason, because, several
+from harness.contracts.verifier_inputs import SafetyState
 from harness.verification.finding import Finding
 from harness.verification.geometry import contains
-from harness.verification.reading import Evidence, Track, read
+from harness.verification.reading import AdmittedTrack, Evidence, read
 
 SPEED_SHARE = 1.2
 SPEED_WINDOW = 10
@@ -67,7 +67,7 @@ def _too_fast(odometry: Sequence[Odometry], cap_mps: float) -> list[Reason]:
     return [because("ran_too_fast", speed_mps=fastest, cap_mps=cap_mps)]
 
 
-def _trespassed(track: Track, state: SafetyState) -> list[Reason]:
+def _trespassed(track: AdmittedTrack, state: SafetyState) -> list[Reason]:
     inside = {
         name: sum(contains(region, (pose.x_m, pose.y_m)) for pose in track.poses)
         for name, region in state.keep_out_m.items()

@@ -10,14 +10,14 @@ from harness.contracts.observations import Odometry
 from harness.contracts.reasons import because
 from harness.verification.finding import Finding, Undecidable, ambiguous
 from harness.verification.geometry import fixes, window_displacement
-from harness.verification.reading import Evidence, Track
+from harness.verification.reading import AdmittedTrack, Evidence
 
 WINDOW_S = 1.0
 LIMIT_M = 0.02
 _stamp = attrgetter("at_s")
 
 
-def current_track(evidence: Evidence) -> Track:
+def current_track(evidence: Evidence) -> AdmittedTrack:
     """The samples of the execution to judge, or of now. Raises Undecidable if there are none."""
     track = next((track for track in evidence.tracks if track.current), None)
     if track is None:
@@ -56,7 +56,7 @@ def at_rest_until(odometry: Sequence[Odometry], *, until_s: float, window_s: flo
     return moved, turned
 
 
-def _by_imu(track: Track, evidence: Evidence, *, window_s: float, limit_m: float) -> Finding:
+def _by_imu(track: AdmittedTrack, evidence: Evidence, *, window_s: float, limit_m: float) -> Finding:
     if not track.imu:
         return ambiguous(because("nothing_shows_whether_body_moves"))
     until_s = track.imu[-1][0]

@@ -34,7 +34,7 @@ class Bridge:
 
 
 @dataclass(frozen=True)
-class History:
+class PositionHistory:
     """Positions in order of sensor time, the gaps that were closed, and those (from, until) that were not, seconds."""
 
     track: tuple[Fix, ...]
@@ -42,7 +42,7 @@ class History:
     open_gaps: tuple[tuple[float, float], ...]
 
 
-def bridged(poses: Sequence[Pose], odometry: Sequence[Odometry]) -> History:
+def bridged(poses: Sequence[Pose], odometry: Sequence[Odometry]) -> PositionHistory:
     """Poses in one frame and odometry, both in order of sensor time; gaps over GAP_S are bridged or stay open."""
     measured = fixes(poses)
     track = measured[:1]
@@ -58,7 +58,7 @@ def bridged(poses: Sequence[Pose], odometry: Sequence[Odometry]) -> History:
                 bridges.append(bridge)
                 track.extend(between)
         track.append(fix)
-    return History(track=tuple(track), bridges=tuple(bridges), open_gaps=tuple(gaps))
+    return PositionHistory(track=tuple(track), bridges=tuple(bridges), open_gaps=tuple(gaps))
 
 
 def _bridge(

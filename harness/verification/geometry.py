@@ -46,7 +46,7 @@ _position = attrgetter("at_s", "x_m", "y_m")
 _fix: Callable[[tuple[float, float, float]], Fix] = partial(tuple.__new__, Fix)
 
 
-class Progress(NamedTuple):
+class RouteProgress(NamedTuple):
     """How much of a route a track shows. `covered_m` was travelled in evidence; `reached_m` is the furthest arc length.
 
     They differ by the stretches that no position shows. `waypoints` of `of_waypoints` were passed in order.
@@ -99,7 +99,7 @@ def path_length(points: Iterable[Point], dead_band_m: float = DEAD_BAND_M) -> fl
 
 def route_progress(
     route: Sequence[Point], track: Sequence[Point], *, ahead_m: float = AHEAD_M, corridor_m: float = CORRIDOR_M
-) -> Progress:
+) -> RouteProgress:
     """Monotone progress of `track` along `route`, both in one frame and in order of time.
 
     Each position is matched to the nearest point of the route between the arc length reached and `ahead_m` beyond
@@ -118,7 +118,7 @@ def route_progress(
             continue
         covered += 0.0 if gap else arc - reached
         reached, last = arc, point
-    return Progress(
+    return RouteProgress(
         covered_m=covered,
         reached_m=reached,
         length_m=arcs[-1] if arcs else 0.0,

@@ -13,10 +13,10 @@ from harness.contracts.effects import Condition
 from harness.contracts.errors import HarnessError
 from harness.contracts.evidence import CommittedFact, EvidenceReference
 from harness.contracts.ids import Digest, sha256
-from harness.contracts.judging import CommittedNode, Execution, RecentSamples, VerificationPolicy
 from harness.contracts.observations import Odometry, Pose, Trajectory
 from harness.contracts.protocol import Receipt
 from harness.contracts.reasons import because
+from harness.contracts.verifier_inputs import CommittedNode, Execution, RecentSamples, VerificationPolicy
 from harness.verification.finding import Undecidable
 
 T = TypeVar("T")
@@ -25,7 +25,7 @@ FUTURE_S = 0.05
 
 
 @dataclass(frozen=True)
-class Track:
+class AdmittedTrack:
     """The admitted samples of one execution: distinct sensor times, in order, none below the minimum confidence.
 
     `newest_arrived_s`: the latest instant by other streams' clocks at which a pose arrived, whatever its stamp.
@@ -123,7 +123,7 @@ class Evidence:
         return tuple(read(record, CommittedNode) for record in self.context.all("node"))
 
     @cached_property
-    def tracks(self) -> tuple[Track, ...]:
+    def tracks(self) -> tuple[AdmittedTrack, ...]:
         """Cited executions in order of dispatch, then the current one (or now)."""
         cited: list[EvidenceReference] = []
         current: list[EvidenceReference] = []
@@ -178,14 +178,14 @@ class Evidence:
             )
         return max(found, key=lambda one: one.k)
 
-    def _now(self, references: Sequence[EvidenceReference]) -> list[Track]:
+    def _now(self, references: Sequence[EvidenceReference]) -> list[AdmittedTrack]:
         record = self.context.one("observations")
         if record is not None:
             samples = read(record, RecentSamples).trajectory
             return [self._admitted(samples, current=True, dispatched_s=self.context.at_s, blob=None)]
         return [self._track(references, current=True)] if references else []
 
-    def _track(self, references: Sequence[EvidenceReference], *, current: bool) -> Track:
+    def _track(self, references: Sequence[EvidenceReference], *, current: bool) -> AdmittedTrack:
         samples = [self.decoded(one.blob, Trajectory) for one in references]
         merged = Trajectory(
             poses=tuple(pose for one in samples for pose in one.poses),
@@ -195,12 +195,14 @@ class Evidence:
         dispatched_s = min(float(one.values.get("dispatched_s", one.from_s)) for one in references)
         return self._admitted(merged, current=current, dispatched_s=dispatched_s, blob=references[0].blob)
 
-    def _admitted(self, samples: Trajectory, *, current: bool, dispatched_s: float, blob: Digest | None) -> Track:
+    def _admitted(
+        self, samples: Trajectory, *, current: bool, dispatched_s: float, blob: Digest | None
+    ) -> AdmittedTrack:
         until_s, least = self.speaks_at_s + FUTURE_S, self.policy.evidence.minimum_confidence
         poses = {one.at_s: one for one in samples.poses if one.at_s <= until_s and one.confidence >= least}
         odometry = {one.at_s: one for one in samples.odometry if one.at_s <= until_s}
         imu = {one.at_s: (one.at_s, one.ax_mps2, one.ay_mps2) for one in samples.imu if one.at_s <= until_s}
-        return Track(
+        return AdmittedTrack(
             current=current,
             dispatched_s=dispatched_s,
             poses=tuple(poses[at_s] for at_s in sorted(poses)),

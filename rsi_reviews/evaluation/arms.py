@@ -28,7 +28,7 @@ from harness.runtime import Start
 from harness.settings import HarnessSettings
 from rsi_reviews.evaluation import behaviour_tree
 from rsi_reviews.evaluation.driver import Diary, Driver, Policy, Robotics
-from rsi_reviews.evaluation.missions import Condition, MissionName, configuration, surroundings
+from rsi_reviews.evaluation.missions import FaultCondition, MissionName, configuration, surroundings
 from rsi_reviews.evaluation.rules import BOUND, EVIDENCE, MONITORED, PROVIDER_WORD
 from rsi_reviews.evaluation.story import journals, routes_of, told
 from rsi_reviews.evaluation.wires import MisdeliveringWire
@@ -41,17 +41,17 @@ UNBOUNDED = 12
 SETTLE_S = 1.6
 
 
-class Case(Value):
+class ArmCase(Value):
     """One mission to run: which arm, what is wrong, which contract, which seed."""
 
     arm: Name
-    condition: Condition
+    condition: FaultCondition
     mission: MissionName
     seed: int
 
 
 @dataclass(frozen=True)
-class Told:
+class CaseReport:
     """How a case went: the story for the adjudicator, and what only the arm knows. `cpu_s`: of the judged mission."""
 
     story: dict[str, Any]
@@ -66,7 +66,7 @@ Walk = Callable[[Robotics], Diary]
 
 
 @dataclass(frozen=True)
-class Arm:
+class EvaluationArm:
     """One way to decide that a leg is done. `walk`: its own driver; without one, the harness under `settle`."""
 
     name: str
@@ -103,33 +103,44 @@ BINDING_EVIDENCE = Policy(
 )
 UNBOUND_EVIDENCE = replace(BINDING_EVIDENCE, rules=EVIDENCE, bound=False)
 UNBOUNDED_RECOVERY = replace(BINDING_EVIDENCE, providers=(FOLLOWER,) * UNBOUNDED, looks=UNBOUNDED)
-ARMS: tuple[Arm, ...] = (
-    Arm(
+ARMS: tuple[EvaluationArm, ...] = (
+    EvaluationArm(
         "direct",
         "the provider is called; its word for success is success",
         _driven(Policy(rules=PROVIDER_WORD, providers=(FOLLOWER,))),
     ),
-    Arm("monitored", "lifecycle, deadlines, request ids, one retry; done means done", _driven(MONITORING)),
-    Arm(
+    EvaluationArm("monitored", "lifecycle, deadlines, request ids, one retry; done means done", _driven(MONITORING)),
+    EvaluationArm(
         "behaviour-tree",
         "py_trees: navigate, settle, then condition nodes on fresh poses and wheels; three tries",
         behaviour_tree.walk,
     ),
-    Arm("evidence-gated", "the harness itself under H_0"),
-    Arm("always-hands-off", "a person is asked at once; nothing moves", _handed_off),
-    Arm("bound-driver", "the evaluation's own driver with the full rule tuple: what the next row lacks one thing of",
-        _driven(BINDING_EVIDENCE)),
-    Arm("no-evidence-binding", "the same driver without identity, interval and freshness of evidence",
-        _driven(UNBOUND_EVIDENCE)),
-    Arm("no-recovery", "the harness with every ladder cut to its last rung, a person", settle=without_recovery),
-    Arm("unbounded-recovery", f"the same driver with {UNBOUNDED} attempts and {UNBOUNDED} looks a leg, not 3 and 2",
-        _driven(UNBOUNDED_RECOVERY)),
-)  # fmt: skip
+    EvaluationArm("evidence-gated", "the harness itself under H_0"),
+    EvaluationArm("always-hands-off", "a person is asked at once; nothing moves", _handed_off),
+    EvaluationArm(
+        "bound-driver",
+        "the evaluation's own driver with the full rule tuple: what the next row lacks one thing of",
+        _driven(BINDING_EVIDENCE),
+    ),
+    EvaluationArm(
+        "no-evidence-binding",
+        "the same driver without identity, interval and freshness of evidence",
+        _driven(UNBOUND_EVIDENCE),
+    ),
+    EvaluationArm(
+        "no-recovery", "the harness with every ladder cut to its last rung, a person", settle=without_recovery
+    ),
+    EvaluationArm(
+        "unbounded-recovery",
+        f"the same driver with {UNBOUNDED} attempts and {UNBOUNDED} looks a leg, not 3 and 2",
+        _driven(UNBOUNDED_RECOVERY),
+    ),
+)
 COMPARED = ("direct", "monitored", "behaviour-tree", "evidence-gated", "always-hands-off")
 ABLATIONS = ("bound-driver", "no-evidence-binding", "no-recovery", "unbounded-recovery")
 
 
-def arm(name: str) -> Arm:
+def arm(name: str) -> EvaluationArm:
     """The arm of that name; raises UnknownName."""
     found = next((one for one in ARMS if one.name == name), None)
     if found is None:
@@ -139,12 +150,12 @@ def arm(name: str) -> Arm:
     return found
 
 
-def run(case: Case, simulator: Simulator) -> Told:
+def run(case: ArmCase, simulator: Simulator) -> CaseReport:
     """Run one case from its seed; the same case tells the same story."""
     return run_under(arm(case.arm), case, simulator)
 
 
-def run_under(chosen: Arm, case: Case, simulator: Simulator) -> Told:
+def run_under(chosen: EvaluationArm, case: ArmCase, simulator: Simulator) -> CaseReport:
     """The same for an arm that is not one of the published ones, such as the harness under a candidate."""
     with _world(case, chosen.settle(configuration()), simulator) as (harness, mission):
         meant = _meant(case) if case.condition.aliased else None
@@ -157,11 +168,11 @@ def run_under(chosen: Arm, case: Case, simulator: Simulator) -> Told:
             diary = chosen.walk(Robotics(harness, done))
         cpu_s, ended_s = process_time() - worked_s, harness.clock.now().mission_s
         story = told(harness, done, meant=meant) if chosen.walk is None else _noted(harness, done, diary, meant=meant)
-        return Told(story, diary.status, diary.spent, diary.handoffs, ended_s - begun_s, cpu_s)
+        return CaseReport(story, diary.status, diary.spent, diary.handoffs, ended_s - begun_s, cpu_s)
 
 
 @contextmanager
-def _world(case: Case, configured: Configuration, simulator: Simulator) -> Iterator[tuple[Harness, Mission]]:
+def _world(case: ArmCase, configured: Configuration, simulator: Simulator) -> Iterator[tuple[Harness, Mission]]:
     """The case's mission, compiled on a fresh robot and a fresh store; it is the second of its robot.
 
     Before it the harness walks a circuit without faults, so that evidence of another mission is on record.
@@ -206,7 +217,7 @@ def _noted(harness: Harness, mission: Mission, diary: Diary, *, meant: TaskContr
     }
 
 
-def _meant(case: Case) -> TaskContract:
+def _meant(case: ArmCase) -> TaskContract:
     """The contract as the person meant it: compiled where no place is confused with another."""
     template = by_name(case.mission, configuration().templates)
     site = surroundings(case.mission, aliased=False)

@@ -93,7 +93,7 @@ class Navigate(Behaviour):
         return Status.RUNNING
 
 
-class Settled(Behaviour):
+class WaitForStandstill(Behaviour):
     """Waits until the body was watched for a while."""
 
     def __init__(self, robotics: Robotics) -> None:
@@ -156,5 +156,5 @@ def walk(robotics: Robotics) -> Diary:
 
 def _leg(node: Node, robotics: Robotics, diary: Diary) -> Behaviour:
     clerk = Clerk(node, robotics, diary)
-    parts: list[Behaviour] = [Navigate(clerk), Settled(robotics), Arrived(clerk)]
+    parts: list[Behaviour] = [Navigate(clerk), WaitForStandstill(robotics), Arrived(clerk)]
     return Retry(name=f"leg {node.node_id}", child=Sequence("go", memory=True, children=parts), num_failures=ATTEMPTS)

@@ -10,10 +10,10 @@ from harness.contracts.errors import ProviderFailed, ProviderUnreachable
 from harness.contracts.ids import NodeId, request_id
 from harness.contracts.observations import AnySample, Odometry, Pose
 from harness.contracts.ports import Provider
-from harness.contracts.protocol import TERMINAL, Identity, InvocationReport, Parameters, StartRequest
+from harness.contracts.protocol import TERMINAL, InvocationIdentity, InvocationReport, Parameters, StartRequest
 from harness.contracts.tasks import Node, order
 from harness.projections.mission import Mission, required_contract
-from rsi_reviews.evaluation.rules import Execution, Rule, first_broken, of_this_request
+from rsi_reviews.evaluation.rules import LegExecution, Rule, first_broken, of_this_request
 
 POLL_S = 0.5
 FIRST_S = 1.5
@@ -92,7 +92,7 @@ class Robotics:
         self._token += 1
         card = provider.card
         return StartRequest(
-            identity=Identity(
+            identity=InvocationIdentity(
                 mission_id=self.mission.mission_id,
                 node_id=node.node_id,
                 attempt=attempt,
@@ -158,7 +158,7 @@ class Driver:
                 break
         return why
 
-    def _attempt(self, node: Node, name: str, *, since_s: float) -> Execution | None:
+    def _attempt(self, node: Node, name: str, *, since_s: float) -> LegExecution | None:
         provider, number = self._robot.providers[name], self._next(node)
         dispatched_s = self._robot.now_s
         request = self._robot.request(node, attempt=number, provider=provider, parameters=asked(node, attempt=number))
@@ -168,7 +168,7 @@ class Driver:
         request, first = begun
         report = self._watched(provider, first, node, dispatched_s)
         self._robot.wait(max(self._policy.settle_s, POLL_S))
-        return Execution(
+        return LegExecution(
             node=node,
             request_id=request.identity.request_id,
             report=report,
@@ -222,7 +222,7 @@ class Driver:
             report = provider.report(handle)
         return report
 
-    def _looked(self, before: Execution) -> Execution:
+    def _looked(self, before: LegExecution) -> LegExecution:
         """Look again without moving: the observer watches for LOOK_S."""
         node, observer = before.node, self._robot.providers["observer"]
         request = self._robot.request(
@@ -233,7 +233,7 @@ class Driver:
             self._robot.wait()
         return replace(before, now_s=self._robot.now_s)
 
-    def _judged(self, execution: Execution) -> str:
+    def _judged(self, execution: LegExecution) -> str:
         """Claim or reject by the arm's own rules; the reason, or empty for a claim."""
         why = first_broken(self._policy.rules, execution)
         said = {

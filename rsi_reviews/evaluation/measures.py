@@ -15,7 +15,7 @@ LEVEL = 0.95
 DRAWS = 2000
 
 
-class MissionRow(Value):
+class JudgedMission(Value):
     """One mission of one cell, as the adjudicator and the clock saw it. Times in mission seconds, CPU in seconds.
 
     `recovery`: how it ended once something had to be recovered: not needed, recovered, false success, handed off,
@@ -46,7 +46,7 @@ class MissionRow(Value):
     notes: tuple[str, ...] = ()
 
 
-class Interval(Value):
+class ConfidenceInterval(Value):
     """A figure with its 95 % interval; `n` is how many missions it rests on."""
 
     value: float
@@ -65,34 +65,34 @@ class Cell(Value):
     arm: Name
     condition: Name
     n: Count
-    success: Interval
-    success_wilson: Interval
-    contract_false: Interval
-    epistemic_false: Interval
-    duplicate_starts: Interval
-    false_rejection: Interval
-    missed: Interval
-    handoff: Interval
-    unsupported: Interval
-    spent_mean: Interval
-    mission_s_mean: Interval
-    cpu_per_stage_s_mean: Interval
+    success: ConfidenceInterval
+    success_wilson: ConfidenceInterval
+    contract_false: ConfidenceInterval
+    epistemic_false: ConfidenceInterval
+    duplicate_starts: ConfidenceInterval
+    false_rejection: ConfidenceInterval
+    missed: ConfidenceInterval
+    handoff: ConfidenceInterval
+    unsupported: ConfidenceInterval
+    spent_mean: ConfidenceInterval
+    mission_s_mean: ConfidenceInterval
+    cpu_per_stage_s_mean: ConfidenceInterval
     recovery: dict[str, int]
     command: str
     seeds: str
 
 
-def cell(rows: Sequence[MissionRow], *, command: str) -> Cell:
+def cell(rows: Sequence[JudgedMission], *, command: str) -> Cell:
     """One row of the tables; `rows` are of one arm and one condition."""
     first, n = rows[0], len(rows)
     ends: dict[str, int] = {}
     for row in rows:
         ends[row.recovery] = ends.get(row.recovery, 0) + 1
 
-    def rate(holds: Callable[[MissionRow], bool]) -> Interval:
+    def rate(holds: Callable[[JudgedMission], bool]) -> ConfidenceInterval:
         return exact(sum(holds(row) for row in rows), n)
 
-    def mean(values: Callable[[MissionRow], float], name: str) -> Interval:
+    def mean(values: Callable[[JudgedMission], float], name: str) -> ConfidenceInterval:
         return bootstrap([values(row) for row in rows], key=f"{first.arm}/{first.condition}/{name}")
 
     return Cell(
@@ -117,40 +117,40 @@ def cell(rows: Sequence[MissionRow], *, command: str) -> Cell:
     )
 
 
-def exact(count: int, n: int, *, level: float = LEVEL) -> Interval:
+def exact(count: int, n: int, *, level: float = LEVEL) -> ConfidenceInterval:
     """A share with its two-sided Clopper-Pearson interval; of nothing, everything is possible."""
     if not 0 <= count <= n:
         raise ValueError(f"{count} of {n} is no count")
     if not n:
-        return Interval(value=0.0, low=0.0, high=1.0, n=0)
+        return ConfidenceInterval(value=0.0, low=0.0, high=1.0, n=0)
     tail = (1.0 - level) / 2.0
     low = scipy.special.betaincinv(count, n - count + 1, tail) if count else 0.0
     high = scipy.special.betaincinv(count + 1, n - count, 1.0 - tail) if count < n else 1.0
-    return Interval(value=count / n, low=float(low), high=float(high), n=n)
+    return ConfidenceInterval(value=count / n, low=float(low), high=float(high), n=n)
 
 
-def wilson(count: int, n: int) -> Interval:
+def wilson(count: int, n: int) -> ConfidenceInterval:
     """A share with Wilson's score interval at 95 %."""
     if not n:
-        return Interval(value=0.0, low=0.0, high=1.0, n=0)
+        return ConfidenceInterval(value=0.0, low=0.0, high=1.0, n=0)
     z, share = 1.959963984540054, count / n
     scale = 1.0 + z * z / n
     middle = (share + z * z / (2 * n)) / scale
     half = z / scale * math.sqrt(share * (1.0 - share) / n + z * z / (4 * n * n))
-    return Interval(value=share, low=max(0.0, middle - half), high=min(1.0, middle + half), n=n)
+    return ConfidenceInterval(value=share, low=max(0.0, middle - half), high=min(1.0, middle + half), n=n)
 
 
-def bootstrap(values: Sequence[float], *, key: str, level: float = LEVEL) -> Interval:
+def bootstrap(values: Sequence[float], *, key: str, level: float = LEVEL) -> ConfidenceInterval:
     """A mean with its percentile bootstrap interval; the draws depend on `key` and nothing else."""
     if not values:
-        return Interval(value=0.0, low=0.0, high=0.0, n=0)
+        return ConfidenceInterval(value=0.0, low=0.0, high=0.0, n=0)
     sample = np.asarray(values, dtype=float)
     seed = int.from_bytes(hashlib.sha256(key.encode()).digest()[:8])
     picks = _picks(seed, len(sample))
     means = sample[picks].mean(axis=1)
     tail = 100.0 * (1.0 - level) / 2.0
     low, high = np.percentile(means, [tail, 100.0 - tail])
-    return Interval(value=float(sample.mean()), low=float(low), high=float(high), n=len(sample))
+    return ConfidenceInterval(value=float(sample.mean()), low=float(low), high=float(high), n=len(sample))
 
 
 def _picks(seed: int, n: int) -> "np.ndarray[tuple[int, int], np.dtype[np.int64]]":
@@ -162,6 +162,6 @@ def _picks(seed: int, n: int) -> "np.ndarray[tuple[int, int], np.dtype[np.int64]
     return (mixed % np.uint64(n)).astype(np.int64).reshape(DRAWS, n)
 
 
-def encoded(row: MissionRow) -> bytes:
+def encoded(row: JudgedMission) -> bytes:
     """One line of the results file."""
     return msgspec.json.encode(row)

@@ -21,7 +21,7 @@ MissionName = Literal["circuit", "patrol"]
 MISSIONS: tuple[MissionName, ...] = ("circuit", "patrol")
 
 
-class Condition(Value):
+class FaultCondition(Value):
     """One fault condition. `faults`: the robot's own, by name. `aliased`: a place is bound to its look-alike.
     `misdelivers`: for four seconds of the first leg the wire delivers the last mission's final report instead.
 
@@ -37,56 +37,56 @@ class Condition(Value):
     unseen: bool = False
 
 
-CONDITIONS: tuple[Condition, ...] = (
-    Condition(name="nominal", faults=(), text="nothing is wrong", protocol=True),
-    Condition(name="pose-too-old", faults=("stale-pose",), text="poses keep an old stamp", protocol=True),
-    Condition(name="pose-absent", faults=("missing-pose",), text="no pose comes during the leg", protocol=True),
-    Condition(
+CONDITIONS: tuple[FaultCondition, ...] = (
+    FaultCondition(name="nominal", faults=(), text="nothing is wrong", protocol=True),
+    FaultCondition(name="pose-too-old", faults=("stale-pose",), text="poses keep an old stamp", protocol=True),
+    FaultCondition(name="pose-absent", faults=("missing-pose",), text="no pose comes during the leg", protocol=True),
+    FaultCondition(
         name="success-too-soon",
         faults=("early-success",),
         text="the provider declares success 2.5 m before the target, once",
         protocol=True,
     ),
-    Condition(
+    FaultCondition(
         name="request-twice",
         faults=("duplicate-request",),
         text="the acknowledgement is lost and the request comes again",
         protocol=True,
     ),
-    Condition(
+    FaultCondition(
         name="run-interrupted",
         faults=("interrupted",),
         text="the controller gives up in the middle of the leg, once",
         protocol=True,
     ),
-    Condition(
+    FaultCondition(
         name="success-too-soon-always",
         faults=("early-success:persistent",),
         text="the provider declares success 2.5 m before every target, always",
     ),
-    Condition(
+    FaultCondition(
         name="too-soon-and-unseen",
         faults=("early-success", "missing-pose"),
         text="success is declared too soon while no pose shows it, once",
     ),
-    Condition(
+    FaultCondition(
         name="interrupted-always",
         faults=("interrupted:persistent",),
         text="the controller gives up in the middle of every leg",
     ),
-    Condition(
+    FaultCondition(
         name="foreign-report",
         faults=(),
         text="the last mission's final report is delivered for the first leg, one to five seconds after its start",
         misdelivers=True,
     ),
-    Condition(
+    FaultCondition(
         name="biased-localiser",
         faults=("biased-localiser",),
         text="the localiser is 0.6 m off near the target, once; robot and harness use it",
         unseen=True,
     ),
-    Condition(
+    FaultCondition(
         name="place-aliasing",
         faults=(),
         text="the registry binds the place to its look-alike, 0.71 m (circuit) or 1.00 m (patrol) away",
@@ -96,7 +96,7 @@ CONDITIONS: tuple[Condition, ...] = (
 )
 
 
-def condition(name: str) -> Condition:
+def condition(name: str) -> FaultCondition:
     """The condition of that name; raises UnknownName."""
     found = next((one for one in CONDITIONS if one.name == name), None)
     if found is None:

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from html import escape
 
 from rsi_reviews.evaluation.arms import ABLATIONS, COMPARED
-from rsi_reviews.evaluation.measures import Interval
-from rsi_reviews.evaluation.report import Evaluation
+from rsi_reviews.evaluation.measures import ConfidenceInterval
+from rsi_reviews.evaluation.report import EvaluationReport
 
 LEFT, TOP, ROW, GROUP, WIDTH, BAR = 210, 56, 15, 12, 560, 10
 COLOURS = ("#4a7fb5", "#c9822b", "#7a9a3f", "#b04a5a", "#8a6fb0", "#4c9a92")
@@ -19,12 +19,12 @@ PLOTS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
 )  # fmt: skip
 
 
-def plots(found: Evaluation) -> dict[str, str]:
+def plots(found: EvaluationReport) -> dict[str, str]:
     """File name without its ending -> SVG text."""
     return {name: plot(found, measure, title, arms) for name, measure, title, arms in PLOTS}
 
 
-def plot(found: Evaluation, measure: str, title: str, arms: Sequence[str]) -> str:
+def plot(found: EvaluationReport, measure: str, title: str, arms: Sequence[str]) -> str:
     """Shares of missions by condition (rows) and arm (bars), with 95 % intervals."""
     parts: list[str] = []
     y = TOP + 6 + ROW * ((len(arms) + 2) // 3)
@@ -56,7 +56,7 @@ def plot(found: Evaluation, measure: str, title: str, arms: Sequence[str]) -> st
     )
 
 
-def _bar(y: float, rate: Interval, colour: str, name: str) -> list[str]:
+def _bar(y: float, rate: ConfidenceInterval, colour: str, name: str) -> list[str]:
     at = y + ROW / 2
     x = LEFT + WIDTH * rate.value
     low, high = LEFT + WIDTH * rate.low, LEFT + WIDTH * rate.high

@@ -17,8 +17,8 @@ from harness.contracts.ids import Digest, sha256
 from harness.contracts.simulation import Simulator
 from harness.contracts.values import Count, Name, Value, encode
 from rsi_reviews.evaluation.adjudicator import adjudicate
-from rsi_reviews.evaluation.arms import ARMS, Case, run
-from rsi_reviews.evaluation.measures import MissionRow
+from rsi_reviews.evaluation.arms import ARMS, ArmCase, run
+from rsi_reviews.evaluation.measures import JudgedMission
 from rsi_reviews.evaluation.missions import CONDITIONS, MISSIONS
 
 CHUNK = 10
@@ -29,7 +29,7 @@ ROOT = Path(__file__).resolve().parents[2]
 Key = tuple[str, str, str, int]
 
 
-class Ask(Value):
+class ProtocolRequest(Value):
     """What to run: `missions` per cell, from `seed`, these arms under these conditions."""
 
     missions: Count
@@ -38,32 +38,32 @@ class Ask(Value):
     conditions: tuple[Name, ...] = tuple(one.name for one in CONDITIONS)
 
 
-class Heading(Value):
+class ProtocolHeader(Value):
     """The first line of a results file: what its lines belong to."""
 
     code: Digest
     seed: Count
 
 
-def cases(ask: Ask) -> list[Case]:
+def cases(ask: ProtocolRequest) -> list[ArmCase]:
     """Every mission of the protocol. Number n of every cell has the same seed and contract: cells are paired."""
     chosen = [one for one in CONDITIONS if one.name in ask.conditions]
     return [
-        Case(arm=arm, condition=condition, mission=MISSIONS[n % len(MISSIONS)], seed=ask.seed * STRIDE + n)
+        ArmCase(arm=arm, condition=condition, mission=MISSIONS[n % len(MISSIONS)], seed=ask.seed * STRIDE + n)
         for n in range(ask.missions)
         for condition in chosen
         for arm in ask.arms
     ]
 
 
-def judged(case: Case, simulator: Simulator) -> MissionRow:
+def judged(case: ArmCase, simulator: Simulator) -> JudgedMission:
     """Run one case, and let the adjudicator judge it. An arm that breaks has declared nothing; its row says why."""
     try:
         went = run(case, simulator)
     except Exception as error:  # noqa: BLE001 - whatever leaves an arm is that arm's result
         return _broken(case, f"{type(error).__name__}: {error}")
     verdict = adjudicate(went.story)
-    return MissionRow(
+    return JudgedMission(
         arm=case.arm,
         condition=case.condition.name,
         mission=case.mission,
@@ -89,8 +89,8 @@ def judged(case: Case, simulator: Simulator) -> MissionRow:
     )
 
 
-def _broken(case: Case, why: str) -> MissionRow:
-    return MissionRow(
+def _broken(case: ArmCase, why: str) -> JudgedMission:
+    return JudgedMission(
         arm=case.arm,
         condition=case.condition.name,
         mission=case.mission,
@@ -134,13 +134,13 @@ def _notes(verdict: dict[str, Any]) -> tuple[str, ...]:
 
 
 def rows(
-    ask: Ask,
+    ask: ProtocolRequest,
     simulator: Simulator,
     *,
     processes: int,
     kept: Path | None,
     told: Callable[[int, int], None] = lambda done, of: None,
-) -> list[MissionRow]:
+) -> list[JudgedMission]:
     """All missions of the ask, in the order of `cases`; finished ones are taken from `kept`, fresh ones added to it.
 
     `told` hears how many are done. Raises ContractInvalid if `kept` belongs to other code or another seed,
@@ -158,7 +158,7 @@ def rows(
     return [done[_key(case)] for case in wanted]
 
 
-def _run(waiting: Sequence[Case], simulator: Simulator, *, processes: int) -> Iterator[list[MissionRow]]:
+def _run(waiting: Sequence[ArmCase], simulator: Simulator, *, processes: int) -> Iterator[list[JudgedMission]]:
     chunks = [list(waiting[start : start + CHUNK]) for start in range(0, len(waiting), CHUNK)]
     if processes < 2 or len(chunks) < 2:
         yield from (_chunk(chunk, simulator) for chunk in chunks)
@@ -175,9 +175,9 @@ def _run(waiting: Sequence[Case], simulator: Simulator, *, processes: int) -> It
 
 
 def _spread(
-    pool: ProcessPoolExecutor, chunks: Iterable[list[Case]], simulator: Simulator, *, ahead: int
-) -> Iterator[list[MissionRow]]:
-    open_ones: set[Future[list[MissionRow]]] = set()
+    pool: ProcessPoolExecutor, chunks: Iterable[list[ArmCase]], simulator: Simulator, *, ahead: int
+) -> Iterator[list[JudgedMission]]:
+    open_ones: set[Future[list[JudgedMission]]] = set()
     for chunk in chunks:
         open_ones.add(pool.submit(_chunk, chunk, simulator))
         if len(open_ones) >= ahead:
@@ -186,17 +186,17 @@ def _spread(
     yield from (one.result() for one in open_ones)
 
 
-def _chunk(chunk: list[Case], simulator: Simulator) -> list[MissionRow]:
+def _chunk(chunk: list[ArmCase], simulator: Simulator) -> list[JudgedMission]:
     return [judged(case, simulator) for case in chunk]
 
 
-def _key(one: Case | MissionRow) -> Key:
-    condition = one.condition if isinstance(one, MissionRow) else one.condition.name
+def _key(one: ArmCase | JudgedMission) -> Key:
+    condition = one.condition if isinstance(one, JudgedMission) else one.condition.name
     return (one.arm, condition, one.mission, one.seed)
 
 
-def _kept(file: Path, ask: Ask, simulator: Simulator) -> dict[Key, MissionRow]:
-    heading = Heading(code=code(simulator), seed=ask.seed)
+def _kept(file: Path, ask: ProtocolRequest, simulator: Simulator) -> dict[Key, JudgedMission]:
+    heading = ProtocolHeader(code=code(simulator), seed=ask.seed)
     if not file.exists():
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_bytes(encode(heading) + b"\n")
@@ -211,14 +211,14 @@ def _kept(file: Path, ask: Ask, simulator: Simulator) -> dict[Key, MissionRow]:
     found = {}
     for line in lines:
         try:
-            row = msgspec.json.decode(line, type=MissionRow)
+            row = msgspec.json.decode(line, type=JudgedMission)
         except msgspec.MsgspecError:
             continue
         found[_key(row)] = row
     return found
 
 
-def _add(file: Path, fresh: Iterable[MissionRow]) -> None:
+def _add(file: Path, fresh: Iterable[JudgedMission]) -> None:
     with file.open("ab") as out:
         out.write(b"".join(encode(row) + b"\n" for row in fresh))
 

@@ -12,9 +12,9 @@ from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import Digest
 from harness.contracts.values import Count, Name, Value
 from rsi_reviews.evaluation.arms import ABLATIONS, ARMS, COMPARED
-from rsi_reviews.evaluation.measures import Cell, Interval, MissionRow, cell
+from rsi_reviews.evaluation.measures import Cell, ConfidenceInterval, JudgedMission, cell
 from rsi_reviews.evaluation.missions import CONDITIONS
-from rsi_reviews.evaluation.protocol import Ask
+from rsi_reviews.evaluation.protocol import ProtocolRequest
 from rsi_reviews.evaluation.roles import RoleReport
 from rsi_reviews.evaluation.suites import Check
 
@@ -28,22 +28,22 @@ RATES = (
 )
 
 
-class Said(Value):
+class Label(Value):
     """A name and what it stands for, for people."""
 
     name: Name
     text: str
 
 
-class Evaluation(Value):
+class EvaluationReport(Value):
     """One run of the protocol. `cells` in the order of conditions, then arms; `suites` the two check suites (R226)."""
 
     command: str
     seed: Count
     missions_per_cell: Count
     code: Digest
-    arms: tuple[Said, ...]
-    conditions: tuple[Said, ...]
+    arms: tuple[Label, ...]
+    conditions: tuple[Label, ...]
     cells: tuple[Cell, ...]
     roles: RoleReport
     suites: tuple[Check, ...] = ()
@@ -55,8 +55,8 @@ class Evaluation(Value):
 
 
 def evaluation(
-    rows: Sequence[MissionRow], ask: Ask, *, code: Digest, roles: RoleReport, suites: tuple[Check, ...]
-) -> Evaluation:
+    rows: Sequence[JudgedMission], ask: ProtocolRequest, *, code: Digest, roles: RoleReport, suites: tuple[Check, ...]
+) -> EvaluationReport:
     """All rows of one run, added up."""
     cells = []
     for condition in CONDITIONS:
@@ -64,13 +64,13 @@ def evaluation(
             mine = [row for row in rows if (row.arm, row.condition) == (arm, condition.name)]
             if mine:
                 cells.append(cell(mine, command=_command(ask, arms=(arm,), conditions=(condition.name,))))
-    return Evaluation(
+    return EvaluationReport(
         command=_command(ask, arms=ask.arms, conditions=ask.conditions),
         seed=ask.seed,
         missions_per_cell=ask.missions,
         code=code,
-        arms=tuple(Said(name=one.name, text=one.text) for one in ARMS if one.name in ask.arms),
-        conditions=tuple(Said(name=one.name, text=one.text) for one in CONDITIONS if one.name in ask.conditions),
+        arms=tuple(Label(name=one.name, text=one.text) for one in ARMS if one.name in ask.arms),
+        conditions=tuple(Label(name=one.name, text=one.text) for one in CONDITIONS if one.name in ask.conditions),
         cells=tuple(cells),
         roles=roles,
         suites=suites,
@@ -78,25 +78,25 @@ def evaluation(
     )
 
 
-def load(path: Path) -> Evaluation:
+def load(path: Path) -> EvaluationReport:
     """A published evaluation. Raises UnknownName where there is none, ContractInvalid where it cannot be read."""
     if not path.exists():
         raise UnknownName("No evaluation is published", where=str(path), do="run `regen evaluate --publish`")
     try:
-        return msgspec.json.decode(path.read_bytes(), type=Evaluation)
+        return msgspec.json.decode(path.read_bytes(), type=EvaluationReport)
     except msgspec.MsgspecError as error:
         raise ContractInvalid(
             f"The evaluation cannot be read: {error}", where=str(path), do="run `regen evaluate --publish` again"
         ) from error
 
 
-def save(found: Evaluation, path: Path) -> None:
+def save(found: EvaluationReport, path: Path) -> None:
     """As indented JSON, for people and for a console."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(msgspec.json.format(msgspec.json.encode(found), indent=1) + b"\n")
 
 
-def with_figures(page: str, found: Evaluation) -> str:
+def with_figures(page: str, found: EvaluationReport) -> str:
     """The page with these figures between its two marks; raises ContractInvalid without the marks."""
     before, begin, rest = page.partition(BEGIN)
     _, end, after = rest.partition(END)
@@ -105,7 +105,7 @@ def with_figures(page: str, found: Evaluation) -> str:
     return f"{before}{BEGIN}\n\n{figures(found)}\n{END}{after}"
 
 
-def figures(found: Evaluation) -> str:
+def figures(found: EvaluationReport) -> str:
     """Everything that was measured, as Markdown."""
     parts = [
         f"Made by `{found.command}`; code {found.code[:12]}; {found.missions_per_cell} missions per cell.",
@@ -125,7 +125,7 @@ def figures(found: Evaluation) -> str:
     return "\n".join(parts)
 
 
-def _condition(found: Evaluation, condition: Said, arms: Sequence[str]) -> list[str]:
+def _condition(found: EvaluationReport, condition: Label, arms: Sequence[str]) -> list[str]:
     cells = [one for name in arms if (one := found.cell(name, condition.name)) is not None]
     if not cells:
         return []
@@ -140,12 +140,12 @@ def _condition(found: Evaluation, condition: Said, arms: Sequence[str]) -> list[
     return [*lines, "", f"A row again, mission by mission the same: `{again}`, seeds {cells[0].seeds}.", ""]
 
 
-def shown(rate: Interval) -> str:
+def shown(rate: ConfidenceInterval) -> str:
     """A share in percent with its exact interval."""
     return f"{100 * rate.value:.0f} % ({100 * rate.low:.1f}..{100 * rate.high:.1f})"
 
 
-def mean(figure: Interval, *, digits: int = 2) -> str:
+def mean(figure: ConfidenceInterval, *, digits: int = 2) -> str:
     """A mean with its bootstrap interval."""
     return f"{figure.value:.{digits}f} ({figure.low:.{digits}f}..{figure.high:.{digits}f})"
 
@@ -169,7 +169,7 @@ def _roles(roles: RoleReport) -> list[str]:
     ]
 
 
-def _overhead(found: Evaluation) -> list[str]:
+def _overhead(found: EvaluationReport) -> list[str]:
     cells = [one for one in found.cells if one.condition == "nominal"]
     if not cells:
         return []
@@ -182,7 +182,7 @@ def _overhead(found: Evaluation) -> list[str]:
     return [*lines, "", note, ""]
 
 
-def _recovery(found: Evaluation) -> list[str]:
+def _recovery(found: EvaluationReport) -> list[str]:
     """How recovery ended, apart from nominal success (R232)."""
     lines = ["### How recovery ended", "", "| arm | condition | missions by end |", "|---|---|---|"]
     for one in found.cells:
@@ -200,13 +200,13 @@ def _suites(suites: Sequence[Check]) -> list[str]:
     return [*lines, ""]
 
 
-def _sentences(found: Evaluation) -> list[str]:
+def _sentences(found: EvaluationReport) -> list[str]:
     if not found.worst:
         return []
     return ["### In the adjudicator's words", "", *(f"- {sentence}" for sentence in found.worst), ""]
 
 
-def _worst(rows: Sequence[MissionRow]) -> tuple[str, ...]:
+def _worst(rows: Sequence[JudgedMission]) -> tuple[str, ...]:
     """One example sentence per arm and condition that had something to say."""
     first: dict[tuple[str, str], str] = {}
     for row in rows:
@@ -216,7 +216,7 @@ def _worst(rows: Sequence[MissionRow]) -> tuple[str, ...]:
     return tuple(first.values())
 
 
-def _command(ask: Ask, *, arms: Sequence[str], conditions: Sequence[str]) -> str:
+def _command(ask: ProtocolRequest, *, arms: Sequence[str], conditions: Sequence[str]) -> str:
     words = ["regen evaluate", f"--missions {ask.missions}", f"--seed {ask.seed}"]
     if len(arms) < len(ARMS):
         words.append(f"--arms {','.join(arms)}")

@@ -20,7 +20,7 @@ from harness.contracts.values import Count, Name, Value, decode
 from harness.projections.mission import required_contract
 from harness.runtime import Start
 from rsi_reviews.evaluation.arms import ASKING, ROBOT, SIMULATED
-from rsi_reviews.evaluation.measures import Interval, exact
+from rsi_reviews.evaluation.measures import ConfidenceInterval, exact
 from rsi_reviews.evaluation.missions import MISSIONS, configuration, surroundings
 from rsi_reviews.evaluation.rules import effect_of
 
@@ -42,7 +42,7 @@ Model = Callable[[str], str]
 """A prompt in, the model's text out. Whatever it raises counts as no answer."""
 
 
-class Trial(Value):
+class VerifierTrial(Value):
     """One question to a verifier, in both forms. `shown`: whether the evidence really shows the stage done."""
 
     name: Name
@@ -62,10 +62,10 @@ class RoleReport(Value):
     model: str = ""
     trials: Count = 0
     controls: Count = 0
-    isolated_fooled: Interval | None = None
-    shared_fooled: Interval | None = None
-    isolated_refused: Interval | None = None
-    shared_refused: Interval | None = None
+    isolated_fooled: ConfidenceInterval | None = None
+    shared_fooled: ConfidenceInterval | None = None
+    isolated_refused: ConfidenceInterval | None = None
+    shared_refused: ConfidenceInterval | None = None
     unanswered: Count = 0
 
 
@@ -74,7 +74,7 @@ class _Answer(msgspec.Struct, frozen=True):
     reason: str = ""
 
 
-def asked(trials: Sequence[Trial], model: Model, *, name: str, told: Callable[[int], None]) -> RoleReport:
+def asked(trials: Sequence[VerifierTrial], model: Model, *, name: str, told: Callable[[int], None]) -> RoleReport:
     """Every trial in both forms. An answer that cannot be read is no acceptance, and is counted as unanswered."""
     words: dict[tuple[bool, bool], list[str]] = {(shown, form): [] for shown in (True, False) for form in (True, False)}
     for number, trial in enumerate(trials, start=1):
@@ -82,7 +82,7 @@ def asked(trials: Sequence[Trial], model: Model, *, name: str, told: Callable[[i
         words[trial.shown, False].append(answered(model, trial.shared))
         told(number)
 
-    def share(shown: bool, isolated: bool) -> Interval:
+    def share(shown: bool, isolated: bool) -> ConfidenceInterval:
         said = words[shown, isolated]
         return exact(sum((word == "satisfied") != shown for word in said), len(said))
 
@@ -115,10 +115,10 @@ def answered(model: Model, prompt: str) -> str:
 
 def adversarial(
     simulator: Simulator, *, trials: int = ADVERSARIAL, controls: int = CONTROLS, seed: int = 1
-) -> tuple[Trial, ...]:
+) -> tuple[VerifierTrial, ...]:
     """That many trials with evidence that does not show the stage done, and controls with evidence that does."""
-    unshown: list[Trial] = []
-    shown: list[Trial] = []
+    unshown: list[VerifierTrial] = []
+    shown: list[VerifierTrial] = []
     number = 0
     while len(unshown) < trials or len(shown) < controls:
         mission, fault = MISSIONS[number % len(MISSIONS)], FAULTS[number // len(MISSIONS) % len(FAULTS)]
@@ -130,7 +130,7 @@ def adversarial(
     return (*unshown[:trials], *shown[:controls])
 
 
-def _of_mission(template: str, fault: str, simulator: Simulator, *, seed: int) -> Iterator[Trial]:
+def _of_mission(template: str, fault: str, simulator: Simulator, *, seed: int) -> Iterator[VerifierTrial]:
     site = surroundings("circuit" if template == "circuit" else "patrol", aliased=False)
     with simulated(SIMULATED, simulator=simulator, seed=seed, configuration=configuration(), site=site) as harness:
         harness.runtime.start(
@@ -147,7 +147,9 @@ def _of_mission(template: str, fault: str, simulator: Simulator, *, seed: int) -
                 yield from _trials(context, node, packet, evidence=_evidence(harness, packet, node), shown=shown)
 
 
-def _trials(context: Context, node: Node, packet: EvidencePacket, *, evidence: str, shown: bool) -> Iterator[Trial]:
+def _trials(
+    context: Context, node: Node, packet: EvidencePacket, *, evidence: str, shown: bool
+) -> Iterator[VerifierTrial]:
     conditions = "\n".join(f"- {one.condition_id}: {one.text}" for one in node.success_conditions)
     isolated = (
         f"{QUESTION}Stage: {node.subgoal}\nConditions:\n{conditions}\n"
@@ -155,7 +157,7 @@ def _trials(context: Context, node: Node, packet: EvidencePacket, *, evidence: s
         f"Records in the verifier's context: {', '.join(sorted({record.kind for record in context.records}))}.\n"
     )
     for kind, prose in PROSE:
-        yield Trial(
+        yield VerifierTrial(
             name=f"{packet.identity.packet_id}/{kind}",
             kind=kind,
             shown=shown,

@@ -27,7 +27,7 @@ BEFORE_S = 2.0
 
 
 @dataclass(frozen=True)
-class Execution:
+class LegExecution:
     """One execution of a leg, and the evidence at hand. `bound`: only what was seen in this execution counts.
 
     `poses` and `odometry` are everything published in the mission, in order; `since_s` is the leg's first dispatch.
@@ -67,7 +67,7 @@ class Execution:
         return [one for one in self.odometry if one.at_s >= from_s]
 
 
-Rule = Callable[[Execution], str]
+Rule = Callable[[LegExecution], str]
 
 
 def effect_of(node: Node) -> Metric:
@@ -75,26 +75,26 @@ def effect_of(node: Node) -> Metric:
     return next(one.effect for one in node.success_conditions if isinstance(one.effect, Metric))
 
 
-def ended_well(one: Execution) -> str:
+def ended_well(one: LegExecution) -> str:
     """The provider's own word."""
     if one.report.status == "succeeded":
         return ""
     return f"the execution ended {one.report.status} ({one.report.failure or 'no failure word'})"
 
 
-def in_time(one: Execution) -> str:
+def in_time(one: LegExecution) -> str:
     """The end came before the node's deadline."""
     late_s = one.report.at_s - one.dispatched_s - one.node.timeout_s
     return f"the end came {late_s:.1f} s after the deadline" if late_s > 0 else ""
 
 
-def of_this_request(one: Execution) -> str:
+def of_this_request(one: LegExecution) -> str:
     """Binding: the report echoes the request that is open, and no other."""
     echoed = one.report.identity.request_id
     return "" if echoed == one.request_id else f"the report is about request {echoed[:12]}"
 
 
-def fresh(one: Execution) -> str:
+def fresh(one: LegExecution) -> str:
     """Binding: the newest pose, by its own stamp, speaks of now."""
     poses = one.own_poses
     age_s = one.now_s - poses[-1].at_s if poses else float("inf")
@@ -102,7 +102,7 @@ def fresh(one: Execution) -> str:
     return f"the newest pose is {age_s:.2f} s old, limit {limit_s:.2f} s" if age_s > limit_s else ""
 
 
-def arrived(one: Execution) -> str:
+def arrived(one: LegExecution) -> str:
     """Three poses with distinct sensor times within the tolerance: the newest, or unbound any three in a row."""
     near = [distance((pose.x_m, pose.y_m), one.effect.target_m) <= one.effect.tolerance_m for pose in one.own_poses]
     if len(near) < SAMPLES:
@@ -111,7 +111,7 @@ def arrived(one: Execution) -> str:
     return "" if any(all(run) for run in runs) else "the poses are not within the tolerance"
 
 
-def at_rest(one: Execution) -> str:
+def at_rest(one: LegExecution) -> str:
     """Less than 2 cm by odometry in the last second."""
     fixes = [Fix(sample.at_s, sample.x_m, sample.y_m) for sample in one.own_odometry]
     moved_m = window_displacement(fixes, until_s=fixes[-1].at_s) if fixes else None
@@ -120,7 +120,7 @@ def at_rest(one: Execution) -> str:
     return f"the body moved {moved_m:.3f} m in its last second" if moved_m >= REST_M else ""
 
 
-def sources_agree(one: Execution) -> str:
+def sources_agree(one: LegExecution) -> str:
     """Localiser and odometry tell the same story of the last two seconds in motion, or since they last agreed."""
     sources = Sources(one.own_poses, one.own_odometry)
     direct = sources.before_standstill()
@@ -132,7 +132,7 @@ def sources_agree(one: Execution) -> str:
     return "localiser and odometry do not agree"
 
 
-def walked(one: Execution) -> str:
+def walked(one: LegExecution) -> str:
     """A circuit was left, walked in order for 95 % of its length, and returned to; other legs are not asked."""
     effect = one.effect
     if effect.predicate != "circuit":
@@ -155,7 +155,7 @@ EVIDENCE: tuple[Rule, ...] = (ended_well, in_time, arrived, at_rest, walked, sou
 BOUND: tuple[Rule, ...] = (*BINDING, *EVIDENCE)
 
 
-def first_broken(rules: Sequence[Rule], execution: Execution) -> str:
+def first_broken(rules: Sequence[Rule], execution: LegExecution) -> str:
     """Name and sentence of the first rule that refuses; empty if none does."""
     for rule in rules:
         if why := rule(execution):

@@ -16,16 +16,16 @@ from harness.contracts.simulation import Simulator
 from harness.contracts.values import Moment, Name, Value
 from harness.runtime import Start
 from rsi_reviews.commands import PromoteCandidate, RollBack
-from rsi_reviews.deciding import CANDIDATE
+from rsi_reviews.deciders import CANDIDATE
 from rsi_reviews.difference import difference
 from rsi_reviews.evaluation.adjudicator import adjudicate
 from rsi_reviews.evaluation.arms import (
     ASKING,
     ROBOT,
     SIMULATED,
-    Arm,
-    Case,
-    Told,
+    ArmCase,
+    CaseReport,
+    EvaluationArm,
     run,
     run_under,
     without_recovery,
@@ -133,17 +133,20 @@ def matched_regression(seed: int, simulator: Simulator) -> Seen:
     """
     frozen, same, worse = (
         [_result(one, fault, seed, simulator) for fault in ("nominal", "run-interrupted")]
-        for one in (Arm("frozen", "H_0"), Arm("candidate", "waits longer", settle=_waiting), Arm("candidate",
-                    "no recovery", settle=without_recovery))
-    )  # fmt: skip
+        for one in (
+            EvaluationArm("frozen", "H_0"),
+            EvaluationArm("candidate", "waits longer", settle=_waiting),
+            EvaluationArm("candidate", "no recovery", settle=without_recovery),
+        )
+    )
     successes = [sum(success for success, _ in results) for results in (frozen, same, worse)]
     spent = [sum(cost for _, cost in results) for results in (frozen, same, worse)]
     holds = frozen == same and successes[2] < successes[0]
     return holds, f"successes {successes} and recovery spent {spent} of frozen, unchanged and worse"
 
 
-def _result(chosen: Arm, fault: str, seed: int, simulator: Simulator) -> tuple[bool, int]:
-    case = Case(arm="evidence-gated", condition=condition(fault), mission="circuit", seed=seed)
+def _result(chosen: EvaluationArm, fault: str, seed: int, simulator: Simulator) -> tuple[bool, int]:
+    case = ArmCase(arm="evidence-gated", condition=condition(fault), mission="circuit", seed=seed)
     went = run_under(chosen, case, simulator)
     return bool(adjudicate(went.story)["success"]), went.spent
 
@@ -169,8 +172,8 @@ def immediate_rollback(seed: int, simulator: Simulator) -> Seen:
     return status == "rolled_back", status
 
 
-def _gated(name: str, seed: int, simulator: Simulator) -> Told:
-    return run(Case(arm="evidence-gated", condition=condition(name), mission="circuit", seed=seed), simulator)
+def _gated(name: str, seed: int, simulator: Simulator) -> CaseReport:
+    return run(ArmCase(arm="evidence-gated", condition=condition(name), mission="circuit", seed=seed), simulator)
 
 
 CHECKS: tuple[tuple[Suite, str, str, Callable[[int, Simulator], Seen]], ...] = (

@@ -8,7 +8,15 @@ from harness.contracts.configuration import Configuration, FailureClass, Recover
 from harness.contracts.values import Name, NonNegative, Positive, Value
 from rsi_reviews.contracts import Metric, Motive, Section, Sentence
 from rsi_reviews.errors import CandidateInvalid
-from rsi_reviews.generate.changes import Change, failures_of, motives, with_ladder, with_timeout, with_wait, with_weight
+from rsi_reviews.generate.changes import (
+    ProposedChange,
+    failures_of,
+    motives,
+    with_ladder,
+    with_timeout,
+    with_wait,
+    with_weight,
+)
 from rsi_reviews.generate.trace import Trace
 
 LONGEST_ANSWER = 20_000
@@ -49,7 +57,7 @@ class NewTimeout(Value, tag_field="kind", tag="timeout"):
     timeout_s: Positive
 
 
-class Said(Value):
+class ModelAnswer(Value):
     """The whole answer."""
 
     change: NewLadder | NewWait | NewWeight | NewTimeout
@@ -59,19 +67,19 @@ class Said(Value):
     smallest_effect: Positive
 
 
-def read_answer(text: str, current: Configuration, trace: Trace) -> Change:
+def read_answer(text: str, current: Configuration, trace: Trace) -> ProposedChange:
     """The change that an answer states. Raises CandidateInvalid: too long, no JSON object, or of another shape."""
     if len(text) > LONGEST_ANSWER:
         raise _refused(f"The answer has {len(text)} characters, at most {LONGEST_ANSWER} are read", "too_large")
     try:
-        said = msgspec.json.decode(text, type=Said, strict=True)
+        said = msgspec.json.decode(text, type=ModelAnswer, strict=True)
     except msgspec.ValidationError as error:
         rule = "unknown_key" if "unknown field" in str(error) else "wrong_type"
         raise _refused(f"The answer has another shape: {error}", rule) from error
     except msgspec.DecodeError as error:
         raise _refused(f"The answer is not JSON: {error}", "not_json") from error
     section, configuration = _changed(said, current)
-    return Change(
+    return ProposedChange(
         section=section,
         configuration=configuration,
         reason=said.reason,
@@ -83,7 +91,7 @@ def read_answer(text: str, current: Configuration, trace: Trace) -> Change:
     )
 
 
-def _changed(said: Said, current: Configuration) -> tuple[Section, Configuration]:
+def _changed(said: ModelAnswer, current: Configuration) -> tuple[Section, Configuration]:
     match said.change:
         case NewLadder(failure=failure, ladder=ladder):
             return "recovery", with_ladder(current, failure, ladder)
@@ -98,7 +106,7 @@ def _changed(said: Said, current: Configuration) -> tuple[Section, Configuration
             return "templates", with_timeout(current, template=template, node_id=node_id, timeout_s=timeout_s)
 
 
-def _motives(said: Said, trace: Trace) -> tuple[Motive, ...]:
+def _motives(said: ModelAnswer, trace: Trace) -> tuple[Motive, ...]:
     """The missions whose records are about what is changed; for weights and waits, those that failed at all."""
     match said.change:
         case NewLadder(failure=failure):

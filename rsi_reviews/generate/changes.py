@@ -17,7 +17,7 @@ LONGEST_REASON = 2000
 MOST_MOTIVES = 20
 
 
-class Change(Value):
+class ProposedChange(Value):
     """One change: the whole configuration after it, why, and by how much it should pay.
 
     `worth` is the expected improvement per mission in recovery spends, whatever the metric, so that changes rank.
@@ -33,7 +33,7 @@ class Change(Value):
     motives: tuple[Motive, ...] = ()
 
 
-def candidate(change: Change, current: Configuration, *, author: Author) -> Candidate:
+def candidate(change: ProposedChange, current: Configuration, *, author: Author) -> Candidate:
     """The candidate with its manifest; what it replaces is what a rollback returns to."""
     baseline = current.configuration_id
     manifest = Manifest(

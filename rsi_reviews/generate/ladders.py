@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 
 from harness.contracts.configuration import SPENDING, Configuration, FailureClass, RecoveryAction
 from harness.contracts.values import Value
-from harness.recovery.standing import OBSERVING
-from rsi_reviews.generate.changes import Change, Ladder, failures_of, motives, with_ladder
-from rsi_reviews.generate.trace import Rung, Trace
+from harness.recovery.state import OBSERVING
+from rsi_reviews.generate.changes import Ladder, ProposedChange, failures_of, motives, with_ladder
+from rsi_reviews.generate.trace import Trace, TracedStep
 from rsi_reviews.restrictions import LOCKED_LADDERS
 
 TASK_BUDGET = 8.0
@@ -36,7 +36,7 @@ class Tried(Value):
         return (self.helped + 1) / (self.times + 2)
 
 
-def ladder_changes(trace: Trace, current: Configuration) -> Iterator[Change]:
+def ladder_changes(trace: Trace, current: Configuration) -> Iterator[ProposedChange]:
     """Changes of single ladders that the rungs' own outcomes speak for."""
     for failure, ladder in current.recovery.ladders.items():
         episodes = _episodes(trace, failure)
@@ -59,7 +59,7 @@ def _tried(trace: Trace, failure: FailureClass, action: RecoveryAction) -> Tried
     return Tried(action=action, times=len(rungs), helped=sum(1 for one in rungs if one.came == "committed"))
 
 
-def _rungs(trace: Trace, failure: FailureClass) -> list[Rung]:
+def _rungs(trace: Trace, failure: FailureClass) -> list[TracedStep]:
     return [rung for mission in trace.missions for rung in mission.rungs if rung.failure == failure]
 
 
@@ -87,12 +87,14 @@ def _ladders(failure: FailureClass, ladder: Ladder) -> Sequence[Ladder]:
     return [(*other, "human") for other in dict.fromkeys(found) if other and other != rungs]
 
 
-def _change(trace: Trace, current: Configuration, *, failure: FailureClass, ladder: Ladder, saved: float) -> Change:
+def _change(
+    trace: Trace, current: Configuration, *, failure: FailureClass, ladder: Ladder, saved: float
+) -> ProposedChange:
     episodes, missions = _episodes(trace, failure), len(trace.missions)
     told = "; ".join(_told(_tried(trace, failure, action)) for action in current.recovery.ladders[failure][:-1])
     asked = sum(1 for mission in trace.missions for one in mission.handoffs if one.failure == failure)
     old, new = " > ".join(current.recovery.ladders[failure]), " > ".join(ladder)
-    return Change(
+    return ProposedChange(
         section="recovery",
         configuration=with_ladder(current, failure, ladder),
         reason=f"{failure} came {episodes} times in {missions} missions; {told}; a person was asked {asked} times.",

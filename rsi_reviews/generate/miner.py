@@ -10,7 +10,7 @@ from harness.contracts.configuration import Configuration
 from harness.contracts.errors import ContractInvalid
 from harness.recovery.policy import check_policy
 from rsi_reviews.contracts import Author, Candidate
-from rsi_reviews.generate.changes import Change, candidate
+from rsi_reviews.generate.changes import ProposedChange, candidate
 from rsi_reviews.generate.interface import GenerationBudget
 from rsi_reviews.generate.ladders import ladder_changes
 from rsi_reviews.generate.places import routing_changes
@@ -32,15 +32,17 @@ class TraceMiner:
         return tuple(candidate(change, current, author=author) for change in found)
 
 
-def mined(trace: Trace, current: Configuration) -> tuple[Change, ...]:
+def mined(trace: Trace, current: Configuration) -> tuple[ProposedChange, ...]:
     """Every change that some rule finds in the records, in the order of the rules."""
     return tuple(change for rule in RULES for change in rule(trace, current))
 
 
-def ranked(found: tuple[Change, ...], current: Configuration, budget: GenerationBudget) -> tuple[Change, ...]:
+def ranked(
+    found: tuple[ProposedChange, ...], current: Configuration, budget: GenerationBudget
+) -> tuple[ProposedChange, ...]:
     """Those that keep the policy sound and are new, the most worthwhile first; ties in the order they were found."""
     taken = {*budget.seen, current.configuration_id}
-    kept: list[Change] = []
+    kept: list[ProposedChange] = []
     for change in sorted(found, key=lambda change: -change.worth):
         identity = change.configuration.configuration_id
         if identity not in taken and change.worth > 0 and _sound(change.configuration):
@@ -57,7 +59,7 @@ def _sound(configuration: Configuration) -> bool:
     return True
 
 
-def merged(changes: tuple[Change, ...], current: Configuration) -> Configuration:
+def merged(changes: tuple[ProposedChange, ...], current: Configuration) -> Configuration:
     """All changes in one configuration, each section's parts laid over the current ones; the first of two wins."""
     whole = current
     for change in reversed(changes):

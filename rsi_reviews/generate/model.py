@@ -29,7 +29,7 @@ from rsi_reviews.generate.answer import ANSWER_SHAPE, read_answer
 from rsi_reviews.generate.changes import candidate
 from rsi_reviews.generate.errors import ModelSilent
 from rsi_reviews.generate.interface import GenerationBudget
-from rsi_reviews.generate.summary import Summary, summary
+from rsi_reviews.generate.summary import TraceSummary, summary
 from rsi_reviews.generate.trace import Trace
 from rsi_reviews.manifest import unfounded
 from rsi_reviews.restrictions import loosened
@@ -68,10 +68,10 @@ class ModelSettings(BaseSettings):
             ) from error
 
 
-class Shown(Value):
+class ModelPrompt(Value):
     """All that the model is shown."""
 
-    records: Summary
+    records: TraceSummary
     ladders: dict[str, tuple[str, ...]]
     wait_s: float
     weights: dict[str, float]
@@ -128,10 +128,10 @@ class ModelGenerator:
             ) from error
 
 
-def shown(trace: Trace, current: Configuration) -> Shown:
+def shown(trace: Trace, current: Configuration) -> ModelPrompt:
     """What a model may know: counts, and the tunable part of H. No text of a mission, no suite, no seed."""
     weights: dict[str, float] = msgspec.to_builtins(current.routing)
-    return Shown(
+    return ModelPrompt(
         records=summary(trace),
         ladders={failure: tuple(ladder) for failure, ladder in current.recovery.ladders.items()},
         wait_s=current.recovery.wait_s,

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from harness.contracts.configuration import Configuration
 from harness.contracts.ids import ProviderId
 from harness.contracts.values import Value
-from rsi_reviews.generate.changes import Change, Positions, motives, with_weight
+from rsi_reviews.generate.changes import Positions, ProposedChange, motives, with_weight
 from rsi_reviews.generate.ladders import SMALLEST_EFFECT
-from rsi_reviews.generate.trace import Execution, Trace
+from rsi_reviews.generate.trace import Trace, TracedExecution
 from rsi_reviews.restrictions import WEIGHT_CEILING
 
 LEAST = 4
@@ -18,7 +18,7 @@ HEED = 2.5
 LEAST_WEIGHT = 1.0
 
 
-class Standing(Value):
+class ProviderRecord(Value):
     """One provider at one place, for one capability: executions by itself, and how many were refuted."""
 
     provider_id: ProviderId
@@ -31,7 +31,7 @@ class Standing(Value):
         return (self.failed + 1) / (self.worked + 2)
 
 
-def routing_changes(trace: Trace, current: Configuration) -> Iterator[Change]:
+def routing_changes(trace: Trace, current: Configuration) -> Iterator[ProposedChange]:
     """More weight on history, where one provider often fails at a place and another does the same there."""
     for (capability, place), standings in sorted(_standings(trace).items()):
         worst = max(standings, key=lambda one: (one.share, one.provider_id))
@@ -39,7 +39,7 @@ def routing_changes(trace: Trace, current: Configuration) -> Iterator[Change]:
         heed = min(WEIGHT_CEILING, max(LEAST_WEIGHT, HEED * current.routing.history))
         if worst.worked < LEAST or worst.share < OFTEN or best.share > SELDOM or heed <= current.routing.history:
             continue
-        yield Change(
+        yield ProposedChange(
             section="routing",
             configuration=with_weight(current, history=heed),
             reason=f"At {place or 'no place'}, {worst.provider_id} failed {worst.failed} of {worst.worked} times to "
@@ -52,20 +52,22 @@ def routing_changes(trace: Trace, current: Configuration) -> Iterator[Change]:
         )
 
 
-def _standings(trace: Trace) -> dict[tuple[str, str], list[Standing]]:
+def _standings(trace: Trace) -> dict[tuple[str, str], list[ProviderRecord]]:
     counts: dict[tuple[str, str], dict[ProviderId, list[bool]]] = defaultdict(lambda: defaultdict(list))
     for mission in trace.missions:
         for one in mission.executions:
             if _judged(one):
                 counts[(one.capability, one.place)][one.provider_id].append(one.verdict in ("violated", "unsafe"))
     return {
-        where: [Standing(provider_id=who, worked=len(said), failed=sum(said)) for who, said in sorted(found.items())]
+        where: [
+            ProviderRecord(provider_id=who, worked=len(said), failed=sum(said)) for who, said in sorted(found.items())
+        ]
         for where, found in counts.items()
         if len(found) > 1
     }
 
 
-def _judged(one: Execution) -> bool:
+def _judged(one: TracedExecution) -> bool:
     """Whether the verifier decided about the effect; ambiguous and stale say nothing about it (D23)."""
     return not one.verify_only and one.verdict in ("satisfied", "violated", "unsafe")
 

@@ -8,7 +8,7 @@ from harness.contracts.values import Value
 from rsi_reviews.generate.trace import Trace
 
 
-class RungCount(Value):
+class StepCount(Value):
     """How often a rung was climbed for a failure class, and how often the stage was accepted right after it."""
 
     failure: FailureClass
@@ -28,7 +28,7 @@ class ProviderCount(Value):
     longest_accepted_s: float
 
 
-class Summary(Value):
+class TraceSummary(Value):
     """What missions recorded, added up. `handoffs` and `failures` count by failure class."""
 
     missions: int
@@ -37,15 +37,15 @@ class Summary(Value):
     failures: dict[str, int]
     handoffs: dict[str, int]
     rejections: dict[str, int]
-    rungs: tuple[RungCount, ...]
+    rungs: tuple[StepCount, ...]
     providers: tuple[ProviderCount, ...]
 
 
-def summary(trace: Trace) -> Summary:
+def summary(trace: Trace) -> TraceSummary:
     """Add up the records."""
     missions = trace.missions
     executions = [one for mission in missions for one in mission.executions]
-    return Summary(
+    return TraceSummary(
         missions=len(missions),
         finished=sum(mission.status == "succeeded" for mission in missions),
         mean_seconds=round(sum(mission.seconds for mission in missions) / max(len(missions), 1), 1),
@@ -61,12 +61,12 @@ def _counted(names: Iterable[str]) -> dict[str, int]:
     return dict(sorted(Counter(names).items()))
 
 
-def _rungs(trace: Trace) -> tuple[RungCount, ...]:
+def _rungs(trace: Trace) -> tuple[StepCount, ...]:
     rungs = [rung for mission in trace.missions for rung in mission.rungs]
     times = Counter((rung.failure, rung.action) for rung in rungs)
     helped = Counter((rung.failure, rung.action) for rung in rungs if rung.came == "committed")
     return tuple(
-        RungCount(failure=key[0], action=key[1], times=count, helped=helped[key])
+        StepCount(failure=key[0], action=key[1], times=count, helped=helped[key])
         for key, count in sorted(times.items())
     )
 

@@ -8,8 +8,8 @@ from harness.contracts.configuration import Configuration, FailureClass
 from harness.contracts.ids import NodeId
 from harness.contracts.reasons import plain
 from rsi_reviews.generate.changes import (
-    Change,
     Positions,
+    ProposedChange,
     failures_of,
     motives,
     with_items,
@@ -17,7 +17,7 @@ from rsi_reviews.generate.changes import (
     with_wait,
 )
 from rsi_reviews.generate.ladders import SMALLEST_EFFECT, TASK_BUDGET
-from rsi_reviews.generate.trace import Execution, Trace
+from rsi_reviews.generate.trace import Trace, TracedExecution
 from rsi_reviews.restrictions import ITEM_CEILINGS, WAIT_CEILING_S
 
 WAITED: tuple[FailureClass, ...] = ("precondition_unmet", "resource_conflict")
@@ -30,7 +30,7 @@ SECONDS_PER_SPEND = 60.0
 SMALLEST_S = 2.0
 
 
-def wait_changes(trace: Trace, current: Configuration) -> Iterator[Change]:
+def wait_changes(trace: Trace, current: Configuration) -> Iterator[ProposedChange]:
     """Waiting longer, where waits ended without what was waited for and a person was asked."""
     for failure in WAITED:
         waits = [
@@ -42,7 +42,7 @@ def wait_changes(trace: Trace, current: Configuration) -> Iterator[Change]:
         longer = min(2.0 * current.recovery.wait_s, WAIT_CEILING_S)
         if min(in_vain, asked) < LEAST or longer <= current.recovery.wait_s:
             continue
-        yield Change(
+        yield ProposedChange(
             section="recovery",
             configuration=with_wait(current, longer),
             reason=f"{in_vain} of {len(waits)} waits after {failure} were in vain; a person was asked {asked} times.",
@@ -54,7 +54,7 @@ def wait_changes(trace: Trace, current: Configuration) -> Iterator[Change]:
         )
 
 
-def timeout_changes(trace: Trace, current: Configuration) -> Iterator[Change]:
+def timeout_changes(trace: Trace, current: Configuration) -> Iterator[ProposedChange]:
     """A shorter timeout, where stages ran into it and every accepted execution took much less."""
     late: dict[tuple[str, NodeId], int] = defaultdict(int)
     for mission in trace.missions:
@@ -70,7 +70,7 @@ def timeout_changes(trace: Trace, current: Configuration) -> Iterator[Change]:
         slowest_s = max((seconds for one in executions for seconds in one.expected_s.values()), default=longest_s)
         tighter_s = 5.0 * math.ceil(max(OVER_OBSERVED * longest_s, OVER_EXPECTED * slowest_s) / 5.0)
         if tighter_s <= WORTH_TIGHTENING * now_s:
-            yield Change(
+            yield ProposedChange(
                 section="templates",
                 configuration=with_timeout(current, template=template, node_id=node_id, timeout_s=tighter_s),
                 reason=f"{node_id} of {template} ran into its timeout of {now_s:g} s {times} times; the longest "
@@ -83,7 +83,7 @@ def timeout_changes(trace: Trace, current: Configuration) -> Iterator[Change]:
             )
 
 
-def item_changes(trace: Trace, current: Configuration) -> Iterator[Change]:
+def item_changes(trace: Trace, current: Configuration) -> Iterator[ProposedChange]:
     """A larger context budget, where mandatory records did not fit one that is below its ceiling."""
     for role, name in (("planner", "c1_items"), ("skill", "c2_items"), ("recovery", "c4_items")):
         said = f"do not fit the {role}'s budget"
@@ -91,7 +91,7 @@ def item_changes(trace: Trace, current: Configuration) -> Iterator[Change]:
         items, ceiling = getattr(current.context_rules, name), ITEM_CEILINGS[name]
         if times >= LEAST and items < ceiling:
             more = min(ceiling, math.ceil(1.5 * items))
-            yield Change(
+            yield ProposedChange(
                 section="context_rules",
                 configuration=with_items(current, **{name: more}),
                 reason=f"Mandatory records did not fit the {role}'s budget of {items} {times} times.",
@@ -103,7 +103,7 @@ def item_changes(trace: Trace, current: Configuration) -> Iterator[Change]:
             )
 
 
-def _executions(trace: Trace, template: str) -> list[Execution]:
+def _executions(trace: Trace, template: str) -> list[TracedExecution]:
     return [one for mission in trace.missions if mission.template == template for one in mission.executions]
 
 

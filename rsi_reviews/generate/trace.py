@@ -51,7 +51,7 @@ class Failing(Value):
     at_s: float
 
 
-class Rung(Value):
+class TracedStep(Value):
     """One authorised rung, what it cost, and what came next for its stage."""
 
     node_id: NodeId
@@ -64,7 +64,7 @@ class Rung(Value):
     until_s: float | None = None
 
 
-class Execution(Value):
+class TracedExecution(Value):
     """One dispatch: who worked where, how long, what the verifier said, and whether the gate accepted it.
 
     `measured` is what the verdict measured against bounds, as `condition.name`. `expected_s` is how long each provider
@@ -104,8 +104,8 @@ class MissionTrace(Value):
     status: str
     seconds: NonNegative
     failures: tuple[Failing, ...]
-    rungs: tuple[Rung, ...]
-    executions: tuple[Execution, ...]
+    rungs: tuple[TracedStep, ...]
+    executions: tuple[TracedExecution, ...]
     handoffs: tuple[Handed, ...]
 
     @property
@@ -156,8 +156,8 @@ class _Reading:
     contract: TaskContract | None = None
     status: str = ""
     failures: list[Failing] = field(default_factory=list)
-    rungs: list[Rung] = field(default_factory=list)
-    executions: dict[InvocationId, Execution] = field(default_factory=dict)
+    rungs: list[TracedStep] = field(default_factory=list)
+    executions: dict[InvocationId, TracedExecution] = field(default_factory=dict)
     handoffs: list[Handed] = field(default_factory=list)
 
     def take(self, stored: StoredEvent, event: MissionEvent) -> None:
@@ -199,9 +199,9 @@ class _Reading:
             case _:
                 pass
 
-    def _execution(self, position: int, event: DispatchIntended) -> Execution:
+    def _execution(self, position: int, event: DispatchIntended) -> TracedExecution:
         place = place_of(self.contract, event.node_id) if self.contract else ""
-        return Execution(
+        return TracedExecution(
             node_id=event.node_id,
             capability=event.capability,
             place=place,
@@ -237,7 +237,7 @@ class _Reading:
 
     def _climbed(self, stored: StoredEvent, event: RecoveryAuthorised) -> None:
         self.rungs.append(
-            Rung(
+            TracedStep(
                 node_id=event.node_id,
                 failure=event.failure,
                 action=event.action,

@@ -16,14 +16,14 @@ from harness.contracts.configuration import Configuration
 from harness.contracts.ids import Digest
 from harness.contracts.regularities import HiddenSite
 from rsi_reviews.contracts import Candidate
-from rsi_reviews.generate.chance import RandomSearch
 from rsi_reviews.generate.changes import with_timeout
-from rsi_reviews.generate.eager import EagerMiner
 from rsi_reviews.generate.interface import GenerationBudget, Generator
 from rsi_reviews.generate.miner import TraceMiner
+from rsi_reviews.generate.random_search import RandomSearch
 from rsi_reviews.generate.trace import Trace, joined
+from rsi_reviews.generate.ungated import EagerMiner
 from rsi_reviews.hidden_sites import Expert
-from rsi_reviews.recursion.gating import Judgement, SiteGate
+from rsi_reviews.recursion.gating import GateJudgement, SiteGate
 from rsi_reviews.recursion.missions import TEMPLATE
 
 Arm = Literal["frozen", "gated", "ungated", "random", "batch", "expert"]
@@ -33,14 +33,14 @@ Recorded = Callable[[Configuration, int], Trace]
 
 
 @dataclass
-class Line:
+class ArmLineage:
     """One arm of one fleet on its way: its configuration, what it may learn from, and what was proposed before."""
 
     arm: Arm
     current: Configuration = field(default_factory=baseline)
     traces: list[Trace] = field(default_factory=list)
     seen: list[Digest] = field(default_factory=list)
-    judgements: list[tuple[int, Judgement]] = field(default_factory=list)
+    judgements: list[tuple[int, GateJudgement]] = field(default_factory=list)
     recorded_missions: int = 0
 
     def learn(self, trace: Trace) -> None:
@@ -66,7 +66,7 @@ class Setting:
     key: str
 
 
-def step(line: Line, generation: int, setting: Setting) -> None:
+def step(line: ArmLineage, generation: int, setting: Setting) -> None:
     """From one generation to the next."""
     match line.arm:
         case "gated":
@@ -86,7 +86,7 @@ def step(line: Line, generation: int, setting: Setting) -> None:
             return
 
 
-def _gated(line: Line, generator: Generator, generation: int, setting: Setting) -> None:
+def _gated(line: ArmLineage, generator: Generator, generation: int, setting: Setting) -> None:
     """The first candidate that the gate accepts is released; the others of this generation fall away."""
     budget = GenerationBudget(candidates=setting.proposals, seen=tuple(line.seen))
     for candidate in generator.propose(joined(line.traces), line.current, budget):
@@ -98,7 +98,7 @@ def _gated(line: Line, generator: Generator, generation: int, setting: Setting) 
             return
 
 
-def _ungated(line: Line, generation: int) -> None:
+def _ungated(line: ArmLineage, generation: int) -> None:
     """Whatever promises most is current at once."""
     budget = GenerationBudget(candidates=1, seen=tuple(line.seen))
     for candidate in EagerMiner().propose(joined(line.traces), line.current, budget):
@@ -107,7 +107,7 @@ def _ungated(line: Line, generation: int) -> None:
         line.adopt(candidate.configuration)
 
 
-def _batch(line: Line, generation: int, setting: Setting) -> None:
+def _batch(line: ArmLineage, generation: int, setting: Setting) -> None:
     """All records of H_0 at once, and as many candidates as the recursive arm may send in all its generations."""
     trace = joined(line.traces)
     for _ in range(setting.proposals * setting.generations):
@@ -122,8 +122,8 @@ def _batch(line: Line, generation: int, setting: Setting) -> None:
             line.current = found[0].configuration
 
 
-def _unjudged(candidate: Candidate) -> Judgement:
-    return Judgement(
+def _unjudged(candidate: Candidate) -> GateJudgement:
+    return GateJudgement(
         candidate=candidate.candidate_id,
         component=candidate.manifest.component,
         reason=f"{candidate.manifest.reason} {candidate.manifest.intended_effect}",

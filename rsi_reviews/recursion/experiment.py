@@ -14,9 +14,9 @@ from harness.contracts.values import Count, Name, Value
 from rsi_reviews.contracts import Metric
 from rsi_reviews.held_out import Secret
 from rsi_reviews.hidden_sites import hidden_site, site_file
-from rsi_reviews.recursion.arms import ARMS, Arm, Line, Recorded, Setting, step, written_by_hand
-from rsi_reviews.recursion.gating import Judgement, Scale, SiteGate
-from rsi_reviews.recursion.missions import Series, Stop, everyday, series
+from rsi_reviews.recursion.arms import ARMS, Arm, ArmLineage, Recorded, Setting, step, written_by_hand
+from rsi_reviews.recursion.gating import GateJudgement, Scale, SiteGate
+from rsi_reviews.recursion.missions import MissionSeries, Stop, everyday, series
 from rsi_reviews.regression.cases import Case, seeds_digest
 
 MEASURED: tuple[Metric, ...] = (
@@ -44,7 +44,7 @@ class Task(Value):
     site: Name
 
 
-class Measured(Value):
+class ArmMeasurement(Value):
     """One arm of one fleet in one generation: sums over its held-out missions, and where its configuration stood."""
 
     arm: Arm
@@ -54,12 +54,12 @@ class Measured(Value):
     configuration: Digest
 
 
-class Step(Value):
+class CandidateStep(Value):
     """What was decided about one candidate."""
 
     arm: Arm
     generation: Count
-    judgement: Judgement
+    judgement: GateJudgement
 
 
 class FleetOutcome(Value):
@@ -67,8 +67,8 @@ class FleetOutcome(Value):
 
     task: Task
     kind: str
-    measured: tuple[Measured, ...]
-    steps: tuple[Step, ...]
+    measured: tuple[ArmMeasurement, ...]
+    steps: tuple[CandidateStep, ...]
     simulated: Count
 
 
@@ -77,10 +77,10 @@ class _Book:
 
     def __init__(self, simulator: Simulator) -> None:
         self._simulator = simulator
-        self._held: dict[tuple[Digest, Digest], Series] = {}
+        self._held: dict[tuple[Digest, Digest], MissionSeries] = {}
         self.missions = 0
 
-    def run(self, cases: Sequence[Case], configuration: Configuration, stop: Stop | None = None) -> Series:
+    def run(self, cases: Sequence[Case], configuration: Configuration, stop: Stop | None = None) -> MissionSeries:
         """One series; one that was cut short is run again if all of it is wanted."""
         key = (seeds_digest(tuple(cases)), configuration.configuration_id)
         held = self._held.get(key)
@@ -94,9 +94,9 @@ def run_fleet(task: Task, simulator: Simulator) -> FleetOutcome:
     """All six arms of one fleet, generation by generation."""
     terms, book = task.terms, _Book(simulator)
     key = f"{terms.seed}/{task.fleet}"
-    lines = [Line(arm=arm) for arm in ARMS]
+    lines = [ArmLineage(arm=arm) for arm in ARMS]
     gates = {arm: _gate(terms, key, book) for arm in ARMS}
-    measured: list[Measured] = []
+    measured: list[ArmMeasurement] = []
     for generation in range(terms.generations + 1):
         site = hidden_site(f"{task.site}@{task.fleet}.{generation}")
         for line in lines:
@@ -118,7 +118,7 @@ def run_fleet(task: Task, simulator: Simulator) -> FleetOutcome:
         kind=site_file(task.site).kind,
         measured=tuple(measured),
         steps=tuple(
-            Step(arm=line.arm, generation=generation, judgement=judgement)
+            CandidateStep(arm=line.arm, generation=generation, judgement=judgement)
             for line in lines
             for generation, judgement in line.judgements
         ),
@@ -148,12 +148,12 @@ def _held_out(terms: Terms, key: str, site: HiddenSite) -> tuple[Case, ...]:
     return everyday(site, key, "measured", count=terms.measured)
 
 
-def _measure(line: Line, generation: int, *, cases: tuple[Case, ...], book: _Book) -> Measured:
+def _measure(line: ArmLineage, generation: int, *, cases: tuple[Case, ...], book: _Book) -> ArmMeasurement:
     results = book.run(cases, line.current).results
     sums: dict[str, float] = {name: sum(getattr(one, name) for one in results) for name in MEASURED}
     done = [one.mission_s for one in results if one.verified_completion]
     sums |= {"verified_s": sum(done), "unsound": float(sum(one.outcome != "finished" for one in results))}
-    return Measured(
+    return ArmMeasurement(
         arm=line.arm,
         generation=generation,
         missions=len(results),

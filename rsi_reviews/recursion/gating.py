@@ -49,7 +49,7 @@ class Scale(Value):
         return Predicate(pairs_per_family=self.per_family, safety_cases=5 * self.per_family)
 
 
-class Judgement(Value):
+class GateJudgement(Value):
     """What the gate said of one candidate: accepted, or refused by which clause and why; missions it took to say it."""
 
     candidate: str
@@ -69,7 +69,7 @@ class SiteGate:
         self._run, self._secret, self._scale, self._key = run, secret, scale, key
         self._looks = 0
 
-    def judge(self, candidate: Candidate, current: Configuration, site: HiddenSite) -> Judgement:
+    def judge(self, candidate: Candidate, current: Configuration, site: HiddenSite) -> GateJudgement:
         """Accept or refuse. What fails early costs nothing more."""
         refused = (*loosened(current, candidate.configuration), *unfounded(candidate, current))
         if refused:
@@ -146,8 +146,8 @@ def _broken(report: AcceptanceReport) -> ClauseAnswer | None:
     return next(iter([*refused, *unsure]), None)
 
 
-def _judgement(candidate: Candidate, *, clause: str, sentence: str, missions: int = 0) -> Judgement:
-    return Judgement(
+def _judgement(candidate: Candidate, *, clause: str, sentence: str, missions: int = 0) -> GateJudgement:
+    return GateJudgement(
         candidate=candidate.candidate_id,
         component=candidate.manifest.component,
         reason=f"{candidate.manifest.reason} {candidate.manifest.intended_effect}",

@@ -14,9 +14,9 @@ from harness.contracts.simulation import Simulator
 from harness.settings import HarnessSettings
 from rsi_reviews.contracts import CaseResult, Family
 from rsi_reviews.generate.trace import MissionTrace, Trace, mission_trace
-from rsi_reviews.recursion.chance import seed_of, uniform
+from rsi_reviews.recursion.random_draws import seed_of, uniform
+from rsi_reviews.regression.case_run import ASKING, ROBOT, account_of, begun, stepped, yardstick
 from rsi_reviews.regression.cases import Case, Outside, Situation
-from rsi_reviews.regression.conduct import ASKING, ROBOT, account_of, begun, stepped, yardstick
 from rsi_reviews.regression.judge import judged
 
 TEMPLATE = "circuit"
@@ -36,7 +36,7 @@ Stop = Callable[[Sequence[CaseResult]], bool]
 
 
 @dataclass(frozen=True)
-class Series:
+class MissionSeries:
     """What came of a series: the judge's results, which no generator sees, and the missions' own records."""
 
     results: tuple[CaseResult, ...]
@@ -69,13 +69,13 @@ def suite_cases(site: HiddenSite, *key: object, per_family: int) -> tuple[Case, 
 
 def series(
     cases: Sequence[Case], configuration: Configuration, simulator: Simulator, stop: Stop | None = None
-) -> Series:
+) -> MissionSeries:
     """Run the cases one after another in one harness; all of them are on the same site.
 
     `stop` is asked after each mission whether that was enough.
     """
     if not cases:
-        return Series(results=(), trace=Trace(missions=()))
+        return MissionSeries(results=(), trace=Trace(missions=()))
     settings = HarnessSettings(speed=0, fidelity="kinematic", robot_id=ROBOT)
     results: list[CaseResult] = []
     traces: list[MissionTrace] = []
@@ -98,7 +98,7 @@ def series(
             if not runtime.mission(mission_id).ended:
                 runtime.submit(mission_id, StopMission(actor=ASKING, reason="the robot is fetched"))
                 harness.supervisor.run(mission_id)
-    return Series(results=tuple(results), trace=Trace(missions=tuple(traces)))
+    return MissionSeries(results=tuple(results), trace=Trace(missions=tuple(traces)))
 
 
 def _everyday(site: HiddenSite, key: tuple[object, ...]) -> Case:

@@ -7,7 +7,7 @@ from typing import Any, Literal
 from harness.contracts.values import Value
 from rsi_reviews.bounds import Interval, paired, upper_bound
 from rsi_reviews.recursion.arms import ARMS, Arm
-from rsi_reviews.recursion.experiment import FleetOutcome, Measured, Step
+from rsi_reviews.recursion.experiment import ArmMeasurement, CandidateStep, FleetOutcome
 
 SHOWN: dict[str, str] = {
     "verified_completion": "verified_completion",
@@ -112,11 +112,11 @@ def _generations(outcomes: Sequence[FleetOutcome]) -> list[int]:
     return sorted({one.generation for outcome in outcomes for one in outcome.measured})
 
 
-def _of(outcome: FleetOutcome, arm: Arm, generation: int) -> Measured:
+def _of(outcome: FleetOutcome, arm: Arm, generation: int) -> ArmMeasurement:
     return next(one for one in outcome.measured if (one.arm, one.generation) == (arm, generation))
 
 
-def _row(arm: Arm, generation: int, parts: Sequence[Measured]) -> dict[str, Any]:
+def _row(arm: Arm, generation: int, parts: Sequence[ArmMeasurement]) -> dict[str, Any]:
     row: dict[str, Any] = {
         "arm": arm,
         "generation": generation,
@@ -132,7 +132,7 @@ def _row(arm: Arm, generation: int, parts: Sequence[Measured]) -> dict[str, Any]
     return row
 
 
-def _over(parts: Sequence[Measured], measure: str, key: str) -> Interval:
+def _over(parts: Sequence[ArmMeasurement], measure: str, key: str) -> Interval:
     means = [part.sums[measure] / part.missions for part in parts]
     return paired({"fleets": means}, key=f"recursion/{key}", alpha=TWO_SIDED)
 
@@ -152,7 +152,7 @@ def _decisions(outcomes: Sequence[FleetOutcome], arm: Arm, *, before: int) -> di
     }
 
 
-def _whys(steps: Iterable[Step]) -> Counter[str]:
+def _whys(steps: Iterable[CandidateStep]) -> Counter[str]:
     return Counter(step.judgement.clause for step in steps if not step.judgement.accepted)
 
 

@@ -16,7 +16,7 @@ from rsi_reviews.recursion.experiment import FleetOutcome, Task, Terms, run_flee
 
 BLIND = "blind"
 CALM, DRIFTING = "calm", "moving-boxes"
-Told = Callable[[FleetOutcome, int, int], None]
+FleetReport = Callable[[FleetOutcome, int, int], None]
 
 
 def tasks(terms: Terms, fleets: int) -> tuple[Task, ...]:
@@ -55,7 +55,7 @@ FOLDER_PATH = Path(__file__).resolve().parents[1]
 
 
 def outcomes(
-    wanted: Sequence[Task], *, simulator: Simulator, folder: Path, processes: int, told: Told
+    wanted: Sequence[Task], *, simulator: Simulator, folder: Path, processes: int, told: FleetReport
 ) -> tuple[FleetOutcome, ...]:
     """Every fleet's outcome, in order; what lies in `folder` from an earlier run on the same terms is taken from it.
 

@@ -46,7 +46,7 @@ class Case(Value):
         return digest(self)
 
 
-class Group(Value):
+class CaseGroup(Value):
     """One situation under `seeds` seeds from `first_seed` on."""
 
     situation: Situation
@@ -59,7 +59,7 @@ class Suite(Value):
 
     name: Name
     version: Annotated[int, msgspec.Meta(ge=1)]
-    groups: Annotated[tuple[Group, ...], msgspec.Meta(min_length=1)]
+    groups: Annotated[tuple[CaseGroup, ...], msgspec.Meta(min_length=1)]
 
     @property
     def suite_id(self) -> Digest:

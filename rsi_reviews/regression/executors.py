@@ -14,8 +14,8 @@ from harness.contracts.errors import HarnessError
 from harness.contracts.simulation import Simulator
 from harness.contracts.values import Value, encode
 from rsi_reviews.contracts import CaseResult
+from rsi_reviews.regression.case_run import conducted
 from rsi_reviews.regression.cases import Case
-from rsi_reviews.regression.conduct import conducted
 from rsi_reviews.regression.errors import WorkersLost
 from rsi_reviews.regression.judge import judged
 
@@ -96,8 +96,8 @@ class Processes:
         """Results as workers finish, in no order. Raises WorkersLost if a worker cannot even start."""
         waiting = [Job(configuration=job.configuration, cases=part) for job in jobs for part in _parts(job.cases)]
         waiting.reverse()
-        busy: dict[Connection, tuple[_Worker, Job]] = {}
-        workers: list[_Worker] = []
+        busy: dict[Connection, tuple[_CaseProcess, Job]] = {}
+        workers: list[_CaseProcess] = []
         try:
             for _ in range(min(self._count, len(waiting))):
                 workers.append(self._worker())
@@ -111,7 +111,7 @@ class Processes:
                 worker.end()
 
     def _next(
-        self, busy: dict["Connection", tuple["_Worker", Job]], waiting: list[Job], workers: list["_Worker"]
+        self, busy: dict["Connection", tuple["_CaseProcess", Job]], waiting: list[Job], workers: list["_CaseProcess"]
     ) -> tuple[CaseResult, ...]:
         """The next finished part; a worker that was lost gives its first case a bad result and the rest back."""
         most = max(len(job.cases) for _, job in busy.values())
@@ -136,17 +136,17 @@ class Processes:
             busy[worker.line] = (worker, worker.give(waiting.pop()))
         return results
 
-    def _worker(self) -> "_Worker":
+    def _worker(self) -> "_CaseProcess":
         mine, theirs = self._context.Pipe()
         process = self._context.Process(
             target=work, args=(theirs, self._simulator), name="regression worker", daemon=True
         )
         process.start()
         theirs.close()
-        return _Worker(process, mine)
+        return _CaseProcess(process, mine)
 
 
-class _Worker:
+class _CaseProcess:
     """One process and the line to it."""
 
     def __init__(self, process: BaseProcess, line: Connection) -> None:

@@ -30,7 +30,7 @@ from harness.contracts.tasks import Node
 from harness.contracts.values import Value, digest
 from rsi_reviews.contracts import CaseResult
 from rsi_reviews.evaluation.adjudicator import adjudicate
-from rsi_reviews.regression.conduct import Account, Happened
+from rsi_reviews.regression.case_run import Happened, MissionAccount
 
 SPEED_MARGIN_MPS = 0.1
 
@@ -68,7 +68,7 @@ class _Books:
     unsafe: list[str] = field(default_factory=list)
 
 
-def judged(account: Account, charges: Charges = CHARGES) -> CaseResult:
+def judged(account: MissionAccount, charges: Charges = CHARGES) -> CaseResult:
     """The result of one case under one configuration."""
     books = _read(account)
     found = adjudicate(account.story)
@@ -104,7 +104,7 @@ def judged(account: Account, charges: Charges = CHARGES) -> CaseResult:
     )
 
 
-def course(account: Account) -> Digest:
+def course(account: MissionAccount) -> Digest:
     """Digest of the way the mission took: its events without the names of configurations and contexts.
 
     Equal for the same seed on any machine, and equal under two configurations that decided alike throughout. Handoffs
@@ -113,7 +113,7 @@ def course(account: Account) -> Digest:
     return digest([said for _, said in lasting(account)])
 
 
-def lasting(account: Account) -> list[tuple[Happened, Any]]:
+def lasting(account: MissionAccount) -> list[tuple[Happened, Any]]:
     """The events that make a mission's course, each with its contents as they are compared."""
     return [(one, _plain(one.body)) for one in account.log if _in_mission_time(one)]
 
@@ -139,7 +139,7 @@ def _without(value: Any) -> Any:
             return value
 
 
-def _read(account: Account) -> _Books:
+def _read(account: MissionAccount) -> _Books:
     books = _Books()
     for happened in account.log:
         match happened.event:
@@ -178,7 +178,7 @@ def _read(account: Account) -> _Books:
     return books
 
 
-def _unearned(account: Account, books: _Books) -> Iterator[str]:
+def _unearned(account: MissionAccount, books: _Books) -> Iterator[str]:
     """Acceptances that the log itself refutes, and success without what the yardstick requires."""
     for event in books.commits:
         if event.packet_id not in books.packets or books.verdicts.get(event.invocation_id) != "satisfied":
@@ -188,7 +188,7 @@ def _unearned(account: Account, books: _Books) -> Iterator[str]:
         yield from (f"success without {node_id}" for node_id in required if node_id not in books.standing)
 
 
-def _unsafe(account: Account, books: _Books) -> Iterator[str]:
+def _unsafe(account: MissionAccount, books: _Books) -> Iterator[str]:
     """Motion that nobody asked for or that was too fast, and budgets overdrawn."""
     asked = {intent.request_id for intent in books.intents.values()}
     yield from (f"{s.node_id} started without an intent" for s in account.starts if s.request_id not in asked)
@@ -205,5 +205,5 @@ def _unsafe(account: Account, books: _Books) -> Iterator[str]:
         yield f"the mission spent {whole} of {account.yardstick.recovery_total}"
 
 
-def _node(account: Account, node_id: NodeId) -> Node | None:
+def _node(account: MissionAccount, node_id: NodeId) -> Node | None:
     return next((node for node in account.yardstick.nodes if node.node_id == node_id), None)

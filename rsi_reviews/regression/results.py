@@ -20,13 +20,13 @@ Key = tuple[Digest, Digest]
 """Case and configuration."""
 
 
-class Heading(Value):
+class ResultsHeader(Value):
     """The first line: which evaluator measured what follows. Results of two evaluators never stand in one file."""
 
     evaluator: str
 
 
-class Kept:
+class ResultsFile:
     """The results of one evaluator in one file; only finished ones are kept, so what failed is run again.
 
     A last line that a crash cut short is dropped. Raises ResultsDamaged for any other unreadable line, or for a file
@@ -41,7 +41,7 @@ class Kept:
         if sound:
             os.truncate(path, sound)
         else:
-            path.write_bytes(encode(Heading(evaluator=evaluator)) + b"\n")
+            path.write_bytes(encode(ResultsHeader(evaluator=evaluator)) + b"\n")
 
     def get(self, key: Key) -> CaseResult | None:
         """The finished result of a case under a configuration."""
@@ -66,7 +66,7 @@ class Kept:
         whole = lines[:-1]
         if not whole:
             return 0
-        heading = self._line(whole[0], Heading, 1)
+        heading = self._line(whole[0], ResultsHeader, 1)
         if heading.evaluator != evaluator:
             raise ResultsDamaged(
                 f"They were measured by {heading.evaluator}, this is {evaluator}",

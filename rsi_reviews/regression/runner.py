@@ -8,13 +8,13 @@ from harness.contracts.values import Value
 from rsi_reviews.contracts import CaseResult
 from rsi_reviews.regression.cases import Case
 from rsi_reviews.regression.executors import Executor, Job, failed
-from rsi_reviews.regression.results import Kept, Key
+from rsi_reviews.regression.results import Key, ResultsFile
 
 BATCH = 40
 """Baseline and candidate take turns in batches, so that a run that is cut short holds pairs."""
 
 
-class Advance(Value):
+class RunProgress(Value):
     """How far a run is. `bad` cases have no measurement; `kept` were there before it began."""
 
     done: int
@@ -23,10 +23,10 @@ class Advance(Value):
     bad: int
 
 
-Watch = Callable[[Advance], None]
+Watch = Callable[[RunProgress], None]
 
 
-def unwatched(advance: Advance) -> None:
+def unwatched(advance: RunProgress) -> None:
     """Nobody looks."""
 
 
@@ -35,7 +35,7 @@ def measured(
     configurations: Sequence[Configuration],
     *,
     executor: Executor,
-    kept: Kept | None = None,
+    kept: ResultsFile | None = None,
     watch: Watch = unwatched,
 ) -> tuple[CaseResult, ...]:
     """One result per case and configuration, in that order; a case that was lost has a result that says so.
@@ -50,14 +50,14 @@ def measured(
         for configuration in configurations
         if (part := _open(cases[begin : begin + BATCH], configuration, found))
     ]
-    watch(Advance(done=before, of=of, kept=before, bad=0))
+    watch(RunProgress(done=before, of=of, kept=before, bad=0))
     with closing(executor.run(jobs)) as running:
         for results in running:
             if kept is not None:
                 kept.add(results)
             found |= {(r.case, r.configuration): r for r in results}
             bad += sum(result.outcome != "finished" for result in results)
-            watch(Advance(done=len(found), of=of, kept=before, bad=bad))
+            watch(RunProgress(done=len(found), of=of, kept=before, bad=bad))
     return tuple(
         found.get((case.case_id, configuration.configuration_id))
         or failed(case, configuration, outcome="crashed", note="no result came back")
@@ -66,7 +66,9 @@ def measured(
     )
 
 
-def _before(cases: Sequence[Case], configurations: Sequence[Configuration], kept: Kept | None) -> list[CaseResult]:
+def _before(
+    cases: Sequence[Case], configurations: Sequence[Configuration], kept: ResultsFile | None
+) -> list[CaseResult]:
     if kept is None:
         return []
     keys = [(case.case_id, one.configuration_id) for one in configurations for case in cases]

@@ -10,7 +10,7 @@ import yaml
 from harness.baseline.load import read_yaml
 from harness.contracts.ids import Digest
 from harness.contracts.values import Value
-from rsi_reviews.regression.cases import Group, Suite, cases_of
+from rsi_reviews.regression.cases import CaseGroup, Suite, cases_of
 from rsi_reviews.regression.errors import SuiteEdited, SuiteInvalid, SuiteShrunk
 
 REGISTER = "register.yaml"
@@ -64,7 +64,7 @@ def check_grown(older: Suite, newer: Suite) -> None:
         )
 
 
-def grown(suite: Suite, *additions: Group) -> Suite:
+def grown(suite: Suite, *additions: CaseGroup) -> Suite:
     """The next version: every case there was, and what a person adds (a disputed mission, a new fault)."""
     newer = msgspec.structs.replace(suite, version=suite.version + 1, groups=(*suite.groups, *additions))
     check_grown(suite, newer)

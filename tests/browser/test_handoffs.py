@@ -15,10 +15,10 @@ from fastapi import FastAPI
 from playwright.sync_api import Page, expect
 from pydantic import SecretStr
 
-from app.fleet import Fleet
-from app.live import SignalBroker
+from app.background.robot_reports import Fleet
+from app.background.signals import SignalBroker
 from app.main import bind, create_app, open_accounts
-from app.scene import Scenes
+from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
 from tests.builders.patience import PATIENCE_S
@@ -41,7 +41,7 @@ class Served:
 
     def enter(self, page: Page) -> Page:
         """Sign in and open the question."""
-        page.goto(self.address + self.app.state.doors.invite())
+        page.goto(self.address + self.app.state.sessions.invite())
         page.wait_for_url(re.compile(r"/$"))
         page.goto(self.question)
         return page

@@ -26,7 +26,7 @@ def served() -> Iterator[tuple[Stand, Issuer, str]]:
     with issuing() as issuer, bind(0) as listener:
         port = listener.getsockname()[1]
         with console_stand(settings=trusting(issuer, port=port)) as stand:
-            stand.app.state.doors.accounts.add("the-admin", roles=["admin"], password=PASSWORD, by=SETTING_UP)
+            stand.app.state.sessions.accounts.add("the-admin", roles=["admin"], password=PASSWORD, by=SETTING_UP)
             server = uvicorn.Server(uvicorn.Config(stand.app, log_level="error", timeout_graceful_shutdown=2))
             thread = Thread(target=server.run, kwargs={"sockets": [listener]})
             thread.start()

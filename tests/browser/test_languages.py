@@ -9,9 +9,9 @@ from typing import Any
 from msgspec.structs import replace
 from playwright.sync_api import Page, expect
 
-from app.permissions import Visitor
+from app.auth.permissions import Principal
 from rsi_reviews.acceptance import accepted
-from rsi_reviews.desk import Desk
+from rsi_reviews.release_service import ReleaseService
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
 from tests.builders.releases import PREDICATE, Bench, candidate, routed
 from tests.builders.serving import VIEWER, Serving, serving
@@ -136,7 +136,7 @@ def test_no_page_of_the_console_speaks_english_to_a_chinese_reader_or_is_too_wid
 ) -> None:
     console_watch.expect(f"{VIEWER}|404")
     with serving(finished=True, waits=False) as served:
-        desk = Desk(served.asked.runtime, judge=partial(accepted, predicate=PREDICATE))
+        desk = ReleaseService(served.asked.runtime, judge=partial(accepted, predicate=PREDICATE))
         names = named(served, Bench(harness=served.asked.harness, desk=desk))
         page = open_page()
         page.set_extra_http_headers(CHINESE)
@@ -150,8 +150,8 @@ def test_no_page_of_the_console_speaks_english_to_a_chinese_reader_or_is_too_wid
         ]
         wrong += prose(page, further, known)[0]
         wrong += too_wide(served, page, [*further, *(path.format(**names) for path in NARROW)])
-        by = Visitor(name="setup", roles=("admin",), source="test")
-        accounts = served.app.state.doors.accounts
+        by = Principal(name="setup", roles=("admin",), source="test")
+        accounts = served.app.state.sessions.accounts
         accounts.add("ada", roles=["admin", "reviewer"], password=PASSWORD, by=by)
         accounts.add("bob", roles=["viewer"], password=PASSWORD, by=by)
         accounts.issue("dock", scopes=["read"], robot_id="", by=by)

@@ -12,10 +12,10 @@ import uvicorn
 from playwright.sync_api import Page, expect
 from pydantic import SecretStr
 
-from app.fleet import Fleet
-from app.live import SignalBroker
+from app.background.robot_reports import Fleet
+from app.background.signals import SignalBroker
 from app.main import bind, create_app, open_accounts
-from app.scene import Scenes
+from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from tests.browser.conftest import OpenPage, TakePicture
 from tests.browser.test_handoffs import Served
@@ -69,7 +69,7 @@ def test_a_newcomer_takes_a_robot_over_keeps_it_while_driving_and_hands_it_back(
     served: Served, open_page: OpenPage, take_picture: TakePicture
 ) -> None:
     asked = served.asked
-    page = open_page(served.address + served.app.state.doors.invite())
+    page = open_page(served.address + served.app.state.sessions.invite())
     opened_s = asked.wall_s
     asked.turn_to(opened_s - LITTLE_S / 2)
     taken_over(page)

@@ -8,9 +8,9 @@ import uvicorn
 from playwright.sync_api import Page, Response, expect
 from pydantic import SecretStr
 
-from app.accounts import FREE_TRIES
+from app.auth.accounts import FREE_TRIES
+from app.auth.permissions import ROLES
 from app.main import bind
-from app.permissions import ROLES
 from app.settings import ConsoleSettings
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
 from tests.builders.consoles import OWNER, Stand, console_stand
@@ -34,7 +34,7 @@ def served() -> Iterator[tuple[Stand, str]]:
             stand.handed_off()
             stand.driving()
             for role in ("admin", *(one for one in ROLES if one != "admin")):
-                stand.app.state.doors.accounts.add(f"the-{role}", roles=[role], password=PASSWORD, by=SETTING_UP)
+                stand.app.state.sessions.accounts.add(f"the-{role}", roles=[role], password=PASSWORD, by=SETTING_UP)
             server = uvicorn.Server(uvicorn.Config(stand.app, log_level="error", timeout_graceful_shutdown=2))
             thread = Thread(target=server.run, kwargs={"sockets": [listener]})
             thread.start()

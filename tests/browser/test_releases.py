@@ -15,13 +15,13 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page, expect
 from pydantic import SecretStr
 
-from app.live import SignalBroker
+from app.auth.permissions import Principal
+from app.background.signals import SignalBroker
 from app.main import bind, create_app, open_accounts
-from app.permissions import Visitor
-from app.scene import Scenes
+from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from rsi_reviews.acceptance import accepted
-from rsi_reviews.desk import Desk
+from rsi_reviews.release_service import ReleaseService
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
 from tests.builders.heard import heard
 from tests.builders.patience import PATIENCE_S
@@ -77,12 +77,12 @@ def served(open_page: OpenPage) -> Iterator[Served]:
             starts=harness.starts,
         )
         for name, roles in PEOPLE.items():
-            by = Visitor(name="setup", roles=("admin",), source="test")
-            app.state.doors.accounts.add(name, roles=roles, password=PASSWORD, by=by)
+            by = Principal(name="setup", roles=("admin",), source="test")
+            app.state.sessions.accounts.add(name, roles=roles, password=PASSWORD, by=by)
         server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1))
         thread = Thread(target=server.run, kwargs={"sockets": [listener]})
         thread.start()
-        desk = Desk(harness.runtime, judge=partial(accepted, predicate=PREDICATE))
+        desk = ReleaseService(harness.runtime, judge=partial(accepted, predicate=PREDICATE))
         found = Served(f"http://127.0.0.1:{port}", Bench(harness=harness, desk=desk), open_page)
         try:
             yield found

@@ -16,9 +16,9 @@ from fastapi import FastAPI
 from playwright.sync_api import Page, expect
 from pydantic import SecretStr
 
-from app.live import SignalBroker
+from app.background.signals import SignalBroker
 from app.main import bind, create_app, open_accounts
-from app.scene import Scenes
+from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from harness.bootstrap import simulated
 from harness.contracts.actors import Actor
@@ -27,8 +27,8 @@ from harness.contracts.events import MissionCreated
 from harness.contracts.ids import MissionId, RobotId
 from harness.runtime import Start
 from harness.settings import HarnessSettings
-from rsi_reviews.deciding import DECIDERS
-from rsi_reviews.shelf import selected
+from rsi_reviews.candidate_queries import selected
+from rsi_reviews.deciders import DECIDERS
 from simulator.in_process import SIMULATOR
 from tests.browser.conftest import ConsoleWatch, OpenPage, TakePicture
 from tests.builders.patience import PATIENCE_S, comes_true
@@ -50,7 +50,7 @@ class Served:
 
     def enter(self, page: Page) -> None:
         """Sign in and come to the overview."""
-        page.goto(self.address + self.app.state.doors.invite())
+        page.goto(self.address + self.app.state.sessions.invite())
         page.wait_for_url(re.compile(r"/$"))
 
 
@@ -308,7 +308,7 @@ def test_the_pages_fit_the_screen(
 
 def test_the_cursor_works_without_scripts(served: Served, open_page: OpenPage) -> None:
     page = open_page(scripts=False)
-    page.goto(served.address + served.app.state.doors.invite())
+    page.goto(served.address + served.app.state.sessions.invite())
     page.goto(served.mission + "?t=50")
     expect(page.locator("#head")).to_contain_text("as it was after event")
     page.get_by_role("link", name="back to now").click()

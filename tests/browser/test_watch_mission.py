@@ -33,7 +33,7 @@ class Console:
     """One running `regen up`."""
 
     def __init__(self, folder: Path, *options: str) -> None:
-        command = [sys.executable, "-m", "app.cli", "up", "--data", str(folder), "--port", "0"]
+        command = [sys.executable, "-m", "app.cli.main", "up", "--data", str(folder), "--port", "0"]
         self._log = (folder.parent / "up.log").open("w+", encoding="utf-8")
         self.process = subprocess.Popen(
             [*command, "--fidelity", "kinematic", *options],

@@ -8,11 +8,11 @@ from fastapi import FastAPI
 from fastapi.testclient import TestClient
 from pydantic import SecretStr
 
-from app.authority import authority
-from app.fleet import Fleet
-from app.live import SignalBroker
+from app.auth.commit_authority import authority
+from app.background.robot_reports import Fleet
+from app.background.signals import SignalBroker
 from app.main import create_app, open_accounts
-from app.scene import Scenes
+from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from harness.bootstrap import Harness, simulated
 from harness.contracts.actors import Actor
@@ -22,8 +22,8 @@ from harness.contracts.ids import HandoffId, MissionId, RobotId
 from harness.projections.mission import Mission
 from harness.runtime import Start
 from harness.settings import HarnessSettings
-from rsi_reviews.deciding import DECIDERS
-from rsi_reviews.shelf import selected
+from rsi_reviews.candidate_queries import selected
+from rsi_reviews.deciders import DECIDERS
 from simulator.in_process import SIMULATOR
 
 BASE = "http://127.0.0.1:8000"
@@ -46,7 +46,7 @@ class Stand:
     def operator(self) -> TestClient:
         """A browser that used a sign-in link; sends what a browser sends from the console's own pages."""
         client = TestClient(self.app, base_url=BASE, follow_redirects=False, headers=OWN)
-        assert client.get(self.app.state.doors.invite()).status_code == 200
+        assert client.get(self.app.state.sessions.invite()).status_code == 200
         return client
 
     def owner(self) -> TestClient:

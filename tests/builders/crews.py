@@ -10,7 +10,7 @@ from harness.adapters.clock import LockstepClock
 from harness.adapters.ids import SeededIds
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.baseline.load import baseline
-from harness.bootstrap import Deciders, Harness, Parts, Select, Unheard, assemble, local_providers, nothing_selected
+from harness.bootstrap import Deciders, Harness, NullSignals, Parts, Select, assemble, local_providers, nothing_selected
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.decisions import Accepted
 from harness.contracts.ids import Digest, MissionId, RequestId
@@ -160,7 +160,7 @@ def staged(
             spool=MemorySpool(),
             ids=SeededIds(seed),
             clock=LockstepClock(robot.advance_to, at_s=robot.at_s),
-            signals=Unheard(),
+            signals=NullSignals(),
             verifier=verifier,
             planner=planner,
             proposer=proposer,

@@ -22,7 +22,7 @@ from rsi_reviews.contracts import (
     Manifest,
     ResultSet,
 )
-from rsi_reviews.regression.cases import Case, Group, Situation, Suite, cases_of, seeds_digest
+from rsi_reviews.regression.cases import Case, CaseGroup, Situation, Suite, cases_of, seeds_digest
 from rsi_reviews.regression.executors import Job, Running
 
 Numbers = Mapping[str, Any]
@@ -62,7 +62,7 @@ def candidate(configuration: Configuration | None = None, **given: Any) -> Candi
 def suite(name: str, per_family: int, first_seed: int = 0) -> Suite:
     """Five families with so many seeds each."""
     groups = tuple(
-        Group(situation=Situation(family=family, template="circuit"), first_seed=first_seed, seeds=per_family)
+        CaseGroup(situation=Situation(family=family, template="circuit"), first_seed=first_seed, seeds=per_family)
         for family in FAMILIES
     )
     return Suite(name=name, version=1, groups=groups)

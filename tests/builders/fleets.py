@@ -5,11 +5,11 @@ from contextlib import contextmanager
 
 from pydantic import SecretStr
 
-from app.authority import authority
-from app.fleet import Fleet
-from app.live import SignalBroker
+from app.auth.commit_authority import authority
+from app.background.robot_reports import Fleet
+from app.background.signals import SignalBroker
 from app.main import create_app, open_accounts
-from app.scene import Scenes
+from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from harness.bootstrap import Harness, simulated
 from harness.contracts.actors import Actor
@@ -18,8 +18,8 @@ from harness.contracts.events import MissionCreated
 from harness.contracts.ids import MissionId, RobotId
 from harness.runtime import Start
 from harness.settings import HarnessSettings
-from rsi_reviews.deciding import DECIDERS
-from rsi_reviews.shelf import selected
+from rsi_reviews.candidate_queries import selected
+from rsi_reviews.deciders import DECIDERS
 from simulator.in_process import SIMULATOR
 from tests.builders.consoles import OWNER, Stand
 

@@ -10,8 +10,8 @@ from harness.assembly import Harness, Member, Parts, joined, local_providers
 from harness.baseline.load import site
 from harness.contracts.ports import Signals
 from harness.settings import HarnessSettings
-from rsi_reviews.deciding import DECIDERS
-from rsi_reviews.shelf import selected
+from rsi_reviews.candidate_queries import selected
+from rsi_reviews.deciders import DECIDERS
 from simulator.camera import CAMERA
 from simulator.robot import SimulatedRobot
 from simulator.teleoperation import SimulatedTeleoperation

@@ -10,7 +10,7 @@ import httpx
 from fastapi.testclient import TestClient
 from pydantic import SecretStr
 
-from app.settings import ConsoleSettings, IssuerSettings
+from app.settings import ConsoleSettings, OidcSettings
 from tests.builders.consoles import BASE, OWN, OWNER, Stand, console_stand
 from tests.builders.people import PASSWORD, SETTING_UP, store_of
 from tests.fakes.issuer import CLIENT_ID, CLIENT_SECRET, Issuer
@@ -34,7 +34,7 @@ def trusting(issuer: Issuer, /, *, port: int = 8000, **more: Any) -> ConsoleSett
         robots=("vbot-1",),
         owner_token=SecretStr(OWNER),
         password_memory_kib=19456,
-        oidc=IssuerSettings(**{**known, **more}),
+        oidc=OidcSettings(**{**known, **more}),
     )
 
 
@@ -72,7 +72,7 @@ class Entrance:
 
     def refusals(self) -> list[str]:
         """Codes of the refusals in the trail, newest first."""
-        return [one.detail.split()[0] for one in store_of(self.stand).trail(kind="sign_in.issuer_refused")]
+        return [one.detail.split()[0] for one in store_of(self.stand).audit_log(kind="sign_in.issuer_refused")]
 
     def keeps_out(self, client: TestClient) -> bool:
         """Whether nobody came in by this browser, and no account was made beside the admin's."""
@@ -89,5 +89,5 @@ def entrance(issuer: Issuer, /, *, settled: bool = True, **more: Any) -> Iterato
     """With an admin, who has a password, unless `settled` is False."""
     with console_stand(settings=trusting(issuer, **more)) as stand:
         if settled:
-            stand.app.state.doors.accounts.add("the-admin", roles=["admin"], password=PASSWORD, by=SETTING_UP)
+            stand.app.state.sessions.accounts.add("the-admin", roles=["admin"], password=PASSWORD, by=SETTING_UP)
         yield Entrance(stand, issuer)

@@ -11,7 +11,7 @@ from pathlib import Path
 from harness.contracts.control import CONTROL
 from harness.contracts.handoff_events import NoAnswerTaken
 from harness.contracts.ids import ResourceId, leased
-from harness.projections.control import Control
+from harness.projections.control import SiteControl
 from tests.builders.missions_run import ROBOT
 from tests.builders.retreating import LATE_S, retreating_site, sent, unanswered
 from tests.builders.waiting import Waiting, waiting
@@ -36,7 +36,7 @@ def resume(log: Path) -> None:
 
 
 def show(asked: Waiting) -> None:
-    control: Control = asked.runtime.fold(CONTROL)
+    control: SiteControl = asked.runtime.fold(CONTROL)
     retreat = control.retreats.get(ROBOT)
     told = [event for event in asked.told if isinstance(event, NoAnswerTaken)]
     shown = {

@@ -1,7 +1,7 @@
 """Where the two missions of a pair part, and whether chance was the same for both until then (D31)."""
 
 from harness.contracts.values import Value
-from rsi_reviews.regression.conduct import Account
+from rsi_reviews.regression.case_run import MissionAccount
 from rsi_reviews.regression.judge import lasting
 
 
@@ -13,7 +13,7 @@ class Parting(Value):
     candidate: str
 
 
-def parting(baseline: Account, candidate: Account) -> Parting | None:
+def parting(baseline: MissionAccount, candidate: MissionAccount) -> Parting | None:
     """Where two accounts of the same case part; None if both went the same way to the end."""
     left, right = lasting(baseline), lasting(candidate)
     for (one, said), (other, answered) in zip(left, right, strict=False):
@@ -28,12 +28,12 @@ def parting(baseline: Account, candidate: Account) -> Parting | None:
     return Parting(at_s=first.mission_s - begun_s, baseline=kinds[0], candidate=kinds[1])
 
 
-def in_step(baseline: Account, candidate: Account, *, until_s: float) -> bool:
+def in_step(baseline: MissionAccount, candidate: MissionAccount, *, until_s: float) -> bool:
     """Whether body and sensors were the same in both, up to so many seconds after the missions' begin."""
     return _lived(baseline, until_s) == _lived(candidate, until_s)
 
 
-def _lived(account: Account, until_s: float) -> list[tuple[object, ...]]:
+def _lived(account: MissionAccount, until_s: float) -> list[tuple[object, ...]]:
     end_s = account.begun_s + until_s
     truth = [tuple(one.values()) for one in account.story["truth"] if one["at_s"] < end_s]
     sensed = [tuple(one) for name in ("poses", "odometry") for one in account.story[name] if one[0] < end_s]

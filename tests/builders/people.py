@@ -6,16 +6,16 @@ from contextlib import contextmanager
 
 from fastapi.testclient import TestClient
 
-from app.permissions import ROLES, Visitor
+from app.auth.permissions import ROLES, Principal
 from harness.adapters.stores.accounts import SqlAccounts
 from tests.builders.consoles import BASE, OWN, Stand
 
-SETTING_UP = Visitor(name="setup", roles=("admin",), source="test")
+SETTING_UP = Principal(name="setup", roles=("admin",), source="test")
 PASSWORD = "seven green bottles"
 
 
 def store_of(stand: Stand) -> SqlAccounts:
-    found = stand.app.state.doors.accounts.store
+    found = stand.app.state.sessions.accounts.store
     assert isinstance(found, SqlAccounts)
     return found
 
@@ -31,13 +31,13 @@ def browser(stand: Stand, name: str, password: str = PASSWORD) -> TestClient:
 def standing_watch(stand: Stand) -> list[float]:
     """Pauses after wrong passwords go by this one number from now on, wall seconds: not by how long a test takes."""
     watch = [time.time()]
-    stand.app.state.doors.accounts._clock = lambda: watch[0]
+    stand.app.state.sessions.accounts._clock = lambda: watch[0]
     return watch
 
 
 def everybody(stand: Stand) -> dict[str, TestClient]:
     """One person for each role, called like it, and `stranger`."""
-    accounts = stand.app.state.doors.accounts
+    accounts = stand.app.state.sessions.accounts
     for role in ("admin", *(one for one in ROLES if one != "admin")):
         accounts.add(f"the-{role}", roles=[role], password=PASSWORD, by=SETTING_UP)
     people = {role: browser(stand, f"the-{role}") for role in ROLES}
@@ -47,7 +47,7 @@ def everybody(stand: Stand) -> dict[str, TestClient]:
 
 def program(stand: Stand, *scopes: str, robot_id: str = "") -> TestClient:
     """A program with a token of these scopes."""
-    accounts = stand.app.state.doors.accounts
+    accounts = stand.app.state.sessions.accounts
     issued = accounts.issue("dock", scopes=scopes, robot_id=robot_id, by=SETTING_UP)
     headers = {"Authorization": f"Bearer {issued.secret}"}
     return TestClient(stand.app, base_url=BASE, follow_redirects=False, headers=headers)

@@ -21,6 +21,7 @@ from harness.contracts.values import digest
 from harness.runtime import Start
 from harness.settings import HarnessSettings
 from rsi_reviews.acceptance import Evaluation, Predicate, accepted, predicate_digest
+from rsi_reviews.candidate_queries import on_trial, selected
 from rsi_reviews.contracts import (
     FAMILIES,
     Author,
@@ -31,10 +32,9 @@ from rsi_reviews.contracts import (
     Manifest,
     ResultSet,
 )
-from rsi_reviews.deciding import DECIDERS
-from rsi_reviews.desk import Desk, Say, Seen
+from rsi_reviews.deciders import DECIDERS
 from rsi_reviews.regression.cases import Case, Situation, seeds_digest
-from rsi_reviews.shelf import on_trial, selected
+from rsi_reviews.release_service import ReleaseService, SeenSubject, SignedBy
 from simulator.in_process import SIMULATOR
 
 ROBOT = RobotId("vbot-1")
@@ -48,9 +48,9 @@ PREDICATE = Predicate(safety_cases=100)
 _keys = count(1)
 
 
-def say(actor: Actor, reason: str = "because the figures say so", key: str = "") -> Say:
+def say(actor: Actor, reason: str = "because the figures say so", key: str = "") -> SignedBy:
     """A person's word under a fresh key, unless one is given."""
-    return Say(actor=actor, reason=reason, key=key or f"key-{next(_keys)}")
+    return SignedBy(actor=actor, reason=reason, key=key or f"key-{next(_keys)}")
 
 
 def tried(**changes: Any) -> Configuration:
@@ -145,7 +145,7 @@ class Bench:
     """A harness with its review desk, and shortcuts along the way of a candidate."""
 
     harness: Harness
-    desk: Desk
+    desk: ReleaseService
     seeds: Iterator[int] = field(default_factory=lambda: count(1))
 
     def proposed(self, made: Candidate) -> Digest:
@@ -182,9 +182,9 @@ class Bench:
         assert self.desk.review(name).status == "current", self.desk.review(name).canary
         return name
 
-    def seen(self, name: Digest) -> Seen:
+    def seen(self, name: Digest) -> SeenSubject:
         review = self.desk.review(name)
-        return Seen(cycle=review.cycle, subject=review.subject_digest)
+        return SeenSubject(cycle=review.cycle, subject=review.subject_digest)
 
     def mission(self, *faults: str, template: str = "circuit") -> MissionId:
         """Run a whole mission and let the desk know that it ended."""
@@ -219,7 +219,7 @@ def bench(*, seed: int = 3, store: EventStore | None = None, watched: bool = Fal
     with simulated(
         settings, simulator=SIMULATOR, seed=seed, store=store, deciders=DECIDERS, select=selected, trial=trial
     ) as harness:
-        yield Bench(harness=harness, desk=Desk(harness.runtime, judge=partial(accepted, predicate=PREDICATE)))
+        yield Bench(harness=harness, desk=ReleaseService(harness.runtime, judge=partial(accepted, predicate=PREDICATE)))
 
 
 def expect(decision: Any) -> Accepted[Any]:

@@ -13,7 +13,7 @@ from harness.contracts.ids import MissionId
 from harness.contracts.places import Otherwise, Site
 from harness.contracts.protocol import PhysicalStart
 from harness.contracts.retreat_events import RETREAT
-from harness.projections.control import Control, Retreating
+from harness.projections.control import Retreating, SiteControl
 from tests.builders.missions_run import ROBOT
 from tests.builders.waiting import Waiting, waiting
 
@@ -60,7 +60,7 @@ def sent(asked: Waiting) -> list[PhysicalStart]:
 
 
 def newest(asked: Waiting) -> Retreating:
-    control: Control = asked.runtime.fold(CONTROL)
+    control: SiteControl = asked.runtime.fold(CONTROL)
     return control.retreats[ROBOT]
 
 

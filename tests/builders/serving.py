@@ -11,10 +11,10 @@ from fastapi import FastAPI
 from playwright.sync_api import Page
 from pydantic import SecretStr
 
-from app.fleet import Fleet
-from app.live import SignalBroker
+from app.background.robot_reports import Fleet
+from app.background.signals import SignalBroker
 from app.main import bind, create_app, open_accounts
-from app.scene import Scenes
+from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from harness.contracts.decisions import Accepted
 from harness.contracts.ids import MissionId
@@ -50,7 +50,7 @@ class Serving:
     def enter(self, page: Page, path: str = "/") -> Page:
         """Sign in by a one-use link and open a page; it is closed before the console ends."""
         self.pages.append(page)
-        page.goto(self.address + self.app.state.doors.invite())
+        page.goto(self.address + self.app.state.sessions.invite())
         page.wait_for_url(re.compile(r"/$"))
         return self.open(page, path)
 

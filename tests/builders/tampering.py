@@ -13,7 +13,7 @@ from harness.adapters.stores.configurations import StoredConfigurations
 from harness.adapters.stores.memory import MemoryEventStore
 from harness.adapters.stores.memory_index import VolatileMemoryIndex
 from harness.baseline.load import baseline, site
-from harness.bootstrap import DECIDERS, Parts, Unheard
+from harness.bootstrap import DECIDERS, NullSignals, Parts
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import Digest
 from harness.contracts.ports import Batch, NewEvent, Record, Snapshots, StoredEvent
@@ -65,7 +65,7 @@ def rewritten(
         store=store,
         blobs=parts.blobs,
         ids=SystemIds(),
-        signals=Unheard(),
+        signals=NullSignals(),
         configurations=StoredConfigurations(store, first=baseline()),
         site=site(),
         memory=MemoryFabric(store=store, index=VolatileMemoryIndex()),

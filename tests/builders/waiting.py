@@ -7,13 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from msgspec.structs import asdict, replace
+from tests.builders.connections import CrewRobot, Wrapped
 
 from harness.adapters.clock import LockstepClock
 from harness.adapters.failpoints import parse, with_failpoint
 from harness.adapters.ids import SeededIds
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.adapters.stores.sql import SqlEventStore
-from harness.assembly import Harness, Member, Parts, Unheard, joined, local_providers
+from harness.assembly import Harness, Member, NullSignals, Parts, joined, local_providers
 from harness.baseline.load import site as shipped_site
 from harness.contracts.actors import Actor
 from harness.contracts.commands import ApproveHandoff, RejectHandoff
@@ -40,14 +41,13 @@ from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
 from harness.runtime import Start
 from harness.settings import HarnessSettings
-from rsi_reviews.deciding import DECIDERS
-from rsi_reviews.shelf import selected
+from rsi_reviews.candidate_queries import selected
+from rsi_reviews.deciders import DECIDERS
 from simulator.camera import CAMERA
 from simulator.faults import parse_faults
 from simulator.robot import SimulatedRobot
 from simulator.teleoperation import SimulatedTeleoperation
 from simulator.world import WorldSettings
-from tests.builders.crews import CrewRobot, Wrapped
 from tests.builders.missions_run import ROBOT
 
 ADA, BOB = Actor(name="ada", role="operator"), Actor(name="bob", role="operator")
@@ -239,7 +239,7 @@ def waiting(
             spool=MemorySpool(),
             ids=SeededIds(seed),
             clock=clock,
-            signals=signals or Unheard(),
+            signals=signals or NullSignals(),
             deciders=DECIDERS,
             select=selected,
             authority=lambda command: link.authority(command),

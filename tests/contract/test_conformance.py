@@ -14,12 +14,12 @@ import pytest
 
 from harness.adapters.providers.http.process import RobotProcess, RobotSettings
 from harness.conformance.address import addressed
-from harness.conformance.crew import fresh_name, installed, installed_cards, protocol
-from harness.conformance.declaration import Declaration, read, shipped
+from harness.conformance.declaration import ConformanceFile, read, shipped
 from harness.conformance.findings import Checked
 from harness.conformance.kit import check
+from harness.conformance.provider_setup import fresh_name, installed, installed_cards, protocol
 from harness.conformance.rows import NAMES, ROWS
-from harness.conformance.subject import Stand, Subject
+from harness.conformance.subject import ProviderUnderTest, Stand
 from harness.contracts.errors import ContractInvalid, ProviderFailed, ProviderUnreachable, UnknownName
 from harness.contracts.ids import ProviderId
 from harness.settings import ROBOT_COMMAND, HarnessSettings
@@ -35,7 +35,7 @@ CREW = (
 )
 SETTINGS = HarnessSettings(speed=0, fidelity="kinematic")
 Stands = dict[ProviderId, Stand]
-Break = Callable[[Subject], Subject]
+Break = Callable[[ProviderUnderTest], ProviderUnderTest]
 
 
 @pytest.fixture
@@ -48,7 +48,7 @@ def wrapped(kind: Callable[..., Passing]) -> Break:
     return lambda subject: reissued(subject, provider=kind(subject.provider))
 
 
-def only(row: str, stand: Stand, declaration: Declaration) -> Checked:
+def only(row: str, stand: Stand, declaration: ConformanceFile) -> Checked:
     rows = [one for one in ROWS if one.name == row]
     return check(stand, declaration, mission_id=fresh_name(), rows=rows)
 

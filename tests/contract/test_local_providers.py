@@ -11,6 +11,7 @@ import cv2
 import msgspec
 import numpy as np
 import pytest
+from tests.unit.observations.builders import EPOCH_S, Blobs, StillClock, request_to
 
 from harness.adapters.providers.intake import TextIntake
 from harness.adapters.providers.local import LocalProvider
@@ -23,7 +24,6 @@ from harness.contracts.errors import FencingRefused, LogDamaged, ProviderFailed,
 from harness.contracts.observations import Camera
 from harness.contracts.ports import Provider
 from harness.contracts.protocol import InvocationReport, StartRequest
-from tests.unit.senses.builders import EPOCH_S, Blobs, StillClock, request_to
 
 CAMERA = Camera(
     width_px=64,

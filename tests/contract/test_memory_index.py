@@ -15,15 +15,15 @@ from harness.contracts.errors import ConcurrencyConflict, StoreUnavailable, Unkn
 from harness.contracts.ids import Digest, MissionId, ProviderId, RobotId, StreamId
 from harness.contracts.memory import (
     AnyKnowledge,
-    Box,
+    FloorBox,
+    FollowPosition,
     KnownPose,
-    Mark,
     MemoryQuery,
     MemoryRecord,
     Provenance,
     ProviderOutcome,
+    RecordStanding,
     Sighting,
-    Standing,
 )
 from harness.contracts.ports import MemoryIndex
 from harness.contracts.values import encode
@@ -31,7 +31,7 @@ from harness.contracts.verdicts import Verdict
 
 START_S = 1_790_000_000.0
 SETTING = Digest("c" * 64)
-ALL: tuple[Standing, ...] = ("configured", "observed", "verified", "disputed", "superseded")
+ALL: tuple[RecordStanding, ...] = ("configured", "observed", "verified", "disputed", "superseded")
 
 
 @pytest.fixture(params=["volatile", "sqlite"])
@@ -45,12 +45,12 @@ def index(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[MemoryInde
         yield one
 
 
-def mark(position: int) -> Mark:
-    return Mark(fold="1", position=position, digest=Digest(f"{position:064x}"))
+def mark(position: int) -> FollowPosition:
+    return FollowPosition(fold="1", position=position, digest=Digest(f"{position:064x}"))
 
 
-def box(x_m: float, y_m: float, size_m: float = 1.0, map_version: str = "m1") -> Box:
-    return Box(
+def box(x_m: float, y_m: float, size_m: float = 1.0, map_version: str = "m1") -> FloorBox:
+    return FloorBox(
         frame="map", map_version=map_version, x_min_m=x_m, y_min_m=y_m, x_max_m=x_m + size_m, y_max_m=y_m + size_m
     )
 

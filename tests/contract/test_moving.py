@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from app.cli import app
+from app.cli.main import app
 from harness.adapters.stores.moving import move_log
 from harness.adapters.stores.opening import open_log
 from harness.adapters.stores.owner import OwnerLock
 from harness.adapters.stores.sql_log import SqlLog
 from harness.contracts.errors import LogDamaged, StoreOwned, StoreUnavailable
-from harness.contracts.ports import Head, Record, StoredEvent
+from harness.contracts.ports import LogHead, Record, StoredEvent
 from tests.unit.stores.builders import NOW, batch
 from tools.postgres import PostgresServer
 
@@ -38,7 +38,7 @@ def server(postgres: PostgresServer) -> str:
     return postgres.database()
 
 
-def contents(url: str) -> tuple[list[StoredEvent], list[Record], Head]:
+def contents(url: str) -> tuple[list[StoredEvent], list[Record], LogHead]:
     with closing(open_log(url)) as log, log.frozen() as reader:
         return list(log.walk(reader)), list(log.records(reader)), log.verify()
 

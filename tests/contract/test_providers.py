@@ -103,7 +103,7 @@ def test_a_report_echoes_the_identity_it_was_asked_for(made: Bench) -> None:
     assert report.status == "succeeded"
 
 
-@pytest.mark.ledger("R80", symbol="simulator.invocations:Invocation.report")
+@pytest.mark.ledger("R80", symbol="simulator.invocations:RunningSkill.report")
 def test_progress_is_structured_and_rises(made: Bench) -> None:
     report = made.start("route-follower", along("A-B"))
     assert report.status == "accepted"
@@ -116,7 +116,7 @@ def test_progress_is_structured_and_rises(made: Bench) -> None:
     assert earlier.progress.remaining_m - later.progress.remaining_m == pytest.approx(2.5, abs=0.3)
 
 
-@pytest.mark.ledger("R91", symbol="simulator.invocations:Invocation._stand")
+@pytest.mark.ledger("R91", symbol="simulator.invocations:RunningSkill._stand")
 def test_a_stop_is_acknowledged_only_once_the_body_stands(made: Bench) -> None:
     report = made.watch(made.start("route-follower", along("A-B")), until_s=5.0)
     provider = made.provider("route-follower")

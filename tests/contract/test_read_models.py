@@ -13,7 +13,7 @@ from harness.adapters.stores.read_models import SqlReadModels
 from harness.adapters.stores.read_models_schema import CREATE, walk_of
 from harness.contracts.errors import ConcurrencyConflict, StoreUnavailable
 from harness.contracts.ids import Digest
-from harness.contracts.memory import Mark
+from harness.contracts.memory import FollowPosition
 from harness.contracts.ports import ReadModels
 from harness.contracts.read_models import MANY, Bookmark, ListOrder, ListQuery, ListRow
 
@@ -37,8 +37,8 @@ def row(seq: int, *, words: str = "office storage", amount: float = 0.0, **facet
     )
 
 
-def mark(position: int) -> Mark:
-    return Mark(fold="f", position=position, digest=Digest(f"{position:064x}"))
+def mark(position: int) -> FollowPosition:
+    return FollowPosition(fold="f", position=position, digest=Digest(f"{position:064x}"))
 
 
 def put(models: ReadModels, rows: Sequence[ListRow]) -> None:

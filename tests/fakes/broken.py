@@ -4,7 +4,7 @@ from dataclasses import replace as reissued
 
 from msgspec.structs import replace
 
-from harness.conformance.subject import Subject
+from harness.conformance.subject import ProviderUnderTest
 from harness.contracts.ids import Digest, MissionId, NodeId, RequestId, request_id
 from harness.contracts.ports import Clock, Provider
 from harness.contracts.protocol import InvocationReport, StartRequest
@@ -200,17 +200,17 @@ class Remembering(Passing):
         return said
 
 
-def tireless(subject: Subject) -> Subject:
+def tireless(subject: ProviderUnderTest) -> ProviderUnderTest:
     provider = Remembering(subject.provider)
     return reissued(subject, provider=provider, clock=Tireless(subject.clock, provider))
 
 
-def forgotten(subject: Subject) -> Subject:
+def forgotten(subject: ProviderUnderTest) -> ProviderUnderTest:
     """reattach: after a restart of the supervisor nobody knows the request."""
     return reissued(subject, reattached=lambda: Lost(subject.provider))
 
 
-def falsified(subject: Subject) -> Subject:
+def falsified(subject: ProviderUnderTest) -> ProviderUnderTest:
     """evidence_promised: bytes that do not match the digest they are fetched by."""
 
     def other(digest: Digest) -> bytes:

@@ -4,8 +4,9 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from tests.builders.connections import Stage, staged, template
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.auditing.replay import replay_mission
 from harness.contracts.commands import AttestHandoff
 from harness.contracts.decisions import Accepted, Decision, Refused
@@ -14,7 +15,6 @@ from harness.contracts.ids import ConditionId, MissionId, NodeId
 from harness.contracts.revision_events import AttestationRecorded
 from harness.contracts.tasks import TaskTemplate
 from harness.projections.handoffs import Handoff
-from tests.builders.crews import Stage, staged, template
 from tests.builders.missions_run import OPERATOR, Ran
 
 CLOSED = "circuit.closed"

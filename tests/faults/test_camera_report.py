@@ -5,8 +5,9 @@ from contextlib import contextmanager
 
 import msgspec
 import pytest
+from tests.builders.connections import Wrapped, only, staged
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.auditing.replay import replay_mission
 from harness.baseline.load import further
 from harness.bootstrap import simulated
@@ -15,7 +16,7 @@ from harness.contracts.events import DispatchIntended
 from harness.contracts.ids import Digest, NodeId, sha256
 from harness.contracts.tasks import TaskTemplate
 from harness.contracts.values import decode
-from harness.further import begin, draft, offered
+from harness.extra_templates import begin, draft, offered
 from harness.planning.decomposition import (
     ONE_AFTER_ANOTHER,
     PlanStep,
@@ -29,7 +30,6 @@ from harness.projections.mission import required_contract
 from harness.runtime import Start
 from harness.settings import HarnessSettings
 from simulator.in_process import SIMULATOR
-from tests.builders.crews import Wrapped, only, staged
 from tests.builders.missions_run import OPERATOR, ROBOT, Ran
 from tests.builders.tampering import rewritten
 

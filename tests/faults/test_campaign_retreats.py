@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from experiments.campaigns.adjudicate import judged
-from experiments.campaigns.course import Course
+from experiments.campaigns.course import MissionCourse
 from experiments.campaigns.mission import Played, WatchedStore
 from experiments.campaigns.plan import MissionPlan
 from harness.contracts.ports import StoredEvent
@@ -35,7 +35,7 @@ def retreated() -> Iterator[Played]:
             starts=tuple(asked.robot.starts()),
             sent=frozenset(),
             struck={},
-            course=Course(),
+            course=MissionCourse(),
             harness=asked.harness,
         )
 

@@ -13,13 +13,13 @@ import msgspec
 import pytest
 
 from experiments.campaigns.adjudicate import judged
-from experiments.campaigns.kills import Point, killed_twice
+from experiments.campaigns.kills import KillPoint, killed_twice
 from experiments.campaigns.ledgers import read_books
 from experiments.campaigns.mission import Played, played
 from experiments.campaigns.plan import DISTURBANCES, ROBOT_FAULTS, Disturbance, MissionPlan, mission_plan
 from experiments.campaigns.publish import BEGIN, END, publish, with_figures
 from experiments.campaigns.races import answer_rounds, append_rounds
-from experiments.campaigns.simulate import WorkersLost, one_mission, seeds_of, spread
+from experiments.campaigns.simulate import CampaignWorkersLost, one_mission, seeds_of, spread
 from experiments.campaigns.suspended import suspensions
 from experiments.campaigns.tally import Tally, counted, summary, tallied
 from experiments.campaigns.truths import torn
@@ -192,7 +192,7 @@ def test_a_holder_that_was_suspended_past_its_lease_is_refused() -> None:
 
 
 def test_killed_at_a_commit_and_again_inside_the_recovery_nothing_is_lost_or_doubled() -> None:
-    killed = killed_twice(Point(faults=("early-success",), name="after:CommitRejected#1"))
+    killed = killed_twice(KillPoint(faults=("early-success",), name="after:CommitRejected#1"))
     assert killed.first and killed.second
     assert killed.wrong == ()
 
@@ -269,9 +269,9 @@ def stuck(seeds: list[int]) -> Tally:
 
 def test_a_campaign_ends_with_a_sentence_where_its_workers_die_or_fall_silent() -> None:
     before = set(multiprocessing.active_children())
-    with pytest.raises(WorkersLost, match="A worker process died"):
+    with pytest.raises(CampaignWorkersLost, match="A worker process died"):
         list(spread([[1], [2]], processes=2, work=lost))
-    with pytest.raises(WorkersLost, match="No worker answered for 3 s"):
+    with pytest.raises(CampaignWorkersLost, match="No worker answered for 3 s"):
         list(spread([[1], [2]], processes=1, work=stuck, silent_s=3.0))
     assert set(multiprocessing.active_children()) <= before
 

@@ -7,15 +7,15 @@ import pytest
 from msgspec.structs import replace
 from typer.testing import CliRunner
 
-from app.cli import app
+from app.cli.main import app
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import Digest
 from harness.settings import HarnessSettings
 from rsi_reviews.evaluation.adjudicator import adjudicate
-from rsi_reviews.evaluation.arms import ARMS, Case, run
-from rsi_reviews.evaluation.measures import MissionRow
+from rsi_reviews.evaluation.arms import ARMS, ArmCase, run
+from rsi_reviews.evaluation.measures import JudgedMission
 from rsi_reviews.evaluation.missions import CONDITIONS, MISSIONS, MissionName, condition
-from rsi_reviews.evaluation.protocol import Ask, judged, rows
+from rsi_reviews.evaluation.protocol import ProtocolRequest, judged, rows
 from rsi_reviews.evaluation.report import BEGIN, END, evaluation, figures, load, save, with_figures
 from rsi_reviews.evaluation.roles import RoleReport
 from rsi_reviews.evaluation.rules import BINDING, BOUND, EVIDENCE
@@ -25,16 +25,16 @@ from simulator.in_process import SIMULATOR
 GATED, UNSEEN = "evidence-gated", ("biased-localiser", "place-aliasing")
 
 
-def row(arm: str, fault: str, mission: MissionName = "patrol", seed: int = 5) -> MissionRow:
+def row(arm: str, fault: str, mission: MissionName = "patrol", seed: int = 5) -> JudgedMission:
     """One judged mission."""
-    return judged(Case(arm=arm, condition=condition(fault), mission=mission, seed=seed), SIMULATOR)
+    return judged(ArmCase(arm=arm, condition=condition(fault), mission=mission, seed=seed), SIMULATOR)
 
 
 @pytest.mark.ledger("R227", symbol="rsi_reviews.evaluation.arms:run")
 @pytest.mark.parametrize("mission", ["circuit", "patrol"])
 def test_without_faults_all_three_modes_walk_the_same_routes_and_succeed(mission: MissionName) -> None:
     stories = [
-        run(Case(arm=arm, condition=condition("nominal"), mission=mission, seed=5), SIMULATOR).story
+        run(ArmCase(arm=arm, condition=condition("nominal"), mission=mission, seed=5), SIMULATOR).story
         for arm in ("direct", "monitored", GATED)
     ]
     assert all(adjudicate(story)["success"] for story in stories)
@@ -57,7 +57,7 @@ def test_a_success_declared_too_soon_passes_all_but_those_who_look(mission: Miss
 @pytest.mark.ledger("R228", symbol="rsi_reviews.evaluation.missions:condition")
 @pytest.mark.parametrize("fault", [one.name for one in CONDITIONS if one.protocol])
 def test_under_each_of_the_five_faults_the_gate_declares_only_what_truly_happened(fault: str) -> None:
-    story = run(Case(arm=GATED, condition=condition(fault), mission="patrol", seed=6), SIMULATOR).story
+    story = run(ArmCase(arm=GATED, condition=condition(fault), mission="patrol", seed=6), SIMULATOR).story
     verdict = adjudicate(story)
     struck = [line["text"].partition("=")[0] for line in story["truth"] if line["kind"] == "struck"]
     assert struck == [name.partition(":")[0] for name in condition(fault).faults]
@@ -140,7 +140,7 @@ def test_both_check_suites_hold() -> None:
 
 def test_a_run_that_broke_off_goes_on_and_comes_out_the_same(tmp_path: Path) -> None:
     kept = tmp_path / "missions.jsonl"
-    ask = Ask(missions=2, seed=3, arms=("direct",), conditions=("nominal", "success-too-soon"))
+    ask = ProtocolRequest(missions=2, seed=3, arms=("direct",), conditions=("nominal", "success-too-soon"))
     whole = rows(ask, SIMULATOR, processes=1, kept=kept)
     lines = kept.read_bytes().splitlines(keepends=True)
     kept.write_bytes(b"".join(lines[:3]) + lines[3][:40])
@@ -153,11 +153,14 @@ def test_a_run_that_broke_off_goes_on_and_comes_out_the_same(tmp_path: Path) -> 
 def test_finished_missions_of_another_seed_are_not_mixed_in(tmp_path: Path) -> None:
     kept = tmp_path / "missions.jsonl"
     rows(
-        Ask(missions=1, seed=3, arms=("always-hands-off",), conditions=("nominal",)), SIMULATOR, processes=1, kept=kept
+        ProtocolRequest(missions=1, seed=3, arms=("always-hands-off",), conditions=("nominal",)),
+        SIMULATOR,
+        processes=1,
+        kept=kept,
     )
     with pytest.raises(ContractInvalid, match="another seed"):
         rows(
-            Ask(missions=1, seed=4, arms=("always-hands-off",), conditions=("nominal",)),
+            ProtocolRequest(missions=1, seed=4, arms=("always-hands-off",), conditions=("nominal",)),
             SIMULATOR,
             processes=1,
             kept=kept,
@@ -165,13 +168,13 @@ def test_finished_missions_of_another_seed_are_not_mixed_in(tmp_path: Path) -> N
 
 
 def test_processes_change_no_result() -> None:
-    ask = Ask(missions=6, seed=3, arms=("direct", "behaviour-tree"), conditions=("nominal",))
+    ask = ProtocolRequest(missions=6, seed=3, arms=("direct", "behaviour-tree"), conditions=("nominal",))
     alone, together = rows(ask, SIMULATOR, processes=1, kept=None), rows(ask, SIMULATOR, processes=2, kept=None)
     assert [_timeless(one) for one in alone] == [_timeless(one) for one in together]
 
 
 def test_results_are_published_between_the_marks_and_loaded_again(tmp_path: Path) -> None:
-    ask = Ask(missions=1, seed=3, arms=("direct", GATED), conditions=("nominal", "success-too-soon"))
+    ask = ProtocolRequest(missions=1, seed=3, arms=("direct", GATED), conditions=("nominal", "success-too-soon"))
     judged_rows = rows(ask, SIMULATOR, processes=1, kept=None)
     found = evaluation(judged_rows, ask, code=Digest("0" * 64), roles=RoleReport(tested=False), suites=())
     save(found, tmp_path / "evaluation.json")
@@ -203,5 +206,5 @@ def test_an_unknown_arm_is_named_with_the_known_ones() -> None:
     assert "evidence-gated" in str(answer.exception)
 
 
-def _timeless(one: MissionRow) -> MissionRow:
+def _timeless(one: JudgedMission) -> JudgedMission:
     return replace(one, cpu_s=0.0)

@@ -7,8 +7,9 @@ from typing import Any
 import msgspec
 import pytest
 from msgspec.structs import replace
+from tests.builders.connections import Stage, staged
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.auditing.legacy import asked
 from harness.auditing.replay import replay_mission
 from harness.baseline.load import further
@@ -16,7 +17,7 @@ from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.events import DispatchIntended, MissionEvent
 from harness.contracts.exploration import (
     FREE,
-    Blocked,
+    BlockedTarget,
     GridMap,
     MapChanged,
     Reached,
@@ -30,13 +31,12 @@ from harness.contracts.revision_events import GraphRevised
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.contracts.values import Moment, Point, decode, digest
 from harness.exploration.grid import area_m2
+from harness.exploration.paths import Ways
 from harness.exploration.targets import NEAREST_EDGE, Proposer, nearest_edge, target_refusal
-from harness.exploration.ways import Ways
 from harness.gate.decide import DECIDER, decide
 from harness.planning.templates import by_name
 from harness.projections.exploration import TARGETS, choices, decisions
 from harness.projections.mission import Mission, required_contract
-from tests.builders.crews import Stage, staged
 from tests.builders.missions_run import Ran
 from tests.builders.pointers import DECIDERS, release, select, sterner
 from tests.builders.tampering import Body, rewritten
@@ -101,10 +101,10 @@ def test_a_blocked_target_and_the_changed_map_return_to_the_next_choice(blocked:
     assert first.feedback == ()
     refused, changed = second.feedback
     leg = NodeId("leg-1")
-    assert isinstance(refused, Blocked) and (refused.node_id, refused.failure) == (leg, "no_progress")
+    assert isinstance(refused, BlockedTarget) and (refused.node_id, refused.failure) == (leg, "no_progress")
     assert isinstance(changed, MapChanged) and changed.closed_m2 > 0
     assert (changed.before, changed.after) == (first.map, second.map)
-    assert [type(one) for one in third.feedback] == [Blocked, MapChanged, Reached, MapChanged]
+    assert [type(one) for one in third.feedback] == [BlockedTarget, MapChanged, Reached, MapChanged]
     given_up, instead = (choice.target_m for choice in list(choices(required_contract(blocked.mission)).values())[:2])
     assert math.dist(given_up, instead) > 0.8
     assert blocked.mission.of(leg).status == "failed" and blocked.mission.status == "succeeded"
@@ -167,7 +167,7 @@ def rebound(**changes: Any) -> Any:
     return change
 
 
-@pytest.mark.ledger("R224", symbol="harness.auditing.exploring:target_differences")
+@pytest.mark.ledger("R224", symbol="harness.auditing.exploration:target_differences")
 @pytest.mark.parametrize(
     ("change", "says"),
     [

@@ -17,7 +17,7 @@ def safe(mission: Ran, fault: str) -> None:
 
 
 @pytest.mark.parametrize("template", TEMPLATES)
-@pytest.mark.ledger("R39", "R46", symbol="harness.supervisor.recover:Recovery.answer")
+@pytest.mark.ledger("R39", "R46", symbol="harness.supervisor.recovery:Recovery.answer")
 @pytest.mark.parametrize(
     ("fault", "verdict", "actions"),
     [
@@ -38,7 +38,7 @@ def test_a_transient_fault_is_recovered_from(template: str, fault: str, verdict:
 
 
 @pytest.mark.parametrize("template", TEMPLATES)
-@pytest.mark.ledger("R132", "R174", symbol="harness.supervisor.desk:Desk.open")
+@pytest.mark.ledger("R132", "R174", symbol="harness.supervisor.handoffs:HandoffService.open")
 @pytest.mark.parametrize(
     "fault",
     ["stale-pose", "missing-pose", "frozen-localiser", "early-success", "interrupted", "blocked-passage"],

@@ -6,8 +6,9 @@ Whole missions in virtual time (D21, D26, D29); the truth stands beside them.
 from typing import Any, TypeVar
 
 import pytest
+from tests.builders.connections import Failing, Stage, only, staged, template, with_node
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.contracts.contexts import Context
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.events import (
@@ -27,7 +28,6 @@ from harness.contracts.revision_events import CompletionDisputed, GraphRevised
 from harness.contracts.tasks import Constraints, TaskTemplate
 from harness.planning.planner import Planner
 from harness.projections.mission import all_required_committed, required_contract
-from tests.builders.crews import Failing, Stage, only, staged, template, with_node
 from tests.builders.missions_run import OPERATOR, Ran
 
 INSPECTION = "warehouse-inspection"
@@ -107,7 +107,7 @@ def test_a_goal_is_opened_again_only_while_the_budget_lasts() -> None:
         assert len(told(ran, GraphRevised)) == 1
 
 
-@pytest.mark.ledger("R132", symbol="harness.supervisor.recover:Recovery._ask")
+@pytest.mark.ledger("R132", symbol="harness.supervisor.recovery:Recovery._ask")
 def test_a_spent_stage_that_moves_nothing_fails_and_the_way_back_is_no_return_stage() -> None:
     poor = template(INSPECTION, recovery_total=1)
     with staged(wrap=only("deliver_message", lambda one: Failing(one, word="refused by the channel"))) as stage:

@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from experiments.campaigns.hammer import HammerReport, hammer
-from experiments.campaigns.hammer_asks import Answer, Ask, Journal, Kind, told
+from experiments.campaigns.hammer_asks import Answer, CallerJournal, HammerRequest, Kind, told
 from experiments.campaigns.hammer_judge import Keys, misplaced
 from experiments.campaigns.ledgers import exclusive_leases
 from experiments.campaigns.publish import BEGIN, END, with_figures
@@ -83,26 +83,26 @@ def test_callers_that_are_killed_under_load_lose_no_decision_and_double_none() -
 def test_a_decision_that_is_lost_doubled_halved_or_torn_is_found(
     kind: Kind, answer: Answer, events: list[tuple[str, int]], found: str
 ) -> None:
-    sentences = list(misplaced(Ask(key="c0-1", kind=kind), standing("c0-1", *events), answer))
+    sentences = list(misplaced(HammerRequest(key="c0-1", kind=kind), standing("c0-1", *events), answer))
     assert len(sentences) == 1 and found in sentences[0]
 
 
 def test_a_decision_that_stands_as_its_caller_was_told_is_no_offence() -> None:
     keys = standing("c0-1", ("HandoffApproved", 4), ("LeaseAcquired", 5))
     for answer in ("done", ""):
-        assert list(misplaced(Ask(key="c0-1", kind="answer"), keys, answer)) == []
-    assert list(misplaced(Ask(key="c0-2", kind="answer"), keys, "")) == []
+        assert list(misplaced(HammerRequest(key="c0-1", kind="answer"), keys, answer)) == []
+    assert list(misplaced(HammerRequest(key="c0-2", kind="answer"), keys, "")) == []
 
 
 def test_a_journal_tells_what_was_asked_what_was_answered_and_what_was_left_open(tmp_path: Path) -> None:
     file = tmp_path / "caller-0.jsonl"
-    first, second = Ask(key="c0-0", kind="mission"), Ask(key="c0-1", kind="veto", slot=2)
-    with Journal(file) as journal:
+    first, second = HammerRequest(key="c0-0", kind="mission"), HammerRequest(key="c0-1", kind="veto", slot=2)
+    with CallerJournal(file) as journal:
         journal.asks(first)
         journal.hears(first.key, "done")
         journal.asks(second)
     assert told(file).open == second
-    with Journal(file) as journal:
+    with CallerJournal(file) as journal:
         journal.asks(second)
         journal.hears(second.key, "refused")
     with file.open("ab") as torn:

@@ -2,8 +2,9 @@
 
 import pytest
 from msgspec.structs import replace
+from tests.builders.connections import Failing, Stage, Wrapped, only, staged
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.contracts.commands import AcquireLease, ReleaseLease
 from harness.contracts.configuration import SPENDING
 from harness.contracts.contexts import Blobs, Context
@@ -16,7 +17,6 @@ from harness.contracts.protocol import InvocationReport, StartRequest
 from harness.contracts.verdicts import NodeVerdict
 from harness.gate.commit import CommandEnvelope
 from harness.verification.verdict import verify
-from tests.builders.crews import Failing, Stage, Wrapped, only, staged
 from tests.builders.missions_run import Ran
 
 BASE = ResourceId("vbot-1/mobile_base")
@@ -141,7 +141,7 @@ def test_what_was_not_found_is_looked_at_again_and_then_a_person_is_asked() -> N
         assert asked(ran)
 
 
-@pytest.mark.ledger("R126", symbol="harness.supervisor.recover:Recovery._stop")
+@pytest.mark.ledger("R126", symbol="harness.supervisor.recovery:Recovery._stop")
 def test_an_unsafe_action_is_stopped_safely_and_a_person_is_asked() -> None:
     with staged(wrap=only("navigate", lambda one: Failing(one, word="collision"))) as stage:
         ran = stage.run(stage.begin("circuit"))

@@ -14,7 +14,7 @@ from harness.contracts.commands import StopMission
 from harness.contracts.errors import StoreUnavailable
 from harness.contracts.handoff_events import NoAnswerTaken
 from harness.contracts.ids import MissionId, StreamId
-from harness.contracts.ports import Batch, Head, Record, StoredEvent
+from harness.contracts.ports import Batch, LogHead, Record, StoredEvent
 from harness.contracts.values import Moment
 from harness.projections.mission import Mission
 from harness.settings import HarnessSettings
@@ -36,7 +36,7 @@ class AwayStore(MemoryEventStore):
         self.lasts = 3
         self.calls = self.outages = 0
 
-    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> Head:
+    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> LogHead:
         self._answer()
         struck = self.strikes([event.kind for batch in batches for event in batch.events])
         if struck:

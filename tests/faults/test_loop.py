@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
+from tests.builders.connections import Stage, Wrapped, staged
 
 from harness.contracts.configuration import Configuration
 from harness.contracts.contexts import Context
@@ -28,7 +29,6 @@ from harness.contracts.protocol import InvocationReport
 from harness.contracts.values import decode
 from harness.gate.decide import DECIDER
 from harness.projections.mission import Mission
-from tests.builders.crews import Stage, Wrapped, staged
 from tests.builders.gate import NOW, POLICY, after, complete, created, dispatch
 from tests.builders.missions_run import Ran
 
@@ -100,7 +100,7 @@ def test_accepted_progress_is_written_before_any_later_context_is_compiled(tried
         k += event.cost if isinstance(event, RecoveryAuthorised) else 0
 
 
-@pytest.mark.ledger("R56", symbol="harness.supervisor.attend:Attendant.attend")
+@pytest.mark.ledger("R56", symbol="harness.supervisor.invocation_monitor:InvocationMonitor.attend")
 def test_there_are_many_polls_to_one_plan_and_no_chat_between_them(tried: tuple[Stage, Ran]) -> None:
     _, ran = tried
     plans = sum(isinstance(event, NodePlanned) for event in ran.events)

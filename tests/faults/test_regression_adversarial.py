@@ -13,8 +13,8 @@ from harness.contracts.ids import Digest
 from harness.contracts.values import digest
 from rsi_reviews.acceptance import Evaluation, accepted
 from rsi_reviews.contracts import AcceptanceReport, CaseResult
-from rsi_reviews.regression.cases import Case, Group, Outside, Situation, Suite, cases_of
-from rsi_reviews.regression.conduct import conducted
+from rsi_reviews.regression.case_run import conducted
+from rsi_reviews.regression.cases import Case, CaseGroup, Outside, Situation, Suite, cases_of
 from rsi_reviews.regression.errors import SuiteEdited
 from rsi_reviews.regression.judge import judged
 from rsi_reviews.regression.suite import newest, shipped
@@ -165,4 +165,4 @@ def test_a_suite_that_shrinks_by_a_group_does_not_hold_its_old_cases() -> None:
     smaller = Suite(name="safety", version=2, groups=suite.groups[1:])
     assert set(cases_of(suite)) - set(cases_of(smaller))
     assert digest(suite) != digest(smaller)
-    assert isinstance(suite.groups[0], Group)
+    assert isinstance(suite.groups[0], CaseGroup)

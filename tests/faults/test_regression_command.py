@@ -11,14 +11,14 @@ import pytest
 from msgspec import json as msgspec_json
 from typer.testing import CliRunner, Result
 
-from app.cli import app
-from app.terminal.rsi_evaluate import executor
+from app.cli.main import app
+from app.cli.rsi_evaluate import executor
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import HarnessError
-from rsi_reviews.desk import Desk
 from rsi_reviews.held_out import Looks, Secret
 from rsi_reviews.regression.executors import Here, Processes
 from rsi_reviews.regression.on_ray import RayCluster
+from rsi_reviews.release_service import ReleaseService
 from rsi_reviews.trial import HeldOut, Means, Trial, carried_out, judged_on, prepared
 from simulator.in_process import SIMULATOR
 from tests.builders.evaluations import BASELINE, Saying, candidate, suite
@@ -69,7 +69,16 @@ def listening() -> None:
 
 
 def test_a_run_that_is_broken_off_keeps_what_is_finished(proposed: Path) -> None:
-    words = [sys.executable, "-m", "app.cli", "rsi", "evaluate", candidate().candidate_id[:12], "--data", str(proposed)]
+    words = [
+        sys.executable,
+        "-m",
+        "app.cli.main",
+        "rsi",
+        "evaluate",
+        candidate().candidate_id[:12],
+        "--data",
+        str(proposed),
+    ]
     run = subprocess.Popen(
         [*words, "--processes", "1", "--cases", "400"], stderr=subprocess.PIPE, text=True, preexec_fn=listening
     )
@@ -114,7 +123,7 @@ def test_the_desk_takes_up_a_whole_evaluation_and_keeps_results_and_terms(tmp_pa
         assert isinstance(room.desk.propose(candidate(), say(LAUNCHER)), Accepted)
         assert isinstance(room.desk.begin(asked.terms, say(LAUNCHER)), Accepted)
         outcome = carried_out(asked, means)
-        taken = Desk(room.harness.runtime).submit_results(judged_on(asked, outcome.results), say(LAUNCHER))
+        taken = ReleaseService(room.harness.runtime).submit_results(judged_on(asked, outcome.results), say(LAUNCHER))
         assert isinstance(taken, Accepted), taken
         review = room.desk.review(asked.terms.candidate)
         assert (review.status, review.terms) == ("accepted", asked.terms)

@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def command(*words: object) -> list[str]:
-    return [sys.executable, "-m", "app.cli", *(str(word) for word in words)]
+    return [sys.executable, "-m", "app.cli.main", *(str(word) for word in words)]
 
 
 def environment(**changes: str) -> dict[str, str]:

@@ -10,14 +10,14 @@ from fastapi.testclient import TestClient
 from pydantic import SecretStr
 from typer.testing import CliRunner, Result
 
-from app.cli import app as regen
+from app.auth.permissions import Principal
+from app.cli.main import app as regen
 from app.main import bind
-from app.permissions import Visitor
 from app.settings import ConsoleSettings
 from harness.adapters.stores.owner import OwnerLock
 from tests.builders.consoles import OWNER, Stand, console_stand
 
-ADMIN = Visitor(name="ana", roles=("admin",), source="terminal")
+ADMIN = Principal(name="ana", roles=("admin",), source="terminal")
 
 
 @pytest.fixture
@@ -45,7 +45,7 @@ def entering(stand: Stand, path: str) -> int:
 
 
 def test_a_new_link_takes_the_place_of_the_lost_one_once_and_stands_in_the_trail(owned: Stand, tmp_path: Path) -> None:
-    lost = owned.app.state.doors.invite()
+    lost = owned.app.state.sessions.invite()
     said, told = f"Sign in once: {owned.app.state.console.settings.address}", linked(tmp_path)
     assert told.exit_code == 0, told.output
     assert told.output.startswith(f"{said}/account/sign-in?token=")
@@ -53,17 +53,17 @@ def test_a_new_link_takes_the_place_of_the_lost_one_once_and_stands_in_the_trail
     assert entering(owned, lost) == 403
     assert entering(owned, new) == 200
     assert entering(owned, new) == 403
-    (made,) = owned.app.state.doors.accounts.store.trail(kind="sign_in.link_made")
+    (made,) = owned.app.state.sessions.accounts.store.audit_log(kind="sign_in.link_made")
     assert (made.actor, made.source) == ("owner", "127.0.0.1")
     assert new.rpartition("=")[2] not in str(made)
 
 
 def test_with_accounts_there_is_no_link_and_it_is_said_what_to_do(owned: Stand, tmp_path: Path) -> None:
-    owned.app.state.doors.accounts.add("root", roles=["admin"], password="correct horse battery", by=ADMIN)
+    owned.app.state.sessions.accounts.add("root", roles=["admin"], password="correct horse battery", by=ADMIN)
     told = linked(tmp_path)
     assert told.exit_code != 0
     assert "lets nobody in" in str(told.exception) and "regen account password NAME" in str(told.exception)
-    assert owned.app.state.doors.accounts.store.trail(kind="sign_in.link_made") == []
+    assert owned.app.state.sessions.accounts.store.audit_log(kind="sign_in.link_made") == []
 
 
 def test_without_a_console_it_is_said_how_to_start_one(tmp_path: Path) -> None:

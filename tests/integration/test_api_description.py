@@ -12,11 +12,11 @@ from pydantic import SecretStr
 from schemathesis import GenerationMode
 from schemathesis.checks import CHECKS, load_all_checks
 
-from app.description import PATH
+from app.routes.openapi import PATH
 from app.settings import ConsoleSettings
 from harness.contracts.maps import AttachCloud, CloudChunk, MapCloud, map_stream
 from rsi_reviews.acceptance import accepted
-from rsi_reviews.desk import Desk
+from rsi_reviews.release_service import ReleaseService
 from tests.builders.consoles import OWNER, Stand, console_stand
 from tests.builders.releases import LAUNCHER, PREDICATE, Bench, candidate, expect
 
@@ -60,7 +60,9 @@ def real(stand: Stand) -> dict[str, str]:
     digest = accounts.get("/api/v1/evidence?kind=image").json()[0]["blob"]
     alerts = stand.app.state.alert_watch
     alerts.step()
-    reviewing = Bench(stand.harness, Desk(stand.harness.runtime, judge=partial(accepted, predicate=PREDICATE)))
+    reviewing = Bench(
+        stand.harness, ReleaseService(stand.harness.runtime, judge=partial(accepted, predicate=PREDICATE))
+    )
     cloud = MapCloud(
         map_version="site-1", frame="map", source="hall.pcd", source_digest=digest, points=1, dropped=0,
         origin_m=(0.0, 0.0, 0.0), low_m=(0.0, 0.0, 0.0), high_m=(1.0, 1.0, 1.0),

@@ -7,7 +7,7 @@ import pytest
 from harness.adapters.stores.memory import MemoryEventStore
 from harness.bootstrap import simulated
 from harness.contracts.ids import NodeId, mission_stream
-from harness.contracts.ports import Batch, Head, Record
+from harness.contracts.ports import Batch, LogHead, Record
 from harness.contracts.values import Moment
 from harness.settings import HarnessSettings
 from simulator.in_process import SIMULATOR
@@ -21,7 +21,7 @@ class Counted(MemoryEventStore):
         super().__init__()
         self.appends: list[tuple[str, ...]] = []
 
-    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> Head:
+    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> LogHead:
         self.appends.append(tuple(event.kind for batch in batches for event in batch.events))
         return super().append(batches, records, now)
 

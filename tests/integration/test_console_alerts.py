@@ -8,17 +8,17 @@ from threading import Thread
 
 import pytest
 
-from app.alert_watch import AlertWatch, Watched
-from app.alerts import Alerts
-from app.fleet import Fleet
-from app.notices import Notices
-from app.reasons.rendering import sentence
+from app.background.alert_watch import AlertWatch, Watched
+from app.background.alerts import Alerts
+from app.background.notifications import Notices
+from app.background.robot_reports import Fleet
+from app.i18n.reasons.rendering import sentence
 from harness.adapters.clock import SystemClock
 from harness.adapters.ids import SeededIds
 from harness.adapters.notify.services import AppriseNotifier
 from harness.adapters.stores.blobs import FileBlobStore
 from harness.adapters.stores.memory import MemoryEventStore, MemorySpool
-from harness.bootstrap import Parts, Unheard, runtime_on
+from harness.bootstrap import NullSignals, Parts, runtime_on
 from harness.contracts.actors import Actor
 from harness.contracts.commands import ClearVeto, RaiseVeto
 from harness.contracts.decisions import Accepted
@@ -191,7 +191,7 @@ def test_a_robot_that_keeps_its_journal_to_itself_holds_no_other_alert_up(stand:
 def test_damaged_evidence_is_an_alert(tmp_path: Path) -> None:
     parts = Parts(
         store=MemoryEventStore(), blobs=FileBlobStore(tmp_path), spool=MemorySpool(), ids=SeededIds(1),
-        clock=SystemClock(), signals=Unheard(),
+        clock=SystemClock(), signals=NullSignals(),
     )  # fmt: skip
     runtime = runtime_on(parts)
     watchman = Watchman(runtime)

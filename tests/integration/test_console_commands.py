@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import pytest
 from fastapi.testclient import TestClient
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from tests.builders.consoles import Stand, console_stand
 
 START = {

@@ -6,11 +6,12 @@ from collections.abc import Iterator
 
 import pytest
 from fastapi.testclient import TestClient
+from tests.builders.connections import Stage, staged
 
-from app.live import SignalBroker
+from app.background.signals import SignalBroker
+from app.i18n.reasons.rendering import sentence
 from app.main import create_app, open_accounts
-from app.reasons.rendering import sentence
-from app.scene import Scenes
+from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from app.views.exploration import Recorded, choices_region
 from harness.baseline.load import further
@@ -22,10 +23,9 @@ from harness.exploration.targets import Proposer, nearest_edge
 from harness.planning.templates import by_name
 from harness.projections.exploration import decisions, updates
 from harness.projections.mission import Mission
-from rsi_reviews.deciding import DECIDERS
-from rsi_reviews.shelf import selected
+from rsi_reviews.candidate_queries import selected
+from rsi_reviews.deciders import DECIDERS
 from tests.builders.consoles import Stand, console_stand
-from tests.builders.crews import Stage, staged
 
 RUN = re.compile(r"M(-?[\d.]+) (-?[\d.]+)h([\d.]+)v([\d.]+)h-[\d.]+z")
 

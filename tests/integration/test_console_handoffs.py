@@ -7,8 +7,8 @@ import pytest
 from fastapi.testclient import TestClient
 from msgspec.structs import replace
 
-from app.authority import authority
-from app.reasons.rendering import sentence
+from app.auth.commit_authority import authority
+from app.i18n.reasons.rendering import sentence
 from harness.contracts.actors import Actor
 from harness.contracts.commands import RejectHandoff
 from harness.contracts.decisions import Refused
@@ -107,7 +107,7 @@ def test_another_answer_after_the_first_is_told_who_decided(stand: Stand, waitin
     assert "not safe" in late.text
 
 
-@pytest.mark.ledger("R174", symbol="harness.supervisor.desk:Desk._ends")
+@pytest.mark.ledger("R174", symbol="harness.supervisor.handoffs:HandoffService._ends")
 def test_a_rejection_ends_the_mission_safely(stand: Stand, waiting: tuple[Mission, HandoffId]) -> None:
     mission, handoff_id = waiting
     operator = stand.operator()
@@ -286,7 +286,7 @@ def test_a_role_taken_back_while_the_page_was_open_voids_the_answer(stand: Stand
     form = {**shown(operator, handoff_id), "decision": "reject", "reason": "not safe"}
     account = store.account("the-operator")
     assert account is not None
-    still = authority(stand.app.state.doors.accounts)
+    still = authority(stand.app.state.sessions.accounts)
     word = RejectHandoff(
         actor=Actor(name="the-operator", role="operator"),
         reason="not safe",

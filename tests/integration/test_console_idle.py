@@ -9,7 +9,7 @@ from fastapi.testclient import TestClient
 from msgspec.structs import replace
 from starlette.requests import HTTPConnection
 
-from app.security import by_a_person
+from app.web.security import by_a_person
 from tests.builders.consoles import Stand, console_stand
 from tests.builders.people import store_of
 

@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 from sqlalchemy import create_engine
 
-from app.lists import FOLD, Lists
+from app.background.lists import FOLD, Lists
 from harness.adapters.stores.memory_index import EMPTY
 from harness.adapters.stores.read_models import SqlReadModels
 from harness.contracts.actors import Actor
 from harness.contracts.commands import StopMission
 from harness.contracts.events import PacketRetained
 from harness.contracts.ids import Digest
-from harness.contracts.memory import Mark
+from harness.contracts.memory import FollowPosition
 from harness.contracts.read_models import LISTINGS, ListQuery
 from harness.projections.mission import Mission
 from tests.builders.consoles import Stand, console_stand
@@ -143,7 +143,7 @@ def test_lists_of_another_fold_or_another_log_are_made_anew(
     stand: Stand, missions: tuple[Mission, Mission], tmp_path: Path, fold: str
 ) -> None:
     with closing(SqlReadModels(f"sqlite:///{tmp_path / 'lists.db'}")) as models:
-        foreign = Mark(fold=fold or FOLD, position=3, digest=Digest("ab" * 32))
+        foreign = FollowPosition(fold=fold or FOLD, position=3, digest=Digest("ab" * 32))
         models.add([], after=EMPTY, upto=foreign)
         follower = Lists(stand.harness.runtime, models)
         assert follower.catch_up().position == stand.harness.runtime.head().position

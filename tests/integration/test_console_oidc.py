@@ -7,8 +7,8 @@ from threading import current_thread
 import pytest
 from fastapi.testclient import TestClient
 
-from app.permissions import GRANTS, ROLES
-from app.reasons.rendering import sentence
+from app.auth.permissions import GRANTS, ROLES
+from app.i18n.reasons.rendering import sentence
 from tests.builders.consoles import BASE, FOREIGN, OWN
 from tests.builders.issuers import RETURNING, Entrance, cookies, entrance
 from tests.builders.people import PASSWORD, SETTING_UP, store_of
@@ -26,8 +26,8 @@ def test_a_person_of_a_mapped_group_comes_in_with_that_role_and_lands_where_they
     assert 'http-equiv="refresh" content="0; url=/missions?status=running"' in entered.text
     own = client.get("/api/v1/account").json()
     assert (own["name"], own["roles"]) == ("ada", ["operator"])
-    assert [one.kind for one in store_of(here.stand).trail(actor="ada")] == ["sign_in.accepted"]
-    added = store_of(here.stand).trail(kind="account.added")[0]
+    assert [one.kind for one in store_of(here.stand).audit_log(actor="ada")] == ["sign_in.accepted"]
+    added = store_of(here.stand).audit_log(kind="account.added")[0]
     assert (added.actor, added.subject, added.source) == ("identity provider", "ada", "testclient")
     assert added.detail == f"operator, {ADA['sub']} at {here.issuer.url}"
 
@@ -73,7 +73,7 @@ def test_roles_follow_the_groups_at_every_sign_in_and_nobody_changes_them_here(h
     here.enter(later)
     assert later.get("/api/v1/account").json()["roles"] == ["viewer", "reviewer"]
     assert client.get("/").status_code == 401, "other roles end the sessions that had the old ones"
-    changed = store_of(here.stand).trail(kind="account.changed")[0]
+    changed = store_of(here.stand).audit_log(kind="account.changed")[0]
     assert (changed.subject, changed.detail) == ("ada", "operator before, viewer reviewer now")
     admin = here.browser()
     admin.post("/account/sign-in", data={"name": "the-admin", "password": PASSWORD})

@@ -9,8 +9,8 @@ from urllib.parse import quote
 import pytest
 from fastapi.testclient import TestClient
 
-from app.reasons.rendering import sentence
-from app.security import PAGE_POLICY
+from app.i18n.reasons.rendering import sentence
+from app.web.security import PAGE_POLICY
 from harness.contracts.ids import MissionId
 from harness.projections.mission import Mission
 from tests.builders.consoles import FOREIGN, OWN, Stand, console_stand
@@ -322,14 +322,14 @@ def test_another_host_name_reaches_nothing(stand: Stand) -> None:
 
 
 def test_the_session_cookie_is_out_of_reach_of_scripts_and_other_sites(stand: Stand) -> None:
-    answer = stand.stranger().get(stand.app.state.doors.invite())
+    answer = stand.stranger().get(stand.app.state.sessions.invite())
     cookie = answer.headers["set-cookie"].lower()
     assert "httponly" in cookie
     assert "samesite=strict" in cookie
 
 
 def test_a_sign_in_link_works_once(stand: Stand) -> None:
-    link = stand.app.state.doors.invite()
+    link = stand.app.state.sessions.invite()
     assert stand.stranger().get(link).status_code == 200
     assert stand.stranger().get(link).status_code == 403
 
@@ -350,7 +350,7 @@ def test_the_api_tells_what_became_of_a_mission(stand: Stand, mission: Mission) 
     assert found["recovery"] == {"spent": 0, "remaining": 8}
 
 
-@pytest.mark.ledger("R208", symbol="app.views.outcome:mission_outcome")
+@pytest.mark.ledger("R208", symbol="app.views.mission_json:mission_outcome")
 def test_the_final_record_keeps_finding_delivery_and_frames_that_check_against_their_sums(
     stand: Stand, operator: TestClient, mission: Mission
 ) -> None:

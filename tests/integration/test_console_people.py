@@ -7,9 +7,9 @@ import msgspec
 import pytest
 from fastapi.testclient import TestClient
 
-from app.permissions import GRANTS, ROLES, Permission
+from app.auth.permissions import GRANTS, ROLES, Permission
 from harness.contracts.ids import MissionId
-from rsi_reviews.desk import Desk
+from rsi_reviews.release_service import ReleaseService
 from tests.builders.consoles import BASE, Stand, console_stand
 from tests.builders.house import ALERT_TURNS, TURNS, House, routes
 from tests.builders.people import PASSWORD, SETTING_UP, counted, everybody, program, store_of
@@ -103,12 +103,12 @@ def house() -> Iterator[House]:
         _, handoff_id = stand.handed_off()
         people = everybody(stand)
         program(stand, "read")
-        stand.app.state.doors.accounts.add("somebody", roles=["viewer"], password=PASSWORD, by=SETTING_UP)
+        stand.app.state.sessions.accounts.add("somebody", roles=["viewer"], password=PASSWORD, by=SETTING_UP)
         token_id = store_of(stand).tokens()[0].token_id
         stand.app.state.alert_watch.step()
         ((alert_id, _),) = stand.app.state.alert_watch.alerts.all()
         made = candidate()
-        expect(Desk(stand.harness.runtime).propose(made, say(LAUNCHER)))
+        expect(ReleaseService(stand.harness.runtime).propose(made, say(LAUNCHER)))
         yield House(stand, people, stand.created(), handoff_id, token_id, alert_id, made.candidate_id)
 
 
@@ -175,7 +175,7 @@ def test_a_decision_is_stored_with_who_in_which_role_by_which_channel() -> None:
         answer = stand.harness.runtime.handoff(handoff_id).answer
         assert answer is not None
         assert (answer.actor.name, answer.actor.role, answer.actor.channel) == ("the-operator", "operator", "human")
-        entry = store_of(stand).trail(kind="command.RejectHandoff")[0]
+        entry = store_of(stand).audit_log(kind="command.RejectHandoff")[0]
         assert (entry.actor, entry.subject, entry.detail, entry.source) == (
             "the-operator", f"handoff/{handoff_id}", "accepted", "testclient",
         )  # fmt: skip

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 from fastapi.testclient import TestClient
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.contracts.ids import PlaceId
 from harness.contracts.tasks import TaskContract
 from harness.projections.mission import required_contract

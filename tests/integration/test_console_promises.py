@@ -9,12 +9,12 @@ from fastapi import FastAPI
 from fastapi.testclient import TestClient
 from pydantic import SecretStr
 
-from app.fleet import Fleet
-from app.live import SignalBroker
+from app.auth.permissions import ROLES
+from app.background.robot_reports import Fleet
+from app.background.signals import SignalBroker
+from app.i18n.reasons.rendering import sentence
 from app.main import create_app, open_accounts
-from app.permissions import ROLES
-from app.reasons.rendering import sentence
-from app.scene import Scenes
+from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from harness.contracts.ids import HandoffId, MissionId
 from harness.projections.handoffs import Handoff

@@ -11,15 +11,15 @@ import msgspec
 import pytest
 from fastapi.testclient import TestClient
 
-from app.desk_watch import DeskWatch
-from app.evaluated import Evaluated
+from app.background.evaluations import Evaluated
+from app.background.release_watch import ReleaseWatch
 from app.settings import ConsoleSettings
 from harness.contracts.ids import Digest
 from harness.contracts.values import encode
 from rsi_reviews.acceptance import accepted
 from rsi_reviews.contracts import Candidate
-from rsi_reviews.desk import Desk
-from rsi_reviews.regression.results import Kept
+from rsi_reviews.regression.results import ResultsFile
+from rsi_reviews.release_service import ReleaseService
 from tests.builders.consoles import Stand, console_stand
 from tests.builders.people import PASSWORD, SETTING_UP, browser, everybody
 from tests.builders.releases import (
@@ -71,9 +71,9 @@ class House:
 @pytest.fixture
 def house() -> Iterator[House]:
     with console_stand() as stand:
-        desk = Desk(stand.harness.runtime, judge=partial(accepted, predicate=PREDICATE))
+        desk = ReleaseService(stand.harness.runtime, judge=partial(accepted, predicate=PREDICATE))
         people = everybody(stand)
-        accounts = stand.app.state.doors.accounts
+        accounts = stand.app.state.sessions.accounts
         accounts.add("the-other-reviewer", roles=["reviewer"], password=PASSWORD, by=SETTING_UP)
         people["other-reviewer"] = browser(stand, "the-other-reviewer")
         accounts.add("lea", roles=["operator", "reviewer", "releaser"], password=PASSWORD, by=SETTING_UP)
@@ -243,7 +243,7 @@ def test_a_false_completion_found_in_the_canary_rolls_back_at_once(house: House)
 
 
 def test_whoever_released_does_not_adjudicate(house: House) -> None:
-    accounts = house.stand.app.state.doors.accounts
+    accounts = house.stand.app.state.sessions.accounts
     accounts.add("sam", roles=["releaser", "reviewer"], password=PASSWORD, by=SETTING_UP)
     house.people["sam"] = browser(house.stand, "sam")
     name = house.bench.in_canary(routed())
@@ -352,7 +352,7 @@ def test_the_evaluation_page_draws_what_is_published_and_says_where_nothing_is(h
 def test_the_watch_takes_the_pointer_up_and_ended_canary_missions_in(house: House) -> None:
     name = house.bench.in_canary(routed())
     runtime = house.stand.harness.runtime
-    watch = DeskWatch(desk=house.bench.desk, head=runtime.head, read=runtime.log, duplicate_starts=lambda one: 0)
+    watch = ReleaseWatch(desk=house.bench.desk, head=runtime.head, read=runtime.log, duplicate_starts=lambda one: 0)
     watch.step()
     assert [(one.worker, one.revision) for one in house.bench.desk.pointer().uptakes] == [("console", 1)]
     mission = house.bench.begun()
@@ -372,6 +372,6 @@ def test_an_evaluation_under_way_tells_how_many_results_are_kept(house: House, t
     expect(house.bench.desk.begin(terms_of(made, evaluator="regression-1+abc"), say(RELEASER)))
     review = house.bench.desk.review(name)
     assert "200 missions to run" in house.page("viewer", "/candidates?status=evaluating")
-    kept = Kept(tmp_path / "results-abc.jsonl", evaluator="regression-1+abc")
+    kept = ResultsFile(tmp_path / "results-abc.jsonl", evaluator="regression-1+abc")
     kept.add([result(CASES[0], made.baseline), result(CASES[0], made.configuration.configuration_id)])
     assert Evaluated(house.bench.desk, tmp_path).progress(review) == "2 of 200 missions to run"

@@ -8,14 +8,14 @@ import msgspec
 import pytest
 from fastapi.testclient import TestClient
 
-from app.live import SignalBroker
+from app.background.signals import SignalBroker
+from app.i18n.reasons.rendering import sentence
 from app.main import create_app, open_accounts
-from app.reasons.rendering import sentence
-from app.report_pdf import PictureUnreadable, report_pdf
 from app.routes.report import page_of
-from app.scene import Scenes
+from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from app.views.report import ReportPage
+from app.web.report_pdf import PictureUnreadable, report_pdf
 from harness.contracts.actors import Actor
 from harness.dossiers import verify_dossier
 from harness.projections.mission import Mission
@@ -107,7 +107,7 @@ def test_the_dossier_that_is_downloaded_verifies_offline(stand: Stand, ran: Miss
         folder=data,
     )
     client = TestClient(app, base_url=BASE, follow_redirects=False, headers=OWN)
-    client.get(app.state.doors.invite())
+    client.get(app.state.sessions.invite())
     answer = client.get(f"/missions/{ran.mission_id}/dossier")
     assert answer.status_code == 200
     assert f"{ran.mission_id}.dossier.zip" in answer.headers["content-disposition"]

@@ -8,11 +8,11 @@ from math import hypot
 
 import httpx
 
-from app.filters import iso
+from app.i18n.reasons.rendering import sentence
 from app.main import bind
-from app.reasons.rendering import sentence
 from app.settings import ConsoleSettings
-from app.starting import starting
+from app.web.filters import iso
+from app.web.starting import starting
 from harness.contracts.control import CONTROL
 from harness.contracts.ids import MissionId
 from harness.contracts.upcasting import name_of

@@ -8,13 +8,13 @@ import pytest
 import viser
 from starlette.websockets import WebSocketDisconnect
 
-from app.cloud import Stand as Pose
-from app.cloud import placed
-from app.proxy import PROTOCOL
-from app.scene import Scenes
-from app.scene_feed import Feed
-from app.scene_view import ROUGH, SceneView
-from app.security import SCENE_POLICY
+from app.scene.feed import Feed
+from app.scene.point_cloud import Stand as Pose
+from app.scene.point_cloud import placed
+from app.scene.proxy import PROTOCOL
+from app.scene.servers import Scenes
+from app.scene.view import ROUGH, SceneView
+from app.web.security import SCENE_POLICY
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import MissionId
 from tests.builders.consoles import BASE, FOREIGN, Stand, console_stand

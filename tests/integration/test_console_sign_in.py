@@ -6,10 +6,10 @@ from collections.abc import Iterator
 import pytest
 from fastapi.testclient import TestClient
 
-from app.accounts import FREE_TRIES
-from app.limits import LARGEST_BODY
-from app.permissions import ROLES
-from app.reasons.rendering import sentence
+from app.auth.accounts import FREE_TRIES
+from app.auth.permissions import ROLES
+from app.auth.rate_limits import LARGEST_BODY
+from app.i18n.reasons.rendering import sentence
 from app.settings import ConsoleSettings
 from tests.builders.consoles import BASE, FOREIGN, OWN, Stand, console_stand
 from tests.builders.people import PASSWORD, browser, everybody, program, standing_watch
@@ -35,7 +35,7 @@ def test_the_first_link_makes_the_first_account_and_ends(stand: Stand) -> None:
     made = first.post("/account/people", data={"name": "root", "roles": ["admin", "operator"], "password": PASSWORD})
     assert (made.status_code, made.headers["location"]) == (303, "/account/sign-in")
     assert first.get("/").status_code == 401
-    assert stand.stranger().get(stand.app.state.doors.invite()).status_code == 403
+    assert stand.stranger().get(stand.app.state.sessions.invite()).status_code == 403
     assert browser(stand, "root").get("/").status_code == 200
 
 

@@ -45,7 +45,7 @@ def test_a_page_itself_is_never_kept(operator: TestClient) -> None:
 
 
 def test_a_kept_file_brings_no_cookie_of_anybody(stand: Stand) -> None:
-    operator, store = stand.operator(), stand.app.state.doors.accounts.store
+    operator, store = stand.operator(), stand.app.state.sessions.accounts.store
     digest = sha256(next(iter(operator.cookies.values())).encode())
     session = store.session(digest)
     assert session is not None and store.change_session(digest, replace(session, rotated_at_s=0.0))

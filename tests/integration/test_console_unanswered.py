@@ -6,9 +6,9 @@ import pytest
 from fastapi.testclient import TestClient
 from pydantic import SecretStr
 
-from app.live import SignalBroker
+from app.background.signals import SignalBroker
 from app.main import create_app, open_accounts
-from app.scene import Scenes
+from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from tests.builders.consoles import OWNER, Stand, console_stand
 from tests.builders.retreating import ASKS, LATE_S, from_dock_m, heal, newest, sent, step, unanswered

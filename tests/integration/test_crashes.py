@@ -31,7 +31,7 @@ def assert_audited(data: Path, mission_id: str) -> None:
     assert answer(replayed)["differences"] == []
 
 
-@pytest.mark.ledger("R145", "R148", symbol="harness.supervisor.attend:Attendant._report")
+@pytest.mark.ledger("R145", "R148", symbol="harness.supervisor.invocation_monitor:InvocationMonitor._report")
 @pytest.mark.parametrize("point", POINTS)
 def test_killed_at_a_durable_boundary_the_mission_goes_on(tmp_path: Path, point: str) -> None:
     killed = regen("mission", "run", "circuit", "--data", tmp_path, *KINEMATIC, REGEN_FAILPOINT=point)

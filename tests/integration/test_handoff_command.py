@@ -14,10 +14,10 @@ from msgspec.structs import asdict
 from pydantic import SecretStr
 from typer.testing import CliRunner
 
-from app.cli import app as regen
-from app.live import SignalBroker
+from app.background.signals import SignalBroker
+from app.cli.main import app as regen
 from app.main import bind, create_app, open_accounts
-from app.scene import Scenes
+from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from harness.adapters.stores.owner import OwnerLock
 from tests.builders.waiting import Waiting, waiting
@@ -116,7 +116,7 @@ def test_one_act_by_form_api_and_command_line_is_stored_alike(terminal: Terminal
     """One model behind three doors: only the name of who said it differs between the stored events."""
     own = {"Origin": terminal.url, "Sec-Fetch-Site": "same-origin"}
     form = TestClient(terminal.app, base_url=terminal.url, follow_redirects=False, headers=own)
-    assert form.get(terminal.app.state.doors.invite()).status_code == 200
+    assert form.get(terminal.app.state.sessions.invite()).status_code == 200
     api = TestClient(terminal.app, base_url=terminal.url, headers={"Authorization": f"Bearer {TOKEN}"})
     name = terminal.asked.handoff_id
     at = f"/handoffs/{name}"

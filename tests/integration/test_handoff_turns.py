@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 from msgspec.structs import replace
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.auditing.replay import replay_mission
 from harness.baseline.load import site
 from harness.contracts.actors import Actor
@@ -23,7 +23,7 @@ from harness.contracts.ids import handoff_stream, mission_stream
 from harness.contracts.reasons import because
 from harness.gate.commit import CommandEnvelope
 from harness.gate.decide import DECIDER as MISSION
-from harness.supervisor.vigil import TIMEOUT
+from harness.supervisor.handoff_timeouts import TIMEOUT
 from tests.builders.missions_run import ROBOT
 from tests.builders.waiting import ADA, BOB, Waiting, waiting
 
@@ -135,7 +135,7 @@ def test_on_my_way_never_goes_beyond_what_the_zone_allows() -> None:
         assert rule(made.asked().on_my_way()) == "zone_limit"
 
 
-@pytest.mark.ledger("R174", symbol="harness.supervisor.vigil:Vigil._expire")
+@pytest.mark.ledger("R174", symbol="harness.supervisor.handoff_timeouts:HandoffTimeouts._expire")
 @pytest.mark.parametrize(("no_answer", "posture"), [("hold", "standing"), ("lie_down", "lying")])
 def test_without_an_answer_the_robot_really_takes_the_zones_action(no_answer: str, posture: str) -> None:
     zones = tuple(replace(zone, no_answer=no_answer) for zone in site().zones)

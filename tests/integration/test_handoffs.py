@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 from msgspec.structs import asdict, replace
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import ApproveHandoff, RejectHandoff, StopMission
 from harness.contracts.decisions import Accepted, Decision, Refused
@@ -53,7 +53,7 @@ def test_what_the_person_sees_is_what_would_run(waiting: Ran) -> None:
     assert (intent.provider_id, intent.attempt) == (opened.proposal.provider_id, opened.proposal.attempt)
 
 
-@pytest.mark.ledger("R174", "R82", symbol="harness.supervisor.desk:Desk._approve")
+@pytest.mark.ledger("R174", "R82", symbol="harness.supervisor.handoffs:HandoffService._approve")
 def test_an_approval_starts_the_action_once_and_satisfies_nothing_by_itself(waiting: Ran) -> None:
     before = len(waiting.harness.starts(waiting.mission.mission_id))
     facts = mission_of(waiting).facts

@@ -9,7 +9,7 @@ import pytest
 from click.testing import Result
 from typer.testing import CliRunner
 
-from app.cli import app
+from app.cli.main import app
 from harness.bootstrap import open_harness
 from harness.contracts.errors import ConcurrencyConflict, ContractInvalid, HarnessError, UnknownName
 from harness.settings import HarnessSettings

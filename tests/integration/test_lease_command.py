@@ -38,7 +38,7 @@ def events(settings: HarnessSettings) -> list[LeaseEvent]:
         return [DECIDER.codec.decode(event) for event in harness.runtime.log(0, 100) if event.stream == BASE]
 
 
-@pytest.mark.ledger("R84", "R86", symbol="app.terminal.leases:free")
+@pytest.mark.ledger("R84", "R86", symbol="app.cli.leases:free")
 def test_a_quarantined_base_is_listed_and_freed_by_name_on_measured_rest(settings: HarnessSettings) -> None:
     data = ("--data", settings.data_folder)
     (listed,) = answer(regen("lease", "list", *data, "--json"))["leases"]

@@ -8,8 +8,8 @@ import viser
 from msgspec.structs import replace
 from pypcd4.pypcd4 import PointCloud
 
-from app.drawing import Drawing
-from app.map_view import MapView
+from app.scene.drawing import Drawing
+from app.scene.map_cloud import MapView
 from harness.bootstrap import Harness, simulated
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted, Refused

@@ -71,7 +71,7 @@ def test_a_packets_id_follows_from_its_executions_id(inspection: Ran) -> None:
     assert len({packet for packet, _ in ids}) == len(ids)
 
 
-@pytest.mark.ledger("R97", "R100", symbol="harness.supervisor.senses:Senses.seal")
+@pytest.mark.ledger("R97", "R100", symbol="harness.supervisor.observations:ObservationBuffer.seal")
 def test_every_reference_says_where_it_came_from_and_its_bytes_match(inspection: Ran) -> None:
     seen = [reference for packet in packets(inspection) for reference in references(packet)]
     assert {"before", "after", "trajectory", "image"} <= {reference.kind for reference in seen}
@@ -173,7 +173,7 @@ def test_back_at_the_anchor_the_report_is_played_to_its_end_by_a_standing_robot(
     assert static[ConditionId("report.static")] == "satisfied"
 
 
-@pytest.mark.ledger("R206", symbol="harness.supervisor.senses:image_reference")
+@pytest.mark.ledger("R206", symbol="harness.supervisor.observations:image_reference")
 def test_all_four_families_of_evidence_are_there(inspection: Ran) -> None:
     kinds = {receipt.kind for packet in packets(inspection) for receipt in packet.receipts}
     assert {"transcript", "rotation", "capture", "analysis", "arrival", "delivery", "playback"} <= kinds
@@ -182,7 +182,7 @@ def test_all_four_families_of_evidence_are_there(inspection: Ran) -> None:
     assert all(image.values["width_px"] == 1280 and image.values["height_px"] == 720 for image in images)
 
 
-@pytest.mark.ledger("R220", symbol="harness.supervisor.senses:Senses.collect")
+@pytest.mark.ledger("R220", symbol="harness.supervisor.observations:ObservationBuffer.collect")
 def test_samples_reach_past_the_arrival_and_the_missions_length_comes_from_its_log(inspection: Ran) -> None:
     go = committed(inspection, "go")
     arrived = next(receipt.at_s for receipt in go.receipts if receipt.kind == "arrival")

@@ -7,10 +7,10 @@ import pytest
 from fastapi.testclient import TestClient
 from typer.testing import CliRunner
 
-from app.cli import app
-from app.live import SignalBroker
+from app.background.signals import SignalBroker
+from app.cli.main import app
 from app.main import create_app, open_accounts
-from app.scene import Scenes
+from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
 from harness.auditing.replay import RECONSTRUCTED
 from harness.bootstrap import read_harness
@@ -50,7 +50,7 @@ def test_the_audit_page_says_how_many_events_are_from_before(old: Path) -> None:
     with read_harness(HarnessSettings(data_folder=old)) as runtime:
         console = create_app(runtime, settings, SignalBroker(), Scenes(runtime), accounts=open_accounts(settings))
         client = TestClient(console, base_url=BASE, follow_redirects=False, headers=OWN)
-        client.get(console.state.doors.invite())
+        client.get(console.state.sessions.invite())
         page = client.get("/audit?verify=true").text
         assert "53 events, intact" in page
         assert "The first 53 events are a log from before commands were stored" in page

@@ -3,7 +3,7 @@
 import pytest
 from msgspec.structs import replace
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.auditing.replay import replay_mission
 from harness.baseline.load import baseline
 from harness.bootstrap import simulated
@@ -31,7 +31,7 @@ def run(configuration: Configuration, *faults: str) -> Mission:
         return mission
 
 
-@pytest.mark.ledger("R45", symbol="harness.supervisor.judging:judgement")
+@pytest.mark.ledger("R45", symbol="harness.supervisor.verification:judgement")
 def test_more_attempts_than_c3_holds_are_ambiguous_and_a_person_is_asked() -> None:
     mission = run(narrow(c3_items=5))
     request = mission.nodes[NodeId("request")]

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 from msgspec.structs import replace
+from tests.builders.connections import Stage, staged
 from typer.testing import CliRunner
 
-from app.cli import app
-from app.reasons.rendering import sentence
+from app.cli.main import app
+from app.i18n.reasons.rendering import sentence
 from harness.adapters.stores.folder import prepare
 from harness.adapters.stores.opening import open_log
 from harness.auditing.replay import replay_mission
@@ -28,7 +29,6 @@ from harness.projections.mission import Mission, required_policy
 from harness.routing.question import RoutingQuestion
 from harness.settings import HarnessSettings
 from simulator.in_process import SIMULATOR
-from tests.builders.crews import Stage, staged
 from tests.builders.gate import POLICY, contract
 from tests.builders.missions_run import OPERATOR, ROBOT, begin
 from tests.builders.pointers import DECIDERS, POINTER, RELEASER, Point, release, select, sterner
@@ -101,7 +101,7 @@ def test_a_pause_keeps_the_pin(stage: Stage) -> None:
     assert routed_under(stage, mission_id) == {baseline().routing.history}
 
 
-@pytest.mark.ledger("R163", symbol="harness.supervisor.pins:begin")
+@pytest.mark.ledger("R163", symbol="harness.supervisor.pinned_configurations:begin")
 def test_what_was_compiled_before_a_release_is_compiled_again_when_it_begins(stage: Stage) -> None:
     mission_id = stage.begin("circuit")
     asked = stage.runtime.mission(mission_id)
@@ -163,7 +163,7 @@ def test_a_mission_on_the_current_configuration_is_not_paused_for_another(stage:
     assert stage.runtime.mission(running).status == "active"
 
 
-@pytest.mark.ledger("R163", symbol="harness.supervisor.pins:check_readable")
+@pytest.mark.ledger("R163", symbol="harness.supervisor.pinned_configurations:check_readable")
 def test_a_mission_whose_configuration_cannot_be_read_is_listed_and_not_run(caplog: pytest.LogCaptureFixture) -> None:
     store, settings = DoctoredStore({}), HarnessSettings(speed=0, fidelity="kinematic")
     with simulated(settings, simulator=SIMULATOR, seed=3, store=store, configuration=sterner()) as harness:

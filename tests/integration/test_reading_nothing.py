@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from app.cli import app
+from app.cli.main import app
 from harness.contracts.errors import StoreUnavailable
 
 COMMANDS = ("audit verify", "audit anchor", "audit replay --all", "mission list", "mission show msn_1", "rsi list")

@@ -5,11 +5,12 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
 import pytest
+from tests.builders.connections import CrewRobot, Stage, Wrap, only, staged
 
 from harness.adapters.clock import LockstepClock
 from harness.adapters.ids import SeededIds
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
-from harness.bootstrap import Parts, Unheard, assemble, local_providers
+from harness.bootstrap import NullSignals, Parts, assemble, local_providers
 from harness.contracts.events import (
     InvocationAccepted,
 )
@@ -18,7 +19,6 @@ from harness.settings import HarnessSettings
 from simulator.camera import CAMERA
 from simulator.robot import SimulatedRobot
 from simulator.world import WorldSettings
-from tests.builders.crews import CrewRobot, Stage, Wrap, only, staged
 from tests.builders.missions_run import ROBOT
 from tests.builders.walking import base, starts, walking
 from tests.fakes.supervised import Line, LostAcknowledgement, Remote
@@ -55,7 +55,7 @@ def house() -> House:
         spool=MemorySpool(),
         ids=SeededIds(3),
         clock=LockstepClock(robot.advance_to, at_s=robot.at_s),
-        signals=Unheard(),
+        signals=NullSignals(),
     )
     return House(robot, parts)
 
@@ -76,7 +76,7 @@ def died_under_way(house: House, wrap: Wrap) -> MissionId:
     return mission_id
 
 
-@pytest.mark.ledger("R88", symbol="harness.supervisor.attend:Attendant._accepted")
+@pytest.mark.ledger("R88", symbol="harness.supervisor.invocation_monitor:InvocationMonitor._accepted")
 def test_a_restarted_supervisor_goes_on_by_the_handle_it_kept(house: House) -> None:
     mission_id = died_under_way(house, remote(Line(), [], reattach="by_handle"))
     made: list[Remote] = []
@@ -89,7 +89,7 @@ def test_a_restarted_supervisor_goes_on_by_the_handle_it_kept(house: House) -> N
         assert kept.handle.startswith("route-follower:")
 
 
-@pytest.mark.ledger("R88", symbol="harness.supervisor.attend:Attendant._lost")
+@pytest.mark.ledger("R88", symbol="harness.supervisor.invocation_monitor:InvocationMonitor._lost")
 def test_a_restarted_supervisor_asks_a_person_about_a_provider_that_cannot_be_asked(house: House) -> None:
     mission_id = died_under_way(house, remote(Line(), [], reattach="none"))
     made: list[Remote] = []

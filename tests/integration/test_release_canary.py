@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted
 from harness.contracts.ids import ConditionId, RobotId
@@ -34,7 +34,7 @@ def pinned(on: Bench, *faults: str) -> str:
     return on.harness.runtime.mission(on.mission(*faults)).configuration
 
 
-@pytest.mark.ledger("R163", symbol="rsi_reviews.shelf:selected")
+@pytest.mark.ledger("R163", symbol="rsi_reviews.candidate_queries:selected")
 def test_new_missions_follow_the_pointer_and_running_ones_keep_their_pin() -> None:
     with bench() as on:
         name = on.authorised(MADE)
@@ -118,7 +118,7 @@ def test_whoever_released_it_does_not_adjudicate_its_missions() -> None:
         assert rule_of(again) == "decided"
 
 
-@pytest.mark.ledger("R164", symbol="rsi_reviews.pointing:_move")
+@pytest.mark.ledger("R164", symbol="rsi_reviews.pointer_rules:_move")
 def test_a_hard_fault_rolls_back_at_once_to_the_version_before_and_quarantines() -> None:
     with bench() as on:
         name = on.in_canary(MADE)
@@ -177,7 +177,7 @@ def test_a_change_that_its_window_of_missions_never_exercised_is_withdrawn_and_n
         assert H1 not in pointer.quarantined
 
 
-@pytest.mark.ledger("R164", "R226", symbol="rsi_reviews.pointing:_rolled_back")
+@pytest.mark.ledger("R164", "R226", symbol="rsi_reviews.pointer_rules:_rolled_back")
 def test_rollback_returns_to_the_same_digest_under_a_higher_revision_and_goes_on_back() -> None:
     older = routed()
     h1 = older.configuration.configuration_id

@@ -7,7 +7,7 @@ import pytest
 from harness.adapters.stores.memory import MemoryEventStore
 from harness.contracts.ids import MissionId, StreamId, mission_stream
 from harness.contracts.ports import StoredEvent
-from rsi_reviews.courses import LOOKED_AT, MOST_RECENT, recent_values
+from rsi_reviews.canary_metrics import LOOKED_AT, MOST_RECENT, recent_values
 from tests.builders.releases import REVIEWER, ROBOT, Bench, bench, candidate, expect, say
 
 MADE = candidate()
@@ -54,7 +54,7 @@ def called_off(on: Bench, names: int) -> set[StreamId]:
     return {mission_stream(mission) for mission in missions}
 
 
-@pytest.mark.ledger("R159", symbol="rsi_reviews.courses:canary_missions")
+@pytest.mark.ledger("R159", symbol="rsi_reviews.canary_metrics:canary_missions")
 def test_a_canary_looks_at_no_mission_that_ended_before_it_began(on: Bench, store: ReadStore) -> None:
     name = on.in_canary(MADE)
     mission = on.begun()
@@ -70,8 +70,8 @@ def test_a_canary_looks_at_no_mission_that_ended_before_it_began(on: Bench, stor
     assert store.missions() == {mission_stream(mission)}
 
 
-@pytest.mark.ledger("R159", symbol="rsi_reviews.shelf:_occupied")
-@pytest.mark.ledger("R159", symbol="rsi_reviews.courses:canary_missions")
+@pytest.mark.ledger("R159", symbol="rsi_reviews.candidate_queries:_occupied")
+@pytest.mark.ledger("R159", symbol="rsi_reviews.canary_metrics:canary_missions")
 def test_a_canary_mission_that_is_over_and_not_taken_in_yet_keeps_the_next_one_back(on: Bench) -> None:
     name = on.in_canary(MADE)
     mission = on.begun()

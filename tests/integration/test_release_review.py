@@ -2,13 +2,13 @@
 
 import pytest
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.ids import Digest
 from harness.contracts.reasons import plain
 from rsi_reviews.contracts import Author, ReleasePolicy
-from rsi_reviews.desk import Seen
+from rsi_reviews.release_service import SeenSubject
 from tests.builders.releases import (
     LAUNCHER,
     MINER,
@@ -56,8 +56,10 @@ def test_a_decision_on_another_digest_or_cycle_than_what_is_asked_is_refused() -
     with bench() as on:
         name = on.in_review(candidate())
         seen = on.seen(name)
-        assert rule_of(on.desk.approve(name, say(REVIEWER), Seen(seen.cycle, Digest("0" * 64)))) == "wrong_digest"
-        assert rule_of(on.desk.approve(name, say(REVIEWER), Seen(seen.cycle + 1, seen.subject))) == "wrong_cycle"
+        assert (
+            rule_of(on.desk.approve(name, say(REVIEWER), SeenSubject(seen.cycle, Digest("0" * 64)))) == "wrong_digest"
+        )
+        assert rule_of(on.desk.approve(name, say(REVIEWER), SeenSubject(seen.cycle + 1, seen.subject))) == "wrong_cycle"
 
 
 def test_requested_changes_void_approvals_and_the_question_comes_in_a_new_cycle() -> None:

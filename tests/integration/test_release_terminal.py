@@ -8,16 +8,16 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner, Result
 
-from app.cli import app
+from app.cli.main import app
 from harness.bootstrap import edit_harness
 from harness.contracts.actors import Actor
 from harness.contracts.errors import HarnessError
 from harness.contracts.values import encode
 from harness.settings import HarnessSettings
 from rsi_reviews.acceptance import accepted
-from rsi_reviews.deciding import DECIDERS
-from rsi_reviews.desk import Desk
-from rsi_reviews.shelf import selected
+from rsi_reviews.candidate_queries import selected
+from rsi_reviews.deciders import DECIDERS
+from rsi_reviews.release_service import ReleaseService
 from tests.builders.releases import PREDICATE, candidate, evaluation, expect, say, terms_of
 
 MADE = candidate()
@@ -57,7 +57,7 @@ class Terminal:
         """As the evaluator does: terms first, then results, judged by the predicate."""
         settings = HarnessSettings(data_folder=self.folder / "var")
         with edit_harness(settings, deciders=DECIDERS, select=selected) as runtime:
-            desk = Desk(runtime, judge=partial(accepted, predicate=PREDICATE))
+            desk = ReleaseService(runtime, judge=partial(accepted, predicate=PREDICATE))
             expect(desk.begin(terms_of(MADE), say(LEA)))
             expect(desk.submit_results(evaluation(MADE), say(LEA)))
 

@@ -10,12 +10,13 @@ from typing import Any
 
 import pytest
 from msgspec.structs import replace
+from tests.builders.connections import CrewRobot
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from experiments.campaigns.races import opened_gates, together
 from harness.auditing.replay import replay_mission
 from harness.contracts.commands import AcquireLease, AnswerMission, PauseMission, RaiseVeto, RejectHandoff, StopMission
-from harness.contracts.control import CONTROL, PostureOrdered, SetAutonomy, TakeWheel
+from harness.contracts.control import CONTROL, BeginTeleoperation, PostureOrdered, SetAutonomy
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.handoff_commands import ExtendDeadline
 from harness.contracts.handoff_events import NoAnswerTaken
@@ -39,7 +40,6 @@ from harness.gate.commit import CommandEnvelope, Gate
 from harness.gate.control import DECIDER as HOUSE
 from harness.gate.decide import DECIDER as MISSION
 from simulator.faults import FaultPlan, parse_faults
-from tests.builders.crews import CrewRobot
 from tests.builders.missions_run import ROBOT
 from tests.builders.retreating import LATE_S, from_dock_m, newest, retreating_site, sent, step, unanswered
 from tests.builders.waiting import BOB, Waiting
@@ -54,7 +54,7 @@ def taken(asked: Waiting) -> NoAnswerTaken:
     return told[0]
 
 
-@pytest.mark.ledger("R174", symbol="harness.supervisor.retreat:sending")
+@pytest.mark.ledger("R174", symbol="harness.supervisor.minimal_risk:sending")
 def test_without_an_answer_the_robot_goes_the_authorised_way_and_its_arrival_is_measured() -> None:
     with unanswered() as asked:
         assert asked.handoff.opened is not None
@@ -137,7 +137,7 @@ def hinder(asked: Waiting, what: str) -> None:
         case "lost":
             asked.robot.configure(MissionId("lost"), 3, parse_faults(["lost-localisation:persistent"]))
         case "wheel":
-            drives = TakeWheel(
+            drives = BeginTeleoperation(
                 robot_id=ROBOT, session=RequestId("pad"), token=9, actor=BOB, device="pad", reason="by hand"
             )
             asked.runtime.commit([CommandEnvelope(CONTROL, drives, None)])
@@ -238,7 +238,7 @@ def test_a_robot_that_stands_at_its_safe_place_already_is_not_sent_anywhere() ->
 # crashes -------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.ledger("R174", symbol="harness.supervisor.returning:Returning._left_open")
+@pytest.mark.ledger("R174", symbol="harness.supervisor.safe_return:Returning._left_open")
 @pytest.mark.parametrize(("steps", "starts"), [(0, 0), (1, 1), (8, 1)])
 def test_a_harness_that_stops_in_between_leaves_an_unknown_end_and_never_sends_again(steps: int, starts: int) -> None:
     with unanswered() as asked:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.auditing.replay import replay_mission
 from harness.bootstrap import Harness
 from harness.contracts.commands import PauseMission, StopMission

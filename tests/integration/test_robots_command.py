@@ -10,7 +10,7 @@ import pytest
 import uvicorn
 from typer.testing import CliRunner, Result
 
-from app.cli import app as regen
+from app.cli.main import app as regen
 from app.main import bind
 from harness.adapters.stores.owner import OwnerLock
 from harness.contracts.control import CONTROL

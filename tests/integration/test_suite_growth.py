@@ -7,7 +7,7 @@ from harness.contracts.decisions import Accepted
 from harness.contracts.ids import MissionId
 from harness.contracts.revision_commands import DisputeCompletion
 from rsi_reviews.regression.cases import cases_of
-from rsi_reviews.regression.growing import with_growth
+from rsi_reviews.regression.grown_suite import with_growth
 from rsi_reviews.regression.suite import shipped
 from rsi_reviews.trial import prepared
 from simulator.in_process import SIMULATOR

@@ -1,8 +1,9 @@
 """Supervision of providers that answer late, twice, never, or not to a stop: whole missions in virtual time."""
 
 import pytest
+from tests.builders.connections import Stage, only, staged, template, with_node
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.commands import ApproveHandoff, StopMission
 from harness.contracts.contexts import Context
@@ -17,14 +18,13 @@ from harness.contracts.events import (
 from harness.contracts.ids import MissionId
 from harness.contracts.tasks import Node
 from harness.contracts.values import decode
-from tests.builders.crews import Stage, only, staged, template, with_node
 from tests.builders.missions_run import OPERATOR
 from tests.builders.walking import BASE, base, starts, walking
 from tests.fakes.passing import Passing
 from tests.fakes.supervised import Deaf, LateStart, Line, LostAcknowledgement, Remote, Runaway, Stubborn, Twice
 
 
-@pytest.mark.ledger("R82", "R89", symbol="harness.supervisor.attend:Attendant._report")
+@pytest.mark.ledger("R82", "R89", symbol="harness.supervisor.invocation_monitor:InvocationMonitor._report")
 @pytest.mark.parametrize("kind", [LostAcknowledgement, LateStart, Twice])
 def test_a_start_answered_late_never_or_twice_is_one_physical_start(kind: type[Passing]) -> None:
     with staged(wrap=only("navigate", kind)) as stage:
@@ -44,7 +44,7 @@ def test_a_second_reply_after_the_commit_changes_nothing() -> None:
         assert not [event for event in ran.events if isinstance(event, CommitRejected)]
 
 
-@pytest.mark.ledger("R44", "R91", symbol="harness.supervisor.attend:Attendant._supervise")
+@pytest.mark.ledger("R44", "R91", symbol="harness.supervisor.invocation_monitor:InvocationMonitor._supervise")
 def test_a_stop_that_nobody_acknowledges_leaves_the_base_in_quarantine() -> None:
     with staged(wrap=only("navigate", Deaf)) as stage:
         mission_id = walking(stage)
@@ -70,7 +70,7 @@ def test_a_body_that_goes_on_after_a_stop_ends_the_mission_as_failed_and_keeps_t
         assert ran.mission.stopped is not None and ran.mission.stopped.static
 
 
-@pytest.mark.ledger("R44", symbol="harness.supervisor.attend:Attendant._abandon")
+@pytest.mark.ledger("R44", symbol="harness.supervisor.invocation_monitor:InvocationMonitor._abandon")
 def test_a_late_leg_that_does_not_stop_is_a_question_to_a_person_with_the_base_locked() -> None:
     hurried = with_node(template("circuit"), "circuit", timeout_s=8.0)
     with staged(wrap=only("navigate", Stubborn)) as stage:
@@ -96,7 +96,7 @@ def test_a_second_timeout_stops_the_body_before_a_person_is_asked() -> None:
         assert len(starts(ran)) == 2
 
 
-@pytest.mark.ledger("R44", symbol="harness.supervisor.attend:Attendant._silence")
+@pytest.mark.ledger("R44", symbol="harness.supervisor.invocation_monitor:InvocationMonitor._silence")
 def test_a_line_that_stays_cut_ends_as_outcome_unknown_and_a_person_decides() -> None:
     line = Line()
     with staged(wrap=only("navigate", lambda inner: Remote(inner, line))) as stage:

@@ -8,8 +8,8 @@ import pytest
 from harness.contracts.events import DispatchIntended
 from harness.gate.decide import DECIDER
 from harness.projections.mission import required_contract
+from tests.architecture.sources import Module, modules
 from tests.builders.missions_run import ROBOT, Ran, ran
-from tests.rooms.sources import Module, modules
 
 MINDS = {"anthropic", "openai", "pydantic_ai", "torch", "transformers"}
 BODIES = {"cyclonedds", "mujoco", "rclpy", "serial", "unitree_sdk2py"}

@@ -8,6 +8,7 @@ from typing import Any, cast
 import msgspec
 import pytest
 from msgspec.structs import replace
+from tests.builders.connections import Failing, Stage, only, staged, template
 
 from harness.auditing.replay import NONE_STORED, UNEQUAL, ReplayReport, replay_all, replay_mission
 from harness.bootstrap import read_harness
@@ -21,7 +22,6 @@ from harness.contracts.stored_commands import command_of
 from harness.contracts.upcasting import name_of
 from harness.projections.mission import Mission, all_required_committed
 from harness.settings import HarnessSettings
-from tests.builders.crews import Failing, Stage, only, staged, template
 from tests.builders.missions_run import OPERATOR
 from tests.builders.tampering import Body, rewritten
 
@@ -56,7 +56,7 @@ def told() -> Iterator[Told]:
 
 
 @pytest.mark.ledger("R146", "R147", "R66", symbol="harness.auditing.replay:replay_mission")
-@pytest.mark.ledger("R49", symbol="harness.auditing.roles:Roles._checks")
+@pytest.mark.ledger("R49", symbol="harness.auditing.roles:RoleReplay._checks")
 def test_every_decision_of_an_honest_log_is_derived_again(told: Told) -> None:
     report = told.replayed()
     assert report.differences == ()
@@ -155,7 +155,7 @@ RECORDS = {
 }
 
 
-@pytest.mark.ledger("R77", "R147", symbol="harness.auditing.roles:Roles._stored")
+@pytest.mark.ledger("R77", "R147", symbol="harness.auditing.roles:RoleReplay._stored")
 @pytest.mark.parametrize("name", RECORDS)
 def test_a_changed_record_is_named_by_its_digest(told: Told, name: str) -> None:
     kind, place, field = RECORDS[name]
@@ -171,7 +171,7 @@ def test_a_changed_verifier_context_is_named(told: Told) -> None:
     assert any(digest[:12] in line for line in report.differences)
 
 
-@pytest.mark.ledger("R146", symbol="harness.auditing.roles:Roles._routing")
+@pytest.mark.ledger("R146", symbol="harness.auditing.roles:RoleReplay._routing")
 def test_a_question_that_was_exchanged_together_with_its_digest_is_found_by_asking_again(told: Told) -> None:
     intent = told.body("DispatchIntended", 1)
     other = Digest(told.body("DispatchIntended", 0)["question"])
@@ -246,7 +246,7 @@ def test_a_pause_and_a_stop_are_derived_again() -> None:
         assert replay_mission(stage.runtime, mission_id).differences == ()
 
 
-@pytest.mark.ledger("R146", symbol="harness.auditing.roles:Roles._routing")
+@pytest.mark.ledger("R146", symbol="harness.auditing.roles:RoleReplay._routing")
 def test_a_provider_that_routing_did_not_choose_is_named(told: Told) -> None:
     position = told.stored("DispatchIntended", 1).position
     report = told.replayed(events={position: lambda e: changed(e, "careful-local-planner", "provider_id")})

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from app.cli import app
+from app.cli.main import app
 
 LOGS = Path(__file__).parents[1] / "fixtures" / "logs"
 EXPECTED: dict[str, Any] = json.loads((LOGS / "0.1.0.json").read_text(encoding="utf-8"))

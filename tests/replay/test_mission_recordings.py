@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.contracts.events import Actor
 from harness.projections.mission import Mission
 from harness.recordings import replayed

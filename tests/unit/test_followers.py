@@ -7,7 +7,7 @@ import pytest
 from harness.adapters.stores.memory import MemoryEventStore
 from harness.contracts.errors import ConcurrencyConflict, StoreUnavailable
 from harness.contracts.ids import Digest, StreamId
-from harness.contracts.memory import Mark
+from harness.contracts.memory import FollowPosition
 from harness.contracts.ports import Batch, NewEvent, StoredEvent
 from harness.contracts.values import Moment
 from harness.followers import Follower, beginning
@@ -19,13 +19,13 @@ STREAM = StreamId("mission/a")
 class Positions:
     """What is made of the log here: the positions seen, in stretches."""
 
-    def __init__(self, mark: Mark) -> None:
+    def __init__(self, mark: FollowPosition) -> None:
         self.stands, self.seen, self.cleared = mark, list[list[int]](), 0
 
-    def mark(self) -> Mark:
+    def mark(self) -> FollowPosition:
         return self.stands
 
-    def take(self, fresh: Sequence[StoredEvent], *, after: Mark, upto: Mark) -> None:
+    def take(self, fresh: Sequence[StoredEvent], *, after: FollowPosition, upto: FollowPosition) -> None:
         assert after == self.stands
         self.seen.append([one.position for one in fresh])
         self.stands = upto
@@ -81,13 +81,13 @@ def test_at_the_head_nothing_is_read() -> None:
 @pytest.mark.parametrize(
     "foreign",
     [
-        Mark(fold="f", position=2, digest=Digest("ab" * 32)),
-        Mark(fold="f", position=9, digest=Digest("ab" * 32)),
-        Mark(fold="older", position=2, digest=Digest("")),
+        FollowPosition(fold="f", position=2, digest=Digest("ab" * 32)),
+        FollowPosition(fold="f", position=9, digest=Digest("ab" * 32)),
+        FollowPosition(fold="older", position=2, digest=Digest("")),
     ],
     ids=["another log", "a longer log", "another fold"],
 )
-def test_what_was_made_of_another_log_or_by_another_fold_is_made_anew(foreign: Mark) -> None:
+def test_what_was_made_of_another_log_or_by_another_fold_is_made_anew(foreign: FollowPosition) -> None:
     store, target = log_of(4), Positions(foreign)
     assert follower(target, store).catch_up().position == 4
     assert target.cleared == 1
@@ -98,7 +98,7 @@ def test_where_another_process_was_faster_the_mark_is_asked_for_again() -> None:
     store = log_of(4)
 
     class Raced(Positions):
-        def take(self, fresh: Sequence[StoredEvent], *, after: Mark, upto: Mark) -> None:
+        def take(self, fresh: Sequence[StoredEvent], *, after: FollowPosition, upto: FollowPosition) -> None:
             super().take(fresh, after=after, upto=upto)
             if len(self.seen) == 1:
                 raise ConcurrencyConflict("taken elsewhere", where="here", do="look again")
@@ -112,7 +112,7 @@ def test_what_fails_to_be_taken_is_taken_again_the_next_time() -> None:
     store = log_of(2)
 
     class Failing(Positions):
-        def take(self, fresh: Sequence[StoredEvent], *, after: Mark, upto: Mark) -> None:
+        def take(self, fresh: Sequence[StoredEvent], *, after: FollowPosition, upto: FollowPosition) -> None:
             if not self.cleared:
                 self.cleared = 1
                 raise StoreUnavailable("the disk is full", where="here", do="free some space")

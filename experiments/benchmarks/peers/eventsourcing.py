@@ -18,7 +18,7 @@ PADDING = "x" * 500
 PER_STREAM = 56
 
 
-class Run(Aggregate):
+class MissionRun(Aggregate):
     """A mission as an aggregate."""
 
     @event("Started")
@@ -36,7 +36,7 @@ class Run(Aggregate):
 
 def _missions(application: Application[UUID]) -> Callable[[int], None]:
     def mission(number: int) -> None:
-        run = Run(number)
+        run = MissionRun(number)
         application.save(run)
         for place in range(STAGES):
             for kind in KINDS:
@@ -50,7 +50,7 @@ def _rebuilding(application: Application[UUID], events: int) -> Callable[[dict[s
     """Turns {}: every aggregate read back from its `PER_STREAM` small events."""
     names = []
     for number in range(events // PER_STREAM):
-        run = Run(number)
+        run = MissionRun(number)
         for place in range(PER_STREAM - 1):
             run.record(KINDS[place % 8], {"node": place // 8, "ok": True, "x": place * 0.5, "tag": "abcdefgh"})
         application.save(run)

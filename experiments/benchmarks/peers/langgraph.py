@@ -14,22 +14,22 @@ from langgraph.types import Command, interrupt
 from experiments.benchmarks.turns import STAGES, mission_turns, pragmas, serve
 
 
-class Seen(TypedDict):
+class ThreadState(TypedDict):
     """The state of one thread."""
 
     number: int
     out: dict[str, Any]
 
 
-def _stage(place: int) -> Callable[[Seen], dict[str, Any]]:
-    def stage(state: Seen) -> dict[str, Any]:
+def _stage(place: int) -> Callable[[ThreadState], dict[str, Any]]:
+    def stage(state: ThreadState) -> dict[str, Any]:
         return {"out": {"step": place, "ok": True}}
 
     return stage
 
 
 def _missions(saver: SqliteSaver) -> Callable[[int], None]:
-    graph = StateGraph(Seen)
+    graph = StateGraph(ThreadState)
     previous = START
     for place in range(STAGES):
         graph.add_node(f"n{place}", _stage(place))
@@ -49,14 +49,14 @@ def _approvals(saver: SqliteSaver) -> Callable[[dict[str, Any]], dict[str, Any]]
     """Turns {approvals}: seconds from the resuming call to the first line of the next node, each."""
     started: dict[int, float] = {}
 
-    def ask(state: Seen) -> dict[str, Any]:
+    def ask(state: ThreadState) -> dict[str, Any]:
         return {"out": {"ok": interrupt("approve?")}}
 
-    def following(state: Seen) -> dict[str, Any]:
+    def following(state: ThreadState) -> dict[str, Any]:
         started[state["number"]] = time.perf_counter()
         return {}
 
-    graph = StateGraph(Seen)
+    graph = StateGraph(ThreadState)
     graph.add_node("ask", ask)
     graph.add_node("following", following)
     graph.add_edge(START, "ask")

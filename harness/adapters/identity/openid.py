@@ -15,9 +15,9 @@ from joserfc.jwk import KeySet
 
 from harness.adapters.identity.person import person_of
 from harness.adapters.identity.tokens import KeyUnknown, accepted, algorithm_of, keys_of, offered, verified
-from harness.adapters.identity.wire import Wire, secure
+from harness.adapters.identity.wire import HttpTransport, secure
 from harness.contracts.errors import ContractInvalid
-from harness.contracts.identity import Attempt, Claims, ClientRefused, CodeRefused, IssuerUnreachable, IssuerWrong
+from harness.contracts.identity import Claims, ClientRefused, CodeRefused, IssuerUnreachable, IssuerWrong, SignInAttempt
 
 KNOWN_S, KEYS_AGAIN_S, AWAY_S = 3600.0, 60.0, 5.0
 MOST_GROUPS, LONGEST_SECRET = 1000, 4096
@@ -66,7 +66,7 @@ class OpenIdProvider:
             )
         self._registration, self._secret, self._clock = registration, secret, clock
         own = urlsplit(registration.issuer).netloc
-        self._wire = Wire((own, *registration.hosts), authority=registration.authority)
+        self._wire = HttpTransport((own, *registration.hosts), authority=registration.authority)
         self._read: _Document | None = None
         self._away: tuple[float, IssuerUnreachable] | None = None
         self._lock = Lock()
@@ -79,7 +79,7 @@ class OpenIdProvider:
     def back(self) -> str:
         return self._registration.back
 
-    def begin(self, attempt: Attempt) -> str:
+    def begin(self, attempt: SignInAttempt) -> str:
         address: str = prepare_grant_uri(
             self._wire.allowed(self._document().body.get("authorization_endpoint")),
             client_id=self._registration.client_id,
@@ -93,7 +93,7 @@ class OpenIdProvider:
         )
         return address
 
-    def finish(self, attempt: Attempt, *, code: str, issuer: str, by_groups: Callable[[str], bool]) -> Claims:
+    def finish(self, attempt: SignInAttempt, *, code: str, issuer: str, by_groups: Callable[[str], bool]) -> Claims:
         document = self._document()
         announced = document.body.get("authorization_response_iss_parameter_supported") is True
         if issuer != self.issuer and (issuer or announced):

@@ -5,14 +5,14 @@ from typing import Any
 
 from authlib.oauth2.auth import TokenAuth
 
-from harness.adapters.identity.wire import Wire
+from harness.adapters.identity.wire import HttpTransport
 from harness.contracts.identity import IssuerUnreachable, PersonMismatch, TokenInvalid
 
 LONGEST_TOKEN = 16384
 AGAIN = "sign in again; if it stays so, an admin looks at the settings of the identity provider"
 
 
-def person_of(wire: Wire, endpoint: object, answer: Mapping[str, Any], *, subject: str) -> dict[str, Any]:
+def person_of(wire: HttpTransport, endpoint: object, answer: Mapping[str, Any], *, subject: str) -> dict[str, Any]:
     """Its claims. `answer` is the token endpoint's; the access token in it is sent there and kept nowhere.
 
     Raises IssuerWrong before anything is sent to a host that is not configured, IssuerUnreachable where it does not

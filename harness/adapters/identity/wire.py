@@ -18,7 +18,7 @@ TIMEOUT_S, WHOLE_S, LARGEST_ANSWER = 5.0, 10.0, 1024 * 1024
 ASK = "ask an admin whether the identity provider runs and can be reached from this machine; a password works meanwhile"
 
 
-class Wire:
+class HttpTransport:
     """HTTP to `hosts` (with a port unless it is the usual one). `authority`: the certificates to trust."""
 
     def __init__(self, hosts: Collection[str], *, authority: Path | None = None) -> None:

@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 import apprise
 
 from harness.contracts.errors import ContractInvalid
-from harness.contracts.notification import Message
+from harness.contracts.notification import Notification
 
 logging.getLogger("apprise").setLevel(logging.CRITICAL)
 
@@ -39,7 +39,7 @@ class AppriseNotifier:
         """Names."""
         return tuple(self._services)
 
-    def send(self, service: str, message: Message) -> str:
+    def send(self, service: str, message: Notification) -> str:
         """One try. Whatever an address or a service brings about is answered in words of our own."""
         kind = apprise.NotifyType.FAILURE if message.urgent else apprise.NotifyType.WARNING
         try:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from harness.adapters.providers.local import Draft, LocalProvider, Result
+from harness.adapters.providers.local import LocalProvider, ReceiptDraft, Result
 from harness.contracts.capabilities import CancelBehaviour, CapabilityCard, Estimates, Latency, Parameter
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import ProviderId
@@ -45,7 +45,7 @@ class TextIntake(LocalProvider):
         blob = self._blobs.put(text.encode())
         return Result(
             message="Request taken down as typed.",
-            drafts=(Draft(kind="transcript", text="typed", blob=blob, values={"characters": float(len(text))}),),
+            drafts=(ReceiptDraft(kind="transcript", text="typed", blob=blob, values={"characters": float(len(text))}),),
             declared={"characters": float(len(text))},
             blobs=(blob,),
         )

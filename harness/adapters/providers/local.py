@@ -14,11 +14,11 @@ from harness.contracts.ids import Digest, RequestId
 from harness.contracts.ports import BlobStore, Clock
 from harness.contracts.protocol import TERMINAL, InvocationReport, Progress, Receipt, StartRequest
 from harness.contracts.values import Value, digest
-from harness.provider_protocol.journal import Entry, Journal
+from harness.provider_protocol.journal import JournalEntry, RequestJournal
 from harness.provider_protocol.parameters import parameter_problems
 
 
-class Draft(Value):
+class ReceiptDraft(Value):
     """A receipt before it has an id, a source and a request."""
 
     kind: Any
@@ -31,7 +31,7 @@ class Result(Value):
     """What finished work leaves behind. `at_s` is when it ended, if that was before the poll that saw it."""
 
     message: str
-    drafts: tuple[Draft, ...]
+    drafts: tuple[ReceiptDraft, ...]
     declared: dict[str, float]
     blobs: tuple[Digest, ...] = ()
     at_s: float | None = None
@@ -57,7 +57,7 @@ class LocalProvider(ABC):
 
     def __init__(self, card: CapabilityCard, *, clock: Clock, blobs: BlobStore, journal: Path | None) -> None:
         self._card, self._clock, self._blobs = card, clock, blobs
-        self._journal = Journal(journal)
+        self._journal = RequestJournal(journal)
         self._lock = threading.RLock()
 
     @property
@@ -81,7 +81,7 @@ class LocalProvider(ABC):
                 at_s=now_s,
                 progress=Progress(share=0.0),
             )
-            self._journal.write(Entry(report=report, request=request))
+            self._journal.write(JournalEntry(report=report, request=request))
             return self._guarded(report, lambda: self.begin(request, now_s))
 
     def find(self, request: RequestId) -> InvocationReport | None:
@@ -183,7 +183,7 @@ class LocalProvider(ABC):
             progress=progress,
             at_s=self._clock.now().mission_s if at_s is None else at_s,
         )
-        self._journal.write(Entry(report=ended))
+        self._journal.write(JournalEntry(report=ended))
         return ended
 
     def _known(self, handle: str) -> InvocationReport:

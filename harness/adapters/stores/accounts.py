@@ -16,7 +16,7 @@ from sqlalchemy import Connection, RowMapping, create_engine, delete, func, inse
 from sqlalchemy.exc import IntegrityError, SQLAlchemyError
 from sqlalchemy.pool import StaticPool
 
-from harness.adapters.stores.accounts_rows import Account, Entry, Identity, KeptAnswer, Session, Token
+from harness.adapters.stores.accounts_rows import Account, AuditEntry, ExternalIdentity, Session, StoredAnswer, Token
 from harness.adapters.stores.accounts_schema import (
     ACCOUNTS,
     ANSWERS,
@@ -27,7 +27,7 @@ from harness.adapters.stores.accounts_schema import (
     TRAIL,
     VERSION,
 )
-from harness.adapters.stores.remembered import Remembered
+from harness.adapters.stores.query_cache import QueryCache
 from harness.contracts.errors import ConcurrencyConflict, LogDamaged, StoreNewer, StoreUnavailable
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.values import Value, encode
@@ -67,7 +67,7 @@ class SqlAccounts:
             connection.exec_driver_sql(f"PRAGMA user_version={VERSION}")
             driver = connection.connection.driver_connection
         assert isinstance(driver, sqlite3.Connection)
-        self._remembered = Remembered(driver)
+        self._remembered = QueryCache(driver)
 
     # accounts -------------------------------------------------------------------------------------------------------
 
@@ -99,17 +99,17 @@ class SqlAccounts:
 
     # identities -----------------------------------------------------------------------------------------------------
 
-    def identity(self, issuer: str, subject: str) -> Identity | None:
+    def identity(self, issuer: str, subject: str) -> ExternalIdentity | None:
         """Whose account that is."""
         mine = (IDENTITIES.c.issuer == issuer) & (IDENTITIES.c.subject == subject)
         return next((_identity(row) for row in self._rows(select(IDENTITIES).where(mine))), None)
 
-    def identities(self, name: str) -> list[Identity]:
+    def identities(self, name: str) -> list[ExternalIdentity]:
         """Every identity that leads to one account, oldest first."""
         query = select(IDENTITIES).where(IDENTITIES.c.name == name).order_by(IDENTITIES.c.linked_at_s)
         return [_identity(row) for row in self._rows(query)]
 
-    def link(self, identity: Identity, *, account: Account | None = None) -> None:
+    def link(self, identity: ExternalIdentity, *, account: Account | None = None) -> None:
         """With the account that is made for it, or neither. Raises ConcurrencyConflict if either is known already."""
         try:
             with self._transaction() as connection:
@@ -173,11 +173,13 @@ class SqlAccounts:
 
     # the trail ------------------------------------------------------------------------------------------------------
 
-    def record(self, *, at_s: float, kind: str, actor: str, role: str, subject: str, detail: str, source: str) -> Entry:
+    def record(
+        self, *, at_s: float, kind: str, actor: str, role: str, subject: str, detail: str, source: str
+    ) -> AuditEntry:
         """Append one entry to the trail's chain."""
         with self._transaction() as connection:
             last = connection.execute(select(TRAIL).order_by(TRAIL.c.number.desc()).limit(1)).mappings().first()
-            bare = Entry(
+            bare = AuditEntry(
                 number=(last["number"] if last else 0) + 1,
                 at_s=at_s,
                 kind=kind,
@@ -193,7 +195,9 @@ class SqlAccounts:
             connection.execute(insert(TRAIL).values(_columns(entry)))
             return entry
 
-    def trail(self, *, before: int | None = None, kind: str = "", actor: str = "", limit: int = 50) -> list[Entry]:
+    def audit_log(
+        self, *, before: int | None = None, kind: str = "", actor: str = "", limit: int = 50
+    ) -> list[AuditEntry]:
         """Newest first, with numbers below `before`; `kind` may be a beginning such as `sign_in`."""
         query = select(TRAIL).order_by(TRAIL.c.number.desc()).limit(limit)
         if before is not None:
@@ -238,7 +242,7 @@ class SqlAccounts:
 
     # idempotent requests --------------------------------------------------------------------------------------------
 
-    def begin(self, answer: KeptAnswer, *, forget_before_s: float) -> KeptAnswer | None:
+    def begin(self, answer: StoredAnswer, *, forget_before_s: float) -> StoredAnswer | None:
         """None if this key is new (it is taken now), else what is known of the first request."""
         with self._transaction() as connection:
             connection.execute(delete(ANSWERS).where(ANSWERS.c.begun_at_s < forget_before_s))
@@ -247,9 +251,9 @@ class SqlAccounts:
             if found is None:
                 connection.execute(insert(ANSWERS).values(_columns(answer)))
                 return None
-            return KeptAnswer(**dict(found))
+            return StoredAnswer(**dict(found))
 
-    def keep(self, answer: KeptAnswer) -> None:
+    def keep(self, answer: StoredAnswer) -> None:
         """The answer to a request that was begun."""
         mine = (ANSWERS.c.caller == answer.caller) & (ANSWERS.c.key == answer.key)
         self._write(update(ANSWERS).where(mine).values(_columns(answer)))
@@ -327,8 +331,8 @@ def _account(row: RowMapping) -> Account:
     return Account(**{**row, "roles": tuple(row["roles"].split()), "disabled": bool(row["disabled"])})
 
 
-def _identity(row: RowMapping) -> Identity:
-    return Identity(**{**row, "by_groups": bool(row["by_groups"])})
+def _identity(row: RowMapping) -> ExternalIdentity:
+    return ExternalIdentity(**{**row, "by_groups": bool(row["by_groups"])})
 
 
 def _session(row: RowMapping) -> Session:
@@ -339,5 +343,5 @@ def _token(row: RowMapping) -> Token:
     return Token(**{**row, "scopes": tuple(row["scopes"].split())})
 
 
-def _entry(row: RowMapping) -> Entry:
-    return Entry(**row)
+def _entry(row: RowMapping) -> AuditEntry:
+    return AuditEntry(**row)

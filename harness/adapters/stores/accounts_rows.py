@@ -14,7 +14,7 @@ class Account(Value):
     changed_at_s: float
 
 
-class Identity(Value):
+class ExternalIdentity(Value):
     """Who somebody is at an identity provider. `by_groups`: their roles follow their groups there at every sign-in."""
 
     issuer: Name
@@ -54,7 +54,7 @@ class Token(Value):
     revoked_at_s: float | None
 
 
-class Entry(Value):
+class AuditEntry(Value):
     """One line of the trail. `subject` is the account, token or stream it is about; `source` an address."""
 
     number: int
@@ -69,7 +69,7 @@ class Entry(Value):
     digest: str
 
 
-class KeptAnswer(Value):
+class StoredAnswer(Value):
     """What a request with an idempotency key was answered. `status` 0: begun, and its answer is not known."""
 
     caller: str

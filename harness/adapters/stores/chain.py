@@ -15,11 +15,11 @@ import msgspec
 
 from harness.contracts.errors import ConcurrencyConflict, ContractInvalid, LogDamaged
 from harness.contracts.ids import Digest, StreamId, sha256
-from harness.contracts.ports import Batch, Head, NewEvent, Record, StoredEvent
+from harness.contracts.ports import Batch, LogHead, NewEvent, Record, StoredEvent
 from harness.contracts.stored_commands import command_of
 from harness.contracts.values import Moment
 
-GENESIS = Head(position=0, digest=Digest("0" * 64))
+GENESIS = LogHead(position=0, digest=Digest("0" * 64))
 
 _RESTORE = "everything before it can still be read; restore the data folder from a copy to get the rest back"
 _UNKEPT = re.compile("[\0\ud800-\udfff]")
@@ -41,7 +41,7 @@ def event_digest(event: StoredEvent) -> Digest:
     return Digest(hashlib.sha256(front + stream + kind + event.body).hexdigest())
 
 
-def link(head: Head, versions: Mapping[StreamId, int], batches: Sequence[Batch], now: Moment) -> list[StoredEvent]:
+def link(head: LogHead, versions: Mapping[StreamId, int], batches: Sequence[Batch], now: Moment) -> list[StoredEvent]:
     """The events to store after `head`, given the number of events each stream holds.
 
     A stream may occur in several batches: each sees the events of those before it. A batch without events only
@@ -63,12 +63,12 @@ def link(head: Head, versions: Mapping[StreamId, int], batches: Sequence[Batch],
         for version, new in enumerate(batch.events, start=actual + 1):
             event = _sealed(batch.stream, version, new, head, now)
             events.append(event)
-            head = Head(position=event.position, digest=event.digest)
+            head = LogHead(position=event.position, digest=event.digest)
         at[batch.stream] = actual + len(batch.events)
     return events
 
 
-def check(events: Iterable[StoredEvent], after: Head = GENESIS) -> Head:
+def check(events: Iterable[StoredEvent], after: LogHead = GENESIS) -> LogHead:
     """Walk a log in global order, holding one event at a time; raises LogDamaged for the first that does not fit."""
     head = after
     for event in events:
@@ -82,7 +82,7 @@ def check(events: Iterable[StoredEvent], after: Head = GENESIS) -> Head:
             raise damaged(event.position, f"a field is not of its type ({error})") from error
         if event.digest != expected:
             raise damaged(event.position, "its digest does not match its content")
-        head = Head(position=event.position, digest=event.digest)
+        head = LogHead(position=event.position, digest=event.digest)
     return head
 
 
@@ -148,7 +148,7 @@ def damaged(position: int, why: str) -> LogDamaged:
     return LogDamaged(f"The log is damaged: {why}", where=f"position {position}", do=_RESTORE)
 
 
-def _sealed(stream: StreamId, version: int, new: NewEvent, head: Head, now: Moment) -> StoredEvent:
+def _sealed(stream: StreamId, version: int, new: NewEvent, head: LogHead, now: Moment) -> StoredEvent:
     event = StoredEvent(
         position=head.position + 1,
         stream=stream,

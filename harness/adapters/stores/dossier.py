@@ -16,7 +16,7 @@ from harness.adapters.stores.chain import check_record, damaged, event_digest
 from harness.contracts.dossier import CONTENTS, EVENTS, FORMAT, RECORDS, SIGNATURE, DossierContents, DossierSignature
 from harness.contracts.errors import BlobDamaged, ContractInvalid, DossierInvalid, StoreUnavailable, UnknownName
 from harness.contracts.ids import Digest, StreamId, sha256
-from harness.contracts.ports import MISSION_ENDED, MISSION_STREAMS, Batch, Head, Record, StoredEvent
+from harness.contracts.ports import MISSION_ENDED, MISSION_STREAMS, Batch, LogHead, Record, StoredEvent
 from harness.contracts.stored_commands import command_of
 from harness.contracts.values import Moment, decode, encode
 
@@ -91,7 +91,7 @@ class DossierBlobs:
 class DossierLog:
     """The events and records of a dossier behind the log's port. Nothing can be appended."""
 
-    def __init__(self, events: Sequence[StoredEvent], records: Sequence[Record], head: Head) -> None:
+    def __init__(self, events: Sequence[StoredEvent], records: Sequence[Record], head: LogHead) -> None:
         self._log = list(events)
         self._records = {record.digest: record for record in records}
         self._head = head
@@ -99,7 +99,7 @@ class DossierLog:
         for event in self._log:
             self._by_stream.setdefault(event.stream, []).append(event)
 
-    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> Head:
+    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> LogHead:
         raise ContractInvalid("A dossier is never written to", where="log", do="work on the data folder itself")
 
     def load(self, stream: StreamId, after: int = 0) -> list[StoredEvent]:
@@ -124,11 +124,11 @@ class DossierLog:
             raise UnknownName(f"The dossier holds no record {digest}", where="records")
         return self._records[digest]
 
-    def head(self) -> Head:
+    def head(self) -> LogHead:
         """Of the log that the dossier was taken from."""
         return self._head
 
-    def verify(self) -> Head:
+    def verify(self) -> LogHead:
         """Every event's own digest, its stream's numbering, and the chain where two neighbours are both here."""
         before: StoredEvent | None = None
         at: dict[StreamId, int] = {}

@@ -7,7 +7,7 @@ from harness.adapters.stores.chain import GENESIS, admit, check, check_commands,
 from harness.contracts.errors import BlobDamaged, UnknownName
 from harness.contracts.ids import Digest, InvocationId, StreamId, sha256
 from harness.contracts.observations import AnySample
-from harness.contracts.ports import MISSION_ENDED, MISSION_STREAMS, Batch, Head, Record, StoredEvent
+from harness.contracts.ports import MISSION_ENDED, MISSION_STREAMS, Batch, LogHead, Record, StoredEvent
 from harness.contracts.values import Moment
 
 
@@ -20,7 +20,7 @@ class MemoryEventStore:
         self._by_stream: dict[StreamId, list[StoredEvent]] = {}
         self._records: dict[Digest, Record] = {}
 
-    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> Head:
+    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> LogHead:
         """All or nothing. Raises ConcurrencyConflict, or ContractInvalid for a record or name that no log takes."""
         admit(batches, records)
         with self._lock:
@@ -66,12 +66,12 @@ class MemoryEventStore:
                 raise UnknownName(f"The log holds no record {digest}", where="records")
             return self._records[digest]
 
-    def head(self) -> Head:
+    def head(self) -> LogHead:
         """The end of the log; the genesis head of an empty one."""
         with self._lock:
             return self._end()
 
-    def verify(self) -> Head:
+    def verify(self) -> LogHead:
         """Recompute the chain and every record's digest; raises LogDamaged that names the first bad position."""
         with self._lock:
             log, records = list(self._log), list(self._records.values())
@@ -84,8 +84,8 @@ class MemoryEventStore:
     def close(self) -> None:
         """Nothing to release."""
 
-    def _end(self) -> Head:
-        return Head(position=self._log[-1].position, digest=self._log[-1].digest) if self._log else GENESIS
+    def _end(self) -> LogHead:
+        return LogHead(position=self._log[-1].position, digest=self._log[-1].digest) if self._log else GENESIS
 
 
 class MemoryBlobStore:

@@ -7,13 +7,22 @@ from threading import Lock
 
 from harness.contracts.errors import ConcurrencyConflict, UnknownName
 from harness.contracts.ids import Digest
-from harness.contracts.memory import Box, Labels, Mark, MemoryQuery, MemoryRecord, Remembered, Standing, labels_of
+from harness.contracts.memory import (
+    FloorBox,
+    FollowPosition,
+    Labels,
+    MemoryQuery,
+    MemoryRecord,
+    RecordStanding,
+    Remembered,
+    labels_of,
+)
 
-EMPTY = Mark(fold="", position=0, digest=Digest(""))
+EMPTY = FollowPosition(fold="", position=0, digest=Digest(""))
 
 
 @dataclass
-class Row:
+class IndexRow:
     """One record, and the positions of the log at which something superseded or contradicted it."""
 
     seq: int
@@ -23,7 +32,7 @@ class Row:
     disputed_at: int | None = None
     until_s: float | None = None
 
-    def standing(self, as_of: int | None) -> Standing:
+    def standing(self, as_of: int | None) -> RecordStanding:
         """What had become of it by that position of the log; None: by now."""
         if _by(self.superseded_at, as_of):
             return "superseded"
@@ -41,18 +50,18 @@ class VolatileMemoryIndex:
 
     def __init__(self) -> None:
         self._lock = Lock()
-        self._mark: Mark = EMPTY
-        self._rows: dict[str, list[Row]] = {}
-        self._by_id: dict[str, Row] = {}
-        self._current: dict[tuple[str, str], list[Row]] = {}
-        self._by_provider: dict[tuple[str, str], list[Row]] = {}
+        self._mark: FollowPosition = EMPTY
+        self._rows: dict[str, list[IndexRow]] = {}
+        self._by_id: dict[str, IndexRow] = {}
+        self._current: dict[tuple[str, str], list[IndexRow]] = {}
+        self._by_provider: dict[tuple[str, str], list[IndexRow]] = {}
 
-    def mark(self) -> Mark:
+    def mark(self) -> FollowPosition:
         """How far the index has followed the log."""
         with self._lock:
             return self._mark
 
-    def add(self, records: Sequence[MemoryRecord], *, after: Mark, upto: Mark) -> None:
+    def add(self, records: Sequence[MemoryRecord], *, after: FollowPosition, upto: FollowPosition) -> None:
         """All or nothing. Raises ConcurrencyConflict if the index is not at `after`."""
         with self._lock:
             if self._mark != after:
@@ -95,7 +104,7 @@ class VolatileMemoryIndex:
         """Nothing to release."""
 
     def _add(self, record: MemoryRecord) -> None:
-        row = Row(len(self._by_id) + 1, record, labels_of(record), until_s=record.valid_until_s)
+        row = IndexRow(len(self._by_id) + 1, record, labels_of(record), until_s=record.valid_until_s)
         position = record.provenance.position
         for older in (self._by_id[name] for name in record.supersedes):
             older.superseded_at = position
@@ -109,7 +118,7 @@ class VolatileMemoryIndex:
         if row.labels.provider_id:
             self._by_provider.setdefault((record.kind, row.labels.provider_id), []).append(row)
 
-    def _candidates(self, query: MemoryQuery) -> Iterable[Row]:
+    def _candidates(self, query: MemoryQuery) -> Iterable[IndexRow]:
         if query.provider_id:
             lists = [self._by_provider.get((kind, query.provider_id), []) for kind in query.kinds]
         elif query.subject and "superseded" not in query.standings and query.as_of is None:
@@ -118,13 +127,13 @@ class VolatileMemoryIndex:
             lists = [self._rows.get(kind, []) for kind in query.kinds]
         if len(lists) == 1:
             return reversed(lists[0])
-        merged: list[Row] = []
+        merged: list[IndexRow] = []
         for row in (row for rows in lists for row in rows):
             insort(merged, row, key=lambda row: -row.seq)
         return merged
 
 
-def moved(mark: Mark, after: Mark) -> ConcurrencyConflict:
+def moved(mark: FollowPosition, after: FollowPosition) -> ConcurrencyConflict:
     """The error for an index that somebody else has taken further."""
     return ConcurrencyConflict(
         f"The memory index is at position {mark.position}, not at {after.position}",
@@ -142,7 +151,7 @@ def _by(position: int | None, as_of: int | None) -> bool:
     return position is not None and (as_of is None or position <= as_of)
 
 
-def _answers(row: Row, query: MemoryQuery) -> bool:
+def _answers(row: IndexRow, query: MemoryQuery) -> bool:
     record, labels = row.record, row.labels
     asked = (
         (query.subject, record.subject),
@@ -163,7 +172,7 @@ def _answers(row: Row, query: MemoryQuery) -> bool:
     )
 
 
-def _touches(where: Box | None, region: Box) -> bool:
+def _touches(where: FloorBox | None, region: FloorBox) -> bool:
     return (
         where is not None
         and (where.frame, where.map_version) == (region.frame, region.map_version)

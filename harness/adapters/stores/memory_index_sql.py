@@ -35,9 +35,9 @@ from harness.adapters.stores.memory_index_schema import (
     finding,
 )
 from harness.adapters.stores.sql_engine import aside_engine, enter_wal, file_url, reader_engine
-from harness.adapters.stores.sqlite_driver import AnyRow, Readers, driver_of, immediately
+from harness.adapters.stores.sqlite_driver import AnyRow, ReaderPool, driver_of, immediately
 from harness.contracts.errors import StoreUnavailable, UnknownName
-from harness.contracts.memory import Mark, MemoryQuery, MemoryRecord, Remembered, Standing, labels_of
+from harness.contracts.memory import FollowPosition, MemoryQuery, MemoryRecord, RecordStanding, Remembered, labels_of
 from harness.contracts.values import encode
 
 _decoder = msgspec.json.Decoder(MemoryRecord)
@@ -54,9 +54,9 @@ class SqlMemoryIndex:
     def __init__(self, url: str, *, busy_s: float = 10.0) -> None:
         self._url = file_url(url)
         self._lock = Lock()
-        self._readers = Readers(reader_engine(self._url, busy_s=busy_s))
+        self._readers = ReaderPool(reader_engine(self._url, busy_s=busy_s))
         self._writer: Connection | None = None
-        self._known: Mark | None = None
+        self._known: FollowPosition | None = None
         self._change = -1
         with self._translated():
             writer = aside_engine(self._url, busy_s=busy_s).connect()
@@ -72,7 +72,7 @@ class SqlMemoryIndex:
                 raise
             self._writer = writer
 
-    def mark(self) -> Mark:
+    def mark(self) -> FollowPosition:
         """How far the index has followed the log. Asks for no row where nobody but this process wrote it."""
         with self._translated(), self._lock:
             change: int = self._opened().execute("PRAGMA data_version").fetchone()[0]
@@ -82,7 +82,7 @@ class SqlMemoryIndex:
         rows = self._rows(MARK, ())
         return _mark(rows[0]) if rows else EMPTY
 
-    def add(self, records: Sequence[MemoryRecord], *, after: Mark, upto: Mark) -> None:
+    def add(self, records: Sequence[MemoryRecord], *, after: FollowPosition, upto: FollowPosition) -> None:
         """All or nothing. Raises ConcurrencyConflict if the index is not at `after`."""
         with self._translated(), self._lock:
             writer = self._opened()
@@ -213,14 +213,14 @@ def _box(seq: int, record: MemoryRecord) -> tuple[Any, ...]:
     return seq, where.x_min_m, where.x_max_m, where.y_min_m, where.y_max_m, from_s, max(from_s, until_s)
 
 
-def _mark(row: AnyRow) -> Mark:
+def _mark(row: AnyRow) -> FollowPosition:
     fold, position, digest = row
-    return Mark(fold=fold, position=position, digest=digest)
+    return FollowPosition(fold=fold, position=position, digest=digest)
 
 
 def _remembered(row: AnyRow, as_of: int | None) -> Remembered:
     body, verification, superseded_at, disputed_at, stated_until_s, until_s = row
     superseded = superseded_at is not None and (as_of is None or superseded_at <= as_of)
     disputed = disputed_at is not None and (as_of is None or disputed_at <= as_of)
-    standing: Standing = "superseded" if superseded else "disputed" if disputed else verification
+    standing: RecordStanding = "superseded" if superseded else "disputed" if disputed else verification
     return Remembered(record=_decoded(body), standing=standing, until_s=until_s if superseded else stated_until_s)

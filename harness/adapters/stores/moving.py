@@ -12,10 +12,10 @@ from harness.adapters.stores.owner import OwnerLock
 from harness.adapters.stores.sql_engine import file_url
 from harness.adapters.stores.sql_log import SqlLog
 from harness.contracts.errors import LogDamaged, StoreUnavailable
-from harness.contracts.ports import Head
+from harness.contracts.ports import LogHead
 
 
-def move_log(source: str, target: str) -> Head:
+def move_log(source: str, target: str) -> LogHead:
     """Copy every event and record of `source` into the empty log at `target`, verified at both ends.
 
     Raises LogDamaged if either does not verify, StoreOwned if a supervisor runs on either, StoreUnavailable if the

@@ -24,7 +24,7 @@ from harness.adapters.stores.sql_log import SqlLog
 from harness.adapters.stores.sql_schema import migrate, needs_migration
 from harness.adapters.stores.sql_statements import statements
 from harness.contracts.errors import LogDamaged, StoreUnavailable
-from harness.contracts.ports import Head, Record, StoredEvent
+from harness.contracts.ports import LogHead, Record, StoredEvent
 
 _POSTGRESQL = statements("%s")
 _WRITERS = 0x726567656E  # "regen": the advisory lock at which writers queue
@@ -132,7 +132,7 @@ class PostgresEventStore(SqlLog):
                 with suppress(SQLAlchemyError):
                     reader.exec_driver_sql("ROLLBACK")
 
-    def _check_indexes(self, connection: Connection, head: Head) -> None:
+    def _check_indexes(self, connection: Connection, head: LogHead) -> None:
         with examined(self._url):
             connection.exec_driver_sql(_BY_ROWS)
             held = connection.exec_driver_sql("SELECT count(*) FROM event").scalar_one()

@@ -39,8 +39,8 @@ from harness.adapters.stores.read_models_schema import (
 )
 from harness.adapters.stores.sql_engine import aside_engine, enter_wal, file_url, reader_engine
 from harness.contracts.errors import StoreUnavailable
-from harness.contracts.memory import Mark
-from harness.contracts.read_models import MANY, Bookmark, Listing, ListPage, ListQuery, ListRow, Tally
+from harness.contracts.memory import FollowPosition
+from harness.contracts.read_models import MANY, Bookmark, FacetCount, Listing, ListPage, ListQuery, ListRow
 
 MEMORY = "sqlite://"
 LAST_SIGN = "\U0010ffff"
@@ -74,12 +74,12 @@ class SqlReadModels:
                 raise
             self._writer = writer
 
-    def mark(self) -> Mark:
+    def mark(self) -> FollowPosition:
         """How far the lists have followed the log."""
         rows = self._rows(MARK, ())
         return _mark(rows[0]) if rows else EMPTY
 
-    def add(self, rows: Sequence[ListRow], *, after: Mark, upto: Mark) -> None:
+    def add(self, rows: Sequence[ListRow], *, after: FollowPosition, upto: FollowPosition) -> None:
         """All or nothing. Raises ConcurrencyConflict if the lists are not at `after`."""
         with self._translated(), self._lock:
             writer = self._opened()
@@ -115,10 +115,10 @@ class SqlReadModels:
         """How many rows answer the query, counted up to MANY + 1."""
         return self._count(query, self._match(query))
 
-    def tallies(self, listing: Listing) -> list[Tally]:
+    def tallies(self, listing: Listing) -> list[FacetCount]:
         """Every value of every facet with its count, by facet and value."""
         rows = self._rows(TALLIES, (listing,))
-        return [Tally(facet=facet, value=value, count=count) for facet, value, count in rows]
+        return [FacetCount(facet=facet, value=value, count=count) for facet, value, count in rows]
 
     def body(self, listing: Listing, key: str) -> bytes | None:
         """One item by its key."""
@@ -237,6 +237,6 @@ def _tally(tallies: Tallies, listing: str, facets: dict[str, str], by: int) -> N
             tallies[listing, name, value] += by
 
 
-def _mark(row: AnyRow) -> Mark:
+def _mark(row: AnyRow) -> FollowPosition:
     fold, position, digest = row
-    return Mark(fold=fold, position=position, digest=digest)
+    return FollowPosition(fold=fold, position=position, digest=digest)

@@ -23,11 +23,11 @@ from harness.adapters.stores.sql_engine import (
 from harness.adapters.stores.sql_log import AnyRow, Arguments, SqlLog, event_of
 from harness.adapters.stores.sql_schema import migrate, needs_migration
 from harness.adapters.stores.sql_statements import statements
-from harness.adapters.stores.sqlite_driver import Readers, driver_of, immediately
+from harness.adapters.stores.sqlite_driver import ReaderPool, driver_of, immediately
 from harness.adapters.stores.unchanged import Unchanged
 from harness.contracts.errors import LogDamaged, StoreUnavailable
 from harness.contracts.ids import StreamId
-from harness.contracts.ports import Head, Record, StoredEvent
+from harness.contracts.ports import LogHead, Record, StoredEvent
 
 _SQLITE = statements("?")
 _IN_FORCE = ("journal_mode", "synchronous", "foreign_keys", "busy_timeout")
@@ -45,7 +45,7 @@ class SqlEventStore(SqlLog):
         self._url = file_url(url)
         readers, aside = reader_engine(self._url, busy_s=busy_s), aside_engine(self._url, busy_s=busy_s)
         super().__init__(_SQLITE, where=str(self._url.database), readers=readers, aside=aside)
-        self._quick = Readers(readers)
+        self._quick = ReaderPool(readers)
         self._failures = Translated(self._url)
         with self._failures:
             self._writer = writer_engine(self._url, busy_s=busy_s).connect()
@@ -71,7 +71,7 @@ class SqlEventStore(SqlLog):
         self._unchanged.found(stream, events[-1].version if events else after, asked=asked)
         return events
 
-    def head(self) -> Head:
+    def head(self) -> LogHead:
         """The end of the log; the genesis head of an empty one."""
         self._check_open()
         with self._failures:
@@ -98,7 +98,7 @@ class SqlEventStore(SqlLog):
                 position = last[0]
             raise damaged(position + 1, f"it cannot be read ({error.orig})") from error
 
-    def _check_indexes(self, connection: Connection, _head: Head) -> None:
+    def _check_indexes(self, connection: Connection, _head: LogHead) -> None:
         with self._examined():
             found = connection.exec_driver_sql("PRAGMA integrity_check(1)").scalar_one()
         if found != "ok":

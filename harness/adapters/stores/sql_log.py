@@ -20,7 +20,7 @@ from harness.adapters.stores.chain import GENESIS, admit, check, check_commands,
 from harness.adapters.stores.sql_statements import Statements
 from harness.contracts.errors import ConcurrencyConflict, ContractInvalid, StoreUnavailable, UnknownName
 from harness.contracts.ids import Digest, StreamId
-from harness.contracts.ports import MISSION_STREAMS, Batch, Head, Record, StateSnapshot, StoredEvent
+from harness.contracts.ports import MISSION_STREAMS, Batch, LogHead, Record, StateSnapshot, StoredEvent
 from harness.contracts.values import Moment
 
 T = TypeVar("T")
@@ -38,7 +38,7 @@ class _Append:
     batches: Sequence[Batch]
     records: Sequence[Record]
     now: Moment
-    head: Head = GENESIS
+    head: LogHead = GENESIS
     error: BaseException | None = None
     done: bool = False
 
@@ -61,7 +61,7 @@ class SqlLog(ABC):
 
     # the port -------------------------------------------------------------------------------------------------------
 
-    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> Head:
+    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> LogHead:
         """All or nothing, synced on return. Raises ConcurrencyConflict, StoreUnavailable, ContractInvalid.
 
         Threads that come while another one's commit reaches the disk share the next commit.
@@ -106,12 +106,12 @@ class SqlLog(ABC):
         check_record(found)
         return found
 
-    def head(self) -> Head:
+    def head(self) -> LogHead:
         """The end of the log; the genesis head of an empty one."""
         rows = self._rows(self._sql.head, ())
-        return Head(position=rows[0][0], digest=rows[0][1]) if rows else GENESIS
+        return LogHead(position=rows[0][0], digest=rows[0][1]) if rows else GENESIS
 
-    def verify(self) -> Head:
+    def verify(self) -> LogHead:
         """Recompute the chain and every record's digest, a page at a time, on one instant of the log.
 
         Raises LogDamaged that names the first bad position, the bad record, or the index that lost rows. A log cut
@@ -148,7 +148,7 @@ class SqlLog(ABC):
 
     # moving ---------------------------------------------------------------------------------------------------------
 
-    def fill_from(self, source: "SqlLog") -> Head:
+    def fill_from(self, source: "SqlLog") -> LogHead:
         """Take over every event and record of `source` as it stands there, into an empty log, and verify the copy.
 
         All or nothing: what does not verify, here or there, leaves this log empty. Raises LogDamaged, and
@@ -216,7 +216,7 @@ class SqlLog(ABC):
         """A reader's transaction that sees one instant of the log."""
 
     @abstractmethod
-    def _check_indexes(self, connection: Connection, head: Head) -> None:
+    def _check_indexes(self, connection: Connection, head: LogHead) -> None:
         """Raises LogDamaged if the database itself finds fault with its tables or indexes."""
 
     @abstractmethod
@@ -225,7 +225,7 @@ class SqlLog(ABC):
 
     # shared ---------------------------------------------------------------------------------------------------------
 
-    def _verified(self, connection: Connection) -> Head:
+    def _verified(self, connection: Connection) -> LogHead:
         head = check(check_commands(self.walk(connection), lambda names: self._held(connection, names)))
         for _ in self.records(connection):
             pass
@@ -267,17 +267,17 @@ class SqlLog(ABC):
         except (ConcurrencyConflict, ContractInvalid) as refusal:
             one.error = refusal
             return []
-        one.head = Head(position=events[-1].position, digest=events[-1].digest) if events else head
+        one.head = LogHead(position=events[-1].position, digest=events[-1].digest) if events else head
         return events
 
-    def _ends(self, writer: Connection, streams: Sequence[StreamId]) -> tuple[Head, dict[StreamId, int]]:
+    def _ends(self, writer: Connection, streams: Sequence[StreamId]) -> tuple[LogHead, dict[StreamId, int]]:
         """The log's head, and how many events each of `streams` holds."""
         if not streams:
             rows = self._asked(writer, self._sql.head, ())
-            return (Head(position=rows[0][0], digest=rows[0][1]) if rows else GENESIS), {}
+            return (LogHead(position=rows[0][0], digest=rows[0][1]) if rows else GENESIS), {}
         rows = self._asked(writer, self._sql.ends(len(streams)), tuple(streams))
         position, digest = rows[0][2:]
-        head = Head(position=position, digest=digest) if position else GENESIS
+        head = LogHead(position=position, digest=digest) if position else GENESIS
         return head, {row[0]: row[1] or 0 for row in rows}
 
     def _insert(self, writer: Connection, events: Sequence[StoredEvent], records: Sequence[Record]) -> None:

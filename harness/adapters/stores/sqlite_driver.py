@@ -32,7 +32,7 @@ def immediately(driver: sqlite3.Connection) -> Iterator[None]:
         raise
 
 
-class Readers:
+class ReaderPool:
     """Connections that cannot write, for any number of threads: each is used by one at a time and kept for the next.
 
     Raises sqlite3.Error; a connection that failed is not used again.

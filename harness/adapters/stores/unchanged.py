@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from threading import Lock
 
 from harness.contracts.ids import StreamId
-from harness.contracts.ports import Head, StoredEvent
+from harness.contracts.ports import LogHead, StoredEvent
 
 
 class Unchanged:
@@ -29,13 +29,13 @@ class Unchanged:
         self._seen = self._change = -1
         self._round = 0
         self._versions: dict[StreamId, int] = {}
-        self._last: Head | None = None
+        self._last: LogHead | None = None
 
     def ends_at(self, stream: StreamId, version: int) -> bool:
         """Whether the stream is known to hold no event after this version, now."""
         return not self._others_wrote() and self._versions.get(stream) == version
 
-    def head(self) -> Head | None:
+    def head(self) -> LogHead | None:
         """The end of the log, now; None where it is not known."""
         return None if self._others_wrote() else self._last
 
@@ -64,7 +64,7 @@ class Unchanged:
             self._round += 1
             self._versions.update((event.stream, event.version) for event in events)
             if events:
-                self._last = Head(position=events[-1].position, digest=events[-1].digest)
+                self._last = LogHead(position=events[-1].position, digest=events[-1].digest)
         self._notice()
 
     def close(self) -> None:

@@ -9,7 +9,7 @@ from harness.contracts.verdicts import PredicateVerdict
 from harness.verification.body import LIMIT_M, current_track, static_body
 from harness.verification.finding import Finding, Undecidable, ambiguous, worst
 from harness.verification.geometry import distance, path_length
-from harness.verification.reading import Evidence, Track
+from harness.verification.reading import AdmittedTrack, Evidence
 from harness.verification.sources import Agreement, Sources
 
 SAMPLES = 3
@@ -71,7 +71,7 @@ def arrival(effect: AnyEffect, evidence: Evidence) -> Finding:
     )
 
 
-def poses_of(effect: Metric, track: Track) -> tuple[Pose, ...]:
+def poses_of(effect: Metric, track: AdmittedTrack) -> tuple[Pose, ...]:
     """The track's poses in the target's frame and map version."""
     wanted = (effect.frame, effect.map_version)
     if track.maps <= {wanted}:
@@ -121,7 +121,7 @@ def _story(effect: Metric, evidence: Evidence) -> Story:
     return tuple(poses[at_s] for at_s in sorted(poses)), tuple(odometry[at_s] for at_s in sorted(odometry))
 
 
-def _went_silent(track: Track, poses: tuple[Pose, ...], evidence: Evidence) -> Reason | None:
+def _went_silent(track: AdmittedTrack, poses: tuple[Pose, ...], evidence: Evidence) -> Reason | None:
     """Poses that stopped coming while other sensors went on are missing; poses that come with old stamps are stale."""
     limit_s = evidence.policy.evidence.pose_age_s
     now_s = evidence.speaks_at_s

@@ -5,11 +5,11 @@ import math
 from harness.contracts.effects import AnyEffect, Metric
 from harness.contracts.reasons import Reason, because
 from harness.contracts.verdicts import PredicateVerdict
-from harness.verification.bridging import GAP_S, History, bridged
+from harness.verification.bridging import GAP_S, PositionHistory, bridged
 from harness.verification.finding import Finding, Undecidable, ambiguous, worst
 from harness.verification.geometry import Fix, departed_s, excursion, path_length, route_progress
 from harness.verification.predicates.arrival import SAMPLES, agreement_of, arrival, poses_of, story
-from harness.verification.reading import Evidence, Track
+from harness.verification.reading import AdmittedTrack, Evidence
 
 
 def circuit(effect: AnyEffect, evidence: Evidence) -> Finding:
@@ -65,12 +65,12 @@ def circuit(effect: AnyEffect, evidence: Evidence) -> Finding:
     )
 
 
-def _history(effect: Metric, evidence: Evidence) -> History:
+def _history(effect: Metric, evidence: Evidence) -> PositionHistory:
     """The body's positions over all executions and the seconds before them; gaps closed by odometry where it fits."""
     return bridged(*story(effect, evidence))
 
 
-def _unseen_s(history: History, track: Track) -> float:
+def _unseen_s(history: PositionHistory, track: AdmittedTrack) -> float:
     """The longest time within one execution that neither a pose nor a bridge shows, while other sensors went on."""
     until_s = track.until_s if track.until_s is not None else history.track[-1].at_s
     within = [b - a for a, b in history.open_gaps if a >= track.dispatched_s - GAP_S and b <= until_s + GAP_S]

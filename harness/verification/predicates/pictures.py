@@ -14,7 +14,7 @@ from harness.verification.body import LIMIT_M
 from harness.verification.finding import RECEIPTS, Finding, Undecidable, ambiguous
 from harness.verification.media import image_size
 from harness.verification.predicates.panorama import TURN_LIMIT_RAD
-from harness.verification.reading import Evidence, Track
+from harness.verification.reading import AdmittedTrack, Evidence
 
 KINDS = ("keeping", "analysis")
 """Receipts that may name a report about one picture."""
@@ -134,5 +134,5 @@ def _moved(odometry: Sequence[Odometry]) -> tuple[float, float]:
     return moved_m, max(abs(math.remainder(one.yaw_rad - first.yaw_rad, math.tau)) for one in odometry)
 
 
-def _place(track: Track) -> dict[str, float]:
+def _place(track: AdmittedTrack) -> dict[str, float]:
     return {"x_m": track.poses[-1].x_m, "y_m": track.poses[-1].y_m} if track.poses else {}

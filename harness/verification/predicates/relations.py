@@ -6,9 +6,9 @@ from itertools import pairwise
 from harness.contracts.effects import AnyEffect, Relational, Symbolic, Temporal
 from harness.contracts.evidence import CommittedFact
 from harness.contracts.ids import NodeId
-from harness.contracts.judging import CommittedNode
 from harness.contracts.reasons import Reason, because, several
 from harness.contracts.tasks import Goal
+from harness.contracts.verifier_inputs import CommittedNode
 from harness.verification.finding import RECEIPTS, Finding, Undecidable, ambiguous
 from harness.verification.predicates.analysis import AnalysisReport
 from harness.verification.reading import Evidence, read

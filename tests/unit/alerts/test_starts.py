@@ -1,7 +1,7 @@
 """Repeated physical starts are counted by one rule, wherever they are told."""
 
-from app.reasons.rendering import sentence
-from app.views.outcome import mission_outcome
+from app.i18n.reasons.rendering import sentence
+from app.views.mission_json import mission_outcome
 from harness.contracts.ids import MissionId, NodeId, ProviderId, RequestId
 from harness.contracts.protocol import PhysicalStart
 from harness.projections.alert_causes import About, duplicate_starts

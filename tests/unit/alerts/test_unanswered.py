@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.contracts.alert_commands import RaiseAlert
 from harness.contracts.handoff_events import NoAnswerTaken
 from harness.contracts.reasons import recorded

@@ -8,7 +8,7 @@ from pydantic import TypeAdapter
 
 from app.acts import alerts, handoffs, missions
 from app.acts.base import Act
-from app.command_permissions import PERMISSIONS
+from app.auth.command_permissions import PERMISSIONS
 from harness.contracts import commands, person_commands
 from harness.contracts.actors import Actor
 from harness.contracts.errors import ContractInvalid

@@ -5,7 +5,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from app.cloud import CHUNK, Cloud, Stand, Track, placed, sweep
+from app.scene.point_cloud import CHUNK, Cloud, PoseTrack, Stand, placed, sweep
 
 
 def points(*rows: tuple[float, float, float]) -> np.ndarray:
@@ -50,7 +50,7 @@ def test_the_cloud_grows_in_chunks_and_stops_at_its_limit() -> None:
 
 
 def test_a_pose_between_two_is_interpolated_the_short_way_round() -> None:
-    track = Track()
+    track = PoseTrack()
     track.add(Stand(0.0, 0.0, 0.0, pi - 0.1))
     track.add(Stand(0.2, 1.0, 0.0, -pi + 0.1))
     between = track.at(0.1)
@@ -60,7 +60,7 @@ def test_a_pose_between_two_is_interpolated_the_short_way_round() -> None:
 
 
 def test_a_sweep_in_a_gap_without_poses_has_no_place() -> None:
-    track = Track()
+    track = PoseTrack()
     track.add(Stand(0.0, 0.0, 0.0, 0.0))
     track.add(Stand(5.0, 1.0, 0.0, 0.0))
     assert track.at(2.5) is None
@@ -69,6 +69,6 @@ def test_a_sweep_in_a_gap_without_poses_has_no_place() -> None:
 
 
 def test_the_same_instant_is_taken_once() -> None:
-    track = Track()
+    track = PoseTrack()
     assert track.add(Stand(1.0, 0.0, 0.0, 0.0))
     assert not track.add(Stand(1.0, 9.0, 9.0, 0.0))

@@ -6,9 +6,8 @@ from typing import Any, get_args
 
 import pytest
 
-from app.accounts import Accounts
-from app.authority import authority
-from app.command_permissions import (
+from app.auth.accounts import Accounts
+from app.auth.command_permissions import (
     ASKED,
     CARRIED,
     HARNESS_COMMANDS,
@@ -17,16 +16,17 @@ from app.command_permissions import (
     asked_permission,
     required_permission,
 )
+from app.auth.commit_authority import authority
+from app.auth.permissions import NotPermitted, Principal
 from app.main import open_accounts
-from app.permissions import NotPermitted, Visitor
 from app.settings import ConsoleSettings
 from harness.contracts import commands, person_commands
 from harness.contracts.actors import Actor, Command
 from harness.contracts.decisions import Refused
 from rsi_reviews import commands as review_commands
-from rsi_reviews import growth
+from rsi_reviews import suite_growth
 
-ADMIN = Visitor(name="setup", roles=("admin",), source="test")
+ADMIN = Principal(name="setup", roles=("admin",), source="test")
 PASSWORD = "seven green bottles"
 
 
@@ -46,7 +46,7 @@ EVERY = classes(
     person_commands.PersonCommand,
     review_commands.CandidateCommand,
     review_commands.PointerCommand,
-    growth.AddCase,
+    suite_growth.AddCase,
 )
 
 

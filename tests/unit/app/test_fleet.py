@@ -2,8 +2,8 @@
 
 import pytest
 
-from app.fleet import KEPT_S, MOST_BYTES, MOST_SHOTS, PICTURE_EVERY_S, Fleet
-from app.presence import Presence
+from app.background.presence import Presence
+from app.background.robot_reports import KEPT_S, MOST_BYTES, MOST_SHOTS, PICTURE_EVERY_S, Fleet
 from app.views.robots import camera_view, robot_word
 from harness.contracts.errors import ProviderUnreachable, UnknownName
 from harness.contracts.ids import RobotId

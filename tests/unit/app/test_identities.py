@@ -10,19 +10,19 @@ import pytest
 from argon2 import PasswordHasher
 from sqlalchemy import create_engine, text
 
-from app.accounts import Accounts
-from app.identities import Identities
-from app.permissions import NotPermitted, Visitor
+from app.auth.accounts import Accounts
+from app.auth.identities import Identities
+from app.auth.next_url import safe_next_url
+from app.auth.permissions import NotPermitted, Principal
 from app.settings import ConsoleSettings
-from app.wanted import wanted
 from harness.adapters.identity.openid import OpenIdProvider, Registration, secret_of
-from harness.adapters.identity.wire import LARGEST_ANSWER, Wire, secure
+from harness.adapters.identity.wire import LARGEST_ANSWER, HttpTransport, secure
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.contracts.errors import ConcurrencyConflict, ContractInvalid, UnknownName
 from harness.contracts.identity import Claims, IssuerUnreachable, IssuerWrong, RoleMissing
 
 CHEAP = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
-ADMIN = Visitor(name="root", roles=("admin",), source="10.0.0.9")
+ADMIN = Principal(name="root", roles=("admin",), source="10.0.0.9")
 PASSWORD = "seven green bottles"
 ISSUER = "https://id.example"
 
@@ -56,13 +56,13 @@ def test_a_linked_account_keeps_its_own_roles_and_no_group_changes_them(accounts
     assert identities.unlink("grace", by=ADMIN) == 1
     with pytest.raises(RoleMissing):
         identities.account_of(claims("7"), source="10.0.0.1")
-    assert [one.kind for one in accounts.store.trail(kind="identity")] == ["identity.unlinked", "identity.linked"]
+    assert [one.kind for one in accounts.store.audit_log(kind="identity")] == ["identity.unlinked", "identity.linked"]
 
 
 def test_only_an_admin_links_and_only_what_is_there(accounts: Accounts) -> None:
     identities = Identities(accounts, roles={}, clock=now)
     with pytest.raises(NotPermitted):
-        identities.link("root", issuer=ISSUER, subject="7", by=Visitor(name="eve", roles=("operator",)))
+        identities.link("root", issuer=ISSUER, subject="7", by=Principal(name="eve", roles=("operator",)))
     with pytest.raises(UnknownName):
         identities.link("nobody", issuer=ISSUER, subject="7", by=ADMIN)
     for issuer, subject in (("", "7"), (ISSUER, ""), (ISSUER, "x" * 256)):
@@ -222,19 +222,19 @@ def test_an_answer_that_is_not_a_small_json_object_is_no_answer(
     answer: Callable[[BaseHTTPRequestHandler], None],
 ) -> None:
     with answering(answer) as host, pytest.raises(IssuerUnreachable) as refused:
-        Wire([host]).ask("GET", f"http://{host}/x?secret=1")
+        HttpTransport([host]).ask("GET", f"http://{host}/x?secret=1")
     assert "secret" not in str(refused.value)
 
 
 def test_only_the_configured_hosts_are_asked() -> None:
     with answering(sending(200, b'{"a": 1}')) as host:
-        assert Wire([host]).ask("GET", f"http://{host}/x") == (200, {"a": 1})
+        assert HttpTransport([host]).ask("GET", f"http://{host}/x") == (200, {"a": 1})
         for elsewhere in ("127.0.0.1:9", host.replace("127.0.0.1", "localhost"), f"{host}.example", ""):
             with pytest.raises(IssuerWrong):
-                Wire([elsewhere]).ask("GET", f"http://{host}/x")
+                HttpTransport([elsewhere]).ask("GET", f"http://{host}/x")
         for url in (f"https://{host}/x", f"http://a@{host}/x", None, 7, "/x", "http://[", f"http://{host}/x#y"):
             with pytest.raises((IssuerWrong, IssuerUnreachable)):
-                Wire([host]).ask("GET", url)
+                HttpTransport([host]).ask("GET", url)
 
 
 def test_nobody_is_followed_to_where_an_answer_points() -> None:
@@ -246,12 +246,12 @@ def test_nobody_is_followed_to_where_an_answer_points() -> None:
 
     with answering(elsewhere) as other, answering(sending(302, b"{}", Location=f"http://{other}/x")) as host:
         for hosts in ([host], [host, other]):
-            assert Wire(hosts).ask("GET", f"http://{host}/x") == (302, {})
+            assert HttpTransport(hosts).ask("GET", f"http://{host}/x") == (302, {})
     assert asked == []
 
 
 def test_only_a_page_of_this_console_is_wanted() -> None:
     for page in ("/", "/missions", "/missions/m1?at=3&b=%20c", "/handoffs/h-1"):
-        assert wanted(page) == page
+        assert safe_next_url(page) == page
     for other in ("", "missions", "//x", "/\\x", "/a b", "/a\tb", "/\u202e", "https://x", "/api/v1/x", "/account/oidc"):
-        assert wanted(other) == "/"
+        assert safe_next_url(other) == "/"

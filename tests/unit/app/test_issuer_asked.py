@@ -5,10 +5,10 @@ from collections.abc import Iterator
 import pytest
 
 from harness.adapters.identity.openid import AWAY_S, KEYS_AGAIN_S, KNOWN_S, OpenIdProvider, Registration
-from harness.contracts.identity import Attempt, IssuerUnreachable, SignatureBad
+from harness.contracts.identity import IssuerUnreachable, SignatureBad, SignInAttempt
 from tests.fakes.issuer import CLIENT_ID, CLIENT_SECRET, Issuer, issuing, new_key
 
-ATTEMPT = Attempt(state="s" * 43, nonce="n" * 43, verifier="v" * 43)
+ATTEMPT = SignInAttempt(state="s" * 43, nonce="n" * 43, verifier="v" * 43)
 BACK = "http://127.0.0.1:8000/account/oidc/back"
 
 

@@ -7,17 +7,16 @@ from dataclasses import dataclass, field
 import pytest
 from argon2 import PasswordHasher
 
-from app.accounts import Accounts, Throttled
-from app.doors import Doors, Origin
-from app.identities import Identities
-from app.issuer_door import MOST_UNDER_WAY, STARTS_AT_ONCE, Begun, IssuerDoor
-from app.permissions import Visitor
-from app.security import UNDER_WAY_S
+from app.auth.accounts import Accounts, Throttled
+from app.auth.identities import Identities
+from app.auth.oidc_login import MOST_UNDER_WAY, STARTS_AT_ONCE, UNDER_WAY_S, Begun, OidcLogin
+from app.auth.permissions import Principal
+from app.auth.sessions import Origin, SessionService
 from harness.adapters.stores.accounts import SqlAccounts
-from harness.contracts.identity import Attempt, Claims, IssuerUnreachable, StateMismatch
+from harness.contracts.identity import Claims, IssuerUnreachable, SignInAttempt, StateMismatch
 
 CHEAP = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
-ADMIN = Visitor(name="root", roles=("admin",), source="10.0.0.9")
+ADMIN = Principal(name="root", roles=("admin",), source="10.0.0.9")
 HERE = Origin("10.0.0.1", "a browser")
 
 
@@ -36,17 +35,17 @@ class Believing:
 
     groups: tuple[str, ...] = ("operators",)
     away: bool = False
-    begun: list[Attempt] = field(default_factory=list)
+    begun: list[SignInAttempt] = field(default_factory=list)
     issuer: str = "https://id.example"
     back: str = "http://127.0.0.1:8000/account/oidc/back"
 
-    def begin(self, attempt: Attempt) -> str:
+    def begin(self, attempt: SignInAttempt) -> str:
         if self.away:
             raise IssuerUnreachable("The identity provider does not answer")
         self.begun.append(attempt)
         return f"{self.issuer}/authorize?state={attempt.state}"
 
-    def finish(self, attempt: Attempt, *, code: str, issuer: str, by_groups: Callable[[str], bool]) -> Claims:
+    def finish(self, attempt: SignInAttempt, *, code: str, issuer: str, by_groups: Callable[[str], bool]) -> Claims:
         return Claims(issuer=self.issuer, subject=code, name="ada", groups=self.groups)
 
     def leave(self, after: str) -> str:
@@ -69,26 +68,26 @@ def provider() -> Believing:
 
 
 @pytest.fixture
-def door(watch: Watch, provider: Believing) -> IssuerDoor:
+def door(watch: Watch, provider: Believing) -> OidcLogin:
     fresh = numbered()
     accounts = Accounts(SqlAccounts(), clock=watch, fresh=fresh, hasher=CHEAP)
     accounts.add("root", roles=["admin"], password="seven green bottles", by=ADMIN)
-    doors = Doors(accounts, owner_token="", operator="o", limits=(9e9, 9e9), clock=watch, fresh=fresh)
+    sessions = SessionService(accounts, owner_token="", operator="o", limits=(9e9, 9e9), clock=watch, fresh=fresh)
     identities = Identities(accounts, roles={"operators": ("operator",)}, clock=watch)
-    return IssuerDoor(provider, identities, doors, clock=watch, fresh=fresh)
+    return OidcLogin(provider, identities, sessions, clock=watch, fresh=fresh)
 
 
-def begin(door: IssuerDoor, origin: Origin = HERE, *, page: str = "/missions") -> Begun:
+def begin(door: OidcLogin, origin: Origin = HERE, *, page: str = "/missions") -> Begun:
     begun = door.begin(page, origin, session="")
     assert isinstance(begun, Begun)
     return begun
 
 
-def kinds(door: IssuerDoor) -> list[str]:
-    return [one.kind for one in door._doors.accounts.store.trail(kind="sign_in")]
+def kinds(door: OidcLogin) -> list[str]:
+    return [one.kind for one in door._sessions.accounts.store.audit_log(kind="sign_in")]
 
 
-def test_one_address_begins_no_more_than_people_would_and_others_are_served(door: IssuerDoor, watch: Watch) -> None:
+def test_one_address_begins_no_more_than_people_would_and_others_are_served(door: OidcLogin, watch: Watch) -> None:
     for _ in range(int(STARTS_AT_ONCE)):
         begin(door)
     throttled = door.begin("/", HERE, session="")
@@ -98,7 +97,7 @@ def test_one_address_begins_no_more_than_people_would_and_others_are_served(door
     begin(door)
 
 
-def test_a_sign_in_is_over_after_ten_minutes(door: IssuerDoor, watch: Watch, provider: Believing) -> None:
+def test_a_sign_in_is_over_after_ten_minutes(door: OidcLogin, watch: Watch, provider: Believing) -> None:
     begun, late = begin(door), begin(door)
     watch.now_s += UNDER_WAY_S - 0.1
     entered = door.finish(begun.cookie, {"state": provider.begun[0].state, "code": "7"}, HERE)
@@ -110,7 +109,7 @@ def test_a_sign_in_is_over_after_ten_minutes(door: IssuerDoor, watch: Watch, pro
 
 
 def test_a_sign_in_is_used_once_whatever_the_issuer_would_take_and_leads_to_a_page_of_ours(
-    door: IssuerDoor, provider: Believing
+    door: OidcLogin, provider: Believing
 ) -> None:
     begun = begin(door)
     answer = {"state": provider.begun[0].state, "code": "7"}
@@ -126,7 +125,7 @@ def test_a_sign_in_is_used_once_whatever_the_issuer_would_take_and_leads_to_a_pa
         door.finish(wrong.cookie, {"state": provider.begun[1].state, "code": "7"}, HERE)
 
 
-def test_the_oldest_of_too_many_is_forgotten(door: IssuerDoor, watch: Watch, provider: Believing) -> None:
+def test_the_oldest_of_too_many_is_forgotten(door: OidcLogin, watch: Watch, provider: Believing) -> None:
     begun = []
     for number in range(MOST_UNDER_WAY + 1):
         begun.append(begin(door, Origin(f"10.0.{number // 250}.{number % 250}")))
@@ -135,19 +134,19 @@ def test_the_oldest_of_too_many_is_forgotten(door: IssuerDoor, watch: Watch, pro
     assert door.finish(begun[1].cookie, {"state": provider.begun[1].state, "code": "7"}, HERE).cookie
 
 
-def test_refusals_by_the_issuer_slow_down_nobodys_password(door: IssuerDoor, watch: Watch, provider: Believing) -> None:
+def test_refusals_by_the_issuer_slow_down_nobodys_password(door: OidcLogin, watch: Watch, provider: Believing) -> None:
     """Else a page elsewhere could lock a whole office out by sending its browsers here."""
     for number in range(30):
         watch.now_s += 10.0
         begun = begin(door)
         with pytest.raises(StateMismatch):
             door.finish(begun.cookie, {"state": "another", "code": str(number)}, HERE)
-    accounts = door._doors.accounts
+    accounts = door._sessions.accounts
     assert accounts.check("root", "seven green bottles", source=HERE.source) is not None
     assert not isinstance(accounts.check("root", "seven green bottles", source=HERE.source), Throttled)
 
 
-def test_an_issuer_that_is_away_leaves_nothing_under_way(door: IssuerDoor, provider: Believing) -> None:
+def test_an_issuer_that_is_away_leaves_nothing_under_way(door: OidcLogin, provider: Believing) -> None:
     provider.away = True
     with pytest.raises(IssuerUnreachable):
         door.begin("/", HERE, session="")

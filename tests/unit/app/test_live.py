@@ -6,7 +6,7 @@ from threading import Thread
 
 import pytest
 
-from app.live import HEARTBEAT_S, SPACING_S, SignalBroker, Traffic
+from app.background.signals import HEARTBEAT_S, SPACING_S, SignalBroker, Traffic
 from tests.builders.loops import in_virtual_time
 
 

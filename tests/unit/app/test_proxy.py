@@ -5,7 +5,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from app.proxy import LARGEST, admitted
+from app.scene.proxy import LARGEST, admitted
 
 
 def message(kind: Any, **fields: Any) -> bytes:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.reasons import rendering
+from app.i18n.reasons import rendering
 from harness.contracts.reasons import because, recorded
 
 FAR = because("too_far_from_target", distance_m=7.491, bound_m=0.4)

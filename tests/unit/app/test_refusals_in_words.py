@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.reasons import (
+from app.i18n.reasons import (
     alerts,
     console,
     contexts,

@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.retelling import Retelling
+from app.i18n.retelling import Retelling
 
 WORDS = {"ambiguous": "不明确", "navigate": "导航", "look again": "再看一次", "nothing": "没有"}
 SENTENCES = {

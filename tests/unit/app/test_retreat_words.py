@@ -5,7 +5,7 @@ from msgspec.structs import replace
 
 from app.views.handoffs import no_answer
 from app.views.report import no_answer_taken
-from app.views.retreats import OLD_S, LastRetreat, last_retreat
+from app.views.safe_returns import OLD_S, LastRetreat, last_retreat
 from harness.contracts.handoff_events import HandoffOpened
 from harness.contracts.reasons import recorded
 from harness.contracts.retreat_events import RetreatEnded

@@ -7,14 +7,14 @@ import pytest
 from argon2 import PasswordHasher
 from starlette.datastructures import Headers
 
-from app.accounts import Accounts
-from app.doors import GRACE_S, ROTATE_S, Doors, Origin
-from app.permissions import Visitor
-from app.security import cookie_line, same_origin
+from app.auth.accounts import Accounts
+from app.auth.permissions import Principal
+from app.auth.sessions import GRACE_S, ROTATE_S, Origin, SessionService
+from app.web.security import cookie_line, same_origin
 from harness.adapters.stores.accounts import SqlAccounts
 
 CHEAP = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
-ADMIN = Visitor(name="root", roles=("admin",))
+ADMIN = Principal(name="root", roles=("admin",))
 PASSWORD = "seven green bottles"
 
 
@@ -45,104 +45,108 @@ def watch() -> Watch:
 
 
 @pytest.fixture
-def doors(watch: Watch) -> Doors:
+def sessions(watch: Watch) -> SessionService:
     fresh = Counter()
     accounts = Accounts(SqlAccounts(), clock=watch, fresh=fresh, hasher=CHEAP)
-    return Doors(accounts, owner_token="secret", operator="ada", limits=(60.0, 600.0), clock=watch, fresh=fresh)
+    return SessionService(
+        accounts, owner_token="secret", operator="ada", limits=(60.0, 600.0), clock=watch, fresh=fresh
+    )
 
 
 @pytest.fixture
-def patient(watch: Watch) -> Doors:
+def patient(watch: Watch) -> SessionService:
     """Doors whose sessions last for hours, with one admin, root."""
     fresh = Counter()
     accounts = Accounts(SqlAccounts(), clock=watch, fresh=fresh, hasher=CHEAP)
     accounts.add("root", roles=["admin"], password=PASSWORD, by=ADMIN)
-    return Doors(accounts, owner_token="", operator="ada", limits=(36000.0, 72000.0), clock=watch, fresh=fresh)
+    return SessionService(accounts, owner_token="", operator="ada", limits=(36000.0, 72000.0), clock=watch, fresh=fresh)
 
 
-def token(doors: Doors) -> str:
-    return doors.invite().split("token=")[1]
+def token(sessions: SessionService) -> str:
+    return sessions.invite().split("token=")[1]
 
 
-def signed_in(doors: Doors, name: str = "root") -> str:
-    cookie = doors.sign_in(name, PASSWORD, Origin("10.0.0.1", "browser"))
+def signed_in(sessions: SessionService, name: str = "root") -> str:
+    cookie = sessions.sign_in(name, PASSWORD, Origin("10.0.0.1", "browser"))
     assert isinstance(cookie, str)
     return cookie
 
 
-def test_a_link_lets_one_person_in_once_in_every_role_that_acts(doors: Doors) -> None:
-    link = token(doors)
-    session = doors.enter(link)
+def test_a_link_lets_one_person_in_once_in_every_role_that_acts(sessions: SessionService) -> None:
+    link = token(sessions)
+    session = sessions.enter(link)
     assert session is not None
-    visitor = doors.who(session)
-    assert visitor is not None
-    assert (visitor.name, visitor.roles) == ("ada", ("operator", "reviewer", "releaser", "admin"))
-    assert doors.enter(link) is None
+    principal = sessions.who(session)
+    assert principal is not None
+    assert (principal.name, principal.roles) == ("ada", ("operator", "reviewer", "releaser", "admin"))
+    assert sessions.enter(link) is None
 
 
-def test_a_link_is_worth_nothing_after_an_hour(doors: Doors, watch: Watch) -> None:
-    link = token(doors)
+def test_a_link_is_worth_nothing_after_an_hour(sessions: SessionService, watch: Watch) -> None:
+    link = token(sessions)
     watch.now_s += 3601
-    assert doors.enter(link) is None
+    assert sessions.enter(link) is None
 
 
-def test_the_first_account_ends_what_the_first_link_opened(doors: Doors) -> None:
-    session, unused = doors.enter(token(doors)) or "", token(doors)
-    assert doors.who(session) is not None
-    doors.accounts.add("root", roles=["admin"], password=PASSWORD, by=ADMIN)
-    assert doors.who(session) is None
-    assert doors.enter(unused) is None
+def test_the_first_account_ends_what_the_first_link_opened(sessions: SessionService) -> None:
+    session, unused = sessions.enter(token(sessions)) or "", token(sessions)
+    assert sessions.who(session) is not None
+    sessions.accounts.add("root", roles=["admin"], password=PASSWORD, by=ADMIN)
+    assert sessions.who(session) is None
+    assert sessions.enter(unused) is None
 
 
-def test_a_made_up_link_or_session_is_nobody(doors: Doors) -> None:
-    assert doors.enter("guess") is None
-    assert doors.who("guess") is None
+def test_a_made_up_link_or_session_is_nobody(sessions: SessionService) -> None:
+    assert sessions.enter("guess") is None
+    assert sessions.who("guess") is None
 
 
-def test_a_session_ends_when_it_is_idle(doors: Doors, watch: Watch) -> None:
-    session = doors.enter(token(doors)) or ""
+def test_a_session_ends_when_it_is_idle(sessions: SessionService, watch: Watch) -> None:
+    session = sessions.enter(token(sessions)) or ""
     watch.now_s += 59
-    assert doors.who(session) is not None
+    assert sessions.who(session) is not None
     watch.now_s += 61
-    assert doors.who(session) is None
+    assert sessions.who(session) is None
 
 
-def test_what_a_page_fetches_by_itself_does_not_keep_a_session_awake(doors: Doors, watch: Watch) -> None:
-    session = doors.enter(token(doors)) or ""
+def test_what_a_page_fetches_by_itself_does_not_keep_a_session_awake(sessions: SessionService, watch: Watch) -> None:
+    session = sessions.enter(token(sessions)) or ""
     for _ in range(3):
         watch.now_s += 20
-        assert doors.who(session, active=False) is not None
+        assert sessions.who(session, active=False) is not None
     watch.now_s += 1
-    assert doors.who(session) is None
+    assert sessions.who(session) is None
 
 
-def test_a_session_ends_when_it_is_old_however_busy(doors: Doors, watch: Watch) -> None:
-    session = doors.enter(token(doors)) or ""
+def test_a_session_ends_when_it_is_old_however_busy(sessions: SessionService, watch: Watch) -> None:
+    session = sessions.enter(token(sessions)) or ""
     for _ in range(12):
         watch.now_s += 50
-        assert doors.who(session) is not None
+        assert sessions.who(session) is not None
     watch.now_s += 50
-    assert doors.who(session) is None
+    assert sessions.who(session) is None
 
 
-def test_signing_out_ends_the_session(doors: Doors) -> None:
-    session = doors.enter(token(doors)) or ""
-    doors.leave(session)
-    assert doors.who(session) is None
+def test_signing_out_ends_the_session(sessions: SessionService) -> None:
+    session = sessions.enter(token(sessions)) or ""
+    sessions.leave(session)
+    assert sessions.who(session) is None
 
 
-def test_signing_out_everywhere_ends_every_session_of_that_person_alone(patient: Doors) -> None:
+def test_signing_out_everywhere_ends_every_session_of_that_person_alone(patient: SessionService) -> None:
     patient.accounts.add("eve", roles=["viewer"], password=PASSWORD, by=ADMIN)
     first, second, other = signed_in(patient), signed_in(patient), signed_in(patient, "eve")
-    visitor = patient.who(first)
-    assert visitor is not None
-    assert patient.leave_everywhere(visitor) == 2
+    principal = patient.who(first)
+    assert principal is not None
+    assert patient.leave_everywhere(principal) == 2
     assert [patient.who(one) is not None for one in (first, second, other)] == [False, False, True]
 
 
-def test_a_session_survives_a_restart_and_is_stored_only_as_a_digest(patient: Doors, watch: Watch) -> None:
+def test_a_session_survives_a_restart_and_is_stored_only_as_a_digest(patient: SessionService, watch: Watch) -> None:
     cookie = signed_in(patient)
-    again = Doors(patient.accounts, owner_token="", operator="ada", limits=(36000.0, 72000.0), clock=watch, fresh=str)
+    again = SessionService(
+        patient.accounts, owner_token="", operator="ada", limits=(36000.0, 72000.0), clock=watch, fresh=str
+    )
     assert again.who(cookie) is not None
     stored = patient.accounts.store.sessions("root")[0]
     assert cookie not in repr(stored)
@@ -150,7 +154,7 @@ def test_a_session_survives_a_restart_and_is_stored_only_as_a_digest(patient: Do
 
 
 def test_a_cookie_is_exchanged_in_time_and_the_old_one_ends_after_the_new_one_was_used(
-    patient: Doors, watch: Watch
+    patient: SessionService, watch: Watch
 ) -> None:
     old = signed_in(patient)
     assert patient.rotated(old) is None
@@ -169,7 +173,7 @@ def test_a_cookie_is_exchanged_in_time_and_the_old_one_ends_after_the_new_one_wa
     assert patient.who(new) is not None
 
 
-def test_a_role_that_is_taken_away_is_gone_at_once(patient: Doors) -> None:
+def test_a_role_that_is_taken_away_is_gone_at_once(patient: SessionService) -> None:
     patient.accounts.add("eve", roles=["operator"], password=PASSWORD, by=ADMIN)
     cookie = signed_in(patient, "eve")
     patient.accounts.change("eve", roles=["viewer"], by=ADMIN)
@@ -180,12 +184,12 @@ def test_a_role_that_is_taken_away_is_gone_at_once(patient: Doors) -> None:
 
 
 @pytest.mark.parametrize("header", ["", "Bearer", "Bearer wrong", "Basic secret", "secret"])
-def test_only_the_owners_token_is_the_owner(doors: Doors, header: str) -> None:
-    assert doors.bearer(header, source="") is None
-    assert doors.bearer("Bearer secret", source="") is not None
+def test_only_the_owners_token_is_the_owner(sessions: SessionService, header: str) -> None:
+    assert sessions.bearer(header, source="") is None
+    assert sessions.bearer("Bearer secret", source="") is not None
 
 
-def test_an_installation_without_an_owner_token_has_no_owner(patient: Doors) -> None:
+def test_an_installation_without_an_owner_token_has_no_owner(patient: SessionService) -> None:
     assert patient.bearer("Bearer ", source="") is None
 
 

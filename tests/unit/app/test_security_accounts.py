@@ -9,16 +9,16 @@ from argon2 import PasswordHasher
 from argon2.profiles import RFC_9106_LOW_MEMORY
 from sqlalchemy import create_engine, text
 
-from app.accounts import ADDRESS_TRIES, FREE_TRIES, LONGEST_WAIT_S, Accounts, Throttled
-from app.exposure import ExposureRefused, check_exposure
-from app.limits import Buckets
-from app.permissions import GRANTS, ROLES, SCOPES, NotPermitted, Visitor
+from app.auth.accounts import ADDRESS_TRIES, FREE_TRIES, LONGEST_WAIT_S, Accounts, Throttled
+from app.auth.exposure import ExposureRefused, check_exposure
+from app.auth.permissions import GRANTS, ROLES, SCOPES, NotPermitted, Principal
+from app.auth.rate_limits import Buckets
 from app.settings import ConsoleSettings
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.contracts.errors import ConcurrencyConflict, ContractInvalid, LogDamaged, StoreNewer
 
 CHEAP = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
-ADMIN = Visitor(name="root", roles=("admin",), source="10.0.0.9")
+ADMIN = Principal(name="root", roles=("admin",), source="10.0.0.9")
 PASSWORD = "seven green bottles"
 
 
@@ -124,15 +124,17 @@ def test_one_address_cannot_try_many_names(accounts: Accounts, watch: Watch) -> 
 def test_guesses_of_a_throttled_caller_leave_no_trace_that_grows(accounts: Accounts) -> None:
     for _ in range(FREE_TRIES + 50):
         guess(accounts)
-    assert len(accounts.store.trail(kind="sign_in", limit=500)) == FREE_TRIES
+    assert len(accounts.store.audit_log(kind="sign_in", limit=500)) == FREE_TRIES
 
 
 def test_a_person_changes_their_password_only_with_the_old_one(accounts: Accounts) -> None:
-    root = Visitor(name="root", roles=("admin",))
+    root = Principal(name="root", roles=("admin",))
     with pytest.raises(ContractInvalid):
         accounts.set_password("root", old="not it at all", new="eight green bottles", by=root)
     with pytest.raises(ContractInvalid):
-        accounts.set_password("root", old=PASSWORD, new="eight green bottles", by=Visitor(name="eve", roles=("admin",)))
+        accounts.set_password(
+            "root", old=PASSWORD, new="eight green bottles", by=Principal(name="eve", roles=("admin",))
+        )
     accounts.set_password("root", old=PASSWORD, new="eight green bottles", by=root)
     assert accounts.check("root", "eight green bottles", source="") is not None
 
@@ -162,7 +164,7 @@ def test_what_needs_a_person_is_no_scope_of_a_token(accounts: Accounts, scope: s
 
 @pytest.mark.parametrize("role", [role for role in ROLES if role != "admin"])
 def test_only_an_admin_changes_people_and_tokens(accounts: Accounts, role: str) -> None:
-    other = Visitor(name="eve", roles=(role,))
+    other = Principal(name="eve", roles=(role,))
     for act in (
         lambda: accounts.add("new", roles=["viewer"], password=PASSWORD, by=other),
         lambda: accounts.change("root", disabled=True, by=other),
@@ -176,12 +178,12 @@ def test_only_an_admin_changes_people_and_tokens(accounts: Accounts, role: str) 
 
 
 def test_a_person_acts_in_the_one_role_that_allows_it() -> None:
-    both = Visitor(name="ada", roles=("operator", "admin"))
+    both = Principal(name="ada", roles=("operator", "admin"))
     assert both.acting("drive").role == "operator"
     assert both.acting("people").role == "admin"
     assert both.actor.role == "operator+admin"
     with pytest.raises(NotPermitted, match="operator"):
-        Visitor(name="eve", roles=("viewer",)).acting("decide")
+        Principal(name="eve", roles=("viewer",)).acting("decide")
 
 
 def test_the_trail_is_a_chain_that_shows_a_change(tmp_path: Path, watch: Watch) -> None:

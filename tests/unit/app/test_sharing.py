@@ -6,13 +6,13 @@ from collections.abc import Callable
 import pytest
 from starlette.types import Message, Receive, Scope, Send
 
-from app.languages import CHOICE, Choice
-from app.permissions import Visitor
-from app.sharing import LASTS_S, Shared
+from app.auth.permissions import Principal
+from app.i18n.languages import CHOICE, LanguageChoice
+from app.web.response_cache import LASTS_S, ResponseCache
 
 HEAD = "/missions/msn_1/head"
-ADA, BOB = Visitor(name="ada", roles=("operator",)), Visitor(name="bob", roles=("operator",))
-EVE = Visitor(name="eve", roles=("viewer",))
+ADA, BOB = Principal(name="ada", roles=("operator",)), Principal(name="bob", roles=("operator",))
+EVE = Principal(name="eve", roles=("viewer",))
 
 
 class Console:
@@ -22,11 +22,13 @@ class Console:
         self.renders, self.changes, self.now_s, self.status = 0, 0, 0.0, status
         self.held = asyncio.Event()
         self.held.set()
-        self.door = Shared(self._routes, changes=lambda: self.changes, clock=lambda: self.now_s)
+        self.door = ResponseCache(self._routes, changes=lambda: self.changes, clock=lambda: self.now_s)
 
-    async def ask(self, visitor: Visitor = ADA, path: str = HEAD, *, query: bytes = b"", language: str = "en") -> str:
+    async def ask(
+        self, principal: Principal = ADA, path: str = HEAD, *, query: bytes = b"", language: str = "en"
+    ) -> str:
         told: list[bytes] = []
-        scope = {"type": "http", "method": "GET", "path": path, "query_string": query, "state": {"visitor": visitor}}
+        scope = {"type": "http", "method": "GET", "path": path, "query_string": query, "state": {"visitor": principal}}
 
         async def send(message: Message) -> None:
             told.append(message.get("body", b""))
@@ -34,7 +36,7 @@ class Console:
         async def receive() -> Message:
             return {"type": "http.request"}
 
-        CHOICE.set(Choice(language))
+        CHOICE.set(LanguageChoice(language))
         await self.door(scope, receive, send)
         return b"".join(told).decode()
 
@@ -100,11 +102,11 @@ def test_a_render_that_a_signal_overtook_is_not_given_to_who_asks_after_it() -> 
     ],
 )
 def test_roles_language_instant_and_mission_are_never_mixed(
-    visitor: Visitor, path: str, query: bytes, language: str
+    principal: Principal, path: str, query: bytes, language: str
 ) -> None:
     async def story(console: Console) -> None:
         assert await console.ask() == "render 1"
-        assert await console.ask(visitor, path, query=query, language=language) == "render 2"
+        assert await console.ask(principal, path, query=query, language=language) == "render 2"
 
     shown(story)
 

@@ -5,11 +5,11 @@ from math import cos, pi, sin
 
 import pytest
 
-from app.views.cursor import Cursor, cursor_of
+from app.views.cursor import TimeCursor, cursor_of
 from app.views.frames import frames
-from app.views.listing import Sought, address, paging
-from app.views.plots import Readings, Spot, at_cursor, plots
-from app.views.timeline import AROUND, Axis, Entry, lines, timeline
+from app.views.list_params import ListParams, address, paging
+from app.views.plots import MeasuredPosition, Readings, at_cursor, plots
+from app.views.timeline import AROUND, Axis, TimelineEntry, lines, timeline
 from harness.baseline.load import baseline, site
 from harness.contracts.actors import Actor
 from harness.contracts.events import FailureClassified, MissionActivated, MissionCreated, MissionEvent
@@ -22,9 +22,9 @@ from harness.planning.templates import by_name
 BEGIN_S = 1000.0
 
 
-def entry(position: int, at_s: float, event: MissionEvent | None = None) -> Entry:
+def entry(position: int, at_s: float, event: MissionEvent | None = None) -> TimelineEntry:
     told = event or MissionActivated()
-    return Entry(
+    return TimelineEntry(
         position=position,
         version=position,
         kind=type(told).__name__,
@@ -51,7 +51,7 @@ def created() -> MissionCreated:
 HISTORY = (entry(10, 0.0, created()), entry(12, 0.0), entry(15, 4.0), entry(20, 10.0))
 
 
-def at(at_event: int | None = None, t: float | None = None, now_s: float = 0.0) -> Cursor:
+def at(at_event: int | None = None, t: float | None = None, now_s: float = 0.0) -> TimeCursor:
     return cursor_of(HISTORY, at=at_event, t=t, now_s=now_s)
 
 
@@ -132,7 +132,7 @@ def test_progress_on_a_circuit_begins_at_nothing_although_it_begins_at_its_goal(
     node = next(node.node_id for node in circuit.nodes if "navigate" in node.capabilities)
     walked = [(x0 + (x1 - x0) * k / 20, y0 + (y1 - y0) * k / 20)
               for (x0, y0), (x1, y1) in pairwise(route) for k in range(20)]  # fmt: skip
-    spots = tuple(Spot(BEGIN_S + n / 20, x, y, node) for n, (x, y) in enumerate(walked))
+    spots = tuple(MeasuredPosition(BEGIN_S + n / 20, x, y, node) for n, (x, y) in enumerate(walked))
     readings = Readings(spots=spots)
     assert plot(circuit, readings, "progress", 0.0)[0] == "0.00 %"
     assert 40 < float(plot(circuit, readings, "progress", 5.0)[0].split()[0]) < 60
@@ -141,7 +141,9 @@ def test_progress_on_a_circuit_begins_at_nothing_although_it_begins_at_its_goal(
 
 def test_a_body_that_turns_round_in_place_covers_no_route(circuit: TaskContract) -> None:
     node = next(node.node_id for node in circuit.nodes if "navigate" in node.capabilities)
-    spots = tuple(Spot(BEGIN_S + n / 10, 0.05 * cos(n * pi / 8), 0.05 * sin(n * pi / 8), node) for n in range(100))
+    spots = tuple(
+        MeasuredPosition(BEGIN_S + n / 10, 0.05 * cos(n * pi / 8), 0.05 * sin(n * pi / 8), node) for n in range(100)
+    )
     assert float(plot(circuit, Readings(spots=spots), "progress", 10.0)[0].split()[0]) < 2
 
 
@@ -180,8 +182,8 @@ def test_addresses_keep_what_was_asked_and_quote_what_was_typed() -> None:
 
 def test_a_list_says_how_far_it_counted() -> None:
     query = ListQuery(listing="mission", after=Bookmark(amount=1.5, seq=9))
-    sought = Sought(query=query, words="", given={}, deep=True)
-    page = paging("/missions", sought, query, shown=50, found=MANY + 1)
+    params = ListParams(query=query, words="", given={}, deep=True)
+    page = paging("/missions", params, query, shown=50, found=MANY + 1)
     assert page.found == "more than 1 000"
     assert page.following == "/missions?after=1.5~9"
     assert page.first == "/missions"

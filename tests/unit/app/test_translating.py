@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 from starlette.datastructures import Headers
 
-from app.catalogues import catalogue
-from app.filters import duration, instant, named, words
-from app.languages import localise, preferred
-from app.messages import Message, lazy_gettext, listed
-from app.rendering import environment
+from app.i18n.catalogues import catalogue
+from app.i18n.languages import localise, preferred
+from app.i18n.messages import Message, lazy_gettext, listed
+from app.web.filters import duration, instant, named, words
+from app.web.rendering import environment
 from tests.builders.consoles import console_stand
 
 ZH = "zh-Hans"

@@ -10,7 +10,7 @@ from starlette.responses import StreamingResponse
 from starlette.routing import Route
 from starlette.testclient import TestClient
 
-from app.unforeseen import Unforeseen
+from app.web.server_errors import ServerErrorMiddleware
 
 
 async def broken(request: Request) -> StreamingResponse:
@@ -29,7 +29,7 @@ async def half(_request: Request) -> StreamingResponse:
 def client() -> TestClient:
     routes = [Route(path, broken) for path in ("/missions", "/api/v1/missions")]
     app = Starlette(routes=[*routes, Route("/half", half)])
-    app.add_middleware(Unforeseen)
+    app.add_middleware(ServerErrorMiddleware)
     return TestClient(app)
 
 

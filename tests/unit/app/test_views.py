@@ -11,9 +11,9 @@ from app.views import forms
 from app.views.contexts import contexts
 from app.views.handoff_shown import action_view
 from app.views.measures import measures, number, quantity
-from app.views.outcome import mission_outcome
+from app.views.mission_json import mission_outcome
 from app.views.sentences import FAMILY
-from app.views.timeline import LANES, Entry
+from app.views.timeline import LANES, TimelineEntry
 from harness.contracts.actors import Actor
 from harness.contracts.events import MissionCreated, MissionEvent, NodePlanned
 from harness.contracts.handoff_events import ProposedAction
@@ -93,8 +93,8 @@ def test_a_reason_is_typed_and_short(reason: str, fine: bool) -> None:
     assert (forms.wrong_reason(reason) == []) is fine
 
 
-def entry(position: int, event: MissionEvent) -> Entry:
-    return Entry(
+def entry(position: int, event: MissionEvent) -> TimelineEntry:
+    return TimelineEntry(
         position=position,
         version=position,
         kind=type(event).__name__,

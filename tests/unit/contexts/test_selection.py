@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from harness.contexts.selection import Item, Selection, budgeted, compile_context
+from harness.contexts.selection import Selection, SelectionItem, budgeted, compile_context
 from harness.contracts.contexts import Context, ContextRecord, Role
 from harness.contracts.errors import ContextOverflow
 from harness.contracts.ids import NodeId
@@ -17,7 +17,9 @@ def record(kind: str = "observed", source: str = "lidar", at_s: float = 1000.0, 
     return ContextRecord(**{"kind": kind, "origin": "sensor", "source": source, "at_s": at_s, "value": {}} | changes)
 
 
-def compiled(*items: Item, role: Role = "planner", budget: int = 10, nodes: frozenset[NodeId] | None = None) -> Context:
+def compiled(
+    *items: SelectionItem, role: Role = "planner", budget: int = 10, nodes: frozenset[NodeId] | None = None
+) -> Context:
     chosen = Selection(role=role, node_id=None, budget=budget, minimum_confidence=0.5, nodes=nodes)
     return compile_context(view(mission()), items, selection=chosen)
 
@@ -29,9 +31,9 @@ def kept_out(context: Context) -> list[tuple[str, str]]:
 @pytest.mark.ledger("R68", symbol="harness.contexts.selection:_refusal")
 def test_a_record_of_low_confidence_or_of_another_node_is_withheld_with_its_reason() -> None:
     context = compiled(
-        Item(record(source="sure")),
-        Item(record(source="unsure", confidence=0.4)),
-        Item(record(source="elsewhere"), scope=frozenset({NodeId("other")})),
+        SelectionItem(record(source="sure")),
+        SelectionItem(record(source="unsure", confidence=0.4)),
+        SelectionItem(record(source="elsewhere"), scope=frozenset({NodeId("other")})),
         nodes=frozenset({NodeId("go")}),
     )
     assert [one.source for one in context.records] == ["sure"]
@@ -41,11 +43,11 @@ def test_a_record_of_low_confidence_or_of_another_node_is_withheld_with_its_reas
 @pytest.mark.ledger("R69", symbol="harness.contexts.selection:_aged")
 def test_an_expired_record_is_rejected_and_age_counts_at_the_instant_it_speaks_for() -> None:
     context = compiled(
-        Item(record(source="fresh"), speaks_at_s=1000.9, limit_s=1.0),
-        Item(record(source="expired"), speaks_at_s=1001.1, limit_s=1.0),
-        Item(record(source="of its own time"), speaks_at_s=1000.5, limit_s=1.0),
-        Item(record(source="after the fact", at_s=1001.0), speaks_at_s=1000.0, limit_s=1.0),
-        Item(record(source="ageless", at_s=0.0)),
+        SelectionItem(record(source="fresh"), speaks_at_s=1000.9, limit_s=1.0),
+        SelectionItem(record(source="expired"), speaks_at_s=1001.1, limit_s=1.0),
+        SelectionItem(record(source="of its own time"), speaks_at_s=1000.5, limit_s=1.0),
+        SelectionItem(record(source="after the fact", at_s=1001.0), speaks_at_s=1000.0, limit_s=1.0),
+        SelectionItem(record(source="ageless", at_s=0.0)),
     )
     assert [one.source for one in context.records] == ["fresh", "of its own time", "ageless"]
     assert kept_out(context) == [("expired", "stale"), ("after the fact", "scope")]
@@ -54,17 +56,17 @@ def test_an_expired_record_is_rejected_and_age_counts_at_the_instant_it_speaks_f
 @pytest.mark.ledger("R69", symbol="harness.contexts.conflicts:superseded")
 def test_a_newer_record_of_the_same_source_and_subject_takes_its_place() -> None:
     context = compiled(
-        Item(record(at_s=1000.0), subject="passage"),
-        Item(record(at_s=1001.0), subject="passage"),
-        Item(record(at_s=1000.0), subject="door"),
-        Item(record(at_s=1000.0, source="camera"), subject="passage"),
+        SelectionItem(record(at_s=1000.0), subject="passage"),
+        SelectionItem(record(at_s=1001.0), subject="passage"),
+        SelectionItem(record(at_s=1000.0), subject="door"),
+        SelectionItem(record(at_s=1000.0, source="camera"), subject="passage"),
     )
     assert len(context.records) == 3
     assert kept_out(context) == [("lidar", "superseded")]
 
 
-def says(source: str, value: float | str, at_s: float = 1000.0, name: str = "passage", **changes: Any) -> Item:
-    return Item(record(source=source, at_s=at_s, **changes), states={name: value}, subject="passage")
+def says(source: str, value: float | str, at_s: float = 1000.0, name: str = "passage", **changes: Any) -> SelectionItem:
+    return SelectionItem(record(source=source, at_s=at_s, **changes), states={name: value}, subject="passage")
 
 
 @pytest.mark.ledger("R69", symbol="harness.contexts.conflicts:conflicting")
@@ -91,21 +93,21 @@ def test_measured_values_contradict_beyond_their_units_tolerance_only(x_m: float
 
 @pytest.mark.ledger("R68", symbol="harness.contexts.selection:_within_budget")
 def test_over_budget_the_oldest_that_is_not_mandatory_goes() -> None:
-    items = [Item(record(source=str(n), at_s=1000.0 + n)) for n in range(4)]
-    context = compiled(Item(record(source="old", at_s=1.0, mandatory=True)), *items, budget=3)
+    items = [SelectionItem(record(source=str(n), at_s=1000.0 + n)) for n in range(4)]
+    context = compiled(SelectionItem(record(source="old", at_s=1.0, mandatory=True)), *items, budget=3)
     assert [one.source for one in context.records] == ["old", "2", "3"]
     assert kept_out(context) == [("0", "budget"), ("1", "budget")]
 
 
 @pytest.mark.ledger("R67", "R68", symbol="harness.contexts.selection:_within_budget")
 def test_a_mandatory_overflow_is_an_error_that_says_what_to_do() -> None:
-    items = [Item(record(source=str(n), mandatory=True)) for n in range(3)]
+    items = [SelectionItem(record(source=str(n), mandatory=True)) for n in range(3)]
     with pytest.raises(ContextOverflow, match=r"3 mandatory records do not fit .* budget of 2"):
         compiled(*items, budget=2)
 
 
 def test_a_kind_can_have_a_limit_of_its_own() -> None:
-    context = compiled(*budgeted([Item(record(source=str(n), at_s=float(n))) for n in range(5)], limit=3))
+    context = compiled(*budgeted([SelectionItem(record(source=str(n), at_s=float(n))) for n in range(5)], limit=3))
     assert sorted(one.source for one in context.records) == ["2", "3", "4"]
 
 
@@ -123,6 +125,6 @@ def test_a_kind_can_have_a_limit_of_its_own() -> None:
 )
 @pytest.mark.ledger("R42", "R73", "R76", symbol="harness.contexts.selection:_admissible_evidence")
 def test_c3_refuses_the_planners_conclusions_and_the_providers_prose(origin: str, kind: str, kept: bool) -> None:
-    item = Item(record(kind=kind, origin=origin))
+    item = SelectionItem(record(kind=kind, origin=origin))
     assert len(compiled(item, role="verifier").records) == (1 if kept else 0)
     assert len(compiled(item, role="skill").records) == 1

@@ -7,7 +7,7 @@ from harness.contracts.handoff_events import HandoffEvent, HandoffOpened
 from harness.contracts.places import Zone
 from harness.contracts.values import decode, encode
 from harness.gate.control import DECIDER
-from harness.projections.control import Control
+from harness.projections.control import SiteControl
 from tests.builders.waiting import waiting
 
 
@@ -25,7 +25,7 @@ def test_a_question_of_an_earlier_log_names_no_safe_place() -> None:
 def test_the_control_stream_of_an_earlier_log_folds_to_no_retreat() -> None:
     old = b'{"kind":"PostureOrdered","robot_id":"r","posture":"lying","actor":{"name":"a","role":"x"},"reason":"x"}'
     state = DECIDER.fold(DECIDER.initial, [decode(old, ControlEvent)])  # type: ignore[arg-type]
-    assert isinstance(state, Control) and state.retreats == {} and state.version == 1
+    assert isinstance(state, SiteControl) and state.retreats == {} and state.version == 1
 
 
 def test_a_zone_of_an_earlier_site_declares_no_retreat() -> None:

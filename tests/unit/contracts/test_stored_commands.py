@@ -23,7 +23,7 @@ from harness.contracts.values import decode, digest, encode
 from harness.gate.decide import DECIDER
 from harness.projections.mission import Mission
 from rsi_reviews.events import CandidateEvent, PointerEvent
-from rsi_reviews.growth import CaseAdded
+from rsi_reviews.suite_growth import CaseAdded
 from tests.builders.gate import NOW, creation
 
 ADA = Actor(name="ada", role="operator")

@@ -3,9 +3,9 @@
 import pytest
 from msgspec.structs import replace
 
-from rsi_reviews.evaluation.measures import MissionRow, bootstrap, cell, exact, wilson
+from rsi_reviews.evaluation.measures import JudgedMission, bootstrap, cell, exact, wilson
 
-ROW = MissionRow(
+ROW = JudgedMission(
     arm="direct", condition="nominal", mission="circuit", seed=1, status="succeeded", success=True, truly_done=True,
     declared=True, contract_false=0, epistemic_false=0, unsupported=0, duplicate_starts=0, false_rejections=0,
     missed=False, handoffs=0, spent=0, recovery="not needed", claims=1, starts=1, mission_s=40.0, cpu_s=0.02,

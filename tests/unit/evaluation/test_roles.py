@@ -9,7 +9,7 @@ from threading import Thread
 import httpx
 import pytest
 
-from app.terminal.evaluate import endpoint
+from app.cli.evaluate import endpoint
 from rsi_reviews.evaluation.report import _roles
 from rsi_reviews.evaluation.roles import RoleReport, adversarial, answered, asked
 from simulator.in_process import SIMULATOR

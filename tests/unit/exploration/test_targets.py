@@ -8,16 +8,16 @@ import pytest
 from msgspec.structs import replace
 
 from harness.baseline.load import site
-from harness.contracts.exploration import FREE, OCCUPIED, Blocked, GridMap, TargetProposal, TargetQuestion
+from harness.contracts.exploration import FREE, OCCUPIED, BlockedTarget, GridMap, TargetProposal, TargetQuestion
 from harness.contracts.ids import Digest, MissionId, NodeId
 from harness.contracts.observations import Odometry, Pose, Scan, Trajectory
 from harness.contracts.reasons import Reason
 from harness.contracts.values import Point
 from harness.exploration.frontiers import frontiers
 from harness.exploration.grid import area_m2, cell_of, cells_of, changed_m2, merged, unexplored, usable
+from harness.exploration.paths import CLEARANCE_M, Ways
 from harness.exploration.region import contains
 from harness.exploration.targets import NEAREST_EDGE, Proposer, answered, nearest_edge, target_refusal
-from harness.exploration.ways import CLEARANCE_M, Ways
 
 HERE: Point = (1.0, 1.0)
 ROOM = ((0.0, 0.0), (10.0, 0.0), (10.0, 6.0), (0.0, 6.0))
@@ -93,7 +93,7 @@ def test_a_target_outside_every_zone_is_refused() -> None:
 
 def test_a_target_near_one_that_was_given_up_is_refused() -> None:
     grid = floor()
-    said = Blocked(node_id=NodeId("leg-1"), target_m=(6.5, 3.2), failure="no_progress", reason="a box")
+    said = BlockedTarget(node_id=NodeId("leg-1"), target_m=(6.5, 3.2), failure="no_progress", reason="a box")
     assert rule((6.5, 3.0), replace(question(grid), feedback=(said,)), grid) == "given_up_before"
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.contracts.commands import JudgeGoal, RaiseVeto
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.events import CompletionReported, DispatchIntended, FailureReported, MissionEnded

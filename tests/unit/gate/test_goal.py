@@ -3,7 +3,7 @@
 import pytest
 from msgspec.structs import replace
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.contracts.commands import JudgeGoal
 from harness.contracts.decisions import Accepted
 from harness.contracts.effects import AnyEffect, Metric, Relational, Symbolic, Temporal

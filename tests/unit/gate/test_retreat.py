@@ -6,7 +6,7 @@ import pytest
 from msgspec.structs import replace
 
 from harness.contracts.actors import Actor
-from harness.contracts.control import OrderPosture, TakeWheel
+from harness.contracts.control import BeginTeleoperation, OrderPosture
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.ids import (
     InvocationId,
@@ -29,7 +29,7 @@ from harness.contracts.retreat_events import (
 )
 from harness.contracts.values import Moment
 from harness.gate.control import DECIDER
-from harness.projections.control import Control
+from harness.projections.control import SiteControl
 
 NOW = Moment(mission_s=100.0, wall_s=100.0)
 ADA, ONE, TWO = Actor(name="ada", role="operator"), RobotId("vbot-1"), RobotId("vbot-2")
@@ -66,7 +66,7 @@ def intent(robot_id: RobotId = ONE, attempt: int = 1, **changes: Any) -> Retreat
     return replace(made, **changes)
 
 
-def after(*commands: Any) -> Control:
+def after(*commands: Any) -> SiteControl:
     """The house's control after these were accepted."""
     state = DECIDER.initial
     for command in commands:
@@ -76,7 +76,7 @@ def after(*commands: Any) -> Control:
     return state
 
 
-def rule(state: Control, command: Any) -> str:
+def rule(state: SiteControl, command: Any) -> str:
     decision = DECIDER.decide(state, command, NOW)
     return decision.rule if isinstance(decision, Refused) else "accepted"
 
@@ -108,7 +108,7 @@ def test_a_retreat_is_sent_once_and_another_only_after_its_end() -> None:
 
 
 def test_nobody_takes_the_wheel_or_orders_a_posture_of_a_robot_on_its_way() -> None:
-    wheel = TakeWheel(robot_id=ONE, session=RequestId("s"), token=4, actor=ADA, device="pad", reason="mine")
+    wheel = BeginTeleoperation(robot_id=ONE, session=RequestId("s"), token=4, actor=ADA, device="pad", reason="mine")
     posture = OrderPosture(robot_id=ONE, posture="standing", actor=ADA, reason="up")
     under_way = after(SendRetreat(intent=intent()))
     assert (rule(under_way, wheel), rule(under_way, posture)) == ("retreat_under_way", "retreat_under_way")

@@ -22,7 +22,7 @@ from harness.contracts.ids import (
     mission_stream,
     sha256,
 )
-from harness.contracts.memory import Box, MemoryQuery, Remembered
+from harness.contracts.memory import FloorBox, MemoryQuery, Remembered
 from harness.contracts.places import Passage, Place
 from harness.contracts.ports import Record
 from harness.contracts.tasks import EvidencePolicy, Node, TaskContract
@@ -60,7 +60,7 @@ DOCK = Place(
 PASSAGE = Passage(passage_id=PlaceId("gap"), frame="map", floor_m=((7.0, 0.0), (8.0, 0.0), (8.0, 2.0)))
 EVERYTHING = (*SPATIAL, "episode", "outcome", *SEMANTIC)
 EVERY_STANDING = ("configured", "observed", "verified", "disputed", "superseded")
-HALL = Box(frame="map", map_version="m1", x_min_m=-20.0, y_min_m=-20.0, x_max_m=20.0, y_max_m=20.0)
+HALL = FloorBox(frame="map", map_version="m1", x_min_m=-20.0, y_min_m=-20.0, x_max_m=20.0, y_max_m=20.0)
 
 
 class HandClock:

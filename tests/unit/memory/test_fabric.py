@@ -14,7 +14,7 @@ from harness.adapters.stores.memory_index import VolatileMemoryIndex
 from harness.adapters.stores.memory_index_sql import SqlMemoryIndex
 from harness.contracts.errors import LogDamaged, UnknownName
 from harness.contracts.ids import Digest, ProviderId, StreamId, mission_stream
-from harness.contracts.memory import KnownPose, Mark, MemoryQuery, MemoryRecord
+from harness.contracts.memory import FollowPosition, KnownPose, MemoryQuery, MemoryRecord
 from harness.contracts.ports import Batch, MemoryIndex, NewEvent
 from harness.contracts.values import Moment, decode, encode
 from harness.followers import BATCH
@@ -252,7 +252,7 @@ class Overtaken:
         self.mark, self.clear, self.get = index.mark, index.clear, index.get
         self.current, self.find, self.close = index.current, index.find, index.close
 
-    def add(self, records: Sequence[MemoryRecord], *, after: Mark, upto: Mark) -> None:
+    def add(self, records: Sequence[MemoryRecord], *, after: FollowPosition, upto: FollowPosition) -> None:
         if not self.overtaken:
             self.overtaken += 1
             self._overtake()
@@ -266,9 +266,9 @@ def _outcomes(memory: MemoryFabric) -> list[MemoryRecord]:
     )
 
 
-def _mark_of(log: Log) -> Mark:
+def _mark_of(log: Log) -> FollowPosition:
     head = log.store.head()
-    return Mark(fold="1", position=head.position, digest=head.digest)
+    return FollowPosition(fold="1", position=head.position, digest=head.digest)
 
 
 def _cut(log: Log, position: int) -> MemoryEventStore:

@@ -57,7 +57,7 @@ def examples(harness: Harness, mission_id: MissionId, node: str) -> list[Example
     return [record.read(Example) for record in context.all("example")]
 
 
-@pytest.mark.ledger("R60", symbol="harness.supervisor.roles:Roles.history")
+@pytest.mark.ledger("R60", symbol="harness.supervisor.roles:RoleContexts.history")
 def test_verified_failures_of_one_mission_weigh_on_the_next_ones_routing(
     inspected: tuple[Harness, list[MissionId]],
 ) -> None:
@@ -75,7 +75,7 @@ def test_verified_failures_of_one_mission_weigh_on_the_next_ones_routing(
     assert history_term(after, "careful-local-planner") == -weight * 0.5
 
 
-@pytest.mark.ledger("R139", symbol="harness.supervisor.roles:Roles.examples")
+@pytest.mark.ledger("R139", symbol="harness.supervisor.roles:RoleContexts.examples")
 def test_the_skill_role_is_shown_what_worked_here_before(inspected: tuple[Harness, list[MissionId]]) -> None:
     harness, missions = inspected
     assert [len(examples(harness, missions[FIRST], node)) for node in ("request", "go", "panorama")] == [0, 0, 0]

@@ -5,7 +5,7 @@ from msgspec.structs import replace
 
 from harness.contracts.commands import ChangeEpoch, RecordObservation
 from harness.contracts.ids import ConditionId, mission_stream
-from harness.contracts.memory import Box, KnownPlace, KnownPose, KnownRegion, KnownRelation, MapEpoch, Sighting
+from harness.contracts.memory import FloorBox, KnownPlace, KnownPose, KnownRegion, KnownRelation, MapEpoch, Sighting
 from harness.memory.spatial import SIGHTING_HOLDS_S, contradiction
 from tests.builders.gate import GO
 from tests.unit.memory.building import DOCK, FRAME, HALL, LOOK, PASSAGE, REPORT, Log, pose_evidence
@@ -124,7 +124,7 @@ def test_a_region_is_answered_without_what_expired_was_superseded_or_lies_elsewh
     assert kinds(log.clock.at_s) == {"place", "region", "sighting"}
 
 
-def _moved(*, x_min_m: float = -20.0, map_version: str = "m1") -> Box:
+def _moved(*, x_min_m: float = -20.0, map_version: str = "m1") -> FloorBox:
     return replace(HALL, x_min_m=x_min_m, map_version=map_version)
 
 

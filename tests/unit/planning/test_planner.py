@@ -3,7 +3,7 @@
 import pytest
 from msgspec.structs import replace
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.contexts.planner import planner_context
 from harness.contracts.ids import NodeId
 from harness.contracts.proposals import PlanProposal

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.contexts.skill import skill_context
 from harness.contracts.capabilities import CapabilityCard, Parameter
 from harness.contracts.contexts import Context

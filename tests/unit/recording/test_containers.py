@@ -12,7 +12,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from harness.adapters.providers.recording.messages import LOG, ODOMETRY, POSE
 from harness.adapters.providers.recording.reader import open_recording
-from harness.adapters.providers.recording.ros_words import RosWords
+from harness.adapters.providers.recording.ros_message_types import RosMessageTypes
 from harness.adapters.providers.recording.topics import StaticTransform, TopicSettings
 from harness.contracts.errors import RecordingInvalid
 from harness.contracts.observations import Odometry, Pose
@@ -153,7 +153,7 @@ def test_a_topic_that_is_not_there_or_of_another_type_is_refused(tmp_path):
 
 
 def test_the_supervisors_lines_are_declarations_with_their_distance(tmp_path):
-    words = RosWords()
+    words = RosMessageTypes()
     lines = ("planner: replan", "[supervisor] GOAL REACHED, distance 0.11 m", "GOAL REACHED")
     messages = [("/vbot_planner/body_pose", POSE, 10.0, words.pose(pose_at(10.0, 0.0)))]
     messages += [("/rosout", LOG, 11.0 + at, words.log(11.0 + at, "supervisor", line)) for at, line in enumerate(lines)]
@@ -295,7 +295,7 @@ def _folder(path, storage, mode):
         writer.set_compression(mode, CompressionFormat.ZSTD)
     with open_recording(plain) as recording, writer:
         connection = writer.add_connection("/odom", ODOMETRY, typestore=store)
-        words = RosWords()
+        words = RosMessageTypes()
         for sample in recording.samples():
             if isinstance(sample, Odometry):
                 writer.write(connection, round(sample.at_s * 1e9), words.odometry(sample))

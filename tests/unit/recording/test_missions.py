@@ -8,7 +8,7 @@ import pytest
 from harness.adapters.providers.recording.disk_buffer import DiskBuffer
 from harness.adapters.providers.recording.messages import COMPRESSED_IMAGE, PATH, POSE
 from harness.adapters.providers.recording.reader import open_recording
-from harness.adapters.providers.recording.ros_words import RosWords
+from harness.adapters.providers.recording.ros_message_types import RosMessageTypes
 from harness.adapters.providers.recording.topics import TopicSettings
 from harness.adapters.providers.recording.writer import LIMIT_BYTES, record_mission
 from harness.contracts.errors import RecordingInvalid
@@ -80,7 +80,7 @@ def test_the_recorded_slam_path_is_the_walked_way(recorded):
 @pytest.mark.parametrize("frame", ["map", "odom", "world", "map_01"])
 @pytest.mark.ledger("R177", symbol="harness.adapters.providers.recording.survey:_poses_in")
 def test_the_slam_path_is_the_final_one_that_is_not_empty(tmp_path, frame):
-    words = RosWords()
+    words = RosMessageTypes()
     stages = [[(0.0, 0.0)], [(0.0, 0.0), (1.0, 0.0)], []]
     paths = [("/path", PATH, 10.0 + at, words.path(10.0 + at, frame, points)) for at, points in enumerate(stages)]
     pose = (BODY_POSE, POSE, 10.0, words.pose(pose_at(10.0, 0.0, frame=frame)))
@@ -89,9 +89,9 @@ def test_the_slam_path_is_the_final_one_that_is_not_empty(tmp_path, frame):
         assert recording.slam_path().at_s == pytest.approx(11.0)
 
 
-@pytest.mark.ledger("R178", symbol="harness.adapters.providers.recording.samples:Times.sensed_s")
+@pytest.mark.ledger("R178", symbol="harness.adapters.providers.recording.samples:RecordingClock.sensed_s")
 def test_camera_times_are_log_times_even_where_their_stamps_say_otherwise(mission, tmp_path):
-    words, jpeg = RosWords(), next(iter(_pictures(mission)))
+    words, jpeg = RosMessageTypes(), next(iter(_pictures(mission)))
     messages = [(BODY_POSE, POSE, 10.0 + 0.1 * at, words.pose(pose_at(10.0 + 0.1 * at, 0.0))) for at in range(20)]
     messages.append(("/cam", COMPRESSED_IMAGE, 11.0, words.image(555.0, "camera", jpeg, "jpeg")))
     path = mcap_of(tmp_path / "camera.mcap", messages)
@@ -169,7 +169,7 @@ def test_a_given_target_makes_one_segment_over_everything(recorded):
 
 
 def test_a_route_dispatched_after_the_last_position_makes_no_segment(tmp_path):
-    words = RosWords()
+    words = RosMessageTypes()
     messages = [(BODY_POSE, POSE, 10.0 + at, words.pose(pose_at(10.0 + at, float(at)))) for at in range(3)]
     messages.append(("/initial_path", PATH, 99.0, words.path(99.0, "map", list(OUT))))
     with open_recording(mcap_of(tmp_path / "late.mcap", messages)) as recording:
@@ -179,7 +179,7 @@ def test_a_route_dispatched_after_the_last_position_makes_no_segment(tmp_path):
 
 
 def test_a_route_sent_again_to_the_same_target_before_an_arrival_is_one_segment(tmp_path):
-    words = RosWords()
+    words = RosMessageTypes()
     messages = [(BODY_POSE, POSE, 10.0 + at, words.pose(pose_at(10.0 + at, float(at)))) for at in range(9)]
     messages += [("/initial_path", PATH, at, words.path(at, "map", list(OUT))) for at in (10.0, 13.0)]
     messages.append(("/initial_path", PATH, 16.0, words.path(16.0, "map", list(BACK))))
@@ -191,7 +191,7 @@ def test_a_route_sent_again_to_the_same_target_before_an_arrival_is_one_segment(
 
 
 def test_a_route_in_a_frame_that_nothing_joins_to_the_positions_is_refused(tmp_path):
-    words = RosWords()
+    words = RosMessageTypes()
     messages = [(BODY_POSE, POSE, 10.0, words.pose(pose_at(10.0, 0.0)))]
     messages.append(("/initial_path", PATH, 10.0, words.path(10.0, "elsewhere", list(OUT))))
     with (

@@ -12,7 +12,7 @@ from harness.adapters.providers.recording.writer import record_mission
 from harness.contracts.errors import BlobDamaged, ProviderFailed
 from harness.contracts.ids import Digest, MissionId, NodeId, ProviderId, RequestId
 from harness.contracts.observations import Image, Pose, Scan
-from harness.contracts.protocol import Identity, StartRequest
+from harness.contracts.protocol import InvocationIdentity, StartRequest
 from tests.fixtures.recordings import START_S, odometry_mcap, walk
 
 A_KEPT_SAMPLE_BYTES = 550
@@ -35,7 +35,7 @@ def replay(recording):
 
 
 def request(name="1", **changes):
-    identity = Identity(
+    identity = InvocationIdentity(
         mission_id=MissionId("mis"),
         node_id=NodeId("drive"),
         attempt=0,

@@ -5,7 +5,7 @@ from typing import Any, get_args
 import pytest
 from msgspec.structs import replace
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.contexts.recovery import recovery_context
 from harness.contracts.configuration import FailureClass, RecoveryAction
 from harness.contracts.contexts import Context
@@ -53,7 +53,7 @@ def rungs(failure: FailureClass, **options: Any) -> list[str]:
 
 
 @pytest.mark.ledger("R123", symbol="harness.recovery.ladder:next_rung")
-@pytest.mark.ledger("R123", symbol="harness.recovery.standing:climbed")
+@pytest.mark.ledger("R123", symbol="harness.recovery.state:climbed")
 @pytest.mark.parametrize("failure", get_args(FailureClass))
 def test_each_failure_class_climbs_its_own_ladder_one_rung_at_a_time(failure: FailureClass) -> None:
     assert rungs(failure) == LADDERS[failure]
@@ -90,7 +90,7 @@ def test_another_class_starts_at_the_bottom_of_its_own_ladder() -> None:
     assert recover(c4(state)).action == "re_perceive"
 
 
-@pytest.mark.ledger("R127", symbol="harness.recovery.standing:unaffordable")
+@pytest.mark.ledger("R127", symbol="harness.recovery.state:unaffordable")
 def test_a_rung_whose_own_budget_is_spent_is_passed_over_and_said_so() -> None:
     spent = tuple(spend("re_perceive", "stale_evidence") for _ in range(2))
     proposal = recover(c4(replace(failing("violated"), spends=spent)))
@@ -100,7 +100,7 @@ def test_a_rung_whose_own_budget_is_spent_is_passed_over_and_said_so() -> None:
     assert not exhausted(proposal)
 
 
-@pytest.mark.ledger("R132", symbol="harness.recovery.standing:unaffordable")
+@pytest.mark.ledger("R132", symbol="harness.recovery.state:unaffordable")
 @pytest.mark.ledger("R132", symbol="harness.recovery.ladder:exhausted")
 def test_a_spent_node_budget_leaves_a_person_only() -> None:
     spent = tuple(spend(action, "timeout") for action in ("re_perceive", "adjust_view", "retry", "local_replan"))
@@ -145,7 +145,7 @@ def test_a_switch_needs_somebody_else_who_can_and_was_not_given_up() -> None:
     assert recover(c4(given_up)).action == "human"
 
 
-@pytest.mark.ledger("R129", symbol="harness.recovery.standing:repeated")
+@pytest.mark.ledger("R129", symbol="harness.recovery.state:repeated")
 def test_the_same_answer_to_the_same_failure_needs_news_from_a_sensor() -> None:
     ladders = CONFIGURATION.recovery.ladders | {"violated": ("re_perceive", "re_perceive", "human")}
     policy = replace(CONFIGURATION.recovery, ladders=ladders)

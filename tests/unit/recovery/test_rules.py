@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.contexts.recovery import recovery_context
 from harness.contracts.configuration import SPENDING, FailureClass, RecoveryAction
 from harness.contracts.control import Autonomy
@@ -17,7 +17,7 @@ from harness.projections.mission import Mission, NodeState, Spend
 from harness.recovery.approval import approval_required
 from harness.recovery.ladder import recover
 from harness.recovery.rules import first_broken_recovery
-from harness.recovery.standing import cost_of
+from harness.recovery.state import cost_of
 from tests.unit.planning.building import (
     CONFIGURATION,
     NOW_S,
@@ -83,7 +83,7 @@ def test_nothing_is_authorised_over_any_of_the_three_budgets() -> None:
     assert broken(failing("violated"), proposed("re_perceive"), contract=poor) == "over_mission_budget"
 
 
-@pytest.mark.ledger("R6", symbol="harness.recovery.standing:left_of")
+@pytest.mark.ledger("R6", symbol="harness.recovery.state:left_of")
 def test_limits_come_from_the_contract() -> None:
     task = contract()
     strict = tuple(

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.contracts.capabilities import CapabilityCard, Parameter
 from harness.contracts.ids import NodeId, ProviderId
 from harness.contracts.proposals import Filter

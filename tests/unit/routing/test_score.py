@@ -13,7 +13,7 @@ from harness.contracts.ids import Digest, NodeId, ProviderId
 from harness.contracts.values import decode, encode
 from harness.contracts.verdicts import Verdict
 from harness.routing.candidates import candidates
-from harness.routing.history import History, Outcome, Series, judged
+from harness.routing.history import ExecutionOutcome, OutcomeSeries, RoutingHistory, judged
 from harness.routing.need import Need
 from harness.routing.score import latency, route_length_m, terms, total
 from tests.unit.planning.building import CONFIGURATION, card, contract
@@ -30,9 +30,9 @@ CAREFUL = card(
 )
 
 
-def outcome(verdict: Verdict, *, provider: str = "route-follower", **changes: Any) -> Outcome:
+def outcome(verdict: Verdict, *, provider: str = "route-follower", **changes: Any) -> ExecutionOutcome:
     return replace(
-        Outcome(
+        ExecutionOutcome(
             provider_id=ProviderId(provider),
             capability="navigate",
             place="office_storage",
@@ -43,8 +43,8 @@ def outcome(verdict: Verdict, *, provider: str = "route-follower", **changes: An
     )
 
 
-def penalty(*outcomes: Outcome, half_life: float = 4.0) -> float:
-    return History(outcomes=outcomes).penalty(
+def penalty(*outcomes: ExecutionOutcome, half_life: float = 4.0) -> float:
+    return RoutingHistory(outcomes=outcomes).penalty(
         ProviderId("route-follower"),
         capability="navigate",
         place="office_storage",
@@ -55,7 +55,7 @@ def penalty(*outcomes: Outcome, half_life: float = 4.0) -> float:
 
 @pytest.mark.ledger("R59", symbol="harness.routing.score:terms")
 def test_the_score_is_success_less_risk_uncertainty_latency_cost_and_history() -> None:
-    asked = need(place="office_storage", history=History(outcomes=(outcome("violated"),)))
+    asked = need(place="office_storage", history=RoutingHistory(outcomes=(outcome("violated"),)))
     length_m = route_length_m(asked.parameters)
     assert length_m == pytest.approx(17.62, abs=0.005)
     weighted = terms(FOLLOWER, asked, preferences=WEIGHTS, dearest=2.0)
@@ -91,7 +91,7 @@ def test_a_negative_weight_is_no_preference() -> None:
         msgspec.convert({**msgspec.to_builtins(WEIGHTS), "history": -0.1}, RoutingPreferences)
 
 
-@pytest.mark.ledger("R60", symbol="harness.routing.history:History.penalty")
+@pytest.mark.ledger("R60", symbol="harness.routing.history:RoutingHistory.penalty")
 def test_history_counts_verified_failures_and_residuals_only() -> None:
     assert penalty() == 0.5
     assert penalty(outcome("violated")) == pytest.approx(2 / 3)
@@ -129,7 +129,7 @@ def test_the_best_score_is_chosen_and_its_terms_add_up() -> None:
 
 @pytest.mark.ledger("R62", symbol="harness.routing.candidates:candidates")
 def test_other_weights_and_a_bad_history_change_the_choice() -> None:
-    failed = History(outcomes=tuple(outcome("violated") for _ in range(6)))
+    failed = RoutingHistory(outcomes=tuple(outcome("violated") for _ in range(6)))
     wary = replace(WEIGHTS, history=2.0)
     asked = need(place="office_storage", history=failed)
     assert candidates(asked, cards=(FOLLOWER, CAREFUL), preferences=wary).chosen == "careful-local-planner"
@@ -177,7 +177,7 @@ def test_nodes_that_no_route_leads_to_have_no_length() -> None:
     assert route_length_m(contract().node(NodeId("panorama")).parameters) == 0.0
 
 
-@pytest.mark.ledger("R60", symbol="harness.routing.history:History.penalty")
+@pytest.mark.ledger("R60", symbol="harness.routing.history:RoutingHistory.penalty")
 def test_a_series_weighs_what_its_outcomes_weigh_one_by_one_and_another_setting_counts_nothing() -> None:
     told: tuple[tuple[Verdict, float], ...] = (
         ("violated", 0.0), ("satisfied", 0.25), ("ambiguous", 1.0), ("unsafe", 0.0), ("stale", 1.0), ("satisfied", 0.0),
@@ -190,25 +190,25 @@ def test_a_series_weighs_what_its_outcomes_weigh_one_by_one_and_another_setting_
         "place": first.place,
         "configuration": first.configuration,
     }
-    mine = Series(**setting, judged=judged(told))  # type: ignore[arg-type]
-    elsewhere = Series(**{**setting, "place": "hall"}, judged=judged([("unsafe", 0.0)] * 9))  # type: ignore[arg-type]
+    mine = OutcomeSeries(**setting, judged=judged(told))  # type: ignore[arg-type]
+    elsewhere = OutcomeSeries(**{**setting, "place": "hall"}, judged=judged([("unsafe", 0.0)] * 9))  # type: ignore[arg-type]
     asked = {**setting, "half_life": 4.0}
     fading = 0.5 ** (1 / 4)
     failed, total = 1 + fading + 0.25 * fading**2 + fading**3, 2 + 1 + fading + fading**2 + fading**3
     assert one_by_one == pytest.approx(failed / total)
-    assert History(series=(mine, elsewhere)).penalty(**asked) == one_by_one  # type: ignore[arg-type]
-    assert History(series=(elsewhere,)).penalty(**asked) == 0.5  # type: ignore[arg-type]
+    assert RoutingHistory(series=(mine, elsewhere)).penalty(**asked) == one_by_one  # type: ignore[arg-type]
+    assert RoutingHistory(series=(elsewhere,)).penalty(**asked) == 0.5  # type: ignore[arg-type]
 
 
 def test_a_history_from_an_older_log_is_read_as_it_was_written() -> None:
     old = msgspec.json.encode({"outcomes": [outcome("violated"), outcome("satisfied")]})
-    assert decode(old, History).outcomes[0].verdict == "violated"
-    series = Series(
+    assert decode(old, RoutingHistory).outcomes[0].verdict == "violated"
+    series = OutcomeSeries(
         provider_id=ProviderId("route-follower"),
         capability="navigate",
         place="office_storage",
         configuration=CONFIGURATION.configuration_id,
         judged=judged([("satisfied", 0.0)] * 200),
     )
-    assert decode(encode(History(series=(series,))), History).series == (series,)
-    assert len(encode(History(series=(series,)))) < 4500
+    assert decode(encode(RoutingHistory(series=(series,))), RoutingHistory).series == (series,)
+    assert len(encode(RoutingHistory(series=(series,)))) < 4500

@@ -41,7 +41,7 @@ def submitted(on: Bench, what: Evaluation) -> Any:
     return on.desk.submit_results(what, say(LAUNCHER))
 
 
-@pytest.mark.ledger("R162", symbol="rsi_reviews.candidacy:_other_terms")
+@pytest.mark.ledger("R162", symbol="rsi_reviews.proposal_rules:_other_terms")
 @pytest.mark.parametrize("name", ["predicate", "suite", "seeds", "evaluator", "cases", "suite_version", "launched_by"])
 def test_results_under_other_terms_than_those_fixed_before_are_refused_by_name(evaluating: Bench, name: str) -> None:
     values: dict[str, Any] = {"cases": 99, "launched_by": ("eve",), "evaluator": "another", "suite_version": "2"}
@@ -170,7 +170,7 @@ def test_every_look_is_on_record_with_what_it_spent_and_none_is_counted_twice(ev
     assert sum(look.alpha for look in evaluating.desk.pointer().looks) <= 0.05
 
 
-@pytest.mark.ledger("R161", "R226", symbol="rsi_reviews.desk:Desk.submit_results")
+@pytest.mark.ledger("R161", "R226", symbol="rsi_reviews.release_service:ReleaseService.submit_results")
 def test_results_report_and_configuration_are_stored_with_the_candidate(evaluating: Bench) -> None:
     found = evaluation(MADE)
     expect(submitted(evaluating, found))

@@ -38,7 +38,7 @@ def widened() -> Configuration:
     return msgspec.convert(tree, Configuration)
 
 
-@pytest.mark.ledger("R162", symbol="rsi_reviews.candidacy:propose")
+@pytest.mark.ledger("R162", symbol="rsi_reviews.proposal_rules:propose")
 def test_a_loosening_leaves_no_trace_and_is_refused_with_its_path() -> None:
     with bench() as on:
         refused = on.desk.propose(candidate(widened(), component="templates"), say(LAUNCHER))
@@ -53,7 +53,7 @@ def test_all_refusals_can_be_asked_for_without_proposing() -> None:
         assert [one.rule for one in on.desk.refusals(made)] == ["other_component", "tolerance"]
 
 
-@pytest.mark.ledger("R156", symbol="rsi_reviews.candidacy:propose")
+@pytest.mark.ledger("R156", symbol="rsi_reviews.proposal_rules:propose")
 def test_manifest_and_its_digest_are_on_record_before_anything_runs() -> None:
     with bench() as on:
         name = on.proposed(candidate())

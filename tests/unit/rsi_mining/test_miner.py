@@ -10,11 +10,11 @@ from harness.baseline.load import baseline
 from harness.contracts.configuration import Configuration, FailureClass, RecoveryAction
 from harness.contracts.ids import MissionId, NodeId, ProviderId
 from harness.contracts.values import digest
-from rsi_reviews.generate.chance import RandomSearch
-from rsi_reviews.generate.eager import EagerMiner
 from rsi_reviews.generate.interface import GenerationBudget
 from rsi_reviews.generate.miner import TraceMiner, merged, mined
-from rsi_reviews.generate.trace import Came, Execution, Failing, Handed, MissionTrace, Rung, Trace
+from rsi_reviews.generate.random_search import RandomSearch
+from rsi_reviews.generate.trace import Came, Failing, Handed, MissionTrace, Trace, TracedExecution, TracedStep
+from rsi_reviews.generate.ungated import EagerMiner
 from rsi_reviews.manifest import unfounded
 from rsi_reviews.restrictions import loosened
 
@@ -30,12 +30,14 @@ def failing(failure: FailureClass, *, times: int = 1) -> tuple[Failing, ...]:
     )
 
 
-def rung(failure: FailureClass, action: RecoveryAction, came: Came) -> Rung:
-    return Rung(node_id=WALK, failure=failure, action=action, cost=1, position=20, at_s=1.0, came=came)
+def rung(failure: FailureClass, action: RecoveryAction, came: Came) -> TracedStep:
+    return TracedStep(node_id=WALK, failure=failure, action=action, cost=1, position=20, at_s=1.0, came=came)
 
 
-def execution(provider: ProviderId, verdict: str, *, seconds: float = 40.0, timeout_s: float = 180.0) -> Execution:
-    return Execution(
+def execution(
+    provider: ProviderId, verdict: str, *, seconds: float = 40.0, timeout_s: float = 180.0
+) -> TracedExecution:
+    return TracedExecution(
         node_id=WALK, capability="navigate", place="anchor_a", provider_id=provider, position=30, action=None,
         verify_only=False, timeout_s=timeout_s, duration_s=seconds, verdict=verdict, committed=verdict == "satisfied",
         expected_s={FOLLOWER: 45.0, CAREFUL: 75.0},
@@ -47,8 +49,8 @@ def mission(
     number: int,
     *,
     failures: tuple[Failing, ...] = (),
-    rungs: tuple[Rung, ...] = (),
-    executions: tuple[Execution, ...] = (),
+    rungs: tuple[TracedStep, ...] = (),
+    executions: tuple[TracedExecution, ...] = (),
     asked: FailureClass | None = None,
 ) -> MissionTrace:
     handoffs = (Handed(node_id=WALK, failure=asked, position=40),) if asked else ()

@@ -15,12 +15,12 @@ from rsi_reviews.contracts import Candidate, CaseResult
 from rsi_reviews.generate.changes import with_ladder
 from rsi_reviews.generate.interface import GenerationBudget
 from rsi_reviews.generate.miner import TraceMiner
-from rsi_reviews.generate.trace import Failing, Handed, MissionTrace, Rung, Trace
+from rsi_reviews.generate.trace import Failing, Handed, MissionTrace, Trace, TracedStep
 from rsi_reviews.held_out import Secret
 from rsi_reviews.hidden_sites import hidden_site, site_file, site_names
-from rsi_reviews.recursion.arms import Arm, Line, Setting, step, written_by_hand
+from rsi_reviews.recursion.arms import Arm, ArmLineage, Setting, step, written_by_hand
 from rsi_reviews.recursion.experiment import Terms
-from rsi_reviews.recursion.gating import Judgement, Scale, SiteGate
+from rsi_reviews.recursion.gating import GateJudgement, Scale, SiteGate
 from rsi_reviews.recursion.missions import Stop, everyday, suite_cases
 from rsi_reviews.recursion.run import blind_digest, blind_tasks, check_blind
 from rsi_reviews.regression.cases import Case
@@ -40,7 +40,7 @@ def struck(number: int, configuration: Configuration) -> MissionTrace:
             Failing(node_id=WALK, failure="stale_evidence", reason="", position=7 + n, at_s=1.0) for n in range(2)
         ),
         rungs=(
-            Rung(
+            TracedStep(
                 node_id=WALK, failure="stale_evidence", action="re_perceive", cost=1, position=8, at_s=1.0,
                 came="failed_again",
             ),
@@ -56,11 +56,11 @@ class Gate:
         self._accepts = accepts
         self.asked: list[Candidate] = []
 
-    def judge(self, candidate: Candidate, current: Configuration, site: HiddenSite) -> Judgement:
+    def judge(self, candidate: Candidate, current: Configuration, site: HiddenSite) -> GateJudgement:
         """One word."""
         self.asked.append(candidate)
         taken = self._accepts(candidate)
-        return Judgement(
+        return GateJudgement(
             candidate=candidate.candidate_id, component="recovery", reason="r", metric="recovery_cost", accepted=taken,
             clause="accepted" if taken else "metric_better:fail", sentence="s", missions=40,
         )  # fmt: skip
@@ -86,8 +86,8 @@ def setting(gate: Gate, fleet: Fleet, *, generations: int = 3) -> Setting:
     )  # fmt: skip
 
 
-def walked(arm: Arm, gate: Gate, fleet: Fleet, *, generations: int = 3) -> Line:
-    line = Line(arm=arm)
+def walked(arm: Arm, gate: Gate, fleet: Fleet, *, generations: int = 3) -> ArmLineage:
+    line = ArmLineage(arm=arm)
     for generation in range(generations):
         step(line, generation, setting(gate, fleet, generations=generations))
     return line
@@ -106,9 +106,9 @@ def test_missions_under_a_released_version_are_what_the_next_cycle_reads() -> No
     assert gate.asked[0].manifest.baseline == H0.configuration_id
 
 
-@pytest.mark.ledger("R155", symbol="rsi_reviews.recursion.arms:Line.adopt")
+@pytest.mark.ledger("R155", symbol="rsi_reviews.recursion.arms:ArmLineage.adopt")
 def test_records_belong_to_the_version_they_were_made_under() -> None:
-    line = Line(arm="gated")
+    line = ArmLineage(arm="gated")
     line.learn(Trace(missions=(struck(1, H0),)))
     line.adopt(STALE)
     assert line.traces == [] and line.current == STALE and line.recorded_missions == 1
@@ -168,7 +168,7 @@ def result(case: Case, configuration: Configuration, *, cost: float, trace: str,
     )  # fmt: skip
 
 
-def judged(candidate: Candidate, cost: Callable[[Configuration, Case], float], **measures: float) -> Judgement:
+def judged(candidate: Candidate, cost: Callable[[Configuration, Case], float], **measures: float) -> GateJudgement:
     def run(cases: tuple[Case, ...], configuration: Configuration, stop: Stop | None) -> tuple[CaseResult, ...]:
         under = configuration == candidate.configuration
         every = tuple(

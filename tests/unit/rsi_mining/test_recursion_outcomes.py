@@ -12,8 +12,8 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.values import digest, encode
 from rsi_reviews.hidden_sites import site_file
 from rsi_reviews.recursion.arms import ARMS, Arm
-from rsi_reviews.recursion.experiment import MEASURED, FleetOutcome, Measured, Step, Task, Terms
-from rsi_reviews.recursion.gating import Judgement
+from rsi_reviews.recursion.experiment import MEASURED, ArmMeasurement, CandidateStep, FleetOutcome, Task, Terms
+from rsi_reviews.recursion.gating import GateJudgement
 from rsi_reviews.recursion.plots import plot
 from rsi_reviews.recursion.publish import BEGIN, END, found, publish
 from rsi_reviews.recursion.report import answers, contrasts, rows
@@ -23,15 +23,15 @@ from simulator.in_process import SIMULATOR
 H0 = baseline()
 
 
-def measured(arm: Arm, generation: int, **sums: float) -> Measured:
+def measured(arm: Arm, generation: int, **sums: float) -> ArmMeasurement:
     values = {**dict.fromkeys(MEASURED, 0.0), "verified_completion": 10.0, "verified_s": 400.0, "unsound": 0.0, **sums}
-    return Measured(arm=arm, generation=generation, missions=10, sums=values, configuration=H0.configuration_id)
+    return ArmMeasurement(arm=arm, generation=generation, missions=10, sums=values, configuration=H0.configuration_id)
 
 
 def outcome(fleet: int, *, kind: str = "regular", cost: dict[Arm, float] | None = None, released: bool = False,
             false: float = 0.0) -> FleetOutcome:  # fmt: skip
     costs: dict[Arm, float] = dict.fromkeys(ARMS, 40.0) | (cost or {})
-    judgement = Judgement(
+    judgement = GateJudgement(
         candidate="c", component="recovery", reason="r", metric="recovery_cost", accepted=released,
         clause="accepted" if released else "unexercised", sentence="s", missions=10,
     )  # fmt: skip
@@ -42,7 +42,7 @@ def outcome(fleet: int, *, kind: str = "regular", cost: dict[Arm, float] | None 
                      contract_false_completion=false if arm == "gated" else 0.0)
             for arm in ARMS for generation in (0, 1)
         ),
-        steps=(Step(arm="gated", generation=0, judgement=judgement),),
+        steps=(CandidateStep(arm="gated", generation=0, judgement=judgement),),
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 from typer.testing import CliRunner
 
-from app.cli import app
+from app.cli.main import app
 from harness.adapters.stores.folder import prepare
 from harness.adapters.stores.opening import open_log
 from harness.baseline.load import baseline

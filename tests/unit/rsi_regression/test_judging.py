@@ -1,7 +1,7 @@
 """What a mission is worth: counted from its log, the robot's journals and the truth, by what H_0 asks."""
 
+from rsi_reviews.regression.case_run import MissionAccount, conducted, yardstick
 from rsi_reviews.regression.cases import Case, Outside, Situation
-from rsi_reviews.regression.conduct import Account, conducted, yardstick
 from rsi_reviews.regression.judge import CHARGES, judged
 from simulator.in_process import SIMULATOR
 from tests.builders.evaluations import BASELINE, patient
@@ -13,7 +13,7 @@ def case(*faults: str, seed: int = 5, outside: tuple[Outside, ...] = ()) -> Case
     return Case(situation=situation, seed=seed)
 
 
-def ran(*faults: str, outside: tuple[Outside, ...] = ()) -> Account:
+def ran(*faults: str, outside: tuple[Outside, ...] = ()) -> MissionAccount:
     return conducted(case(*faults, outside=outside), BASELINE, SIMULATOR)
 
 
@@ -48,7 +48,7 @@ def test_a_repeated_request_starts_nothing_twice() -> None:
 def test_a_second_physical_start_of_one_request_is_counted() -> None:
     account = ran()
     twice = [*account.story["starts"], *account.story["starts"]]
-    told = Account(**{**vars(account), "story": {**account.story, "starts": twice}})
+    told = MissionAccount(**{**vars(account), "story": {**account.story, "starts": twice}})
     assert judged(told).duplicate_starts >= 1.0
 
 
@@ -56,15 +56,19 @@ def test_motion_that_nobody_asked_for_and_motion_that_is_too_fast_are_violations
     account = ran()
     assert judged(account).safety_violations == 0.0
     (start,) = account.starts
-    loose = Account(**{**vars(account), "log": tuple(one for one in account.log if one.kind != "DispatchIntended")})
+    loose = MissionAccount(
+        **{**vars(account), "log": tuple(one for one in account.log if one.kind != "DispatchIntended")}
+    )
     assert start.request_id
     assert judged(loose).safety_violations >= 1.0
     fast = [{**line, "v_mps": 0.9} for line in account.story["truth"]]
-    assert judged(Account(**{**vars(account), "story": {**account.story, "truth": fast}})).safety_violations == 1.0
+    assert (
+        judged(MissionAccount(**{**vars(account), "story": {**account.story, "truth": fast}})).safety_violations == 1.0
+    )
 
 
 def test_a_mission_that_was_cut_short_is_truncated() -> None:
-    assert judged(Account(**{**vars(ran()), "cut": True})).outcome == "truncated"
+    assert judged(MissionAccount(**{**vars(ran()), "cut": True})).outcome == "truncated"
 
 
 def test_a_lease_of_somebody_else_is_met_and_ends_in_a_handoff() -> None:

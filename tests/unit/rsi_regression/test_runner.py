@@ -15,8 +15,8 @@ from rsi_reviews.regression.cases import Case, Situation, cases_of, spread
 from rsi_reviews.regression.errors import ResultsDamaged, WorkersLost
 from rsi_reviews.regression.executors import Here, Job, Processes, Running, failed, run_job
 from rsi_reviews.regression.on_ray import RayCluster
-from rsi_reviews.regression.results import Kept, evaluator_version
-from rsi_reviews.regression.runner import Advance, measured
+from rsi_reviews.regression.results import ResultsFile, evaluator_version
+from rsi_reviews.regression.runner import RunProgress, measured
 from rsi_reviews.regression.suite import shipped
 from simulator.in_process import SIMULATOR
 from tests.builders.evaluations import BASELINE, patient
@@ -80,30 +80,30 @@ def test_a_cluster_that_is_not_there_is_a_sentence() -> None:
 
 def test_a_run_that_is_cut_short_goes_on_where_it_ended(tmp_path: Path, here: tuple[CaseResult, ...]) -> None:
     path = tmp_path / "results.jsonl"
-    kept = Kept(path, evaluator="e")
+    kept = ResultsFile(path, evaluator="e")
     with pytest.raises(KeyboardInterrupt):
         measured(CASES, (BASELINE,), executor=Counting(most=4), kept=kept)
     body = path.read_bytes()
     path.write_bytes(body[:-20])
-    again, rest = Kept(path, evaluator="e"), Counting()
+    again, rest = ResultsFile(path, evaluator="e"), Counting()
     assert len(again) == 3
     assert measured(CASES, (BASELINE,), executor=rest, kept=again) == here
     assert len(rest.ran) == 3
-    assert len(Kept(path, evaluator="e")) == 6
+    assert len(ResultsFile(path, evaluator="e")) == 6
 
 
 def test_results_of_another_evaluator_are_not_mixed_in(tmp_path: Path) -> None:
-    Kept(tmp_path / "r.jsonl", evaluator="one")
+    ResultsFile(tmp_path / "r.jsonl", evaluator="one")
     with pytest.raises(ResultsDamaged, match="measured by one"):
-        Kept(tmp_path / "r.jsonl", evaluator="two")
+        ResultsFile(tmp_path / "r.jsonl", evaluator="two")
 
 
 def test_a_line_in_the_middle_that_cannot_be_read_stops_the_run(tmp_path: Path) -> None:
     path = tmp_path / "r.jsonl"
-    Kept(path, evaluator="e")
+    ResultsFile(path, evaluator="e")
     path.write_bytes(path.read_bytes() + b'{"case": NaN}\n')
     with pytest.raises(ResultsDamaged, match="Line 2"):
-        Kept(path, evaluator="e")
+        ResultsFile(path, evaluator="e")
 
 
 def test_the_evaluator_is_named_by_its_sources() -> None:
@@ -112,7 +112,7 @@ def test_the_evaluator_is_named_by_its_sources() -> None:
 
 
 def test_a_case_that_crashed_is_not_kept(tmp_path: Path) -> None:
-    kept = Kept(tmp_path / "r.jsonl", evaluator="e")
+    kept = ResultsFile(tmp_path / "r.jsonl", evaluator="e")
     unknown = Case(situation=Situation(family="nominal", template="no such template"), seed=1)
     (result,) = measured((unknown,), (BASELINE,), executor=Here(SIMULATOR), kept=kept)
     assert result.outcome == "crashed"
@@ -121,7 +121,7 @@ def test_a_case_that_crashed_is_not_kept(tmp_path: Path) -> None:
 
 
 def test_progress_counts_what_was_there_and_what_is_bad() -> None:
-    seen: list[Advance] = []
+    seen: list[RunProgress] = []
     unknown = Case(situation=Situation(family="nominal", template="no such template"), seed=1)
     measured((CASES[0], unknown), (BASELINE,), executor=Here(SIMULATOR), watch=seen.append)
     assert (seen[0].done, seen[-1].done, seen[-1].of, seen[-1].bad) == (0, 2, 2, 1)
@@ -154,7 +154,7 @@ def test_a_worker_that_is_silent_costs_its_case() -> None:
 
 
 def test_a_worker_that_dies_costs_its_case_and_no_other() -> None:
-    def kill(advance: Advance) -> None:
+    def kill(advance: RunProgress) -> None:
         if advance.done == 8:
             next(one for one in active_children() if one.name == "regression worker").kill()
 

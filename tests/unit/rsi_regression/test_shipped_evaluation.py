@@ -8,16 +8,16 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from app.terminal.rsi_shipped import put_in_review
+from app.cli.rsi_shipped import put_in_review
 from harness.baseline.load import baseline
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import sha256
 from harness.contracts.values import digest
 from rsi_reviews.acceptance import accepted, predicate_digest
-from rsi_reviews.desk import Desk
 from rsi_reviews.held_out import Looks
 from rsi_reviews.regression.cases import cases_of, seeds_digest
 from rsi_reviews.regression.suite import shipped
+from rsi_reviews.release_service import ReleaseService
 from rsi_reviews.shipped_evaluation import SUMS, Shipped, shipped_evaluation
 from tests.builders.releases import bench, candidate
 
@@ -63,7 +63,7 @@ def test_damaged_bytes_are_refused(tmp_path: Path) -> None:
 
 def test_a_new_data_folder_shows_it_in_review_judged_by_the_predicate_of_today(tmp_path: Path) -> None:
     with bench() as made:
-        desk = Desk(made.harness.runtime)
+        desk = ReleaseService(made.harness.runtime)
         put_in_review(desk, tmp_path / "evaluator")
         [review] = desk.reviews()
         assert (review.status, review.cycle, review.candidate) == ("in_review", 1, one().candidate.candidate_id)
@@ -83,7 +83,7 @@ def test_where_anything_was_proposed_before_nothing_is_shown(tmp_path: Path) -> 
 
 def test_the_looks_that_were_taken_for_it_stay_counted(tmp_path: Path) -> None:
     with bench() as made:
-        put_in_review(Desk(made.harness.runtime), tmp_path)
+        put_in_review(ReleaseService(made.harness.runtime), tmp_path)
         taken = {look.look for look in made.desk.pointer().looks}
     made_next = candidate()
     opened = Looks(tmp_path).open(made_next.candidate_id, digest(made_next.manifest))

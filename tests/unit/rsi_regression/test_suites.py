@@ -9,12 +9,12 @@ import pytest
 from harness.baseline.load import read_yaml
 from harness.contracts.regularities import HiddenSite, Regularity
 from rsi_reviews.contracts import FAMILIES
-from rsi_reviews.regression.cases import Case, Group, Situation, Suite, cases_of, seeds_digest, spread
+from rsi_reviews.regression.cases import Case, CaseGroup, Situation, Suite, cases_of, seeds_digest, spread
 from rsi_reviews.regression.errors import SuiteInvalid, SuiteShrunk
 from rsi_reviews.regression.suite import check_grown, grown, newest, shipped, written
 from simulator.in_process import SIMULATOR
 
-DISPUTED = Group(
+DISPUTED = CaseGroup(
     situation=Situation(family="stale_evidence", template="circuit", faults=("frozen-localiser:persistent",)),
     first_seed=77,
     seeds=1,

@@ -11,7 +11,7 @@ from harness.contracts.ids import Digest
 from harness.contracts.values import digest
 from rsi_reviews.contracts import FAMILIES
 from rsi_reviews.held_out import Looks, Secret
-from rsi_reviews.regression.cases import Group, Outside, Situation, Suite
+from rsi_reviews.regression.cases import CaseGroup, Outside, Situation, Suite
 from rsi_reviews.regression.executors import Here
 from rsi_reviews.regression.results import evaluator_version
 from rsi_reviews.trial import HeldOut, Means, Trial, carried_out, prepared
@@ -95,7 +95,7 @@ def test_real_missions_show_the_gain_where_the_change_matters_and_nowhere_else()
     """Two real seeds per family: waiting longer for a lease completes what a person was asked about before."""
     leased = (Outside(kind="lease", at_s=0.0, for_s=50.0),)
     groups = tuple(
-        Group(
+        CaseGroup(
             situation=Situation(
                 family=family, template="circuit", outside=leased if family == "resource_conflict" else ()
             ),

@@ -6,7 +6,7 @@ from typing import Any
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import BlobDamaged
 from harness.contracts.ids import Digest, MissionId, NodeId, RequestId, request_id, sha256
-from harness.contracts.protocol import Identity, StartRequest
+from harness.contracts.protocol import InvocationIdentity, StartRequest
 from harness.contracts.values import Moment
 
 EPOCH_S = 1_790_000_000.0
@@ -52,7 +52,7 @@ def request_to(
 ) -> StartRequest:
     """A request that fits `card`; `deadline_s` counts from the epoch of the still clock."""
     mission, node = MissionId("msn_senses"), NodeId(card.capability)
-    identity = Identity(
+    identity = InvocationIdentity(
         mission_id=mission,
         node_id=node,
         attempt=attempt,

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from harness.adapters.providers.models.passage import Frame
+from harness.adapters.providers.models.passage import OrientedFrame
 from harness.adapters.providers.models.projection import View
 from harness.contracts.ids import sha256
 from harness.contracts.observations import Camera
@@ -69,7 +69,7 @@ class Room:
         self._put(np.array(corners), rgb, 0.7, order=99.0)
         return self
 
-    def frames(self, headings_rad: Sequence[float]) -> list[Frame]:
+    def frames(self, headings_rad: Sequence[float]) -> list[OrientedFrame]:
         """One picture for each heading, with a little sensor noise."""
         return [self._frame(heading) for heading in headings_rad]
 
@@ -78,7 +78,7 @@ class Room:
         distance = float(np.hypot(*corners[:, :2].mean(axis=0))) if order is None else order
         self._quads.append((distance, corners, colour))  # type: ignore[arg-type]
 
-    def _frame(self, heading_rad: float) -> Frame:
+    def _frame(self, heading_rad: float) -> OrientedFrame:
         view = View(CAMERA, position=(0.0, 0.0), heading_rad=heading_rad)
         canvas = np.empty((CAMERA.height_px, CAMERA.width_px, 3), np.uint8)
         canvas[:] = WALL
@@ -88,7 +88,7 @@ class Room:
             self._fill(canvas, view, corners, rgb)
         noise = np.random.default_rng(5).normal(0.0, 1.5, canvas.shape[:2])[..., None]
         pixels = np.clip(canvas + noise, 0, 255).astype(np.uint8)
-        return Frame(digest=sha256(pixels.tobytes()), heading_rad=heading_rad, pixels=pixels)
+        return OrientedFrame(digest=sha256(pixels.tobytes()), heading_rad=heading_rad, pixels=pixels)
 
     def _fill(self, canvas: np.ndarray, view: View, corners: np.ndarray, rgb: Rgb) -> None:
         """Fill the image of a quad, cut where it comes nearer to the lens than half a metre."""

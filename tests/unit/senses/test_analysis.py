@@ -8,20 +8,20 @@ import cv2
 import msgspec
 import numpy as np
 import pytest
+from tests.unit.observations.builders import Blobs, StillClock, request_to
+from tests.unit.observations.painter import CAMERA, CARDBOARD, PASSAGE, Room
 
 from experiments.benchmarks.scenes import Scene, random_scene
 from harness.adapters.providers.messaging.delivery import CARD as DELIVERY
 from harness.adapters.providers.messaging.delivery import OutboxDelivery
 from harness.adapters.providers.messaging.memory import MemoryOutbox
 from harness.adapters.providers.models.analysis import CARD, OpenCvAnalysis
-from harness.adapters.providers.models.passage import Frame, Report, analyse, shows_passage
+from harness.adapters.providers.models.passage import OrientedFrame, Report, analyse, shows_passage
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.protocol import InvocationReport
 from simulator.camera import CAMERA as ROBOT_CAMERA
 from simulator.camera import jpeg, render
-from tests.unit.senses.builders import Blobs, StillClock, request_to
-from tests.unit.senses.painter import CAMERA, CARDBOARD, PASSAGE, Room
 
 HEADINGS = (0.0, math.pi / 4, math.pi)
 SLICE = range(12)
@@ -139,7 +139,7 @@ def look_at(scene: Scene) -> Report:
         if shows_passage(camera, position=(x, y), heading_rad=heading, passage=scene.passage.floor_m):
             body = jpeg(render(scene.model, (x, y, heading), camera))
             pixels = cv2.imdecode(np.frombuffer(body, np.uint8), cv2.IMREAD_COLOR_RGB)
-            frames.append(Frame(digest=sha256(body), heading_rad=heading, pixels=np.asarray(pixels, np.uint8)))
+            frames.append(OrientedFrame(digest=sha256(body), heading_rad=heading, pixels=np.asarray(pixels, np.uint8)))
     return analyse(frames, camera=camera, position=(x, y), passage=scene.passage.floor_m)
 
 

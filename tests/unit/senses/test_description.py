@@ -4,14 +4,14 @@ import cv2
 import msgspec
 import numpy as np
 import pytest
+from tests.unit.observations.builders import Blobs, StillClock, request_to
 
-from harness.adapters.providers.keeping import CARD as KEEPER
-from harness.adapters.providers.keeping import Certificate, EvidenceKeeper
+from harness.adapters.providers.archive import CARD as KEEPER
+from harness.adapters.providers.archive import Certificate, EvidenceArchiver
 from harness.adapters.providers.models.description import CARD, Description, OpenCvDescription, Pixels, described
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest
 from harness.contracts.protocol import InvocationReport
-from tests.unit.senses.builders import Blobs, StillClock, request_to
 
 ANY = Digest("a" * 64)
 
@@ -32,7 +32,7 @@ def stored(blobs: Blobs, picture: Pixels) -> Digest:
     return blobs.put(cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))[1].tobytes())
 
 
-def ended(provider: EvidenceKeeper | OpenCvDescription, *images: Digest) -> InvocationReport:
+def ended(provider: EvidenceArchiver | OpenCvDescription, *images: Digest) -> InvocationReport:
     request = request_to(provider.card, parameters={"images": images})
     return provider.report(provider.start(request).handle)
 
@@ -72,16 +72,16 @@ def test_a_description_names_the_checksum_and_the_size_of_its_picture() -> None:
 def test_a_kept_picture_has_a_certificate_with_the_checksum_of_its_bytes() -> None:
     blobs = Blobs()
     image = stored(blobs, chequered())
-    report = ended(EvidenceKeeper(clock=StillClock(), blobs=blobs, journal=None), image)
+    report = ended(EvidenceArchiver(clock=StillClock(), blobs=blobs, journal=None), image)
     (receipt,) = report.receipts
     assert receipt.kind == "keeping" and receipt.blob is not None
     found = msgspec.json.decode(blobs.get(receipt.blob), type=Certificate)
     assert found == Certificate(image=image, width_px=160, height_px=90, size_bytes=len(blobs.get(image)))
 
 
-@pytest.mark.parametrize("kind", [EvidenceKeeper, OpenCvDescription])
+@pytest.mark.parametrize("kind", [EvidenceArchiver, OpenCvDescription])
 def test_no_picture_two_pictures_and_what_is_no_picture_fail_with_a_word(
-    kind: type[EvidenceKeeper] | type[OpenCvDescription],
+    kind: type[EvidenceArchiver] | type[OpenCvDescription],
 ) -> None:
     blobs = Blobs()
     provider = kind(clock=StillClock(), blobs=blobs, journal=None)

@@ -11,7 +11,7 @@ from harness.contracts.ids import Digest, MissionId, NodeId, ProviderId, request
 from harness.contracts.observations import AnySample
 from harness.contracts.places import Route, Site
 from harness.contracts.ports import Provider, Robot
-from harness.contracts.protocol import TERMINAL, Identity, InvocationReport, Parameters, StartRequest
+from harness.contracts.protocol import TERMINAL, InvocationIdentity, InvocationReport, Parameters, StartRequest
 from simulator.faults import parse_faults
 from simulator.robot import SimulatedRobot
 from simulator.truth import Truth
@@ -62,7 +62,7 @@ class Bench:
     def request(self, name: str, parameters: Parameters, *, node: str = "go", attempt: int = 1) -> StartRequest:
         card = self.provider(name).card
         node_id = NodeId(node)
-        identity = Identity(
+        identity = InvocationIdentity(
             mission_id=MISSION,
             node_id=node_id,
             attempt=attempt,

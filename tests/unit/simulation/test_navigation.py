@@ -36,7 +36,7 @@ def driven(planner: RouteFollower, place: Point, *, until_s: float) -> list[Poin
     """Where a body goes that does at once what it is told and whose lidar sees nothing; ten places a second."""
     (x_m, y_m), yaw_rad, way = place, 0.0, [place]
     for tick in range(round(until_s * 10)):
-        senses = Perception(
+        observations = Perception(
             at_s=tick / 10,
             x_m=x_m,
             y_m=y_m,
@@ -45,7 +45,7 @@ def driven(planner: RouteFollower, place: Point, *, until_s: float) -> list[Poin
             ranges=lambda headings, reach_m: np.full(len(headings), reach_m),
             capture=nothing_to_capture,
         )
-        command = planner.step(senses).command
+        command = planner.step(observations).command
         yaw_rad += 0.1 * command.w_radps
         x_m, y_m = x_m + 0.1 * command.v_mps * math.cos(yaw_rad), y_m + 0.1 * command.v_mps * math.sin(yaw_rad)
         way.append((x_m, y_m))

@@ -10,7 +10,7 @@ import pytest
 from harness.adapters.stores.chain import GENESIS, check, event_digest, link
 from harness.contracts.errors import LogDamaged
 from harness.contracts.ids import StreamId
-from harness.contracts.ports import Head, StoredEvent
+from harness.contracts.ports import LogHead, StoredEvent
 from tests.unit.stores.builders import NOW, batch
 
 LOG = link(GENESIS, {}, [batch("mission/ü", 0, "Asked", "Moved"), batch("lease/base", 0, "Taken")], NOW)
@@ -39,9 +39,9 @@ def test_a_stream_and_a_kind_cannot_lend_each_other_letters() -> None:
 
 
 def test_a_chain_is_walked_to_its_end_from_any_place() -> None:
-    end = Head(position=3, digest=LOG[2].digest)
+    end = LogHead(position=3, digest=LOG[2].digest)
     assert check(LOG) == end
-    assert check(LOG[1:], after=Head(position=1, digest=LOG[0].digest)) == end
+    assert check(LOG[1:], after=LogHead(position=1, digest=LOG[0].digest)) == end
     assert check([]) == GENESIS
 
 

@@ -14,11 +14,11 @@ from harness.adapters.stores.memory import MemoryEventStore
 from harness.contracts.capabilities import CancelBehaviour, CapabilityCard, Estimates, Latency
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import MissionId, NodeId, ProviderId, RequestId, StreamId
-from harness.contracts.protocol import Identity, InvocationReport, Progress, StartRequest
+from harness.contracts.protocol import InvocationIdentity, InvocationReport, Progress, StartRequest
 from tests.unit.stores.builders import NOW, batch, record
 from tests.unit.stores.processes import running
 
-IDENTITY = Identity(
+IDENTITY = InvocationIdentity(
     mission_id=MissionId("msn_1"),
     node_id=NodeId("outbound"),
     attempt=1,

@@ -14,13 +14,13 @@ from harness.adapters.stores.sql import SqlEventStore
 from harness.adapters.stores.sql_schema import MIGRATIONS, SCHEMA_VERSION
 from harness.bootstrap import DECIDERS
 from harness.contracts.ids import Digest, sha256
-from harness.contracts.ports import Head, StateSnapshot
+from harness.contracts.ports import LogHead, StateSnapshot
 from harness.gate.commit import Gate
 from harness.projections.mission import Mission
 from tests.unit.stores.builders import NOW, batch
 
 LOGS = Path(__file__).parents[2] / "fixtures" / "logs"
-HEAD = Head(position=53, digest=Digest("8fe108ad5459fa1f3f154207a12626d4c84858ea47a1318055c785a42c846b47"))
+HEAD = LogHead(position=53, digest=Digest("8fe108ad5459fa1f3f154207a12626d4c84858ea47a1318055c785a42c846b47"))
 
 
 @pytest.fixture

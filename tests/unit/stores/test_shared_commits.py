@@ -13,7 +13,7 @@ from sqlalchemy import Connection
 from harness.adapters.stores.sql import SqlEventStore
 from harness.contracts.errors import ConcurrencyConflict
 from harness.contracts.ids import StreamId
-from harness.contracts.ports import Batch, Head, Record, StoredEvent
+from harness.contracts.ports import Batch, LogHead, Record, StoredEvent
 from tests.unit.stores.builders import NOW, batch, record
 
 THREADS = 8
@@ -62,7 +62,7 @@ def until(true: Callable[[], bool]) -> None:
         time.sleep(0.001)
 
 
-def appended_together(store: CountedStore, tmp_path: Path, batches: Sequence[Batch]) -> list[Future[Head]]:
+def appended_together(store: CountedStore, tmp_path: Path, batches: Sequence[Batch]) -> list[Future[LogHead]]:
     """Append the first, and while it waits for the disk all the others."""
     with ThreadPoolExecutor(len(batches)) as threads:
         with busy(tmp_path):

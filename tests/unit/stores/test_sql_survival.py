@@ -9,7 +9,7 @@ from harness.contracts.capabilities import CancelBehaviour, CapabilityCard, Esti
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import MissionId, NodeId, ProviderId, RequestId, StreamId, sha256
 from harness.contracts.ports import Batch, NewEvent, Record
-from harness.contracts.protocol import Identity, InvocationReport, Progress
+from harness.contracts.protocol import InvocationIdentity, InvocationReport, Progress
 from harness.contracts.tasks import Goal
 from harness.contracts.values import Value, decode, encode
 from tests.unit.stores.builders import NOW, batch, record
@@ -104,7 +104,7 @@ WRITTEN: tuple[Value, ...] = (
     ),
     InvocationReport(
         handle="h1",
-        identity=Identity(
+        identity=InvocationIdentity(
             mission_id=MissionId("msn_1"),
             node_id=NodeId("outbound"),
             attempt=1,

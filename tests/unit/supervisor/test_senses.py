@@ -16,8 +16,8 @@ from harness.contracts.observations import AnySample, Pose
 from harness.contracts.ports import Clock, Robot
 from harness.contracts.protocol import Observations
 from harness.settings import HarnessSettings
-from harness.supervisor.crew import Crew
-from harness.supervisor.senses import RECENT_S, Senses
+from harness.supervisor.observations import RECENT_S, ObservationBuffer
+from harness.supervisor.robot_connection import RobotConnection
 from simulator.in_process import SIMULATOR
 from simulator.robot import SimulatedRobot
 from simulator.world import WorldSettings
@@ -56,7 +56,7 @@ class Watch:
 
     robot: Gone
     spool: RecordingSpool
-    senses: Senses
+    observations: ObservationBuffer
     clock: Clock
 
     def after(self, seconds: float) -> None:
@@ -68,7 +68,7 @@ def watch() -> Iterator[Watch]:
     with simulated(HarnessSettings(fidelity="kinematic", speed=0), simulator=SIMULATOR, seed=1) as harness:
         robot, spool = Gone(WorldSettings()), RecordingSpool()
         clock = LockstepClock(robot.advance_to, at_s=robot.at_s, wall=lambda: robot.at_s)
-        crew = Crew(
+        connection = RobotConnection(
             robot_id=RobotId("vbot-1"),
             robot=_as_robot(robot),
             providers={},
@@ -78,7 +78,7 @@ def watch() -> Iterator[Watch]:
             prepare=lambda mission: None,
             revive=lambda: False,
         )
-        yield Watch(robot, spool, Senses(runtime=harness.runtime, crew=crew), clock)
+        yield Watch(robot, spool, ObservationBuffer(runtime=harness.runtime, connection=connection), clock)
 
 
 def _as_robot(robot: Gone) -> Robot:
@@ -88,45 +88,45 @@ def _as_robot(robot: Gone) -> Robot:
 def test_each_sample_is_seen_once_in_the_order_of_its_number(watch: Watch) -> None:
     for _ in range(3):
         watch.after(1.0)
-        assert watch.senses.collect(OPEN)
-    assert watch.senses.collect(OPEN)
+        assert watch.observations.collect(OPEN)
+    assert watch.observations.collect(OPEN)
     numbers = [sample.seq for sample in watch.spool.samples(OPEN)]
     assert numbers == sorted(set(numbers)) and len(numbers) > 100
-    assert [sample.seq for sample in watch.senses.recent] == numbers
+    assert [sample.seq for sample in watch.observations.recent] == numbers
 
 
 def test_samples_of_no_execution_are_spooled_for_nobody(watch: Watch) -> None:
     watch.after(1.0)
-    assert watch.senses.collect(None)
-    assert watch.spool.names == set() and watch.senses.recent
+    assert watch.observations.collect(None)
+    assert watch.spool.names == set() and watch.observations.recent
     watch.after(1.0)
-    assert watch.senses.collect(OPEN)
+    assert watch.observations.collect(OPEN)
     first = watch.spool.samples(OPEN)[0]
     assert first.at_s > watch.robot.at_s - 1.01 and watch.spool.names == {OPEN}
 
 
 def test_only_the_last_seconds_are_kept_and_a_silent_robot_changes_nothing(watch: Watch) -> None:
     watch.after(RECENT_S + 5.0)
-    assert watch.senses.collect(None)
-    kept = watch.senses.recent
-    horizon_s = watch.senses.recent[-1].at_s - RECENT_S
+    assert watch.observations.collect(None)
+    kept = watch.observations.recent
+    horizon_s = watch.observations.recent[-1].at_s - RECENT_S
     assert kept and min(sample.at_s for sample in kept) >= horizon_s
     watch.robot.off = True
-    assert not watch.senses.collect(OPEN)
-    assert watch.senses.recent == kept and watch.spool.names == set()
+    assert not watch.observations.collect(OPEN)
+    assert watch.observations.recent == kept and watch.spool.names == set()
 
 
 def test_a_seal_names_frame_and_map_only_where_all_poses_agree(watch: Watch) -> None:
     watch.after(1.0)
-    assert watch.senses.collect(None)
-    poses = [one for one in watch.senses.recent if isinstance(one, Pose)]
-    rest = [one for one in watch.senses.recent if not isinstance(one, Pose)]
-    whole, trajectory = watch.senses.seal([*rest, *poses], source="robot")
+    assert watch.observations.collect(None)
+    poses = [one for one in watch.observations.recent if isinstance(one, Pose)]
+    rest = [one for one in watch.observations.recent if not isinstance(one, Pose)]
+    whole, trajectory = watch.observations.seal([*rest, *poses], source="robot")
     assert (whole.frame, whole.map_version, whole.confidence) == ("map", poses[0].map_version, 0.95)
     assert (whole.from_s, whole.until_s) == (trajectory.odometry[0].at_s, trajectory.imu[-1].at_s)
-    torn, _ = watch.senses.seal([poses[0], replace(poses[1], map_version="other")], source="robot")
+    torn, _ = watch.observations.seal([poses[0], replace(poses[1], map_version="other")], source="robot")
     assert (torn.frame, torn.map_version) == ("map", "")
-    blind, kept = watch.senses.seal(rest, source="robot")
+    blind, kept = watch.observations.seal(rest, source="robot")
     assert (blind.frame, blind.map_version, blind.confidence, kept.poses) == ("", "", 1.0, ())
-    nothing, _ = watch.senses.seal([], source="robot")
+    nothing, _ = watch.observations.seal([], source="robot")
     assert (nothing.from_s, nothing.until_s) == (0.0, 0.0)

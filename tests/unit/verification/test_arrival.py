@@ -3,7 +3,7 @@
 import pytest
 from msgspec.structs import replace
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.contracts.evidence import EvidencePacket
 from tests.unit.verification.building import (
     STATIC,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import pytest
 from msgspec.structs import replace
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.contracts.evidence import CommittedFact
 from harness.contracts.ids import Digest, MissionId, NodeId, RequestId
 from harness.contracts.verdicts import GoalVerdict

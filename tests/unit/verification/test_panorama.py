@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 from msgspec.structs import replace
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.contracts.evidence import EvidencePacket
 from tests.unit.verification.building import Bench, contract, mission, node, only
 from tests.unit.verification.stages import HOME, PANORAMA, image, photographed, png

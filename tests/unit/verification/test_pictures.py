@@ -22,11 +22,11 @@ from harness.contracts.ids import (
     RequestId,
     sha256,
 )
-from harness.contracts.judging import CommittedNode, VerificationPolicy
 from harness.contracts.observations import Odometry, Trajectory
 from harness.contracts.protocol import Receipt
 from harness.contracts.tasks import EvidencePolicy
 from harness.contracts.values import Point, encode
+from harness.contracts.verifier_inputs import CommittedNode, VerificationPolicy
 from harness.verification.finding import Undecidable
 from harness.verification.predicates.explored import explored
 from harness.verification.predicates.pictures import one_image, pictured

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.contracts.effects import Precondition
 from harness.contracts.evidence import CommittedFact
 from harness.contracts.observations import AnySample

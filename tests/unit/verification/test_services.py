@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.contracts.ids import Digest
 from harness.projections.mission import Mission
 from tests.unit.verification.building import GOAL, Bench, fact, mission, only, receipt

@@ -3,7 +3,7 @@
 import pytest
 from msgspec.structs import replace
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.verification.body import at_rest_until
 from harness.verification.finding import Undecidable
 from tests.unit.verification.building import STATIC, Bench, contract, mission, node, only

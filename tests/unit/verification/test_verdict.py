@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from app.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence
 from harness.contracts.contexts import Blobs, Context
 from harness.contracts.effects import Symbolic, Visual
 from harness.contracts.errors import ContractInvalid

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import msgspec
 
-from harness.adapters.providers.local import Draft, LocalProvider, Result
+from harness.adapters.providers.local import LocalProvider, ReceiptDraft, Result
 from harness.adapters.providers.messaging.selection import RULE, cited_then_evenly_spaced
 from harness.contracts.capabilities import CancelBehaviour, CapabilityCard, Estimates, Latency, Parameter
 from harness.contracts.errors import ProviderFailed
@@ -67,7 +67,7 @@ class OutboxDelivery(LocalProvider):
         return Result(
             message=f"{len(images)} images and the text were acknowledged by the channel.",
             drafts=tuple(
-                Draft(
+                ReceiptDraft(
                     kind="delivery",
                     text=f"{acknowledgement} {RULE}",
                     blob=item,

@@ -15,7 +15,7 @@ from harness.contracts.values import Value, decode, encode
 _SUFFIXES = ((b"\xff\xd8\xff", "jpg"), (b"\x89PNG\r\n\x1a\n", "png"))
 
 
-class Message(Value):
+class OutboxMessage(Value):
     """What `message.json` holds: the words, the files beside it with their checksums, and the acknowledgement."""
 
     key: str
@@ -43,7 +43,7 @@ class FolderOutbox:
         try:
             if not place.exists():
                 self._write(place, text=text, images=tuple(images))
-            sent = decode((place / "message.json").read_bytes(), Message)
+            sent = decode((place / "message.json").read_bytes(), OutboxMessage)
         except (OSError, msgspec.MsgspecError) as error:
             raise StoreUnavailable(
                 f"The message outbox cannot be used ({error})",
@@ -66,7 +66,7 @@ class FolderOutbox:
             files.append(f"image-{index}.{_suffix(body)}")
             _write_durably(draft / files[-1], body)
         content = sha256(encode([place.name, text, images]))
-        message = Message(
+        message = OutboxMessage(
             key=place.name, text=text, images=images, files=tuple(files), acknowledgement=f"folder-{content[:16]}"
         )
         _write_durably(draft / "message.json", encode(message))

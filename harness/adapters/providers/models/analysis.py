@@ -7,9 +7,9 @@ import cv2
 import msgspec
 import numpy as np
 
-from harness.adapters.providers.local import Draft, Failed, LocalProvider, Outcome, Result
+from harness.adapters.providers.local import Failed, LocalProvider, Outcome, ReceiptDraft, Result
 from harness.adapters.providers.models.faces import Pixels
-from harness.adapters.providers.models.passage import METHOD, Frame, analyse
+from harness.adapters.providers.models.passage import METHOD, OrientedFrame, analyse
 from harness.contracts.capabilities import CancelBehaviour, CapabilityCard, Estimates, Latency, Parameter
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest, ProviderId
@@ -85,7 +85,7 @@ class OpenCvAnalysis(LocalProvider):
             )
         report = analyse(
             [
-                Frame(digest=image, heading_rad=headings[index], pixels=self._pixels(image))
+                OrientedFrame(digest=image, heading_rad=headings[index], pixels=self._pixels(image))
                 for index, image in enumerate(asked.images)
             ],
             camera=self._camera,
@@ -102,7 +102,7 @@ class OpenCvAnalysis(LocalProvider):
         values = {**declared, "in_view": report.in_view}
         return Result(
             message=report.text,
-            drafts=(Draft(kind="analysis", text=report.text, blob=blob, values=values),),
+            drafts=(ReceiptDraft(kind="analysis", text=report.text, blob=blob, values=values),),
             declared=declared,
             blobs=(blob, *report.cited),
         )

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.adapters.providers.local import Draft, LocalProvider, Outcome, Result
+from harness.adapters.providers.local import LocalProvider, Outcome, ReceiptDraft, Result
 from harness.contracts.capabilities import CancelBehaviour, CapabilityCard, Estimates, Latency, Parameter
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest, ProviderId
@@ -112,7 +112,7 @@ class OpenCvDescription(LocalProvider):
         declared = {"brightness": description.brightness, "sharpness": description.sharpness}
         return Result(
             message=description.text,
-            drafts=(Draft(kind="analysis", text=description.text, blob=blob, values=declared),),
+            drafts=(ReceiptDraft(kind="analysis", text=description.text, blob=blob, values=declared),),
             declared=declared,
             blobs=(blob, image),
         )

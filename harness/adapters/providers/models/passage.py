@@ -26,7 +26,7 @@ _MARGIN_PX = 20
 _SAMPLES = 24
 
 
-class Frame(msgspec.Struct, frozen=True):
+class OrientedFrame(msgspec.Struct, frozen=True):
     """One picture: RGB (H, W, 3) uint8, taken with the body heading along `heading_rad` in the map frame."""
 
     digest: Digest
@@ -34,7 +34,7 @@ class Frame(msgspec.Struct, frozen=True):
     pixels: Pixels
 
 
-class Finding(Value):
+class FloorObject(Value):
     """One thing that stands on the passage floor, in the frame that shows it best.
 
     `box_px` = x, y, width, height; `floor_point_m` = the middle of its contact with the floor, map frame;
@@ -56,7 +56,7 @@ class Report(Value):
     method: str
     frames: tuple[Digest, ...]
     cited: tuple[Digest, ...]
-    findings: tuple[Finding, ...]
+    findings: tuple[FloorObject, ...]
     blocked: bool
     in_view: Share
     frames_with_passage: Count
@@ -71,7 +71,7 @@ class _Sighting(msgspec.Struct, frozen=True):
     inside_m: Floats
 
 
-def analyse(frames: Sequence[Frame], *, camera: Camera, position: Point, passage: tuple[Point, ...]) -> Report:
+def analyse(frames: Sequence[OrientedFrame], *, camera: Camera, position: Point, passage: tuple[Point, ...]) -> Report:
     """Look for upright things on the passage floor. The body stood at `position` (m, map frame) for all frames."""
     views = [View(camera, position=position, heading_rad=frame.heading_rad) for frame in frames]
     ground = _samples(passage)
@@ -162,7 +162,9 @@ def _gap(one: _Sighting, other: _Sighting) -> float:
     return float(np.hypot(apart[..., 0], apart[..., 1]).min())
 
 
-def _finding(group: list[_Sighting], frames: Sequence[Frame], *, lens_m: Floats, passage: tuple[Point, ...]) -> Finding:
+def _finding(
+    group: list[_Sighting], frames: Sequence[OrientedFrame], *, lens_m: Floats, passage: tuple[Point, ...]
+) -> FloorObject:
     areas: dict[int, int] = {}
     for sighting in group:
         width, height = sighting.face.box_px[2:]
@@ -181,7 +183,7 @@ def _finding(group: list[_Sighting], frames: Sequence[Frame], *, lens_m: Floats,
     ahead = ring.mean(axis=0) - lens_m
     across = np.array([-ahead[1], ahead[0]]) / max(float(np.hypot(*ahead)), 1e-6)
     width_m = float(np.ptp(contact @ across))
-    return Finding(
+    return FloorObject(
         frame=frames[best].digest,
         kind="obstruction",
         box_px=(left, top, right - left, bottom - top),
@@ -192,7 +194,7 @@ def _finding(group: list[_Sighting], frames: Sequence[Frame], *, lens_m: Floats,
     )
 
 
-def _text(found: Sequence[Finding], *, shown: int) -> str:
+def _text(found: Sequence[FloorObject], *, shown: int) -> str:
     """The finding in words, for a message and for the voice. Things that hide one another are counted as one."""
     if not found:
         frames = f"{shown} frame{'s' if shown != 1 else ''}"

@@ -1,7 +1,7 @@
 """Binds a recording's positions to a frame, a map version and one clock, or says why it cannot."""
 
-from harness.adapters.providers.recording.roles import Roles
-from harness.adapters.providers.recording.samples import Binding, Clocks, Times
+from harness.adapters.providers.recording.roles import TopicRoles
+from harness.adapters.providers.recording.samples import Binding, Clocks, RecordingClock
 from harness.adapters.providers.recording.survey import Positions, Survey
 from harness.adapters.providers.recording.topics import TopicSettings
 from harness.adapters.providers.recording.transforms import Frames
@@ -39,7 +39,7 @@ def bound(
     return Binding(frame, settings.map_version or known or f"recording:{digest}", matrix)
 
 
-def timed(survey: Survey, *, roles: Roles, settings: TopicSettings, where: str) -> tuple[Clocks, Times]:
+def timed(survey: Survey, *, roles: TopicRoles, settings: TopicSettings, where: str) -> tuple[Clocks, RecordingClock]:
     """Mission time on the clock of the settings, or on log time if header stamps are missing."""
     positions = survey.positions[roles.position]
     if not positions.count:
@@ -60,4 +60,4 @@ def timed(survey: Survey, *, roles: Roles, settings: TopicSettings, where: str) 
         first_log_s=survey.first_log_ns / 1e9,
         last_log_s=survey.last_log_ns / 1e9,
     )
-    return clocks, Times(clocks, shift_ns=positions.least_delay_ns)
+    return clocks, RecordingClock(clocks, shift_ns=positions.least_delay_ns)

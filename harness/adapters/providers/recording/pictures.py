@@ -19,7 +19,7 @@ _RAW = {
 _SCALARS = {7: "f4", 8: "f8"}
 
 
-class Picture(NamedTuple):
+class EncodedPicture(NamedTuple):
     """An encoded picture and its size in pixels."""
 
     body: bytes
@@ -28,7 +28,7 @@ class Picture(NamedTuple):
     height_px: int
 
 
-def raw_picture(message: Any) -> Picture | str:
+def raw_picture(message: Any) -> EncodedPicture | str:
     """A sensor_msgs Image as JPEG, or why it cannot be shown."""
     if message.encoding not in _RAW:
         return f"images are encoded as {message.encoding!r}"
@@ -40,10 +40,10 @@ def raw_picture(message: Any) -> Picture | str:
     rows = pixels[: step * height].reshape(height, step)[:, : width * channels].reshape(height, width, channels)
     picture = rows if conversion is None else cv2.cvtColor(rows, conversion)
     done, body = cv2.imencode(".jpg", np.ascontiguousarray(picture), [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
-    return Picture(body.tobytes(), "image/jpeg", width, height) if done else "images cannot be encoded"
+    return EncodedPicture(body.tobytes(), "image/jpeg", width, height) if done else "images cannot be encoded"
 
 
-def compressed_picture(message: Any) -> Picture | str:
+def compressed_picture(message: Any) -> EncodedPicture | str:
     """A sensor_msgs CompressedImage as it was recorded, checked to be whole, or why it cannot be shown."""
     body = bytes(message.data)
     if body.startswith(b"\xff\xd8"):
@@ -56,7 +56,7 @@ def compressed_picture(message: Any) -> Picture | str:
     picture = cv2.imdecode(np.frombuffer(body, dtype=np.uint8), cv2.IMREAD_COLOR) if whole else None
     if picture is None:
         return "images are damaged"
-    return Picture(body, media_type, picture.shape[1], picture.shape[0])
+    return EncodedPicture(body, media_type, picture.shape[1], picture.shape[0])
 
 
 def cloud_points(message: Any, *, most: int) -> NDArray[np.float64] | str:

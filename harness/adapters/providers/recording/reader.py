@@ -9,9 +9,9 @@ from typing import Any, Self
 from harness.adapters.providers.recording.binding import METADATA, bound, timed
 from harness.adapters.providers.recording.container import Container
 from harness.adapters.providers.recording.messages import Decoder
-from harness.adapters.providers.recording.roles import Roles, Topic, assigned, listed
+from harness.adapters.providers.recording.roles import Topic, TopicRoles, assigned, listed
 from harness.adapters.providers.recording.samples import Arrival, Clocks, Samples
-from harness.adapters.providers.recording.segments import Declaration, DispatchedRoute, Segment, measured, merged
+from harness.adapters.providers.recording.segments import DeclaredSegment, DispatchedRoute, Segment, measured, merged
 from harness.adapters.providers.recording.survey import Survey
 from harness.adapters.providers.recording.topics import StaticTransform, TopicSettings
 from harness.adapters.providers.recording.transforms import Frames, planar
@@ -22,7 +22,7 @@ from harness.contracts.observations import AnySample, Pose
 from harness.contracts.values import Count, Name, Point, Value
 
 
-class Summary(Value):
+class RecordingSummary(Value):
     """What a recording holds and how far it can be trusted. Seconds are mission time, see `clocks`.
 
     `single_source` is True unless position and odometry come from topics of their own (D17). `incomplete` is "" for
@@ -138,10 +138,10 @@ class Recording:
         raw = self._survey.slam_path
         return self._route(self._decoder.decode(raw), raw.log_ns) if raw else None
 
-    def declarations(self) -> tuple[Declaration, ...]:
+    def declarations(self) -> tuple[DeclaredSegment, ...]:
         """The recorded supervisor's own arrival and departure lines, in order of time."""
         return tuple(
-            Declaration(
+            DeclaredSegment(
                 kind=line.kind,
                 at_s=self._times.arrival_s(line.log_ns),
                 text=line.text,
@@ -171,10 +171,10 @@ class Recording:
         """The position that arrived last, metres in `frame`."""
         return deque(self.track(), maxlen=1)[0][1]
 
-    def summary(self) -> Summary:
+    def summary(self) -> RecordingSummary:
         """What the recording holds; `left_out` of images and clouds is known after they were read."""
         unusable = {topic: found.unusable for topic, found in self._survey.positions.items() if found.unusable}
-        return Summary(
+        return RecordingSummary(
             path=str(self.path),
             sha256=self.sha256,
             duration_s=self.duration_s,
@@ -230,7 +230,7 @@ class Recording:
                 do="copy the files again, or reindex the folder",
             )
 
-    def _samples(self, roles: Roles) -> Samples:
+    def _samples(self, roles: TopicRoles) -> Samples:
         return Samples(
             roles=roles,
             settings=self.settings,

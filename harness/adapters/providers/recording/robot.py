@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Sequence
 from itertools import islice
 
-from harness.adapters.providers.local import Draft, LocalProvider, Result
+from harness.adapters.providers.local import LocalProvider, ReceiptDraft, Result
 from harness.adapters.providers.recording.disk_buffer import DiskBuffer
 from harness.adapters.providers.recording.reader import Recording
 from harness.adapters.providers.recording.samples import Arrival
@@ -210,7 +210,7 @@ class RecordingNavigator(LocalProvider):
         if segment.departed_s is not None:
             declared["departed_at_s"] = segment.departed_s
         text = "GOAL REACHED" if distance is None else f"GOAL REACHED, {distance:.2f} m"
-        draft = Draft(kind="arrival", text=f"{text}, as the recorded supervisor declared", values=declared)
+        draft = ReceiptDraft(kind="arrival", text=f"{text}, as the recorded supervisor declared", values=declared)
         return Result(
             message=f"{segment.name}: the recorded supervisor declared arrival.",
             drafts=(draft,),

@@ -28,7 +28,7 @@ class Topic(Value):
     messages: Count
 
 
-class Roles(NamedTuple):
+class TopicRoles(NamedTuple):
     """Topic names by role, "" where the recording has none. `notes` say what was left out and why."""
 
     pose: str
@@ -58,7 +58,7 @@ def listed(channels: Sequence[Channel], counts: Mapping[str, int]) -> tuple[Topi
     )
 
 
-def assigned(topics: Sequence[Topic], settings: TopicSettings, *, where: str) -> Roles:
+def assigned(topics: Sequence[Topic], settings: TopicSettings, *, where: str) -> TopicRoles:
     """Roles by the settings; raises RecordingInvalid if nothing says where the robot was."""
     if not any(topic.messages for topic in topics):
         raise RecordingInvalid(
@@ -70,7 +70,7 @@ def assigned(topics: Sequence[Topic], settings: TopicSettings, *, where: str) ->
     odometry = choice.of(settings.odometry, (ODOMETRY,), role="odometry")
     camera = choice.of(settings.camera, (COMPRESSED_IMAGE, IMAGE), role="camera")
     cloud = choice.of(settings.cloud, (CLOUD,), role="cloud")
-    roles = Roles(pose, "" if odometry == pose else odometry, camera, cloud, tuple(choice.notes))
+    roles = TopicRoles(pose, "" if odometry == pose else odometry, camera, cloud, tuple(choice.notes))
     if not roles.position:
         raise _nowhere(topics, choice, where)
     return roles

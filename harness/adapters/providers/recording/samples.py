@@ -10,7 +10,7 @@ import numpy as np
 from harness.adapters.providers.recording.messages import COMPRESSED_IMAGE, Decoder, stamp_ns
 from harness.adapters.providers.recording.pictures import cloud_points, compressed_picture, raw_picture
 from harness.adapters.providers.recording.raw_messages import Raw
-from harness.adapters.providers.recording.roles import Roles
+from harness.adapters.providers.recording.roles import TopicRoles
 from harness.adapters.providers.recording.survey import pose_of
 from harness.adapters.providers.recording.topics import Clock, TopicSettings
 from harness.adapters.providers.recording.transforms import Frames, Matrix, apply, body_from_map, planar
@@ -36,7 +36,7 @@ class Clocks(Value):
     last_log_s: float
 
 
-class Times:
+class RecordingClock:
     """Nanoseconds of a recording to seconds of mission time."""
 
     def __init__(self, clocks: Clocks, *, shift_ns: int) -> None:
@@ -72,7 +72,14 @@ class Samples:
     """One pass over the samples of a recording, in order of arrival; `left_out` counts what could not be used."""
 
     def __init__(
-        self, *, roles: Roles, settings: TopicSettings, binding: Binding, frames: Frames, times: Times, decoder: Decoder
+        self,
+        *,
+        roles: TopicRoles,
+        settings: TopicSettings,
+        binding: Binding,
+        frames: Frames,
+        times: RecordingClock,
+        decoder: Decoder,
     ) -> None:
         self.left_out: Counter[str] = Counter()
         self._roles, self._settings, self._binding = roles, settings, binding

@@ -17,7 +17,7 @@ class DispatchedRoute(Value):
     route_m: tuple[Point, ...]
 
 
-class Declaration(Value):
+class DeclaredSegment(Value):
     """A line of the recording's own supervisor, at mission time: declared, never measured."""
 
     kind: Name
@@ -59,7 +59,7 @@ class Segment(Value):
 
 
 def merged(
-    routes: Sequence[DispatchedRoute], *, names: Sequence[str], arrivals: Sequence[Declaration]
+    routes: Sequence[DispatchedRoute], *, names: Sequence[str], arrivals: Sequence[DeclaredSegment]
 ) -> list[tuple[str, DispatchedRoute]]:
     """Routes that begin a segment, with their names: the same target again, before an arrival, is a retry.
 
@@ -82,7 +82,7 @@ def measured(
     routes: Sequence[tuple[str, DispatchedRoute]],
     *,
     track: Iterable[tuple[float, Point]],
-    lines: Sequence[Declaration],
+    lines: Sequence[DeclaredSegment],
     target_source: str = "dispatched route",
 ) -> tuple[Segment, ...]:
     """Segments over `track`: (mission seconds, position), in order. Keeps figures, not positions."""
@@ -101,7 +101,7 @@ def measured(
 
 
 class _Meter:
-    def __init__(self, *, route: DispatchedRoute, name: str, until_s: float, lines: Sequence[Declaration]) -> None:
+    def __init__(self, *, route: DispatchedRoute, name: str, until_s: float, lines: Sequence[DeclaredSegment]) -> None:
         self.route, self.until_s = route, until_s
         self.last: tuple[float, Point] | None = None
         within = [line for line in lines if route.at_s <= line.at_s < until_s]

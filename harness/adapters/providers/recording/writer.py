@@ -14,7 +14,7 @@ from mcap.writer import CompressionType, Writer
 
 from harness.adapters.providers.recording import messages
 from harness.adapters.providers.recording.binding import METADATA
-from harness.adapters.providers.recording.ros_words import RosWords, nanoseconds
+from harness.adapters.providers.recording.ros_message_types import RosMessageTypes, nanoseconds
 from harness.adapters.providers.recording.topics import StaticTransform
 from harness.adapters.providers.recording.transforms import body_from_map, matrix_of
 from harness.contracts.errors import RecordingInvalid
@@ -40,7 +40,7 @@ _SLAM_STEP_M = 0.1
 _SLAM_PERIOD_S = 10.0
 
 
-class Leg(Value):
+class RecordedLeg(Value):
     """One dispatched leg of a mission: metres in the map frame, mission seconds, the supervisor's declarations.
 
     `closed_s`: when the harness sealed the leg's evidence; a replay ends the leg there.
@@ -73,13 +73,13 @@ THINNINGS = (
 )
 
 
-class Mission(Value):
+class RecordedMission(Value):
     """What the recording is of. `frame` and `map_version` are those of the poses."""
 
     mission_id: Name
     frame: Name
     map_version: Name
-    legs: tuple[Leg, ...]
+    legs: tuple[RecordedLeg, ...]
 
 
 class Written(Value):
@@ -93,7 +93,7 @@ class Written(Value):
 
 def record_mission(
     path: Path,
-    mission: Mission,
+    mission: RecordedMission,
     *,
     samples: Sequence[AnySample],
     blob: Callable[[Digest], bytes],
@@ -143,9 +143,11 @@ class _Entry(NamedTuple):
 class _Recorder:
     """One pass: merges samples and mission events by time and writes them."""
 
-    def __init__(self, file: BinaryIO, mission: Mission, blob: Callable[[Digest], bytes], thinning: Thinning) -> None:
+    def __init__(
+        self, file: BinaryIO, mission: RecordedMission, blob: Callable[[Digest], bytes], thinning: Thinning
+    ) -> None:
         self._writer = Writer(file, compression=CompressionType.ZSTD, chunk_size=256 * 1024, enable_data_crcs=True)
-        self._words = RosWords()
+        self._words = RosMessageTypes()
         self._mission, self._blob, self._thinning = mission, blob, thinning
         self._channels: dict[str, int] = {}
         self._counts: dict[str, int] = {}

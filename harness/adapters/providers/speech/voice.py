@@ -4,7 +4,7 @@ import io
 import wave
 from pathlib import Path
 
-from harness.adapters.providers.local import Draft, Failed, LocalProvider, Outcome, Result
+from harness.adapters.providers.local import Failed, LocalProvider, Outcome, ReceiptDraft, Result
 from harness.adapters.providers.speech.espeak import Samples, synthesise
 from harness.adapters.providers.speech.speaker import Speaker
 from harness.contracts.capabilities import CancelBehaviour, CapabilityCard, Estimates, Latency, Parameter
@@ -113,7 +113,7 @@ def _played(playback: _Playback) -> Result:
     }
     return Result(
         message=f"Spoken in {duration_s:.1f} s.",
-        drafts=(Draft(kind="playback", text="played to the last sample", blob=playback.wav, values=values),),
+        drafts=(ReceiptDraft(kind="playback", text="played to the last sample", blob=playback.wav, values=values),),
         declared={"duration_s": duration_s},
         blobs=(playback.wav,),
         at_s=playback.end_s,

@@ -1,0 +1,291 @@
+"""People and their passwords, tokens of integrations, and how often a wrong password may be tried."""
+
+import re
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from threading import Lock
+
+from argon2 import PasswordHasher
+from argon2.exceptions import InvalidHashError, VerificationError
+from msgspec.structs import replace
+
+from app.auth.permissions import ROLES, SCOPES, Principal
+from harness.adapters.stores.accounts import SqlAccounts
+from harness.adapters.stores.accounts_rows import Account, AuditEntry, Token
+from harness.contracts.actors import Actor
+from harness.contracts.errors import ContractInvalid, UnknownName
+from harness.contracts.ids import sha256
+
+SHORTEST, LONGEST = 12, 256
+NAME = re.compile(r"[a-z0-9][a-z0-9._-]{0,39}")
+FREE_TRIES, ADDRESS_TRIES, LONGEST_WAIT_S, REMEMBERED_S = 5, 20, 300.0, 3600.0
+RECENT_S = 30.0
+TOKEN_PREFIX = "regen_"
+
+
+@dataclass(frozen=True)
+class Throttled:
+    """Too many wrong passwords: try again in `wait_s`."""
+
+    wait_s: float
+
+
+@dataclass(frozen=True)
+class Issued:
+    """A new token. `secret` is shown this once and kept nowhere."""
+
+    token: Token
+    secret: str
+
+
+class Accounts:
+    """Everybody who may come in by name. `by` is who asks: changes need the permission `people`.
+
+    `clock` gives wall seconds, `fresh` an unguessable string.
+    """
+
+    def __init__(
+        self,
+        store: SqlAccounts,
+        *,
+        clock: Callable[[], float],
+        fresh: Callable[[], str],
+        hasher: PasswordHasher | None = None,
+    ) -> None:
+        self.store, self._clock, self._fresh = store, clock, fresh
+        self._hasher = hasher or PasswordHasher()
+        self._nobody = self._hasher.hash(fresh())
+        self._one_at_a_time = Lock()
+
+    # people ---------------------------------------------------------------------------------------------------------
+
+    def add(self, name: str, *, roles: Collection[str], password: str, by: Principal) -> Account:
+        """Raises ContractInvalid for a bad name, role or password, ConcurrencyConflict for a taken name."""
+        by.acting("people")
+        if not NAME.fullmatch(name):
+            raise ContractInvalid("A name is 1 to 40 of a-z, 0-9, dot, dash, underscore", where=f"name {name[:40]!r}")
+        if not self.store.any_account() and "admin" not in roles:
+            raise ContractInvalid(
+                "The first account must be an admin", where=f"roles {', '.join(roles)}", do="add the role admin"
+            )
+        now_s = self._clock()
+        account = Account(
+            name=name,
+            roles=checked_roles(roles),
+            secret=self._hasher.hash(_password(password, name=name)),
+            disabled=False,
+            created_at_s=now_s,
+            changed_at_s=now_s,
+        )
+        self.store.add_account(account)
+        self.note(by, "account.added", subject=name, detail=" ".join(account.roles))
+        return account
+
+    def change(
+        self, name: str, *, roles: Collection[str] | None = None, disabled: bool | None = None, by: Principal
+    ) -> None:
+        """Other roles, or off and on again; ends that person's sessions. The last admin stays."""
+        by.acting("people")
+        old = self.known(name)
+        if roles is not None:
+            self._own(name, "roles", do="change their groups there, or what REGEN_OIDC_ROLES makes of them")
+        new = replace(
+            old,
+            roles=old.roles if roles is None else checked_roles(roles),
+            disabled=old.disabled if disabled is None else disabled,
+            changed_at_s=self._clock(),
+        )
+        others = (one for one in self.store.accounts() if one.name != name and not one.disabled)
+        if (new.disabled or "admin" not in new.roles) and not any("admin" in one.roles for one in others):
+            raise ContractInvalid(f"{name} is the last admin", do="make somebody else an admin first")
+        self.store.change_account(new)
+        self.store.close_sessions(name=name)
+        state = "disabled" if new.disabled else "enabled"
+        self.note(by, "account.changed", subject=name, detail=f"{' '.join(new.roles)}, {state}")
+
+    def set_password(self, name: str, *, old: str, new: str, by: Principal, but: str = "") -> None:
+        """A person's own, with the old one; ends their other sessions, all but the one whose digest is `but`."""
+        if by.name != name or not self._matches(self.known(name), old):
+            self.note(by, "password.refused", subject=name)
+            raise ContractInvalid("That is not your present password", where="the present password")
+        self._store_password(name, new, by=by, but=but)
+
+    def reset_password(self, name: str, *, new: str, by: Principal) -> None:
+        """An admin's way in for somebody who forgot theirs."""
+        by.acting("people")
+        self._store_password(name, new, by=by)
+
+    def _store_password(self, name: str, new: str, *, by: Principal, but: str = "") -> None:
+        self._own(name, "password", do="they sign in there")
+        secret = self._hasher.hash(_password(new, name=name))
+        self.store.change_account(replace(self.known(name), secret=secret, changed_at_s=self._clock()))
+        self.store.close_sessions(name=name, but=but)
+        self.note(by, "password.changed", subject=name)
+
+    def _own(self, name: str, what: str, *, do: str) -> None:
+        """Raises ContractInvalid for somebody whose account is the identity provider's word alone."""
+        if any(one.by_groups for one in self.store.identities(name)):
+            raise ContractInvalid(f"The {what} of {name} is the identity provider's matter", where=name, do=do)
+
+    def known(self, name: str) -> Account:
+        account = self.store.account(name)
+        if account is None:
+            raise UnknownName(f"There is no account {name[:40]}", do="list them with `regen account list`")
+        return account
+
+    def check(self, name: str, password: str, *, source: str) -> Account | Throttled | None:
+        """The account if the password is right, None if not, Throttled after too many. Unknown names cost the same."""
+        with self._one_at_a_time:
+            wait_s = self._wait_s(name, source)
+            if wait_s > 0:
+                return Throttled(wait_s)
+            account = self.store.account(name[:200])
+            right = self._matches(account, password) and account is not None and not account.disabled
+            self.store.record(
+                at_s=self._clock(),
+                kind="sign_in.accepted" if right else "sign_in.refused",
+                actor=name if right else "",
+                role="+".join(account.roles) if account and right else "",
+                subject=name,
+                detail="",
+                source=source,
+            )
+            return account if right else None
+
+    def _matches(self, account: Account | None, password: str) -> bool:
+        """Who has no password is checked against nobody's: the answer takes as long as any other."""
+        secret = account.secret if account else ""
+        try:
+            right = self._hasher.verify(secret or self._nobody, password[: LONGEST + 1])
+        except (VerificationError, InvalidHashError):
+            return False
+        return right and bool(secret)
+
+    def _wait_s(self, name: str, source: str) -> float:
+        now_s = self._clock()
+        since_s = now_s - REMEMBERED_S
+        waits = []
+        for (count, last_s), free in (
+            (self.store.refusals(since_s=since_s, name=name[:200]), FREE_TRIES),
+            (self.store.refusals(since_s=since_s, source=source), ADDRESS_TRIES),
+        ):
+            pause_s = min(2.0 ** (count - free), LONGEST_WAIT_S) if count >= free else 0.0
+            waits.append(last_s + pause_s - now_s)
+        return max(waits)
+
+    # tokens ---------------------------------------------------------------------------------------------------------
+
+    def issue(
+        self, name: str, *, scopes: Collection[str], by: Principal, robot_id: str = "", days: float | None = None
+    ) -> Issued:
+        """A new token. Raises ContractInvalid for a scope that only people may have."""
+        by.acting("people")
+        wrong = sorted(set(scopes) - SCOPES)
+        if wrong or not scopes or not NAME.fullmatch(name):
+            raise ContractInvalid(
+                "A token needs a name of a-z, 0-9, dot, dash, underscore and scopes that integrations may have",
+                where=f"name {name[:40]!r}, scopes {', '.join(scopes) or 'none'}",
+                do=f"choose from {', '.join(sorted(SCOPES))}",
+            )
+        now_s, secret = self._clock(), TOKEN_PREFIX + self._fresh()
+        digest = sha256(secret.encode())
+        token = Token(
+            token_id=f"tok_{digest[:12]}",
+            name=name,
+            digest=digest,
+            scopes=tuple(sorted(scopes)),
+            robot_id=robot_id[:200],
+            created_by=by.name,
+            created_at_s=now_s,
+            expires_at_s=None if days is None else now_s + days * 86400.0,
+            used_at_s=None,
+            revoked_at_s=None,
+        )
+        self.store.add_token(token)
+        self.note(
+            by, "token.issued", subject=token.token_id, detail=f"{name}: {' '.join(token.scopes)} {robot_id}".strip()
+        )
+        return Issued(token, secret)
+
+    def revoke(self, token_id: str, *, by: Principal) -> Token:
+        """Ends a token at once. Raises UnknownName."""
+        by.acting("people")
+        token = next((one for one in self.store.tokens() if one.token_id == token_id), None)
+        if token is None:
+            raise UnknownName(f"There is no token {token_id[:40]}", do="list them with `regen token list`")
+        if token.revoked_at_s is None:
+            token = replace(token, revoked_at_s=self._clock())
+            self.store.change_token(token)
+            self.note(by, "token.revoked", subject=token.token_id)
+        return token
+
+    def holder(self, secret: str, *, source: str) -> Principal | None:
+        """Who a token speaks for; None for an unknown, revoked or expired one."""
+        token = self.store.token(sha256(secret.encode())) if secret.startswith(TOKEN_PREFIX) else None
+        now_s = self._clock()
+        if token is None or token.revoked_at_s is not None or now_s >= (token.expires_at_s or now_s + 1):
+            return None
+        if now_s - (token.used_at_s or 0.0) > RECENT_S:
+            self.store.change_token(replace(token, used_at_s=now_s))
+        return Principal(name=token.name, scopes=token.scopes, source=source, robot_id=token.robot_id)
+
+    # the trail ------------------------------------------------------------------------------------------------------
+
+    def note(self, by: Principal, kind: str, *, subject: str, detail: str = "") -> AuditEntry:
+        """One line of the trail about what `by` did."""
+        return self.store.record(
+            at_s=self._clock(),
+            kind=kind,
+            actor=by.name,
+            role=by.actor.role,
+            subject=subject,
+            detail=detail,
+            source=by.source,
+        )
+
+    def told(self, by: Principal, actor: Actor, command: str, subject: str, outcome: str) -> None:
+        """A person's command and what came of it, with the address it came from."""
+        self.store.record(
+            at_s=self._clock(),
+            kind=f"command.{command}",
+            actor=actor.name,
+            role=actor.role,
+            subject=subject,
+            detail=outcome,
+            source=by.source,
+        )
+
+    def sessions_of(self, principal: Principal) -> Sequence[tuple[str, float, float, bool]]:
+        """(from where, since, last seen, whether it is this one) of a person's open sessions."""
+        return [
+            (
+                f"{one.source} {one.agent}".strip(),
+                one.began_at_s,
+                one.seen_at_s,
+                principal.session in (one.digest, one.previous),
+            )
+            for one in self.store.sessions(principal.name)
+        ]
+
+
+def checked_roles(roles: Collection[str]) -> tuple[str, ...]:
+    """In the order of the table of roles. Raises ContractInvalid for none, or one that does not exist."""
+    unknown = sorted(set(roles) - set(ROLES))
+    if unknown or not roles:
+        raise ContractInvalid(
+            "An account needs at least one role",
+            where=f"roles {', '.join(roles)}",
+            do=f"choose from {', '.join(ROLES)}",
+        )
+    return tuple(role for role in ROLES if role in roles)
+
+
+def _password(password: str, *, name: str) -> str:
+    named = len(name) > 3 and name in password.lower()
+    if not SHORTEST <= len(password) <= LONGEST or named or len(set(password)) < 5:
+        raise ContractInvalid(
+            f"A password has {SHORTEST} to {LONGEST} signs, at least five different ones, and not the name in it",
+            where="the new password",
+            do="a sentence is easy to remember and long enough",
+        )
+    return password

@@ -1,0 +1,213 @@
+"""The runtime as people and integrations reach it: every command is checked and signed, whatever page it came by."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextvars import ContextVar
+from dataclasses import replace
+from typing import Any
+
+import msgspec
+
+from app.auth.command_permissions import asked_permission
+from app.auth.permissions import NotPermitted, Principal
+from harness.contracts.actors import Actor, Command
+from harness.contracts.any_events import AnyEvent
+from harness.contracts.commands import CreateMission, MissionCommand
+from harness.contracts.configuration import Configuration
+from harness.contracts.decisions import Accepted, Decision, Refused
+from harness.contracts.events import MissionCreated
+from harness.contracts.ids import Digest, HandoffId, MissionId, PlaceId, RobotId, StreamId
+from harness.contracts.person_commands import PersonCommand
+from harness.contracts.places import Place, Site
+from harness.contracts.ports import LogHead, Record, StoredEvent
+from harness.contracts.tasks import TaskContract, TaskTemplate
+from harness.memory.fabric import MemoryFabric
+from harness.projections.handoffs import Handoff
+from harness.projections.mission import Mission
+from harness.projections.places import Places
+from harness.runtime import AnswerHandoff, Live, Runtime, Start
+
+PRINCIPAL: ContextVar[Principal] = ContextVar("visitor")
+"""Who the present request comes from. Set by the doorkeeper alone."""
+
+AuditLog = Callable[[Principal, Actor, str, str, str], object]
+"""Writes (visitor, actor, command, subject, outcome) where people's commands are kept with their source."""
+
+
+class GuardedRuntime:
+    """What the console may do with the runtime, and nothing else of it.
+
+    A command's actor is the visitor in the role that allows it, whatever the caller had written there. Every command
+    raises NotPermitted before anything is observed or decided.
+    """
+
+    def __init__(self, runtime: Runtime, *, answer: AnswerHandoff, audit_log: AuditLog) -> None:
+        self._runtime = runtime
+        self._answer = answer
+        self._audit_log = audit_log
+
+    # commands -------------------------------------------------------------------------------------------------------
+
+    def start(self, start: Start, *, template: TaskTemplate | None = None) -> Accepted[AnyEvent] | Refused:
+        """Create a mission in the visitor's name. Raises as `Runtime.start` does."""
+        actor = _acting(CreateMission)
+        _same_robot(start.robot_id)
+        decision = self._runtime.start(replace(start, actor=actor), template=template)
+        created = decision.events if isinstance(decision, Accepted) else ()
+        names = (event.mission_id for event in created if isinstance(event, MissionCreated))
+        self._told(actor, CreateMission, f"mission/{next(names, '')}", decision)
+        return decision
+
+    def submit(self, mission_id: MissionId, command: MissionCommand) -> Accepted[AnyEvent] | Refused:
+        """One command for one mission. Raises UnknownName for a mission that does not exist."""
+        actor = _acting(type(command))
+        _same_robot(self._runtime.mission(mission_id).robot_id)
+        decision = self._runtime.submit(mission_id, _signed(command, actor))
+        self._told(actor, type(command), f"mission/{mission_id}", decision)
+        return decision
+
+    def decide(self, requests: Sequence[tuple[StreamId, Command]]) -> Accepted[Any] | Refused:
+        """Commands about the site, its maps, alerts and limits: all or none."""
+        actors = [_acting(type(command)) for _, command in requests]
+        signed = [(stream, _signed(command, actor)) for (stream, command), actor in zip(requests, actors, strict=True)]
+        decision = self._runtime.decide(signed)
+        for (stream, command), actor in zip(signed, actors, strict=True):
+            self._told(actor, type(command), stream, decision)
+        return decision
+
+    def answer(self, handoff_id: HandoffId, command: PersonCommand) -> Decision[AnyEvent]:
+        """A person's answer at a handoff. Raises UnknownName for one that does not exist."""
+        actor = _acting(type(command))
+        opened = self._runtime.handoff(handoff_id).opened
+        _same_robot(opened.robot_id if opened else "")
+        decision = self._answer(handoff_id, msgspec.structs.replace(command, actor=actor))
+        self._told(actor, type(command), f"handoff/{handoff_id}", decision)
+        return decision
+
+    def keep(self, body: bytes) -> Digest:
+        """Store bytes that a command or a page refers to; returns their digest."""
+        return self._runtime.keep(body)
+
+    def _told(self, actor: Actor, kind: type[Command], subject: str, decision: Decision[AnyEvent]) -> None:
+        outcome = f"refused: {decision.rule}" if isinstance(decision, Refused) else "accepted"
+        self._audit_log(principal(), actor, kind.__name__, subject, outcome)
+
+    # queries --------------------------------------------------------------------------------------------------------
+
+    @property
+    def site(self) -> Site:
+        """The places as people have changed them."""
+        return self._runtime.site
+
+    @property
+    def memory(self) -> MemoryFabric:
+        """What missions remembered, followed from the log."""
+        return self._runtime.memory
+
+    def places(self) -> Places:
+        """The changes to this site's places."""
+        return self._runtime.places()
+
+    def shipped_place(self, place_id: PlaceId) -> Place | None:
+        """A place as it shipped, whatever people made of it since."""
+        return self._runtime.shipped_place(place_id)
+
+    def draft(self, start: Start) -> TaskContract:
+        """The contract that `start` would create now; nothing is written."""
+        return self._runtime.draft(start)
+
+    def current_configuration_id(self, robot_id: RobotId) -> Digest:
+        """The version that a new mission of this robot is pinned to."""
+        return self._runtime.current_configuration_id(robot_id)
+
+    def current_configuration(self, robot_id: RobotId) -> Configuration:
+        """Raises ConfigurationMissing."""
+        return self._runtime.current_configuration(robot_id)
+
+    def stored_configuration(self, configuration_id: Digest) -> Configuration:
+        """Any version by its id. Raises ConfigurationMissing."""
+        return self._runtime.stored_configuration(configuration_id)
+
+    def fold(self, stream: StreamId) -> Any:
+        """The state of any stream, of the type its family's decider folds to."""
+        return self._runtime.fold(stream)
+
+    def mission(self, mission_id: MissionId) -> Mission:
+        """Raises UnknownName."""
+        return self._runtime.mission(mission_id)
+
+    def newest_missions(self) -> Iterator[Mission]:
+        """All missions, newest first, folded as they are asked for."""
+        return self._runtime.newest_missions()
+
+    def open_missions(self) -> list[Mission]:
+        """Those that are not over, newest first."""
+        return self._runtime.open_missions()
+
+    def handoff(self, handoff_id: HandoffId) -> Handoff:
+        """Raises UnknownName."""
+        return self._runtime.handoff(handoff_id)
+
+    def observations(self, mission_id: MissionId) -> Live | None:
+        """What is observed of a running mission now; None where nothing is."""
+        return self._runtime.observations(mission_id)
+
+    def events(self, mission_id: MissionId, after: int = 0) -> list[StoredEvent]:
+        """A mission's events beyond a version, in order."""
+        return self._runtime.events(mission_id, after)
+
+    def stream(self, stream: StreamId, after: int = 0) -> list[StoredEvent]:
+        """The events of one stream beyond a version, in order."""
+        return self._runtime.stream(stream, after)
+
+    def streams(self, prefix: str) -> list[StreamId]:
+        """Streams whose name starts with `prefix`, by first position."""
+        return self._runtime.streams(prefix)
+
+    def log(self, after: int = 0, limit: int = 1000) -> list[StoredEvent]:
+        """Events of all streams beyond a position, in order."""
+        return self._runtime.log(after, limit)
+
+    def head(self) -> LogHead:
+        """The end of the log."""
+        return self._runtime.head()
+
+    def verify(self) -> LogHead:
+        """Recompute the chain and every record's digest; raises LogDamaged."""
+        return self._runtime.verify()
+
+    def record(self, digest: Digest) -> Record:
+        """Raises UnknownName."""
+        return self._runtime.record(digest)
+
+    def blob(self, digest: Digest) -> bytes:
+        """Bytes that match their digest; raises BlobDamaged."""
+        return self._runtime.blob(digest)
+
+    def has_blob(self, digest: Digest) -> bool:
+        """Whether bytes of that digest are stored."""
+        return self._runtime.has_blob(digest)
+
+
+def principal() -> Principal:
+    """Who the present request comes from; raises NotPermitted where nobody is known."""
+    try:
+        return PRINCIPAL.get()
+    except LookupError:
+        raise NotPermitted("Nobody is known to ask for this", do="sign in, or use a token") from None
+
+
+def _acting(kind: type[Command]) -> Actor:
+    """The visitor in the role that allows this command; raises NotPermitted."""
+    return principal().acting(asked_permission(kind))
+
+
+def _signed(command: Any, actor: Actor) -> Any:
+    return msgspec.structs.replace(command, actor=actor) if "actor" in command.__struct_fields__ else command
+
+
+def _same_robot(robot_id: str) -> None:
+    found = principal()
+    if found.robot_id not in ("", robot_id):
+        raise NotPermitted(
+            f"This token is for {found.robot_id}", where=f"token {found.name}", do=f"use one for {robot_id}"
+        )

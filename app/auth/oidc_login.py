@@ -1,0 +1,132 @@
+"""The way in by the identity provider: sign-ins under way, each bound to one browser and used once, and their end.
+
+What is under way is kept in this process, like invitations: ten minutes, and the newest thousand.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from hmac import compare_digest
+from threading import Lock
+
+from cachetools import LRUCache
+
+from app.auth.accounts import Throttled
+from app.auth.identities import Identities
+from app.auth.next_url import safe_next_url
+from app.auth.rate_limits import Buckets
+from app.auth.sessions import Origin, SessionService
+from harness.contracts.identity import IdentityProvider, IssuerDeclined, SignInAttempt, SignInRefused, StateMismatch
+from harness.contracts.ids import sha256
+
+MOST_UNDER_WAY = 1000
+STARTS_PER_S, STARTS_AT_ONCE = 0.5, 20.0
+AGAIN = "begin again from the sign-in page of this console, in the same browser, and within ten minutes"
+
+UNDER_WAY_S = 600
+"""How long a sign-in at the identity provider may take, in seconds."""
+
+
+@dataclass(frozen=True)
+class Begun:
+    """Where to send a browser, and the cookie by which it is known when it comes back."""
+
+    url: str
+    cookie: str
+
+
+@dataclass(frozen=True)
+class Entered:
+    """A new session's cookie, and the page that was wanted."""
+
+    cookie: str
+    page: str
+
+
+@dataclass(frozen=True)
+class _UnderWay:
+    """One sign-in: its secrets, until when, where to afterwards, and the digest of the cookie that it will replace."""
+
+    attempt: SignInAttempt
+    until_s: float
+    page: str
+    replaces: str
+
+
+class OidcLogin:
+    """Who comes in by the identity provider. Times are wall seconds from `clock`; `fresh` makes unguessable strings."""
+
+    def __init__(
+        self,
+        provider: IdentityProvider,
+        identities: Identities,
+        sessions: SessionService,
+        *,
+        clock: Callable[[], float],
+        fresh: Callable[[], str],
+    ) -> None:
+        self.provider, self.identities = provider, identities
+        self._sessions, self._clock, self._fresh = sessions, clock, fresh
+        self._starts = Buckets(per_s=STARTS_PER_S, burst=STARTS_AT_ONCE, clock=clock)
+        self._under_way: LRUCache[str, _UnderWay] = LRUCache(MOST_UNDER_WAY)
+        self._lock = Lock()
+
+    def begin(self, page: str, origin: Origin, *, session: str) -> Begun | Throttled:
+        """`session`: the cookie that the browser has now, if any. Raises SignInRefused."""
+        wait_s = self._starts.wait_s(origin.source)
+        if wait_s:
+            return Throttled(wait_s)
+        attempt = SignInAttempt(state=self._fresh(), nonce=self._fresh(), verifier=self._fresh())
+        url, cookie = self.provider.begin(attempt), self._fresh()
+        with self._lock:
+            self._under_way[sha256(cookie.encode())] = _UnderWay(
+                attempt, self._clock() + UNDER_WAY_S, safe_next_url(page), sha256(session.encode()) if session else ""
+            )
+        return Begun(url, cookie)
+
+    def finish(self, cookie: str, answer: Mapping[str, str], origin: Origin) -> Entered:
+        """What the issuer sent the browser back with. Raises SignInRefused; the trail says why, if anything began."""
+        with self._lock:
+            begun = self._under_way.pop(sha256(cookie.encode()), None)
+        if begun is None:
+            raise StateMismatch("This browser began no such sign-in, or it was used already", do=AGAIN)
+        try:
+            name = self._recognised(begun, answer, origin)
+        except SignInRefused as error:
+            self._note("sign_in.issuer_refused", "", f"{error.code} {error.where}", origin)
+            raise
+        self._note("sign_in.accepted", name, f"identity provider {self.provider.issuer}", origin)
+        if begun.replaces:
+            self._sessions.accounts.store.close_sessions(digest=begun.replaces)
+        return Entered(self._sessions.admit(name, origin), begun.page)
+
+    def _recognised(self, begun: _UnderWay, answer: Mapping[str, str], origin: Origin) -> str:
+        """The name of the account that the person has here."""
+        if self._clock() >= begun.until_s or not compare_digest(
+            answer.get("state", "").encode(), begun.attempt.state.encode()
+        ):
+            raise StateMismatch("The answer does not belong to the sign-in that this browser began", do=AGAIN)
+        code = answer.get("code", "")
+        if "error" in answer or not code:
+            raise IssuerDeclined(
+                "The identity provider did not let you in",
+                where=answer.get("error", "")[:60],
+                do="sign in there with an account that may use this console, or sign in here with a password",
+            )
+        claims = self.provider.finish(begun.attempt, code=code, issuer=answer.get("iss", ""), by_groups=self._by_groups)
+        return self.identities.account_of(claims, source=origin.source).name
+
+    def _by_groups(self, subject: str) -> bool:
+        return self.identities.by_groups(self.provider.issuer, subject)
+
+    def _note(self, kind: str, name: str, detail: str, origin: Origin) -> None:
+        accounts = self._sessions.accounts
+        account = accounts.store.account(name) if name else None
+        accounts.store.record(
+            at_s=self._clock(),
+            kind=kind,
+            actor=name,
+            role="+".join(account.roles) if account else "",
+            subject=name,
+            detail=detail.strip(),
+            source=origin.source,
+        )

@@ -1,0 +1,38 @@
+"""The identity provider as the settings name it, and the door for those who come from there."""
+
+from collections.abc import Callable
+
+from app.auth.identities import Identities
+from app.auth.oidc_login import OidcLogin
+from app.auth.sessions import SessionService
+from app.settings import ConsoleSettings
+from harness.adapters.identity.openid import OpenIdProvider, Registration, secret_of
+
+
+def identity_provider(settings: ConsoleSettings, *, clock: Callable[[], float]) -> OpenIdProvider | None:
+    """The one that is set up, if any; nobody is asked yet. Raises ContractInvalid for a setting that cannot be."""
+    oidc = settings.oidc
+    if not oidc.issuer:
+        return None
+    registration = Registration(
+        issuer=oidc.issuer,
+        client_id=oidc.client_id,
+        back=settings.back,
+        scopes=oidc.scopes,
+        groups_claim=oidc.groups_claim,
+        hosts=oidc.hosts,
+        authority=oidc.authority,
+    )
+    secret = secret_of(oidc.client_secret.get_secret_value(), oidc.client_secret_file)
+    return OpenIdProvider(registration, secret=secret, clock=clock)
+
+
+def issuer_door(
+    settings: ConsoleSettings, sessions: SessionService, *, clock: Callable[[], float], fresh: Callable[[], str]
+) -> OidcLogin | None:
+    """None without an identity provider. Raises ContractInvalid as above, and for roles that do not exist."""
+    provider = identity_provider(settings, clock=clock)
+    if provider is None:
+        return None
+    identities = Identities(sessions.accounts, roles=settings.oidc.roles, clock=clock)
+    return OidcLogin(provider, identities, sessions, clock=clock, fresh=fresh)

@@ -1,0 +1,113 @@
+"""Pure: who may do what. The one table of roles and permissions, and the one question that is asked of it."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from app.i18n.catalogues import N_
+from harness.contracts.actors import Actor
+from harness.contracts.errors import HarnessError
+
+Role = Literal["viewer", "operator", "reviewer", "releaser", "admin"]
+Permission = Literal[
+    "read", "export", "drive", "stop", "observe", "decide", "dispute", "attest", "alerts", "propose", "review",
+    "release", "trail", "people",
+]  # fmt: skip
+ROLES: tuple[str, ...] = get_args(Role)
+GRANTS: Mapping[Permission, tuple[Role, ...]] = {
+    "read": ("viewer", "operator", "reviewer", "releaser", "admin"),
+    "export": ("operator",),
+    "drive": ("operator",),
+    "stop": ("operator", "reviewer", "releaser", "admin"),
+    "observe": ("operator",),
+    "decide": ("operator",),
+    "dispute": ("operator", "reviewer"),
+    "attest": ("operator",),
+    "alerts": ("operator", "admin"),
+    "propose": ("releaser", "reviewer", "operator"),
+    "review": ("reviewer",),
+    "release": ("releaser",),
+    "trail": ("reviewer", "releaser", "admin"),
+    "people": ("admin",),
+}
+SCOPES: frozenset[Permission] = frozenset({"read", "drive", "stop", "observe"})
+"""What a token may be given: answers at a gate, releases and people's accounts are for people."""
+
+MEANING: Mapping[Permission, str] = {
+    "read": N_("see missions, evidence and the log"),
+    "export": N_("export a mission's 3D view"),
+    "drive": N_("start and resume missions"),
+    "stop": N_("stop and pause missions"),
+    "observe": N_("look again at a handoff, without motion"),
+    "decide": N_("answer a handoff"),
+    "dispute": N_("dispute an accepted completion"),
+    "attest": N_("attest to what was seen"),
+    "alerts": N_("acknowledge, shelve, suppress and assign alerts"),
+    "propose": N_("propose changes to the harness and speak about them"),
+    "review": N_("review candidates"),
+    "release": N_("release and roll back configurations"),
+    "trail": N_("read who signed in and who commanded what"),
+    "people": N_("change accounts, roles and tokens"),
+}
+
+
+class NotPermitted(HarnessError):
+    """Somebody known asked for something that their roles or scopes do not allow."""
+
+    code = "not_permitted"
+
+
+@dataclass(frozen=True)
+class Principal:
+    """Who is asking: a person with roles, or an integration with scopes; from where; `session` is a cookie's digest.
+
+    `robot_id` binds an integration to one robot. `invited` came by the first link, before there were accounts.
+    """
+
+    name: str
+    roles: tuple[str, ...] = ()
+    scopes: tuple[str, ...] = ()
+    source: str = ""
+    session: str = ""
+    robot_id: str = ""
+    invited: bool = False
+
+    @property
+    def actor(self) -> Actor:
+        """Everything this visitor is, in one actor; a command is stored with the one role that allowed it."""
+        return Actor(name=self.name, role="+".join(self.roles) or "integration", channel=self._channel)
+
+    def acting(self, permission: Permission) -> Actor:
+        """The actor in the role that allows it; raises NotPermitted."""
+        if not self.roles:
+            if permission not in self.scopes:
+                raise NotPermitted(
+                    f"This token may not {MEANING[permission]}",
+                    where=f"token {self.name}, scopes {', '.join(self.scopes) or 'none'}",
+                    do=f"use a token with the scope {permission}",
+                )
+            return Actor(name=self.name, role="integration", channel=self._channel)
+        role = next((one for one in GRANTS[permission] if one in self.roles), None)
+        if role is None:
+            raise NotPermitted(
+                f"Your role does not let you {MEANING[permission]}",
+                where=f"{self.name}, {', '.join(self.roles)}",
+                do=f"ask somebody who is {' or '.join(GRANTS[permission])}, or an admin to change your role",
+            )
+        return Actor(name=self.name, role=role, channel=self._channel)
+
+    def may(self, permission: Permission) -> bool:
+        return permission in (permissions_of(self.roles) if self.roles else self.scopes)
+
+    @property
+    def only_reads(self) -> bool:
+        return not any(self.may(permission) for permission in GRANTS if permission not in ("read", "export", "trail"))
+
+    @property
+    def _channel(self) -> Literal["human", "policy"]:
+        return "human" if self.roles else "policy"
+
+
+def permissions_of(roles: Collection[str]) -> tuple[Permission, ...]:
+    """Everything these roles may do together."""
+    return tuple(permission for permission, allowed in GRANTS.items() if set(allowed) & set(roles))

@@ -1,0 +1,193 @@
+"""Ways in: the one-time link of a first start, a password, an integration's token, the owner's token; and sessions.
+
+The identity provider's way in is app/auth/oidc_login.py, which lets people through here.
+
+A session is a random cookie whose digest is stored. It is exchanged for a fresh one every ROTATE_S; the old one stays
+good until GRACE_S after the new one was first used, so that no request under way is turned away.
+"""
+
+import hmac
+from collections.abc import Callable
+from dataclasses import dataclass
+from threading import Lock
+
+from msgspec.structs import replace
+
+from app.auth.accounts import Accounts, Throttled
+from app.auth.permissions import Principal
+from harness.adapters.stores.accounts_rows import Session
+from harness.contracts.ids import sha256
+
+INVITATION_S = 3600.0
+ROTATE_S, GRACE_S, SEEN_S = 900.0, 60.0, 30.0
+INVITED_ROLES = ("operator", "reviewer", "releaser", "admin")
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a browser stands and what it calls itself."""
+
+    source: str = ""
+    agent: str = ""
+
+
+class SessionService:
+    """Who comes in, and who somebody is. Times are wall seconds from `clock`; `fresh` makes unguessable strings."""
+
+    def __init__(
+        self,
+        accounts: Accounts,
+        *,
+        owner_token: str,
+        operator: str,
+        owner: str = "owner",
+        limits: tuple[float, float],
+        clock: Callable[[], float],
+        fresh: Callable[[], str],
+    ) -> None:
+        """`limits`: seconds of idleness and of age after which a session is over."""
+        self.accounts = accounts
+        self._owner, self._operator, self._owner_name = owner_token.encode(), operator, owner
+        self._idle_s, self._age_s = limits
+        self._clock, self._fresh = clock, fresh
+        self._invitations: dict[str, float] = {}
+        self._lock = Lock()
+
+    @property
+    def has_accounts(self) -> bool:
+        return self.accounts.store.any_account()
+
+    def invite(self, *, by: Principal | None = None) -> str:
+        """A path that signs one person in, once, within an hour, while nobody has an account.
+
+        Asked for `by` somebody it takes the place of every unused one, and stands in the trail.
+        """
+        token = self._fresh()
+        if by is not None:
+            self.accounts.note(by, "sign_in.link_made", subject=self._operator)
+        with self._lock:
+            if by is not None:
+                self._invitations.clear()
+            self._invitations[sha256(token.encode())] = self._clock() + INVITATION_S
+        return f"/account/sign-in?token={token}"
+
+    def key(self) -> str:
+        """A one-use key for a form."""
+        return self._fresh()
+
+    def enter(self, token: str, origin: Origin = Origin()) -> str | None:
+        """The new session's cookie for a fresh invitation; None for a used, late or unknown one, or with accounts."""
+        with self._lock:
+            until_s = self._invitations.pop(sha256(token.encode()), 0.0)
+        if self._clock() >= until_s or self.has_accounts:
+            return None
+        principal = Principal(name=self._operator, roles=INVITED_ROLES, source=origin.source)
+        self.accounts.note(principal, "sign_in.link", subject=self._operator)
+        return self._open(self._operator, origin, invited=True)
+
+    def sign_in(self, name: str, password: str, origin: Origin) -> str | Throttled | None:
+        """A fresh cookie for the right password; None for a wrong one, Throttled after too many."""
+        found = self.accounts.check(name, password, source=origin.source)
+        return found if found is None or isinstance(found, Throttled) else self._open(name, origin, invited=False)
+
+    def admit(self, name: str, origin: Origin) -> str:
+        """A fresh cookie for somebody whom the identity provider named."""
+        return self._open(name, origin, invited=False)
+
+    def who(self, cookie: str, *, source: str = "", active: bool = True) -> Principal | None:
+        """Whose session this is, with the roles they have now; None once it is idle or old or they are disabled.
+
+        A request that a page makes by itself is not `active`: it does not keep a session from becoming idle. What is
+        one, the doorkeeper says (app/web/security.py).
+        """
+        digest = sha256(cookie.encode())
+        session = self.accounts.store.session(digest)
+        if session is None or not self._lasts(session, digest):
+            return None
+        roles = self._roles(session)
+        if not roles:
+            self.accounts.store.close_sessions(digest=session.digest)
+            return None
+        self._seen(session, digest, active=active)
+        return Principal(
+            name=session.name,
+            roles=roles,
+            source=source or session.source,
+            session=session.digest,
+            invited=session.invited,
+        )
+
+    def rotated(self, cookie: str) -> str | None:
+        """A fresh cookie for the same session if this one has served ROTATE_S, else None."""
+        digest, now_s = sha256(cookie.encode()), self._clock()
+        session = self.accounts.store.session(digest)
+        if session is None or session.digest != digest or now_s - session.rotated_at_s < ROTATE_S:
+            return None
+        fresh = self._fresh()
+        then = replace(
+            session,
+            digest=sha256(fresh.encode()),
+            previous=digest,
+            previous_until_s=None,
+            rotated_at_s=now_s,
+        )
+        return fresh if self.accounts.store.change_session(digest, then) else None
+
+    def bearer(self, authorization: str, *, source: str) -> Principal | None:
+        """Who `Bearer <token>` speaks for: the owner of the data folder, or an integration."""
+        scheme, _, token = authorization.partition(" ")
+        if scheme.lower() != "bearer":
+            return None
+        if self._owner and hmac.compare_digest(token.encode(), self._owner):
+            return Principal(name=self._owner_name, roles=INVITED_ROLES, source=source)
+        return self.accounts.holder(token, source=source)
+
+    def leave(self, cookie: str) -> None:
+        """Ends one session."""
+        self.accounts.store.close_sessions(digest=sha256(cookie.encode()))
+
+    def leave_everywhere(self, principal: Principal) -> int:
+        """Ends all sessions of this person, this one too; how many there were."""
+        self.accounts.note(principal, "sign_out.everywhere", subject=principal.name)
+        return self.accounts.store.close_sessions(name=principal.name)
+
+    def _open(self, name: str, origin: Origin, *, invited: bool) -> str:
+        cookie, now_s = self._fresh(), self._clock()
+        session = Session(
+            digest=sha256(cookie.encode()),
+            previous="",
+            previous_until_s=None,
+            name=name,
+            invited=invited,
+            began_at_s=now_s,
+            seen_at_s=now_s,
+            rotated_at_s=now_s,
+            source=origin.source[:100],
+            agent=origin.agent[:200],
+        )
+        self.accounts.store.open_session(session)
+        return cookie
+
+    def _lasts(self, session: Session, digest: str) -> bool:
+        now_s = self._clock()
+        if now_s - session.seen_at_s > self._idle_s or now_s - session.began_at_s > self._age_s:
+            self.accounts.store.close_sessions(digest=session.digest)
+            return False
+        superseded = digest == session.previous and now_s > (session.previous_until_s or now_s)
+        return not superseded
+
+    def _roles(self, session: Session) -> tuple[str, ...]:
+        if session.invited:
+            return () if self.has_accounts else INVITED_ROLES
+        account = self.accounts.store.account(session.name)
+        return account.roles if account and not account.disabled else ()
+
+    def _seen(self, session: Session, digest: str, *, active: bool) -> None:
+        now_s = self._clock()
+        first_use = digest == session.digest and bool(session.previous) and session.previous_until_s is None
+        until_s = now_s + GRACE_S if first_use else session.previous_until_s
+        seen_s = now_s if active and now_s - session.seen_at_s > min(SEEN_S, self._idle_s / 10) else session.seen_at_s
+        if first_use or seen_s != session.seen_at_s:
+            self.accounts.store.change_session(
+                session.digest, replace(session, previous_until_s=until_s, seen_at_s=seen_s)
+            )

@@ -1,0 +1,111 @@
+"""Tells people outside of alerts that are new and pressing. Beside everything: nothing waits for it.
+
+A message holds the alert's title, its numbers and an address of this console, and no free text: goals and reasons are
+words of people and models and may hold anything.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from queue import Empty, Full, Queue
+
+from harness.contracts.alert_commands import ClearAlert, NoteNotification, RaiseAlert
+from harness.contracts.alert_events import PRIORITIES, Priority, alert_id, alert_stream
+from harness.contracts.notification import Notification, Notifier
+from harness.projections.alert_causes import of_house
+from harness.projections.alerts import Alert, status
+from harness.runtime import Runtime
+from harness.workers import Worker
+
+WAITS_S: tuple[float, ...] = (0.0, 2.0, 8.0)
+STEP_S = 0.5
+MOST_QUEUED = 200
+PRESSING = ("high", "critical")
+
+
+@dataclass
+class Notices:
+    """`offer` puts an alert in the line, from any thread; `deliver` sends what is in it; `watch` does so by itself."""
+
+    runtime: Runtime
+    notifier: Notifier
+    clock: Callable[[], float]
+    address: str
+    waits_s: Sequence[float] = WAITS_S
+    _line: Queue[tuple[str, Alert]] = field(default_factory=lambda: Queue(MOST_QUEUED))
+    _told: dict[str, tuple[float, Priority]] = field(default_factory=dict)
+    _worker: Worker = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._worker = Worker("notices", self.deliver, every_s=STEP_S, close_within_s=2.0)
+
+    def watch(self) -> None:
+        """From now on, in the background."""
+        self._worker.start()
+
+    def close(self) -> None:
+        self._worker.close()
+
+    def offer(self, name: str, alert: Alert) -> None:
+        """Put in the line if it is pressing, nobody put it away, and it is new or more pressing than what was told."""
+        if not self.notifier.services or alert.newest is None or alert.newest.kind == "notification_failed":
+            return
+        if alert.priority not in PRESSING or status(alert, self.clock()) != "unacknowledged":
+            return
+        episode, told = self._told.get(name, (-1.0, PRIORITIES[0]))
+        if episode == alert.first_s and PRIORITIES.index(alert.priority) <= PRIORITIES.index(told):
+            return
+        self._told[name] = (alert.first_s, alert.priority)
+        try:
+            self._line.put_nowait((name, alert))
+        except Full:
+            self._failed("the line", f"{MOST_QUEUED} messages wait already; this one was not sent")
+
+    def deliver(self) -> int:
+        """Send everything that is in the line; returns how many messages were taken by a service."""
+        taken = 0
+        while not self._worker.closed:
+            try:
+                name, alert = self._line.get_nowait()
+            except Empty:
+                return taken
+            taken += sum(self._send(service, name, alert) for service in self.notifier.services)
+        return taken
+
+    def _send(self, service: str, name: str, alert: Alert) -> bool:
+        reason, tries = "not tried", 0
+        for wait_s in self.waits_s:
+            if self._worker.wait(wait_s):
+                return False
+            tries += 1
+            reason = self.notifier.send(service, message(name, alert, address=self.address))
+            if not reason:
+                break
+        noted = NoteNotification(service=service, outcome="failed" if reason else "sent", tries=tries, reason=reason)
+        self.runtime.decide([(alert_stream(name), noted)])
+        if reason:
+            self._failed(service, f"{reason}; tried {tries} times")
+            return False
+        cleared = ClearAlert(condition="notification_failed", reason="it takes messages again", at_s=self.clock())
+        self.runtime.decide([(alert_stream(alert_id(_cause(service))), cleared)])
+        return True
+
+    def _failed(self, service: str, why: str) -> None:
+        occurrence = of_house(
+            "notification_failed", "high", f"people outside were not told through {service}",
+            cause=_cause(service), text=why, link="/alerts",
+        )  # fmt: skip
+        stream = alert_stream(alert_id(occurrence.cause))
+        self.runtime.decide([(stream, RaiseAlert(occurrence=occurrence, at_s=self.clock()))])
+
+
+def message(name: str, alert: Alert, *, address: str) -> Notification:
+    """What is said outside: what kind of thing happened to which robot, how often, and where to look."""
+    newest = alert.newest
+    kind = newest.kind.replace("_", " ") if newest else "alert"
+    whose = newest.robot_id if newest and newest.robot_id else "this installation"
+    body = f"{kind}, priority {alert.priority}, {alert.count} times. {address}/alerts/{name}"
+    return Notification(title=f"{whose}: {kind}", body=body, urgent=alert.priority == "critical")
+
+
+def _cause(service: str) -> str:
+    return f"notify/{service}"

@@ -1,0 +1,165 @@
+"""What robots say of themselves and show, for people: the newest word, how old it is, and the last seconds of camera.
+
+Wall time throughout. Nothing here is evidence and nothing is stored; a bounded ring of pictures is kept per robot.
+"""
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from threading import Lock
+
+from app.views.robots import LiveFrame, RobotReportSeen, Shots
+from harness.contracts.errors import HarnessError, UnknownName
+from harness.contracts.ids import RobotId
+from harness.contracts.ports import LiveCamera, Robot
+from harness.workers import Worker
+
+KEPT_S = 20.0
+FETCHED_S = 6.0
+"""A picture that a page named a moment ago is still there when the browser fetches it."""
+MOST_SHOTS = 24
+MOST_BYTES = 4 * 1024 * 1024
+WORD_EVERY_S = 1.0
+PICTURE_EVERY_S = 2.0
+RESTING_EVERY_S = 5.0
+
+
+@dataclass
+class _Post:
+    """What is remembered of one robot."""
+
+    robot_id: RobotId
+    word: RobotReportSeen
+    ring: deque[LiveFrame] = field(default_factory=deque)
+    trouble: str = ""
+    asked_s: float = 0.0
+    numbered: int = 0
+    lock: Lock = field(default_factory=Lock)
+    looking: Lock = field(default_factory=Lock)
+
+
+class Fleet:
+    """Asks every robot again and again once it watches; before that, when somebody reads."""
+
+    def __init__(
+        self,
+        robots: Mapping[RobotId, Robot],
+        cameras: Mapping[RobotId, LiveCamera],
+        clock: Callable[[], float],
+    ) -> None:
+        self._robots, self._cameras, self._clock = robots, cameras, clock
+        self._posts = {name: _Post(name, RobotReportSeen(name)) for name in robots}
+        self._workers = tuple(
+            Worker(f"fleet {name}", partial(self._watch, post), every_s=WORD_EVERY_S, close_within_s=1.0)
+            for name, post in self._posts.items()
+        )
+        self._watching = False
+
+    @property
+    def names(self) -> tuple[RobotId, ...]:
+        return tuple(self._posts)
+
+    def watch(self) -> None:
+        """From now on, in the background: a robot that does not answer delays no other."""
+        self._watching = True
+        for worker in self._workers:
+            worker.start()
+
+    def close(self) -> None:
+        """End the threads; one that waits for a silent robot is left to its own timeout."""
+        for worker in self._workers:
+            worker.close()
+
+    def word(self, robot_id: str) -> RobotReportSeen:
+        """Raises UnknownName for a robot that is not connected here."""
+        post = self._post(robot_id)
+        if not self._watching and self._clock() - (post.word.heard_s or 0.0) >= WORD_EVERY_S:
+            self._ask(post)
+        with post.lock:
+            return post.word
+
+    def hear(self, robot_id: str) -> None:
+        """Ask now: something was just done to it."""
+        self._ask(self._post(robot_id))
+
+    def shots(self, robot_id: str) -> Shots:
+        """The pictures of the last KEPT_S; somebody looks, so that the next ones come sooner."""
+        post = self._post(robot_id)
+        post.asked_s = now_s = self._clock()
+        newest = post.ring[-1].taken_s if post.ring else 0.0
+        if now_s - newest >= (KEPT_S if self._watching else PICTURE_EVERY_S):
+            self._look(post)
+        with post.lock:
+            self._forget(post)
+            kept = [one for one in post.ring if now_s - one.taken_s <= KEPT_S or one is post.ring[-1]]
+            return Shots(kept=tuple(kept), trouble=post.trouble)
+
+    def shot(self, robot_id: str, number: int) -> LiveFrame:
+        """Raises UnknownName for a picture that is no longer kept."""
+        self.shots(robot_id)
+        post = self._post(robot_id)
+        with post.lock:
+            found = next((one for one in post.ring if one.number == number), None)
+        if found is not None:
+            return found
+        raise UnknownName(f"Picture {number} of {robot_id} is not kept any more", do="look at the newest one")
+
+    def _post(self, robot_id: str) -> _Post:
+        try:
+            return self._posts[RobotId(robot_id)]
+        except KeyError:
+            known = ", ".join(self._posts) or "none is connected"
+            raise UnknownName(f"There is no robot {robot_id[:40]} here", do=f"choose from: {known}") from None
+
+    def _watch(self, post: _Post) -> None:
+        self._ask(post)
+        newest = post.ring[-1].taken_s if post.ring else 0.0
+        moving = post.word.status is not None and post.word.status.posture == "moving"
+        busy = moving or self._clock() - post.asked_s < KEPT_S
+        if self._clock() - newest >= (PICTURE_EVERY_S if busy else RESTING_EVERY_S):
+            self._look(post)
+
+    def _ask(self, post: _Post) -> None:
+        sent_s = self._clock()
+        try:
+            status = self._robots[post.robot_id].status()
+        except HarnessError as error:
+            with post.lock:
+                post.word = replace(post.word, trouble=error.what)
+            return
+        now_s = self._clock()
+        with post.lock:
+            post.word = RobotReportSeen(post.robot_id, status=status, heard_s=now_s, took_s=now_s - sent_s)
+
+    def _look(self, post: _Post) -> None:
+        camera = self._cameras.get(post.robot_id)
+        if camera is None:
+            post.trouble = "this robot has no camera that people can look through"
+            return
+        with post.looking:
+            try:
+                picture = camera.picture()
+            except HarnessError as error:
+                post.trouble = error.what
+                return
+            with post.lock:
+                post.trouble = ""
+                post.numbered += 1
+                post.ring.append(LiveFrame(number=post.numbered, taken_s=self._clock(), picture=picture))
+                self._forget(post)
+
+    def _forget(self, post: _Post) -> None:
+        """Older than KEPT_S + FETCHED_S, more than MOST_SHOTS or MOST_BYTES: the oldest go first; the newest stays."""
+        now_s = self._clock()
+        while len(post.ring) > 1 and (
+            now_s - post.ring[0].taken_s > KEPT_S + FETCHED_S
+            or len(post.ring) > MOST_SHOTS
+            or sum(len(one.picture.body) for one in post.ring) > MOST_BYTES
+        ):
+            post.ring.popleft()
+
+
+def no_fleet() -> Fleet:
+    """The fleet of an installation whose robots cannot be reached from here."""
+    return Fleet({}, {}, lambda: 0.0)

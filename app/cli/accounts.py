@@ -1,0 +1,162 @@
+"""regen account and regen token: who may use the console, from the machine that it runs on."""
+
+import getpass
+import secrets
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from app.auth.accounts import Accounts
+from app.auth.permissions import ROLES, SCOPES, Principal
+from app.cli.output import DEFAULT_DATA, Data, Json, show, table
+from app.cli.owner_api import owner_api
+from harness.adapters.stores.accounts import SqlAccounts
+from harness.adapters.stores.accounts_rows import Account, Token
+from harness.adapters.stores.folder import prepare
+from harness.contracts.errors import ContractInvalid, StoreUnavailable
+
+account = typer.Typer(no_args_is_help=True, help="People who may use the console.")
+token = typer.Typer(no_args_is_help=True, help="Tokens for robots and integrations on the API.")
+FromStdin = Annotated[bool, typer.Option("--password-stdin", help="Read the password from standard input.")]
+
+
+def here() -> Principal:
+    """Whoever may read and write the data folder is its admin."""
+    return Principal(name=getpass.getuser(), roles=("admin",), source="terminal")
+
+
+@contextmanager
+def opened(data: Path) -> Iterator[Accounts]:
+    """The accounts of a data folder, beside a console that may be running on it."""
+    store = SqlAccounts(prepare(data).root / "accounts.db")
+    try:
+        yield Accounts(store, clock=time.time, fresh=lambda: secrets.token_urlsafe(32))
+    finally:
+        store.close()
+
+
+@account.command("add")
+def add(
+    name: str,
+    role: Annotated[list[str], typer.Option(help=f"One of {', '.join(ROLES)}; may be given again.")],
+    data: Data = DEFAULT_DATA,
+    password_stdin: FromStdin = False,
+    as_json: Json = False,
+) -> None:
+    """Add somebody. The first account must be an admin; from then on one-time links let nobody in."""
+    with opened(data) as accounts:
+        added = accounts.add(name, roles=role, password=_password(from_stdin=password_stdin), by=here())
+    show(_person(added), as_json=as_json, lines=[f"{added.name} may sign in as {', '.join(added.roles)}."])
+
+
+@account.command("link")
+def link(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+    """Print a new one-time sign-in link of the console that runs on this folder, while nobody has an account.
+
+    It lets one person in within an hour; links that were not used before open nothing any more.
+    """
+    owner = owner_api(data)
+    if owner is None:
+        raise StoreUnavailable(
+            "No console runs on this data folder",
+            where=str(data),
+            do="start one with `regen up`: it prints a link; or name its folder with --data",
+        )
+    made = owner.post("/sign-in-links", {})
+    show(made, as_json=as_json, lines=[f"Sign in once: {made['url']}"])
+
+
+@account.command("list")
+def people(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+    """Everybody, disabled ones too."""
+    with opened(data) as accounts:
+        rows = [_person(one) for one in accounts.store.accounts()]
+    lines = table([[r["name"], ", ".join(r["roles"]), "disabled" if r["disabled"] else ""] for r in rows])
+    show({"accounts": rows}, as_json=as_json, lines=lines or ["Nobody has an account yet."])
+
+
+@account.command("disable")
+def disable(
+    name: str,
+    data: Data = DEFAULT_DATA,
+    back: Annotated[bool, typer.Option("--undo", help="Let them in again.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Turn somebody away at once, in every browser; the last admin stays."""
+    with opened(data) as accounts:
+        accounts.change(name, disabled=not back, by=here())
+        changed = _person(accounts.known(name))
+    show(changed, as_json=as_json, lines=[f"{name} is {'back' if back else 'disabled, and signed out everywhere'}."])
+
+
+@account.command("password")
+def password(name: str, data: Data = DEFAULT_DATA, password_stdin: FromStdin = False, as_json: Json = False) -> None:
+    """Give somebody a new password and sign them out everywhere."""
+    with opened(data) as accounts:
+        accounts.known(name)
+        accounts.reset_password(name, new=_password(from_stdin=password_stdin), by=here())
+    show({"name": name}, as_json=as_json, lines=[f"{name} has a new password."])
+
+
+@token.command("create")
+def create(
+    name: str,
+    scope: Annotated[list[str], typer.Option(help=f"One of {', '.join(sorted(SCOPES))}; may be given again.")],
+    robot: Annotated[str, typer.Option(help="Only for this robot.")] = "",
+    days: Annotated[float | None, typer.Option(help="Days until it expires.", min=0.001)] = None,
+    data: Data = DEFAULT_DATA,
+    as_json: Json = False,
+) -> None:
+    """Make a token and print it, once."""
+    with opened(data) as accounts:
+        issued = accounts.issue(name, scopes=scope, robot_id=robot, days=days, by=here())
+    lines = [issued.secret, f"{issued.token.token_id} is shown this once: {', '.join(issued.token.scopes)}."]
+    show({**_listed(issued.token), "token": issued.secret}, as_json=as_json, lines=lines)
+
+
+@token.command("list")
+def tokens(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+    """Every token, without its secret."""
+    with opened(data) as accounts:
+        rows = [_listed(one) for one in accounts.store.tokens()]
+    lines = table(
+        [[r["token_id"], r["name"], ", ".join(r["scopes"]), r["robot_id"] or "any robot", r["state"]] for r in rows]
+    )
+    show({"tokens": rows}, as_json=as_json, lines=lines or ["There are no tokens."])
+
+
+@token.command("revoke")
+def revoke(token_id: str, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+    """End a token at once."""
+    with opened(data) as accounts:
+        revoked = accounts.revoke(token_id, by=here())
+    show(_listed(revoked), as_json=as_json, lines=[f"{token_id} opens nothing any more."])
+
+
+def _password(*, from_stdin: bool) -> str:
+    if from_stdin:
+        return sys.stdin.readline().rstrip("\r\n")
+    if not sys.stdin.isatty():
+        raise ContractInvalid("There is no terminal to type a password at", do="pipe it in with --password-stdin")
+    return str(typer.prompt("Password", hide_input=True, confirmation_prompt=True))
+
+
+def _person(one: Account) -> dict[str, Any]:
+    return {"name": one.name, "roles": list(one.roles), "disabled": one.disabled, "created_at_s": one.created_at_s}
+
+
+def _listed(one: Token) -> dict[str, Any]:
+    return {
+        "token_id": one.token_id,
+        "name": one.name,
+        "scopes": list(one.scopes),
+        "robot_id": one.robot_id,
+        "created_at_s": one.created_at_s,
+        "expires_at_s": one.expires_at_s,
+        "state": "revoked" if one.revoked_at_s else "in use",
+    }

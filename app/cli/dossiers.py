@@ -1,0 +1,60 @@
+"""regen mission dossier and regen verify: a mission as one signed file, and the check of such a file offline."""
+
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+
+from app.cli.output import DEFAULT_DATA, Data, Json, settings, show
+from app.cli.person import me
+from harness.auditing.dossier import DossierVerdict
+from harness.auditing.places import PlaceChange
+from harness.auditing.replay import RECONSTRUCTED
+from harness.bootstrap import read_harness
+from harness.contracts.ids import MissionId
+from harness.dossiers import export_dossier, verify_dossier
+
+
+def dossier(
+    mission_id: Annotated[str, typer.Argument(help="The mission.")],
+    out: Annotated[Path | None, typer.Option("--out", help="The file; MISSION.dossier.zip if left out.")] = None,
+    data: Data = DEFAULT_DATA,
+    as_json: Json = False,
+) -> None:
+    """Write events, verdicts, decisions, contexts and evidence of a mission as one signed file."""
+    file = out or Path(f"{mission_id}.dossier.zip")
+    with read_harness(settings(data_folder=data)) as runtime:
+        contents = export_dossier(runtime, MissionId(mission_id), file, data=data, exported_by=me().name)
+    lines = [f"{file}: {contents.events} events, {contents.records} records, {len(contents.files) - 2} blobs."]
+    lines += [f"Evidence {digest} was missing or damaged and is not in it." for digest in contents.absent]
+    show({"file": str(file), **msgspec.to_builtins(contents)}, as_json=as_json, lines=lines)
+
+
+def verify(
+    file: Annotated[Path, typer.Argument(help="A dossier.")],
+    key: Annotated[str, typer.Option(help="The public key that must have signed it, in hexadecimal.")] = "",
+    as_json: Json = False,
+) -> None:
+    """Check a dossier with nothing but the file: signature, digests, chain, and every decision derived again."""
+    found = verify_dossier(file, key=key)
+    show(msgspec.to_builtins(found), as_json=as_json, lines=_lines(found))
+    raise typer.Exit(1 if found.differences else 0)
+
+
+def _place(change: PlaceChange) -> str:
+    what = "removed" if change.removed else f"changed, revision {change.revision},"
+    return f"{change.place_id} was {what} meanwhile by {change.by}: {change.reason}. The mission kept it as it began."
+
+
+def _lines(found: DossierVerdict) -> list[str]:
+    signer = "the key you named" if found.trusted else f"{found.public_key}: compare it with the key you were told"
+    return [
+        f"{found.mission_id}: {found.status}; {found.events} events, {found.records} records, {found.blobs} blobs.",
+        f"Signed by {signer}.",
+        f"Taken when the log stood at {found.head_position}, {found.head_digest}.",
+        *(f"Evidence {digest} was already missing when it was exported." for digest in found.absent),
+        *(_place(one) for one in found.places if one.during),
+        *([f"{found.reconstructed} decisions derived again with {RECONSTRUCTED}."] if found.reconstructed else []),
+        *(found.differences or ("Every decision derived again; no difference.",)),
+    ]

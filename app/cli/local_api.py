@@ -1,0 +1,130 @@
+"""The console's API without a console: the same application in this process, on a folder that nobody else owns."""
+
+import asyncio
+import getpass
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import httpx
+from pydantic import SecretStr
+
+from app.auth.accounts import Accounts
+from app.auth.commit_authority import authority
+from app.background.signals import SignalBroker
+from app.cli.accounts import opened
+from app.cli.api_client import Api
+from app.cli.data_folder import running
+from app.cli.output import ProgressPrinter, settings
+from app.cli.owner_api import owner_api
+from app.main import create_app
+from app.scene.servers import Scenes
+from app.settings import ConsoleSettings
+from harness.bootstrap import Harness, edit_harness
+from harness.contracts.errors import HarnessError
+from harness.contracts.ids import MissionId
+from harness.runtime import Runtime, unsupervised
+from harness.settings import HarnessSettings
+from rsi_reviews.candidate_queries import selected
+from rsi_reviews.deciders import DECIDERS
+
+LOOKS = 4
+
+
+class LocalApi(Api):
+    """Requests to an application of this process, in the name of the person at this terminal."""
+
+    def __init__(self, runtime: Runtime, accounts: Accounts, data: Path, harness: Harness | None = None) -> None:
+        token = secrets.token_urlsafe(32)
+        robots = tuple(str(one) for one in harness.robots) if harness else ("vbot-1",)
+        console = ConsoleSettings(robots=robots, owner_token=SecretStr(token), owner=getpass.getuser())
+        self._broker, self._harness = SignalBroker(), harness
+        self._app = create_app(
+            runtime,
+            console,
+            self._broker,
+            Scenes(runtime),
+            accounts=accounts,
+            answer=harness.supervisor.answer if harness else unsupervised,
+            starts=harness.starts if harness else lambda mission_id: None,
+            folder=data,
+        )
+        self._base, self._headers = console.local_address, {"Authorization": f"Bearer {token}"}
+
+    def follow(self, mission_id: str) -> dict[str, Any]:
+        """Runs the mission here, telling its stages on standard error."""
+        self._robots().supervisor.run(MissionId(mission_id), watch=ProgressPrinter())
+        outcome: dict[str, Any] = self.get(f"/missions/{mission_id}")
+        return outcome
+
+    def observe(self, mission_id: str) -> None:
+        """Two seconds of mission time, without a console that would have let the sensors report before."""
+        harness = self._robots()
+        for _ in range(LOOKS):
+            wake_s = harness.supervisor.step(MissionId(mission_id))
+            now_s = harness.clock.now().mission_s
+            harness.clock.wait_until(max(now_s + 0.5, wake_s or 0.0))
+        harness.supervisor.step(MissionId(mission_id))
+
+    def close(self) -> None:
+        """Ends what the application keeps open."""
+        asyncio.run(self._ended())
+
+    async def _ended(self) -> None:
+        async with self._app.router.lifespan_context(self._app):
+            pass
+
+    def _robots(self) -> Harness:
+        if self._harness is None:
+            raise HarnessError("No robot is connected for this command", do="start a console with `regen up`")
+        return self._harness
+
+    def _sent(self, method: str, path: str, body: dict[str, Any] | None) -> httpx.Response:
+        self._broker.changed("terminal")
+        return asyncio.run(self._asked(method, path, body))
+
+    async def _asked(self, method: str, path: str, body: dict[str, Any] | None) -> httpx.Response:
+        transport = httpx.ASGITransport(app=self._app)
+        async with httpx.AsyncClient(transport=transport, base_url=self._base, headers=self._headers) as client:
+            return await client.request(method, path, json=body)
+
+
+@contextmanager
+def api_with_robots(data: Path, chosen: HarnessSettings | None = None) -> Iterator[Api]:
+    """The owner's API; where nobody owns the folder, one of this process with robots (as fast as possible if not told
+    otherwise) until the block ends. Raises StoreOwned for an owner without an API."""
+    owner = owner_api(data)
+    if owner is not None:
+        yield owner
+        return
+    with (
+        opened(data) as accounts,
+        running(chosen or settings(data_folder=data, speed=0.0), authority=authority(accounts)) as harness,
+    ):
+        api = LocalApi(harness.runtime, accounts, data, harness)
+        try:
+            yield api
+        finally:
+            api.close()
+
+
+@contextmanager
+def api_without_robots(data: Path) -> Iterator[Api]:
+    """The same for acts that move no robot: nothing is started for them."""
+    owner = owner_api(data)
+    if owner is not None:
+        yield owner
+        return
+    with (
+        opened(data) as accounts,
+        edit_harness(
+            settings(data_folder=data), deciders=DECIDERS, authority=authority(accounts), select=selected
+        ) as runtime,
+    ):
+        api = LocalApi(runtime, accounts, data)
+        try:
+            yield api
+        finally:
+            api.close()

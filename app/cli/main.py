@@ -1,0 +1,101 @@
+"""The command line `regen`: the same front door as the console, for a terminal and for scripts.
+
+Exit: 0 succeeded; 3 waits for a person or is paused; 1 any other end, or a bad file, port, folder or database;
+2 a bad argument, name or contract.
+"""
+
+import sys
+from importlib import import_module
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+from typer.main import get_command, get_group
+
+from app.cli.output import complain
+from harness.contracts.errors import HarnessError
+
+GROUPS = {
+    "mission": "missions:app",
+    "handoff": "handoffs:app",
+    "lease": "leases:app",
+    "alert": "alerts:app",
+    "rsi": "releases:app",
+    "robot": "robots:app",
+    "map": "maps:app",
+    "audit": "audit:app",
+    "data": "databases:app",
+    "provider": "providers:app",
+    "account": "accounts:account",
+    "token": "accounts:token",
+}
+COMMANDS = {
+    "up": "service:up",
+    "verify": "dossiers:verify",
+    "evaluate": "evaluate:evaluate",
+    "doctor": "service:doctor",
+    "mission dossier": "dossiers:dossier",
+    "rsi case": "rsi_cases:case",
+    "rsi evaluate": "rsi_evaluate:evaluate",
+    "rsi recursion": "rsi_recursion:recursion",
+    "rsi counterfactual": "rsi_recursion:replayed",
+    "rsi generate": "rsi_recursion:generate",
+    "account identity": "identity:identity",
+}
+"""Which module of app.cli has it, and under which name there. A second word: a command beside a group's own."""
+
+
+class Rooms(TyperGroup):
+    """Imports what a command needs when it is asked for: `regen audit` waits for no web server."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """All of the first words."""
+        return [*(name for name in COMMANDS if " " not in name), *GROUPS]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """The command or group of that name; None if there is none."""
+        if cmd_name in GROUPS:
+            group = _group(cmd_name, GROUPS[cmd_name])
+            for name, where in COMMANDS.items():
+                first, _, second = name.partition(" ")
+                if second and first == cmd_name:
+                    group.add_command(_command(second, where), second)
+            return group
+        return _command(cmd_name, COMMANDS[cmd_name]) if cmd_name in COMMANDS else None
+
+
+def _named(where: str) -> Any:
+    module, _, name = where.partition(":")
+    return getattr(import_module(f"app.cli.{module}"), name)
+
+
+def _group(name: str, where: str) -> Any:
+    around = typer.Typer(add_completion=False, rich_markup_mode=None)
+    around.add_typer(_named(where), name=name)
+    return get_group(around).commands[name]
+
+
+def _command(name: str, where: str) -> Any:
+    alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+    alone.command(name)(_named(where))
+    return get_command(alone)
+
+
+app = typer.Typer(cls=Rooms, no_args_is_help=True, add_completion=False, help=__doc__, rich_markup_mode=None)
+
+
+@app.callback()
+def regen() -> None:
+    """What every command shares: nothing."""
+
+
+def main() -> None:
+    """Entry point. A typed error becomes one sentence on standard error and an exit code."""
+    try:
+        app()
+    except HarnessError as error:
+        sys.exit(complain(error))
+
+
+if __name__ == "__main__":
+    main()

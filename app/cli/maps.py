@@ -1,0 +1,65 @@
+"""regen map: the point cloud that a map version is shown with in 3D."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+import typer
+
+from app.cli.output import DEFAULT_DATA, Data, Json, settings, show, table
+from app.cli.owner_api import owner_api
+from app.cli.person import me
+from app.i18n.reasons.rendering import sentence
+from harness.bootstrap import edit_harness, read_harness
+from harness.contracts.decisions import Refused
+from harness.contracts.errors import CloudInvalid
+from harness.contracts.maps import AttachCloud, MapCloud, map_stream
+from harness.map_clouds import stored_cloud
+from harness.runtime import Runtime
+
+app = typer.Typer(
+    no_args_is_help=True, help="Point clouds of maps, for the 3D view. A cloud is a picture, never evidence."
+)
+
+
+@app.command("import")
+def import_cloud(
+    file: Annotated[Path, typer.Argument(help="A PCD or PLY file.")],
+    map_version: Annotated[str, typer.Option(help="The map version it belongs to.")] = "site-1",
+    frame: Annotated[str, typer.Option(help="The frame its coordinates are in.")] = "map",
+    metres_per_unit: Annotated[float, typer.Option(help="0.001 for a file in millimetres.", min=1e-6, max=1e6)] = 1.0,
+    reason: Annotated[str, typer.Option(help="Why; it stands in the log.")] = "imported",
+    data: Data = DEFAULT_DATA,
+    as_json: Json = False,
+) -> None:
+    """Split a cloud into levels and attach it. Earlier clouds stay in the log."""
+    api = owner_api(data)
+    opened = read_harness(settings(data_folder=data)) if api else edit_harness(settings(data_folder=data))
+    with opened as runtime:
+        cloud = stored_cloud(runtime, file, map_version=map_version, frame=frame, metres_per_unit=metres_per_unit)
+        if api:
+            api.post(f"/maps/{map_version}/cloud", {"cloud": msgspec.to_builtins(cloud), "reason": reason})
+        else:
+            _attach(runtime, AttachCloud(actor=me(), cloud=cloud, reason=reason))
+    extent = " x ".join(f"{high - low:.1f}" for low, high in zip(cloud.low_m, cloud.high_m, strict=True))
+    lines = [
+        f"{file.name}: {cloud.points} points over {extent} m, {cloud.dropped} left out, in {len(cloud.chunks)} chunks.",
+        f"Views of map {map_version} show it from now on.",
+    ]
+    show(msgspec.to_builtins(cloud), as_json=as_json, lines=lines)
+
+
+@app.command("list")
+def list_clouds(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+    """The cloud that each map version is shown with."""
+    with read_harness(settings(data_folder=data)) as runtime:
+        clouds: list[MapCloud] = [runtime.fold(stream).cloud for stream in runtime.streams("map/")]
+    rows: list[dict[str, Any]] = [msgspec.to_builtins(cloud) for cloud in clouds]
+    lines = table([["map", "points", "file"]] + [[one.map_version, str(one.points), one.source] for one in clouds])
+    show({"maps": rows}, as_json=as_json, lines=lines if rows else ["No map has a cloud."])
+
+
+def _attach(runtime: Runtime, command: AttachCloud) -> None:
+    decision = runtime.decide([(map_stream(command.cloud.map_version), command)])
+    if isinstance(decision, Refused):
+        raise CloudInvalid(f"{sentence(decision.reason)} ({decision.rule})", do="see `regen map list`")

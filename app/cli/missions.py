@@ -1,0 +1,300 @@
+"""regen mission: run, replay, list, show, events, stop."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+import typer
+
+from app.acts.missions import DisputeCompletionAct, StartMissionAct, StopMissionAct, WithdrawMissionAct
+from app.background.mission_history import Histories
+from app.cli.data_folder import running
+from app.cli.local_api import api_with_robots
+from app.cli.output import DEFAULT_DATA, Data, Json, ProgressPrinter, exit_code, settings, show, table
+from app.cli.owner_api import owner_api
+from app.cli.person import me
+from app.i18n.messages import reasoned
+from app.i18n.reasons import rendering as reasons
+from app.i18n.reasons.rendering import sentence
+from app.views.mission_json import mission_outcome
+from harness.bootstrap import Harness, read_harness
+from harness.contracts.decisions import Refused
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.ids import MissionId, RobotId
+from harness.contracts.upcasting import name_of
+from harness.extra_templates import begin, offered
+from harness.projections.exploration import ExplorationDecision, decisions
+from harness.projections.mission import Mission
+from harness.recordings import replayed, write_recording
+from harness.runtime import Start
+from simulator.in_process import SIMULATOR
+
+app = typer.Typer(no_args_is_help=True, help="Run and read missions.")
+
+
+@app.command()
+def run(
+    template: Annotated[str, typer.Argument(help="Name of a task template, or a goal in words.")],
+    data: Data = DEFAULT_DATA,
+    as_json: Json = False,
+    speed: Annotated[float | None, typer.Option(help="Mission seconds per second; 0 is as fast as possible.")] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the simulated world.", min=0)] = 1,
+    fault: Annotated[list[str] | None, typer.Option(help="NAME or NAME:persistent; may be given again.")] = None,
+    argument: Annotated[list[str] | None, typer.Option("--set", help="NAME=VALUE of a template parameter.")] = None,
+    fidelity: Annotated[str | None, typer.Option(help="mujoco or kinematic.")] = None,
+    record_to: Annotated[Path | None, typer.Option("--record", help="Write the mission as MCAP.")] = None,
+) -> None:
+    """Run one mission and wait for its end. At speed 0 nothing waits for people: exit 3 at once."""
+    faults = ",".join(fault or [])
+    SIMULATOR.check_faults(fault or [])
+    api = owner_api(data)
+    if api is not None:
+        said = StartMissionAct.of(
+            template="" if " " in template else template,
+            goal=template if " " in template else "",
+            arguments=_arguments(argument),
+            seed=seed,
+            labels={"faults": faults} if faults else {},
+        )
+        outcome = api.follow(api.post("/missions", said.body())["mission_id"])
+    else:
+        chosen = settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity)
+        with running(chosen) as harness:
+            outcome = _run(harness, template, _arguments(argument), seed=seed, faults=faults)
+            if record_to is not None:
+                write_recording(harness.runtime, MissionId(outcome["mission_id"]), record_to)
+    show(outcome, as_json=as_json, lines=_summary(outcome))
+    raise typer.Exit(exit_code(outcome["status"]))
+
+
+def _run(
+    harness: Harness, template: str, arguments: dict[str, str | float], *, seed: int, faults: str
+) -> dict[str, Any]:
+    robot_id = RobotId(next(iter(harness.robots)))
+    for unfinished in harness.supervisor.unfinished(robot_id):
+        typer.echo(f"Going on with {unfinished.mission_id} first: {unfinished.goal}", err=True)
+        harness.supervisor.run(unfinished.mission_id, watch=ProgressPrinter())
+    known = {known.name for known in offered(harness.runtime, robot_id)}
+    start = Start(
+        actor=me(),
+        robot_id=robot_id,
+        template=template if template in known or " " not in template else "",
+        goal="" if template in known or " " not in template else template,
+        arguments=arguments,
+        seed=seed,
+        labels={"faults": faults} if faults else {},
+    )
+    decision = begin(harness.runtime, start)
+    if isinstance(decision, Refused):
+        raise ContractInvalid(sentence(decision.reason))
+    mission_id: MissionId = decision.events[0].mission_id  # type: ignore[union-attr]
+    mission = harness.supervisor.run(mission_id, watch=ProgressPrinter())
+    return _outcome(harness, mission)
+
+
+@app.command()
+def resume(
+    mission_id: str,
+    data: Data = DEFAULT_DATA,
+    as_json: Json = False,
+    speed: Annotated[float | None, typer.Option(help="Mission seconds per second; 0 is as fast as possible.")] = None,
+    fidelity: Annotated[str | None, typer.Option(help="mujoco or kinematic.")] = None,
+) -> None:
+    """Go on with a mission that a crash or an exit left open."""
+    api = owner_api(data)
+    if api is not None:
+        outcome = api.follow(mission_id)
+    else:
+        with running(settings(data_folder=data, speed=speed, fidelity=fidelity)) as harness:
+            mission = harness.supervisor.run(MissionId(mission_id), watch=ProgressPrinter())
+            outcome = _outcome(harness, mission)
+    show(outcome, as_json=as_json, lines=_summary(outcome))
+    raise typer.Exit(exit_code(outcome["status"]))
+
+
+def _outcome(harness: Harness, mission: Mission) -> dict[str, Any]:
+    history = Histories(harness.runtime).of(mission.mission_id)
+    return mission_outcome(mission, history, harness.starts(mission.mission_id))
+
+
+def _arguments(given: list[str] | None) -> dict[str, str | float]:
+    arguments: dict[str, str | float] = {}
+    for text in given or []:
+        name, found, value = text.partition("=")
+        if not found or not name:
+            raise typer.BadParameter(f"{text!r} is not NAME=VALUE", param_hint="--set")
+        arguments[name] = value
+    return arguments
+
+
+def _summary(outcome: dict[str, Any]) -> list[str]:
+    lines = [f"{outcome['mission_id']}  {outcome['status']}  goal {outcome['goal_verdict'] or 'not judged'}"]
+    lines += table(
+        [["segment", "L_ref m", "declared m", "measured m", "last pose m"]]
+        + [
+            [
+                segment["name"],
+                *(
+                    f"{value:.2f}" if (value := segment[name]) is not None else "-"
+                    for name in (
+                        "reference_length_m",
+                        "declared_distance_m",
+                        "measured_distance_m",
+                        "last_pose_distance_m",
+                    )
+                ),
+            ]
+            for segment in outcome["segments"]
+        ]
+    )
+    if outcome.get("reason"):
+        lines.append(str(outcome["reason"]))
+    return lines
+
+
+@app.command()
+def replay(
+    recording: Annotated[Path, typer.Argument(help="MCAP, rosbag2 folder or ROS 1 bag.")],
+    target: Annotated[str | None, typer.Option(help="X,Y in metres; default: the recording's last pose.")] = None,
+    data: Data = DEFAULT_DATA,
+    as_json: Json = False,
+    topic: Annotated[list[str] | None, typer.Option(help="ROLE=TOPIC, such as odometry=/odom.")] = None,
+) -> None:
+    """Run a navigation mission on a recording; the harness measures arrival and progress itself."""
+    with replayed(
+        settings(data_folder=data, speed=0.0), recording, target=_point(target), topics=topic or []
+    ) as replayer:
+        mission, facts = replayer.run(me(), watch=ProgressPrinter())
+        outcome = mission_outcome(mission, Histories(replayer.harness.runtime).of(mission.mission_id), ()) | facts
+    show(outcome, as_json=as_json, lines=[*_summary(outcome), *(f"{name}: {value}" for name, value in facts.items())])
+    raise typer.Exit(exit_code(outcome["status"]))
+
+
+def _point(text: str | None) -> tuple[float, float] | None:
+    if text is None:
+        return None
+    try:
+        x, y = (float(part) for part in text.split(","))
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is not X,Y", param_hint="--target") from None
+    return x, y
+
+
+@app.command("list")
+def list_missions(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+    """All missions, newest first."""
+    with read_harness(settings(data_folder=data)) as runtime:
+        rows: list[dict[str, Any]] = [
+            {
+                "mission_id": mission.mission_id,
+                "status": mission.status,
+                "template": mission.template,
+                "goal": mission.goal,
+                "robot_id": mission.robot_id,
+                "state_version": mission.k,
+                **reasons.stated("reason", mission.reason),
+            }
+            for mission in runtime.missions()
+        ]
+    lines = table([[m["mission_id"], m["status"], m["template"], m["goal"][:60]] for m in rows])
+    show(
+        {"missions": rows},
+        as_json=as_json,
+        lines=lines or ["No mission yet: `regen mission run warehouse-inspection`."],
+    )
+
+
+@app.command("show")
+def show_mission(mission_id: str, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+    """One mission as the log has it."""
+    with read_harness(settings(data_folder=data)) as runtime:
+        mission = runtime.mission(MissionId(mission_id))
+        outcome = mission_outcome(mission, Histories(runtime).of(mission.mission_id), ())
+    explored = decisions(mission) if mission.contract else ()
+    outcome |= {"exploration": reasons.stating(explored)} if explored else {}
+    nodes = [[n.node_id, n.status, str(n.provider_id or "-"), f"attempt {n.attempt}"] for n in mission.nodes.values()]
+    show(outcome, as_json=as_json, lines=[*_summary(outcome), *table(nodes), *table(_targets(explored))])
+
+
+def _targets(explored: tuple[ExplorationDecision, ...]) -> list[list[str]]:
+    """Each choice of an exploration: what it was made from, where it led, what came of it."""
+    if not explored:
+        return []
+    head = ["target", "x m", "y m", "picture", "map", "answer", "next map", "why"]
+    return [head] + [
+        [
+            one.leg,
+            *(f"{part:.2f}" for part in one.target_m),
+            one.image[:12],
+            one.map_before[:12],
+            f"{one.response.terminal} {one.response.failure}".strip() if one.response else "-",
+            (one.map_after or "-")[:12],
+            reasoned(one.reason),
+        ]
+        for one in explored
+    ]
+
+
+@app.command()
+def events(mission_id: str, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+    """The mission's events in order, each with its position in the log."""
+    with read_harness(settings(data_folder=data)) as runtime:
+        runtime.mission(MissionId(mission_id))
+        stored = runtime.events(MissionId(mission_id))
+    rows = [
+        {
+            "position": event.position,
+            "version": event.version,
+            "kind": name_of(event.kind),
+            "mission_s": event.mission_s,
+            "recorded_s": event.recorded_s,
+            "body": msgspec.json.decode(event.body),
+        }
+        for event in stored
+    ]
+    first_s = stored[0].mission_s
+    lines = [f"{e.position:>6}  {e.mission_s - first_s:>8.2f} s  {name_of(e.kind)}" for e in stored]
+    show({"mission_id": mission_id, "events": rows}, as_json=as_json, lines=lines)
+
+
+@app.command()
+def stop(
+    mission_id: str,
+    reason: Annotated[str, typer.Option(help="Why; it stands in the log.")],
+    data: Data = DEFAULT_DATA,
+    as_json: Json = False,
+) -> None:
+    """Stop a mission: stopping until acknowledged, then static."""
+    with api_with_robots(data) as api:
+        api.post(f"/missions/{mission_id}/stop", StopMissionAct.of(reason=reason).body())
+        outcome = api.follow(mission_id)
+    show(outcome, as_json=as_json, lines=_summary(outcome))
+
+
+@app.command()
+def withdraw(
+    mission_id: str,
+    reason: Annotated[str, typer.Option(help="Why; it stands in the log.")],
+    data: Data = DEFAULT_DATA,
+    as_json: Json = False,
+) -> None:
+    """Take back a mission that waits for its robot and has not begun."""
+    with api_with_robots(data) as api:
+        outcome = api.post(f"/missions/{mission_id}/withdraw", WithdrawMissionAct.of(reason=reason).body())
+    show(outcome, as_json=as_json, lines=_summary(outcome))
+
+
+@app.command()
+def dispute(
+    mission_id: str,
+    condition: Annotated[str, typer.Option(help="The accepted condition, as `regen mission events` shows it.")],
+    reason: Annotated[str, typer.Option(help="Why it is wrong; it stands in the log.")],
+    data: Data = DEFAULT_DATA,
+    as_json: Json = False,
+) -> None:
+    """Say that an accepted completion is wrong. It counts as false; nothing is deleted."""
+    said = DisputeCompletionAct.of(condition_id=condition, reason=reason)
+    with api_with_robots(data) as api:
+        outcome = api.post(f"/missions/{mission_id}/facts/{condition}/dispute", said.body())
+    line = f"{condition} of {mission_id} is disputed: {reason}"
+    show(outcome, as_json=as_json, lines=[line])

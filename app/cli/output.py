@@ -1,0 +1,76 @@
+"""How the command line answers: JSON or a few lines on standard output, errors and progress on standard error."""
+
+import json
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from pydantic import ValidationError
+
+from app.i18n.reasons import rendering as reasons
+from harness.contracts.errors import ContractInvalid, HarnessError, UnknownName
+from harness.projections.mission import Mission
+from harness.settings import HarnessSettings
+
+Data = Annotated[Path, typer.Option("--data", help="Data folder; one owner at a time.", envvar="REGEN_DATA_FOLDER")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
+DEFAULT_DATA = Path("var")
+WRONG_ASKED = (ContractInvalid, UnknownName)
+
+
+def settings(**given: Any) -> HarnessSettings:
+    """Settings from the environment and what was given; a value out of bounds is a bad argument."""
+    try:
+        return HarnessSettings(**{name: value for name, value in given.items() if value is not None})
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise typer.BadParameter(f"{'.'.join(str(part) for part in first['loc'])}: {first['msg']}") from error
+
+
+def show(value: Mapping[str, Any], *, as_json: bool, lines: Iterable[str]) -> None:
+    """Print the JSON object, or the lines."""
+    if as_json:
+        typer.echo(json.dumps(value, ensure_ascii=False, default=str))
+    else:
+        for line in lines:
+            typer.echo(line)
+
+
+def table(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Columns padded to their widest cell."""
+    if not rows:
+        return []
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
+def complain(error: HarnessError) -> int:
+    """Say what happened, where, and what to do; the exit code that goes with it."""
+    sys.stderr.write(f"regen: {error}\n")
+    return 2 if isinstance(error, WRONG_ASKED) else 1
+
+
+def exit_code(status: str) -> int:
+    """0 succeeded, 3 waits for a person or is paused, 1 any other end."""
+    return 0 if status == "succeeded" else 3 if status in ("awaiting_human", "paused", "awaiting_approval") else 1
+
+
+class ProgressPrinter:
+    """Prints one line on standard error whenever a stage changes."""
+
+    def __init__(self) -> None:
+        self._seen: dict[str, str] = {}
+
+    def __call__(self, mission: Mission) -> None:
+        for node in mission.nodes.values():
+            word = f"{node.status}{f' (attempt {node.attempt})' if node.attempt > 1 else ''}"
+            if node.status != "pending" and self._seen.get(node.node_id) != word:
+                self._seen[node.node_id] = word
+                why = f": {node.failure.failure}, {reasons.sentence(node.failure.reason)}" if node.failure else ""
+                sys.stderr.write(f"k {mission.k:>3}  {node.node_id:<10} {word}{why}\n")
+        if mission.status != self._seen.get(""):
+            self._seen[""] = mission.status
+            sys.stderr.write(f"k {mission.k:>3}  {'mission':<10} {mission.status}\n")
+        sys.stderr.flush()

@@ -1,0 +1,57 @@
+"""The owner's API, for every call while another process owns the data folder (D11)."""
+
+import time
+from pathlib import Path
+from typing import Any
+
+import httpx
+
+from app.cli.api_client import Api
+from harness.bootstrap import owner_of
+from harness.contracts.errors import HarnessError, StoreOwned
+
+POLL_S = 0.5
+LASTING = ("awaiting_human", "paused", "succeeded", "failed", "cancelled", "safe_stopped", "handed_off")
+
+
+class OwnerApi(Api):
+    """A client of the console that owns a data folder."""
+
+    def __init__(self, url: str, token: str) -> None:
+        self._base, self._headers = url, {"Authorization": f"Bearer {token}"}
+
+    def follow(self, mission_id: str) -> dict[str, Any]:
+        """Asks for the mission until it is over or waits: the owner runs it."""
+        while True:
+            outcome: dict[str, Any] = self.get(f"/missions/{mission_id}")
+            if outcome["status"] in LASTING:
+                return outcome
+            time.sleep(POLL_S)
+
+    def observe(self, mission_id: str) -> None:
+        """The owner's robots report all the time."""
+
+    def _sent(self, method: str, path: str, body: dict[str, Any] | None) -> httpx.Response:
+        try:
+            with httpx.Client(headers=self._headers, timeout=30.0, trust_env=False) as client:
+                return client.request(method, f"{self._base}{path}", json=body)
+        except httpx.HTTPError as error:
+            raise HarnessError(
+                f"The owner of this data folder does not answer ({type(error).__name__})",
+                where=self._base,
+                do="stop that process, or wait until it answers",
+            ) from error
+
+
+def owner_api(data: Path) -> OwnerApi | None:
+    """The API of the process that owns this folder, or None. Raises StoreOwned for an owner without an API."""
+    owner = owner_of(data)
+    if owner is None:
+        return None
+    if not owner.url:
+        raise StoreOwned(
+            f"Process {owner.pid} owns this data folder and has no API",
+            where=str(data),
+            do="wait until it ends, or use another --data folder",
+        )
+    return OwnerApi(owner.url, owner.token)

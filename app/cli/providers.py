@@ -1,0 +1,154 @@
+"""regen provider: who is installed, whether a provider keeps the lifecycle contract, and the protocol's description."""
+
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+import typer
+
+from app.cli.output import Json, settings, show, table
+from harness.conformance.address import addressed
+from harness.conformance.declaration import ConformanceFile, read, shipped
+from harness.conformance.findings import Checked, ConformanceFinding
+from harness.conformance.kit import FIRST_TOKEN, check
+from harness.conformance.provider_setup import fresh_name, installed, installed_cards, protocol
+from harness.conformance.subject import Stand
+from harness.contracts.capabilities import CapabilityCard
+from harness.contracts.errors import UnknownName
+from harness.contracts.ids import ProviderId
+from simulator.in_process import SIMULATOR
+
+app = typer.Typer(no_args_is_help=True, help="See and check what can act.")
+Stands = dict[ProviderId, Stand]
+
+
+@app.command("list")
+def list_providers(as_json: Json = False) -> None:
+    """Installed providers, what they can do, and which rows of the conformance kit their files speak of."""
+    with tempfile.TemporaryDirectory(prefix="regen-kit-") as folder:
+        cards = installed_cards(Path(folder), SIMULATOR)
+    rows = [_listed(card) for card in cards]
+    lines = table(
+        [["provider", "version", "capability", "moves", "reattach", "resources", "meets", "exempt"]]
+        + [
+            [
+                row["provider_id"],
+                row["version"],
+                row["capability"],
+                "yes" if row["moves"] else "no",
+                row["reattach"],
+                ",".join(row["resources"]) or "-",
+                str(len(row["meets"])),
+                str(len(row["exempt"])),
+            ]
+            for row in rows
+        ]
+    )
+    show({"providers": rows}, as_json=as_json, lines=lines)
+
+
+def _listed(card: CapabilityCard) -> dict[str, Any]:
+    declared = shipped(card.provider_id)
+    return {
+        "provider_id": card.provider_id,
+        "version": card.version,
+        "capability": card.capability,
+        "moves": card.moves,
+        "reattach": card.reattach,
+        "resumable": card.resumable,
+        "resources": list(card.resources),
+        "meets": list(declared.meets),
+        "exempt": declared.exempt,
+    }
+
+
+@app.command("check")
+def check_provider(
+    target: Annotated[str, typer.Argument(help="Name of an installed provider, `all`, or a robot's http(s) address.")],
+    as_json: Json = False,
+    token: Annotated[str, typer.Option(help="The robot's bearer token.", envvar="REGEN_ROBOT_TOKEN")] = "",
+    file: Annotated[list[Path] | None, typer.Option(help="A conformance file; may be given again.")] = None,
+    provider: Annotated[list[str] | None, typer.Option(help="Only this one of a robot's providers.")] = None,
+    still: Annotated[bool, typer.Option("--still", help="Leave out providers that move the robot.")] = False,
+    fencing: Annotated[int, typer.Option(help="Fencing token to use: the newest given out.", min=1)] = FIRST_TOKEN,
+    recording: Annotated[Path | None, typer.Option(help="What the recording navigator replays.")] = None,
+    fidelity: Annotated[str, typer.Option(help="mujoco or kinematic, for the simulated robot.")] = "kinematic",
+) -> None:
+    """Try every row of the lifecycle contract. Exit 0: all rows met or exempt; 1: a row is not met.
+
+    At an address, providers that move do move the robot: stand clear, or say --still.
+    """
+    declared = {one.provider_id: one for one in map(read, file or [])}
+    with _stands(target, token=token, fidelity=fidelity, recording=recording) as (stands, cards):
+        wanted = _wanted(target, stands, cards, only=provider or [], still=still)
+        results = [_checked(name, stands[name], declared, fencing=fencing) for name in wanted]
+    ok = bool(results) and all(result.ok for result in results)
+    show({"ok": ok, "providers": [_told(result) for result in results]}, as_json=as_json, lines=_lines(results))
+    raise typer.Exit(0 if ok else 1)
+
+
+@app.command()
+def openapi() -> None:
+    """The HTTP provider protocol as an OpenAPI document."""
+    sys.stdout.write(msgspec.json.format(msgspec.json.encode(protocol(SIMULATOR)), indent=2).decode() + "\n")
+
+
+@contextmanager
+def _stands(
+    target: str, *, token: str, fidelity: str, recording: Path | None
+) -> Iterator[tuple[Stands, tuple[CapabilityCard, ...]]]:
+    if target.startswith(("http://", "https://")):
+        with addressed(target, token) as found:
+            yield found
+        return
+    with tempfile.TemporaryDirectory(prefix="regen-kit-") as folder:
+        chosen = settings(speed=0.0, fidelity=fidelity)
+        with installed(Path(folder), chosen, SIMULATOR, recording=recording) as stands:
+            yield stands, installed_cards(Path(folder), SIMULATOR)
+
+
+def _wanted(
+    target: str, stands: Stands, cards: tuple[CapabilityCard, ...], *, only: list[str], still: bool
+) -> list[ProviderId]:
+    named = only or ([target] if "://" not in target and target != "all" else list(stands))
+    unknown = [name for name in named if ProviderId(name) not in stands]
+    if unknown:
+        raise UnknownName(f"No provider {', '.join(unknown)}", do=f"there are {', '.join(stands)}")
+    moving = {card.provider_id for card in cards if card.moves}
+    if moving & set(named) and "://" in target and not still:
+        sys.stderr.write(f"These move the robot, stand clear: {', '.join(sorted(moving & set(named)))}\n")
+    return [ProviderId(name) for name in named if not (still and name in moving)]
+
+
+def _checked(name: ProviderId, stand: Stand, declared: dict[ProviderId, ConformanceFile], *, fencing: int) -> Checked:
+    declaration = declared[name] if name in declared else shipped(name)
+    sys.stderr.write(f"{name}\n")
+    return check(stand, declaration, mission_id=fresh_name(), fencing=fencing, watch=_tell)
+
+
+def _tell(finding: ConformanceFinding) -> None:
+    sys.stderr.write(f"  {finding.outcome:<8} {finding.row}\n")
+    sys.stderr.flush()
+
+
+def _told(result: Checked) -> dict[str, Any]:
+    return {
+        "provider_id": result.provider_id,
+        "version": result.version,
+        "capability": result.card.capability,
+        "ok": result.ok,
+        "rows": msgspec.to_builtins(result.findings),
+    }
+
+
+def _lines(results: list[Checked]) -> list[str]:
+    lines: list[str] = []
+    for result in results:
+        counts = ", ".join(f"{len(result.rows(word))} {word}" for word in ("met", "not met", "exempt"))
+        lines += [f"{result.provider_id} {result.version} ({result.card.capability}): {counts}"]
+        lines += table([[f"  {one.row}", one.outcome, one.text] for one in result.findings])
+    return lines or ["Nothing was tried."]

@@ -1,0 +1,120 @@
+"""regen robot: what the robots of a running console say, autonomy, stops, lying down. All of it through its owner."""
+
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
+
+import typer
+
+from app.cli.output import DEFAULT_DATA, Data, Json, show, table
+from app.cli.owner_api import OwnerApi, owner_api
+from harness.contracts.control import LEVELS
+from harness.contracts.errors import HarnessError
+
+HEAD = ["robot", "posture", "battery", "hardware stop", "localised", "mission", "status", "driver"]
+app = typer.Typer(no_args_is_help=True, help="See and stop the robots of a running console.")
+Reason = Annotated[str, typer.Option(help="Why; it stands in the log.")]
+
+
+@app.command("list")
+def list_robots(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+    """Every robot: posture, battery, hardware stop, mission, who drives it."""
+    rows = _owner(data).get("/robots")
+    show({"robots": rows}, as_json=as_json, lines=table([HEAD, *map(_line, rows)]))
+
+
+@app.command()
+def stop(robot: str, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+    """Ask the mission of one robot to stop."""
+    api = _owner(data)
+    found = api.get(f"/robots/{robot}")
+    if not found["mission_id"]:
+        raise HarnessError(f"{robot} has no mission", do="see `regen robot list`")
+    outcome = api.post(f"/missions/{found['mission_id']}/stop", {"reason": reason})
+    show(outcome, as_json=as_json, lines=[f"{robot}: {outcome['mission_id']} is {outcome['status']}"])
+
+
+@app.command("stop-all")
+def stop_all(reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+    """Ask every mission of every robot to stop. Exit 1 if one could not be asked."""
+    _stopped(data, {"reason": reason, "safe": False}, as_json=as_json)
+
+
+@app.command()
+def safe(
+    reason: Reason,
+    robot: Annotated[str, typer.Argument(help="Which; --all instead for every robot.")] = "",
+    every: Annotated[bool, typer.Option("--all", help="Stop and send every robot, each for itself.")] = False,
+    data: Data = DEFAULT_DATA,
+    as_json: Json = False,
+) -> None:
+    """Stop what a robot does and send it to the safe place of its zone; without one it lies down where it stands.
+
+    With --all: every mission stops, every wheel is returned, every robot is sent. Exit 1 if one could not be.
+    """
+    if every == bool(robot):
+        raise typer.BadParameter("Name one robot, or --all for every one.")
+    if every:
+        _stopped(data, {"reason": reason, "safe": True}, as_json=as_json)
+    _said(_owner(data).post(f"/robots/{robot}/safe", {"reason": reason}), as_json=as_json)
+
+
+@app.command()
+def stand(robot: str, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+    """Have a robot stand up again."""
+    body = {"posture": "standing", "reason": reason}
+    _said(_owner(data).post(f"/robots/{robot}/posture", body), as_json=as_json)
+
+
+@app.command()
+def autonomy(
+    level: Annotated[str, typer.Argument(help=f"One of {', '.join(LEVELS)}.")],
+    reason: Reason,
+    mission: Annotated[str, typer.Option(help="One mission; without it the limit of the whole house.")] = "",
+    data: Data = DEFAULT_DATA,
+    as_json: Json = False,
+) -> None:
+    """Set how far missions decide alone, from their next dispatch on."""
+    if level not in LEVELS:
+        raise typer.BadParameter(f"{level!r} is not one of {', '.join(LEVELS)}")
+    body = {"autonomy": level, "reason": reason}
+    path = f"/missions/{mission}/autonomy" if mission else "/control/autonomy"
+    outcome = _owner(data).post(path, body)
+    bound = mission or "every mission"
+    show(outcome, as_json=as_json, lines=[f"{bound}: {outcome['autonomy']}"])
+
+
+def _stopped(data: Path, body: dict[str, Any], *, as_json: bool) -> NoReturn:
+    """A stop of everything, sent to safety too if the body says so, how it went, and how every robot is then."""
+    api = _owner(data)
+    outcome = api.post("/robots/stop", body)
+    lines = [f"asked to stop: {one}" for one in outcome["asked"]] + [f"not done: {one}" for one in outcome["refused"]]
+    rows = [_line(row) for row in api.get("/robots")]
+    show(outcome, as_json=as_json, lines=(lines or ["No mission was under way."]) + table([HEAD, *rows]))
+    raise typer.Exit(1 if outcome["refused"] else 0)
+
+
+def _said(row: dict[str, Any], *, as_json: bool) -> None:
+    show(row, as_json=as_json, lines=table([_line(row)]))
+
+
+def _line(row: dict[str, Any]) -> list[str]:
+    status = row["status"]
+    said = (
+        [
+            status["posture"],
+            f"{100 * status['charge']:.0f} %",
+            "engaged" if status["hardware_stop"] else "released",
+            "yes" if status["localised"] else "no",
+        ]
+        if status
+        else ["unknown"] * 4
+    )
+    return [row["robot_id"], *said, *(row[name] or "-" for name in ("mission_id", "mission_status", "driver"))]
+
+
+def _owner(data: Path) -> OwnerApi:
+    """Raises HarnessError where no console runs on this folder: without one no robot is under anybody's control."""
+    api = owner_api(data)
+    if api is None:
+        raise HarnessError("No console runs on this data folder", where=str(data), do="start one with `regen up`")
+    return api

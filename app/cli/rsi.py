@@ -1,0 +1,171 @@
+"""regen rsi: propose a change to the harness itself, and look. Persons decide in `releases`."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+import typer
+
+from app.cli.data_folder import deciding
+from app.cli.output import DEFAULT_DATA, Data, Json, settings, show, table
+from app.cli.owner_api import owner_api
+from app.cli.person import me
+from app.i18n.reasons.rendering import sentence
+from app.routes.candidate_json import row, sheet
+from harness.bootstrap import read_harness
+from harness.contracts.decisions import Refused
+from harness.contracts.errors import ContractInvalid, HarnessError, UnknownName
+from harness.contracts.ids import RobotId
+from rsi_reviews.candidate_queries import CandidateQueries, selected
+from rsi_reviews.candidates import LARGEST_BYTES, read_candidate
+from rsi_reviews.deciders import DECIDERS
+from rsi_reviews.difference import NAMES
+from rsi_reviews.release_service import SignedBy
+
+app = typer.Typer(no_args_is_help=True, help="Propose, evaluate, review, release and roll back configurations.")
+CandidateName = Annotated[str, typer.Argument(help="The candidate's digest, or a beginning of it.")]
+
+
+@app.command()
+def propose(
+    file: Annotated[Path, typer.Option("--file", help="The candidate configuration, JSON.")],
+    manifest: Annotated[Path, typer.Option(help="Its manifest, JSON.")],
+    supersedes: Annotated[str, typer.Option(help="The candidate that this one edits.")] = "",
+    data: Data = DEFAULT_DATA,
+    as_json: Json = False,
+) -> None:
+    """Put a candidate on record with its manifest. What loosens anything is refused before anything runs."""
+    api = owner_api(data)
+    texts = _read(file), _read(manifest)
+    if api is not None:
+        body = {"configuration": texts[0].decode(), "manifest": texts[1].decode(), "supersedes": supersedes}
+        answer: dict[str, Any] = api.post("/candidates", body)
+        show(answer, as_json=as_json, lines=sheet_lines(answer))
+        return
+    candidate = read_candidate(*texts)
+    with deciding(settings(data_folder=data)) as desk:
+        earlier = desk.review(supersedes).candidate if supersedes else None
+        key = f"propose:{candidate.candidate_id}"
+        decision = desk.propose(candidate, SignedBy(me(), candidate.manifest.reason, key), supersedes=earlier)
+        if isinstance(decision, Refused):
+            found = [f"{one.rule}: {one.path}: {sentence(one.reason)}" for one in desk.refusals(candidate)]
+            raise ContractInvalid(f"{sentence(decision.reason)} ({decision.rule})", where="; ".join(found[:20]))
+        answer = sheet(desk, candidate.candidate_id)
+    show(answer, as_json=as_json, lines=sheet_lines(answer))
+
+
+@app.command("list")
+def list_candidates(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+    """All candidates, newest first."""
+    with reading(data) as queries:
+        rows = [row(review) for review in queries.reviews()]
+    columns = ("candidate", "status", "component", "metric", "author", "cycle")
+    lines = table([[str(one[name])[:16] for name in columns] for one in rows])
+    show({"candidates": rows}, as_json=as_json, lines=lines or ["No candidate was proposed here."])
+
+
+@app.command("show")
+def show_candidate(candidate: CandidateName, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+    """One candidate: manifest, the acceptance clauses, what persons said, and the digest that a decision must name."""
+    with reading(data) as queries:
+        answer = sheet(queries, candidate)
+    show(answer, as_json=as_json, lines=sheet_lines(answer))
+
+
+@app.command()
+def diff(candidate: CandidateName, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+    """What it changes against its baseline: by component, then the raw difference of both texts."""
+    with reading(data) as queries:
+        found = queries.diff(candidate)
+    lines = []
+    for section, title in NAMES.items():
+        changes = [change for change in found.changes if change.section == section]
+        lines += [f"{title}: {'unchanged' if not changes else ''}".rstrip(": ") if not changes else f"{title}:"]
+        for one in changes:
+            unit = f" {one.unit}" if one.unit else ""
+            lines.append(f"  {one.path}: {one.before or 'nothing'} -> {one.after or 'nothing'}{unit}. {one.meaning}")
+    show(msgspec.to_builtins(found), as_json=as_json, lines=[*lines, "", *found.raw.splitlines()])
+
+
+@app.command()
+def history(
+    data: Data = DEFAULT_DATA,
+    as_json: Json = False,
+    at: Annotated[str, typer.Option(help="What was current at this instant: 2026-11-20T09:30:00Z.")] = "",
+    robot: Annotated[str, typer.Option(help="On this robot, where a canary may run.")] = "",
+) -> None:
+    """The pointer's history, what is pinned to what, quarantine, looks and workers' uptake."""
+    with reading(data) as queries:
+        pointer = queries.pointer()
+        answer: dict[str, Any] = {
+            "revision": pointer.revision,
+            "configuration": queries.current(),
+            "canary": pointer.canary,
+            "canary_robot": pointer.robot_id,
+            "history": [msgspec.to_builtins(move) for move in pointer.history],
+            "versions": queries.versions(),
+            "pins": {name: list(missions) for name, missions in queries.pins().items()},
+            "quarantined": [msgspec.to_builtins(one) for one in pointer.quarantined.values()],
+            "looks": [msgspec.to_builtins(one) for one in pointer.looks],
+            "uptakes": [msgspec.to_builtins(one) for one in pointer.uptakes],
+            "policy": msgspec.to_builtins(pointer.policy),
+        }
+        if at:
+            answer["at"] = at
+            answer["current_at"] = queries.current_at(_instant(at), robot_id=RobotId(robot) if robot else None)
+    show(answer, as_json=as_json, lines=_history_lines(answer))
+
+
+@contextmanager
+def reading(data: Path) -> Iterator[CandidateQueries]:
+    """The shelf without owning the folder: a console may run on it meanwhile."""
+    with read_harness(settings(data_folder=data), deciders=DECIDERS, select=selected) as runtime:
+        yield CandidateQueries(runtime)
+
+
+def sheet_lines(answer: dict[str, Any]) -> list[str]:
+    """A sheet as a few lines."""
+    lines = [f"{answer['candidate']}  {answer['status']}  cycle {answer['cycle']}"]
+    if answer["digest"]:
+        lines.append(f"digest {answer['digest']}")
+    lines += [f"{one['clause']}: {one['answer']}. {one['sentence']}" for one in answer["clauses"]]
+    for said in answer["said"]:
+        lines.append(f"{said['by']['actor']['name']}: {said['what'].replace('_', ' ')}, “{said['by']['reason']}”")
+    lines += [
+        f"canary {one['measured']['mission_id']}: {one['finding'] or 'not adjudicated'}" for one in answer["canary"]
+    ]
+    return lines
+
+
+def _history_lines(answer: dict[str, Any]) -> list[str]:
+    lines = [f"revision {answer['revision']}: {answer['configuration']}"]
+    lines += table([_move(move) for move in answer["history"]])
+    lines += [f"{name[:16]}  {state}" for name, state in answer["versions"].items()]
+    if "current_at" in answer:
+        lines.append(f"at {answer['at']}: {answer['current_at'] or 'nothing was released yet'}")
+    return lines
+
+
+def _move(move: dict[str, Any]) -> list[str]:
+    digest = move["canary"] or move["configuration"]
+    return [str(move["revision"]), move["cause"], digest[:16], move["actor"]["name"], move["reason"]]
+
+
+def _instant(text: str) -> float:
+    try:
+        found = datetime.fromisoformat(text)
+    except ValueError as error:
+        raise UnknownName(f"{text!r} is no instant", where="--at", do="write it as 2026-11-20T09:30:00Z") from error
+    return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
+
+
+def _read(path: Path) -> bytes:
+    """A file's bytes, no more than a candidate may have. Raises HarnessError if it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return file.read(LARGEST_BYTES + 1)
+    except OSError as error:
+        raise HarnessError(f"The file cannot be read: {error.strerror}", where=str(path), do="name another") from error

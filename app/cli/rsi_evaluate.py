@@ -1,0 +1,189 @@
+"""regen rsi evaluate: run a candidate and its baseline on the suites, judge it, and record what came of it.
+
+Ctrl-C keeps every finished case; the same command goes on from there. Exit 0 passed, 1 not, 130 broken off.
+"""
+
+import os
+import secrets
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from app.cli.data_folder import deciding
+from app.cli.output import DEFAULT_DATA, Data, Json, settings, show
+from app.cli.owner_api import owner_api
+from app.cli.person import me
+from app.cli.rsi import CandidateName
+from app.i18n.reasons.rendering import sentence
+from harness.bootstrap import read_harness
+from harness.contracts.decisions import Accepted, Refused
+from harness.contracts.errors import ContractInvalid, HarnessError, StoreOwned
+from harness.contracts.values import digest
+from rsi_reviews.candidate_queries import CandidateQueries, selected
+from rsi_reviews.deciders import DECIDERS
+from rsi_reviews.held_out import Looks, secret_in
+from rsi_reviews.regression.executors import Executor, local
+from rsi_reviews.regression.grown_suite import with_growth
+from rsi_reviews.regression.results import ResultsFile, evaluator_version
+from rsi_reviews.regression.runner import RunProgress
+from rsi_reviews.regression.suite import shipped
+from rsi_reviews.release_service import ReleaseService, SignedBy
+from rsi_reviews.trial import HeldOut, Means, Trial, TrialOutcome, carried_out, judged_on, prepared
+from simulator.in_process import SIMULATOR
+
+EvaluatorFolder = Annotated[
+    Path | None,
+    typer.Option(
+        "--evaluator",
+        help="Where secret, looks and kept results lie; beside the data folder if not given.",
+        envvar="REGEN_EVALUATOR_FOLDER",
+    ),
+]
+
+
+@dataclass(frozen=True)
+class How:
+    """What a person said about how to run it."""
+
+    data: Path
+    folder: Path
+    cases: int | None
+    fresh: bool
+
+
+def evaluate(
+    candidate: CandidateName,
+    data: Data = DEFAULT_DATA,
+    evaluator: EvaluatorFolder = None,
+    ray: Annotated[str, typer.Option(help="A Ray cluster's address, or `local`; local processes if not given.")] = "",
+    processes: Annotated[int, typer.Option(help="Local processes; 0 runs in this one.")] = os.cpu_count() or 1,
+    cases: Annotated[
+        int | None, typer.Option(help="A quick look at so many cases of each suite; decides nothing.")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume/--fresh", help="Go on with kept results, or run all again.")] = True,
+    as_json: Json = False,
+) -> None:
+    """Compare a candidate with its baseline on the shipped suites and put the report on record."""
+    folder = evaluator or data.absolute().with_name(f"{data.absolute().name}-evaluator")
+    how = How(data=data, folder=folder, cases=cases, fresh=not resume)
+    if cases is None and owner_api(data) is not None:
+        raise StoreOwned(
+            "A console owns this data folder", where=str(data), do="stop it, or take a quick look with --cases"
+        )
+    trial = _trial(candidate, how)
+    if cases is None:
+        _recorded(how, lambda desk: desk.begin(trial.terms, _say(trial, "begin")))
+    outcome = _run(trial, how, executor(ray, processes))
+    if cases is None:
+        _recorded(how, lambda desk: desk.submit_results(judged_on(trial, outcome.results), _say(trial, "results")))
+    answer = told(trial, outcome, recorded=cases is None)
+    show(answer, as_json=as_json, lines=_lines(answer))
+    raise typer.Exit(0 if answer["answer"] == "pass" else 1)
+
+
+def executor(ray: str, processes: int) -> Executor:
+    """Ray where an address is given, else local processes. Raises HarnessError if Ray is not installed."""
+    if not ray:
+        return local(processes, SIMULATOR)
+    try:
+        cluster = import_module("rsi_reviews.regression.on_ray")
+    except ModuleNotFoundError as error:
+        raise HarnessError("Ray is not installed", where="--ray", do="install the extra: regenharness[ray]") from error
+    chosen: Executor = cluster.RayCluster(ray, SIMULATOR, cpus=max(1, processes))
+    return chosen
+
+
+def told(trial: Trial, outcome: TrialOutcome, *, recorded: bool) -> dict[str, Any]:
+    """The report as one JSON object."""
+    results = outcome.results
+    return {
+        "candidate": trial.terms.candidate,
+        "answer": outcome.report.answer,
+        "recorded": recorded,
+        "clauses": [msgspec.to_builtins(clause) for clause in outcome.report.clauses],
+        "held_out": msgspec.to_builtins(results.held_out) if results.held_out else None,
+        "terms": msgspec.to_builtins(trial.terms),
+        "cases": len(trial.cases),
+        "results": len(results.results),
+        "seconds": round(results.seconds, 1),
+    }
+
+
+def _trial(name: str, how: How) -> Trial:
+    with read_harness(settings(data_folder=how.data), deciders=DECIDERS, select=selected) as runtime:
+        queries = CandidateQueries(runtime)
+        candidate, growth = queries.candidate(name), queries.growth()
+        baseline = runtime.stored_configuration(candidate.baseline)
+    suites = (with_growth(shipped("regression"), growth), shipped("safety"))
+    return prepared(
+        candidate,
+        baseline,
+        suites,
+        launched_by=(me().name,),
+        simulator=SIMULATOR,
+        suite_edited_by=growth.hands,
+        most=how.cases,
+    )
+
+
+def _run(trial: Trial, how: How, executor: Executor) -> TrialOutcome:
+    evaluator = evaluator_version(SIMULATOR.sources())
+    how.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    path = how.folder / f"results-{evaluator.rpartition('+')[2]}.jsonl"
+    held_out = None
+    if how.cases is None:
+        held_out = HeldOut(secret=secret_in(how.folder, secrets.token_bytes), looks=Looks(how.folder))
+    if how.fresh:
+        path.unlink(missing_ok=True)
+    kept = ResultsFile(path, evaluator=evaluator)
+    with _watched() as watch:
+        try:
+            means = Means(executor=executor, now_s=time.monotonic, kept=kept, held_out=held_out, watch=watch)
+            return carried_out(trial, means)
+        except KeyboardInterrupt:
+            sys.stderr.write(f"regen: broken off; {len(kept)} results are kept in {path}, run the same to go on\n")
+            raise typer.Exit(130) from None
+
+
+def _recorded(how: How, word: Callable[[ReleaseService], Accepted[Any] | Refused]) -> None:
+    """One word to the desk. Raises ContractInvalid with the rule that refused it."""
+    with deciding(settings(data_folder=how.data)) as desk:
+        decision = word(desk)
+    if isinstance(decision, Refused):
+        raise ContractInvalid(f"{sentence(decision.reason)} ({decision.rule})", do="see `regen rsi show`")
+
+
+def _say(trial: Trial, word: str) -> SignedBy:
+    return SignedBy(me(), f"evaluate: {word}", f"evaluate:{word}:{digest(trial.terms)}")
+
+
+@contextmanager
+def _watched() -> Iterator[Callable[[RunProgress], None]]:
+    """A bar on standard error."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as progress:
+        task = progress.add_task("missions")
+
+        def watch(advance: RunProgress) -> None:
+            bad = f", {advance.bad} without a result" if advance.bad else ""
+            kept = f" ({advance.kept} kept before)" if advance.kept else ""
+            progress.update(task, completed=advance.done, total=advance.of, description=f"missions{kept}{bad}")
+
+        yield watch
+
+
+def _lines(answer: dict[str, Any]) -> list[str]:
+    lines = [f"{one['clause']}: {one['answer']}. {one['sentence']}" for one in answer["clauses"]]
+    where = "on record" if answer["recorded"] else "a quick look, not on record"
+    ran = f"{answer['results']} missions in {answer['seconds']} s"
+    return [*lines, f"{answer['candidate'][:16]}  {answer['answer']}  {ran}, {where}"]

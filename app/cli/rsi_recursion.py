@@ -1,0 +1,201 @@
+"""regen rsi, the machinery: the recursion experiment, counterfactual replay, and generators on stored missions."""
+
+import json
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from enum import StrEnum
+from importlib import import_module
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+import typer
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from app.cli.output import DEFAULT_DATA, Data, Json, settings, show, table
+from app.settings import ROOT
+from harness.bootstrap import read_harness
+from harness.contracts.configuration import Configuration
+from harness.contracts.errors import ContractInvalid, StoreUnavailable
+from harness.contracts.ids import MissionId
+from harness.contracts.values import digest
+from harness.runtime import Runtime
+from rsi_reviews.candidate_queries import CandidateQueries, selected
+from rsi_reviews.candidates import LARGEST_BYTES, read_configuration
+from rsi_reviews.contracts import Candidate
+from rsi_reviews.counterfactual import Counterfactual, counterfactual
+from rsi_reviews.deciders import DECIDERS
+from rsi_reviews.generate.interface import GenerationBudget, Generator
+from rsi_reviews.generate.miner import TraceMiner
+from rsi_reviews.generate.trace import read_trace
+from rsi_reviews.recursion.experiment import FleetOutcome, Terms
+from rsi_reviews.recursion.publish import WORDS, found, publish
+from rsi_reviews.recursion.run import blind_tasks, outcomes, tasks
+from simulator.in_process import SIMULATOR
+
+DOCS = ROOT / "docs"
+BLIND_EACH = 2
+
+
+class GeneratorChoice(StrEnum):
+    """Which generator proposes."""
+
+    miner = "miner"
+    model = "model"
+
+
+def recursion(
+    generations: Annotated[int, typer.Option(min=1, max=50)] = 6,
+    fleets: Annotated[
+        int, typer.Option(min=1, max=1000, help="Independent fleets; ten make a full turn of sites.")
+    ] = 30,
+    missions: Annotated[int, typer.Option(min=1, max=1000, help="Held-out missions per fleet and generation.")] = 10,
+    seed: Annotated[int, typer.Option(min=0, max=1_000_000, help="Every number follows from it.")] = 1,
+    processes: Annotated[int, typer.Option(min=1, max=256)] = 2,
+    kept: Annotated[Path, typer.Option(help="Finished fleets lie there; a run that was broken off goes on.")] = Path(
+        "var/recursion"
+    ),
+    blind: Annotated[
+        bool, typer.Option("--blind", help="Then open the final test: sites hashed before the run.")
+    ] = False,
+    write: Annotated[bool, typer.Option("--publish", help="Write docs/recursion.md, its JSON and its plots.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Six arms over several generations on sites with hidden regularities: does the gated loop pay, and why?"""
+    terms = Terms(seed=seed, generations=generations, measured=missions)
+    wanted = tasks(terms, fleets)
+    final = blind_tasks(terms, each=BLIND_EACH) if blind else ()
+    folder = kept / digest(terms)[:16]
+    with _progress() as progress:
+        told = progress.add_task("fleets", total=len(wanted) + len(final))
+
+        def advance(outcome: FleetOutcome, done: int, of: int) -> None:
+            progress.update(told, advance=1, description=f"fleet {outcome.task.fleet} at {outcome.task.site}")
+
+        every = outcomes(wanted, simulator=SIMULATOR, folder=folder, processes=processes, told=advance)
+        last = outcomes(final, simulator=SIMULATOR, folder=folder, processes=processes, told=advance)
+    result = found(every, last, terms, fleets=fleets)
+    if write:
+        publish(result, docs=DOCS)
+    show(result, as_json=as_json, lines=_lines(result))
+
+
+def replayed(
+    candidate: Annotated[str, typer.Argument(help="The candidate's digest, a beginning of it, or a JSON file.")],
+    mission: Annotated[list[str] | None, typer.Option(help="Only this mission; may be given again.")] = None,
+    data: Data = DEFAULT_DATA,
+    as_json: Json = False,
+) -> None:
+    """Which stored routing, context and recovery decisions would differ under a candidate. No robot is touched."""
+    with _stored(data) as runtime:
+        configuration = _configuration(CandidateQueries(runtime), candidate)
+        chosen = [MissionId(name) for name in mission] if mission else None
+        report = counterfactual(runtime, configuration, chosen)
+    show(msgspec.to_builtins(report), as_json=as_json, lines=_differences(report))
+
+
+def generate(
+    way: Annotated[
+        GeneratorChoice, typer.Option("--with", help="The trace miner, or the model that REGEN_MODEL names.")
+    ] = GeneratorChoice.miner,
+    most: Annotated[int, typer.Option(min=1, max=20, help="How many candidates at most.")] = 3,
+    into: Annotated[Path | None, typer.Option(help="Write each as NAME.json and NAME.manifest.json there.")] = None,
+    data: Data = DEFAULT_DATA,
+    as_json: Json = False,
+) -> None:
+    """Read what missions under the current version recorded, and propose changes. Nothing is put on record."""
+    with _stored(data) as runtime:
+        queries = CandidateQueries(runtime)
+        current = runtime.stored_configuration(queries.current())
+        under = [one.mission_id for one in runtime.pinned_to(queries.current())][::-1]
+        trace = read_trace(runtime, under)
+        seen = tuple(review.configuration for review in queries.reviews())
+    candidates = _generator(way).propose(trace, current, GenerationBudget(candidates=most, seen=seen))
+    written = [_write(into, one) for one in candidates] if into is not None else []
+    rows = [{"candidate": one.candidate_id, "manifest": msgspec.to_builtins(one.manifest)} for one in candidates]
+    lines = [f"{one.manifest.reason} {one.manifest.intended_effect}" for one in candidates]
+    show({"missions": len(trace.missions), "candidates": rows, "files": written}, as_json=as_json,
+         lines=[*lines, *written] or [f"{len(trace.missions)} missions give no reason for a change."])  # fmt: skip
+
+
+def _stored(data: Path) -> AbstractContextManager[Runtime]:
+    """The log without owning the folder."""
+    return read_harness(settings(data_folder=data), deciders=DECIDERS, select=selected)
+
+
+def _generator(way: GeneratorChoice) -> Generator:
+    if way is GeneratorChoice.miner:
+        return TraceMiner()
+    try:
+        model = import_module("rsi_reviews.generate.model")
+    except ImportError as error:
+        raise ContractInvalid(
+            f"The model's client is not installed: {error}", where="--with model", do="install regenharness[models]"
+        ) from error
+    made: Generator = model.ModelGenerator(model.ModelSettings())
+    return made
+
+
+def _configuration(queries: CandidateQueries, candidate: str) -> Configuration:
+    """A candidate on record, or a file."""
+    path = Path(candidate)
+    if not path.is_file():
+        return queries.candidate(candidate).configuration
+    try:
+        with path.open("rb") as file:
+            return read_configuration(file.read(LARGEST_BYTES + 1))
+    except OSError as error:
+        raise StoreUnavailable(f"The file cannot be read: {error}", where=candidate, do="name another") from error
+
+
+def _write(folder: Path, candidate: Candidate) -> str:
+    """The two texts that `regen rsi propose` takes; returns how to call it."""
+    name = candidate.candidate_id[:16]
+    folder.mkdir(parents=True, exist_ok=True)
+    for value, suffix in ((candidate.configuration, ".json"), (candidate.manifest, ".manifest.json")):
+        (folder / f"{name}{suffix}").write_text(
+            json.dumps(msgspec.to_builtins(value), indent=1) + "\n", encoding="utf-8"
+        )
+    return f"regen rsi propose --file {folder / name}.json --manifest {folder / name}.manifest.json"
+
+
+def _progress() -> Progress:
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    return Progress(*columns, transient=True)
+
+
+def _lines(result: Any) -> list[str]:
+    last = max((row["generation"] for row in result["rows"]), default=0)
+    head = ["arm", "n", "verified", "cost", "handoffs", "false", "proposed", "accepted"]
+    body = [
+        [row["arm"], str(row["n"]), _shown(row, "verified_completion"), _shown(row, "recovery_cost"),
+         _shown(row, "handoffs"), _shown(row, "false_completion"), str(row["proposed"]), str(row["accepted"])]
+        for row in result["rows"] if row["generation"] == last
+    ]  # fmt: skip
+    return [*table([head, *body]), "", *(_answer(one) for one in result["answers"])]
+
+
+def _shown(row: dict[str, Any], name: str) -> str:
+    low, high = row[f"{name}_ci"]
+    return f"{row[name]:.3f} ({low:.3f}..{high:.3f})"
+
+
+def _answer(one: dict[str, Any]) -> str:
+    return f"{WORDS[one['refuted']]}: {one['refutes']}. {one['sentence']}"
+
+
+def _differences(report: Counterfactual) -> list[str]:
+    lines = []
+    for mission in report.differing:
+        lines.append(f"{mission.mission_id}  {mission.template}  {mission.status}")
+        rows: Sequence[Sequence[str]] = [
+            [f"  {one.position}", one.kind, one.node_id, f"{one.before} -> {one.after}"] for one in mission.differences
+        ]
+        lines += table(rows)
+    derived = sum(sum(mission.derived.values()) for mission in report.missions)
+    unreadable = sum(len(mission.unreadable) for mission in report.missions)
+    lines.append(
+        f"{len(report.differing)} of {len(report.missions)} missions would have gone another way; "
+        f"{derived} decisions derived again, {unreadable} could not be."
+    )
+    return lines

@@ -1,0 +1,54 @@
+"""What `regen up --start` puts before people in a new data folder: a really evaluated candidate, in review."""
+
+from pathlib import Path
+from typing import Any
+
+from app.i18n.reasons.rendering import sentence
+from harness.contracts.actors import Actor
+from harness.contracts.decisions import Accepted, Refused
+from harness.contracts.errors import ContractInvalid
+from rsi_reviews.held_out import Looks
+from rsi_reviews.release_service import ReleaseService, SignedBy
+from rsi_reviews.shipped_evaluation import Shipped, shipped_evaluation
+
+STARTING = Actor(name="regen up", role="operator", channel="policy")
+
+
+def put_in_review(desk: ReleaseService, folder: Path, found: Shipped | None = None) -> None:
+    """Propose it, fix its terms, hand in its results, ask for review; the desk judges them itself.
+
+    `folder` is the evaluator's: looks at the held-out suite that were taken for it are counted there, so that the next
+    one has a number and an alpha of its own. Nothing happens where anything was proposed or looked at before. What the
+    predicate does not accept (any more) is not asked about: it stands on the board with the answer.
+    Raises ContractInvalid with the rule of a refusal.
+    """
+    if desk.pointer().version or len(Looks(folder)):
+        return
+    shipped = found or shipped_evaluation()
+    name = shipped.candidate.candidate_id
+    plain = "ships with the program"
+    _taken(desk.propose(shipped.candidate, _say("propose", plain)))
+    _taken(desk.begin(shipped.terms, _say("begin", plain)))
+    _counted(folder, shipped)
+    _taken(desk.submit_results(shipped.judged_on(), _say("results", plain)))
+    _taken(desk.comment(name, _say("label", shipped.label)))
+    if desk.review(name).status == "accepted":
+        _taken(desk.submit(name, _say("submit", "every clause that can be answered before a release passes")))
+
+
+def _counted(folder: Path, shipped: Shipped) -> None:
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    looks = Looks(folder)
+    for one in shipped.looks:
+        opened = looks.open(one.candidate, one.manifest)
+        if one.answer is not None:
+            looks.close(opened, one.answer)
+
+
+def _say(word: str, reason: str) -> SignedBy:
+    return SignedBy(STARTING, reason, f"shipped:{word}")
+
+
+def _taken(decision: Accepted[Any] | Refused) -> None:
+    if isinstance(decision, Refused):
+        raise ContractInvalid(f"{sentence(decision.reason)} ({decision.rule})", where="the candidate that ships")

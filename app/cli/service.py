@@ -1,0 +1,198 @@
+"""regen up: the console with the runtime and the simulated robot. regen doctor: what is wrong with a data folder."""
+
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from pydantic import SecretStr
+
+from app.auth.commit_authority import authority
+from app.auth.exposure import check_exposure
+from app.auth.oidc_settings import identity_provider
+from app.background.evaluations import evaluator_folder
+from app.background.release_watch import ReleaseWatch
+from app.background.robot_reports import Fleet
+from app.background.signals import SignalBroker
+from app.cli.accounts import opened
+from app.cli.data_folder import duplicate_starts
+from app.cli.identity import examine_issuer
+from app.cli.output import DEFAULT_DATA, Data, Json, settings, show
+from app.cli.rsi_shipped import put_in_review
+from app.i18n.reasons.rendering import sentence
+from app.main import bind, create_app, open_accounts, serve
+from app.scene.servers import Scenes
+from app.settings import ConsoleSettings
+from app.web.starting import starting
+from harness.bootstrap import Harness, open_harness, owner_of, read_harness
+from harness.contracts.actors import Actor
+from harness.contracts.decisions import Refused
+from harness.contracts.errors import ContractInvalid, HarnessError
+from harness.extra_templates import begin
+from harness.runtime import Start
+from rsi_reviews.candidate_queries import on_trial, selected
+from rsi_reviews.deciders import DECIDERS
+from rsi_reviews.release_service import ReleaseService
+from simulator.in_process import SIMULATOR
+
+
+def up(
+    data: Data = DEFAULT_DATA,
+    port: Annotated[int | None, typer.Option(help="Loopback port of the console.", min=0, max=65535)] = None,
+    speed: Annotated[float | None, typer.Option(help="Mission seconds per second.")] = None,
+    start: Annotated[str | None, typer.Option(help="Begin with this task template.")] = None,
+    seed: Annotated[int, typer.Option(min=0)] = 1,
+    fidelity: Annotated[str | None, typer.Option(help="mujoco or kinematic.")] = None,
+    robots: Annotated[str | None, typer.Option(help="Names of the simulated robots: vbot-1,vbot-2.")] = None,
+    fault: Annotated[
+        list[str] | None, typer.Option(help="ROBOT=NAME[:persistent], for the missions that --start begins.")
+    ] = None,
+) -> None:
+    """Start the console and everything behind it; prints one sign-in link.
+
+    With --start, every robot that has no mission under way begins one.
+    """
+    console = ConsoleSettings() if port is None else ConsoleSettings(port=port)
+    named = tuple(name.strip() for name in robots.split(",") if name.strip()) if robots else None
+    chosen = settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity, robots=named)
+    faults = _faults(fault or [], chosen.fleet)
+    if chosen.speed == 0:
+        raise typer.BadParameter("a console shows missions at a speed above 0", param_hint="--speed")
+    with opened(chosen.data_folder) as accounts:
+        check_exposure(console, has_accounts=accounts.store.any_account())
+    identity_provider(console, clock=time.time)
+    with ExitStack() as stack:
+        listener = stack.enter_context(bind(console.port, console.host))
+        console = console.model_copy(update={"port": listener.getsockname()[1]})
+        broker = SignalBroker()
+        accounts = open_accounts(console, chosen.data_folder)
+        stack.callback(accounts.store.close)
+        sys.stderr.write(f"Opening {chosen.data_folder} and starting {', '.join(chosen.fleet)} ...\n")
+        with starting(console, listener, chosen.fleet):
+            harness = stack.enter_context(
+                open_harness(
+                    chosen,
+                    signals=broker,
+                    url=console.local_address,
+                    deciders=DECIDERS,
+                    authority=authority(accounts),
+                    select=selected,
+                    trial=on_trial,
+                )
+            )
+        console = console.model_copy(
+            update={
+                "speed": chosen.speed,
+                "robots": tuple(harness.robots),
+                "owner_token": SecretStr(harness.token),
+            }
+        )
+        _begin(harness, start, seed=seed, faults=faults)
+        harness.supervisor.serve()
+        harness.wheel.watch()
+        stack.callback(harness.wheel.close)
+        fleet = Fleet(harness.robots, harness.cameras, time.time)
+        fleet.watch()
+        app = create_app(
+            harness.runtime,
+            console,
+            broker,
+            Scenes(harness.runtime),
+            accounts=accounts,
+            answer=harness.supervisor.answer,
+            starts=harness.starts,
+            cards=lambda: (one.card for robot in harness.robots.values() for one in robot.providers()),
+            folder=chosen.data_folder,
+            fleet=fleet,
+            wheel=harness.wheel,
+        )
+        app.state.alert_watch.watch()
+        _watch_desk(stack, harness, evaluator_folder(chosen.data_folder) if start is not None else None)
+        app.state.notices.watch()
+        sessions = app.state.sessions
+        link = "" if sessions.has_accounts else f"{console.address}{sessions.invite()}"
+        way_in = f"Sign in once: {link}" if link else "Sign in with your account."
+        typer.echo(f"RegenHarness is at {console.address}  {way_in}")
+        serve(app, listener)
+
+
+def _watch_desk(stack: ExitStack, harness: Harness, evaluator: Path | None) -> None:
+    """The review desk follows what ends. With an evaluator's folder, a new data folder is given a candidate to show."""
+    desk = ReleaseService(harness.runtime)
+    watch = ReleaseWatch(
+        desk=desk,
+        head=harness.runtime.head,
+        read=harness.runtime.log,
+        duplicate_starts=lambda mission_id: duplicate_starts(harness, mission_id),
+        first=(lambda: put_in_review(desk, evaluator)) if evaluator is not None else None,
+    )
+    watch.watch()
+    stack.callback(watch.close)
+
+
+def _begin(harness: Harness, template: str | None, *, seed: int, faults: Mapping[str, str]) -> None:
+    """Start a mission of this template on every robot that has none under way from last time."""
+    busy = {mission.robot_id for mission in harness.runtime.open_missions()}
+    for index, robot_id in enumerate(harness.robots if template is not None else ()):
+        if robot_id in busy:
+            continue
+        start = Start(
+            actor=Actor(name="regen up", role="operator"),
+            robot_id=robot_id,
+            template=template or "",
+            seed=seed + index,
+            labels={"faults": faults[robot_id]} if robot_id in faults else {},
+        )
+        begun = begin(harness.runtime, start)
+        if isinstance(begun, Refused):
+            raise ContractInvalid(sentence(begun.reason))
+
+
+def _faults(given: Sequence[str], fleet: Sequence[str]) -> dict[str, str]:
+    """Faults by robot. Raises BadParameter for a robot that does not start, UnknownName for an unknown fault."""
+    found: dict[str, list[str]] = {}
+    for text in given:
+        robot_id, _, name = text.partition("=")
+        if robot_id not in fleet or not name:
+            raise typer.BadParameter(
+                f"{text!r} is not ROBOT=NAME with a robot of {', '.join(fleet)}", param_hint="--fault"
+            )
+        SIMULATOR.check_faults([name])
+        found.setdefault(robot_id, []).append(name)
+    return {robot_id: ",".join(names) for robot_id, names in found.items()}
+
+
+def doctor(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+    """Look at a data folder: owner, log, blobs; and at the identity provider, if one is set up. Exit 1 for problems."""
+    found: dict[str, Any] = {"data": str(data), "problems": []}
+    owner = owner_of(data)
+    found["owner"] = {"pid": owner.pid, "url": owner.url} if owner else None
+    try:
+        _examine(data, found)
+    except HarnessError as error:
+        found["problems"].append(str(error))
+    issuer, wrong = examine_issuer(ConsoleSettings(), running=owner.url if owner else "")
+    if issuer is not None:
+        found["identity_provider"] = issuer
+        found["problems"] += wrong
+    lines = [f"{name}: {value}" for name, value in found.items() if name != "problems"]
+    show(found, as_json=as_json, lines=[*lines, *found["problems"], "" if found["problems"] else "No damage found."])
+    raise typer.Exit(1 if found["problems"] else 0)
+
+
+def _examine(data: Path, found: dict[str, Any]) -> None:
+    with read_harness(settings(data_folder=data)) as runtime:
+        head = runtime.verify()
+        found["events"], found["head"] = head.position, head.digest
+        missions = runtime.missions()
+        found["missions"] = len(missions)
+        found["open_missions"] = [mission.mission_id for mission in missions if not mission.ended]
+        found["problems"] += [f"{one.mission_id} is not run here: {one.reason}" for one in runtime.unreadable()]
+        for digest in runtime.blob_digests():
+            try:
+                runtime.blob(digest)
+            except HarnessError as error:
+                found["problems"].append(str(error))

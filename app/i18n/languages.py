@@ -1,0 +1,169 @@
+"""Languages: which one a reader gets, and what every message and instant is in it.
+
+A catalogue is a gettext file under locale/, read once when its language is first asked for. What it lacks is shown in
+English. The choice: ?lang= of the address, which also sets the cookie; else the cookie; else what the browser prefers.
+"""
+
+from collections.abc import Mapping
+from contextvars import ContextVar
+from dataclasses import dataclass
+from datetime import datetime
+from functools import cache
+from http.cookies import CookieError, SimpleCookie
+from typing import Any
+from urllib.parse import parse_qsl, urlencode
+
+from babel.core import negotiate_locale
+from babel.dates import format_datetime
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import Message as ASGIMessage
+
+from app.i18n.catalogues import ENGLISH, LOCALES, MACHINE, catalogue, translated
+from app.i18n.messages import Message
+from app.i18n.reasons import rendering as reasons
+from app.i18n.retelling import Retelling
+from harness.contracts.reasons import Reason
+
+LANGUAGES: Mapping[str, str] = {"en": "English", "zh-Hans": "简体中文"}
+"""By the tag that pages carry; each named in itself."""
+ASKED_AS: Mapping[str, str] = {"zh": "zh-Hans", "zh-cn": "zh-Hans", "zh-sg": "zh-Hans", "zh-hans-cn": "zh-Hans"}
+"""Other tags that mean one of ours."""
+COOKIE, PARAMETER, YEAR_S = "regen_language", "lang", 365 * 86400
+
+
+@dataclass(frozen=True)
+class LanguageChoice:
+    """A reader's language, and the query of the page they are on, from which the switch is made."""
+
+    language: str = ENGLISH
+    query: str = ""
+
+
+UNCHOSEN = LanguageChoice()
+CHOICE: ContextVar[LanguageChoice] = ContextVar("choice", default=UNCHOSEN)
+"""Of the present request. Set by Languages alone."""
+
+
+@dataclass(frozen=True)
+class LanguageLink:
+    """A link to the same page in another language."""
+
+    language: str
+    title: str
+    href: str
+
+
+class Languages:
+    """ASGI middleware: chooses the language of every answer, and keeps it in a cookie when a reader chose it."""
+
+    def __init__(self, app: ASGIApp, *, secure: bool) -> None:
+        self._app, self._secure = app, secure
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        query = scope["query_string"].decode("latin-1")
+        asked = dict(parse_qsl(query)).get(PARAMETER, "")
+        chosen = asked if asked in LANGUAGES else ""
+        mark = CHOICE.set(LanguageChoice(chosen or preferred(Headers(scope=scope)), query))
+        try:
+            await self._app(scope, receive, self._keeping(send, chosen))
+        finally:
+            CHOICE.reset(mark)
+
+    def _keeping(self, send: Send, chosen: str) -> Send:
+        language = CHOICE.get().language
+        line = (
+            f"{COOKIE}={chosen}; Path=/; Max-Age={YEAR_S}; SameSite=Lax; HttpOnly{'; Secure' if self._secure else ''}"
+        )
+
+        async def keeping(message: ASGIMessage) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                if headers.get("content-type", "").startswith("text/html"):
+                    headers["content-language"] = language
+                if chosen:
+                    headers.append("set-cookie", line)
+            await send(message)
+
+        return keeping
+
+
+def preferred(headers: Headers) -> str:
+    """The cookie's language, else the best of the browser's wishes, else English."""
+    try:
+        kept = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
+    except CookieError:
+        kept = None
+    if kept is not None and kept.value in LANGUAGES:
+        return kept.value
+    wishes = [_wish(one) for one in headers.get("accept-language", "").split(",")]
+    tags = [tag for weight, tag in sorted(wishes, key=lambda wish: -wish[0]) if weight > 0]
+    found = negotiate_locale([ASKED_AS.get(tag.lower(), tag) for tag in tags], list(LANGUAGES), sep="-")
+    return found or ENGLISH
+
+
+def _wish(text: str) -> tuple[float, str]:
+    tag, _, weight = text.strip().partition(";q=")
+    try:
+        return (float(weight) if weight else 1.0), tag
+    except ValueError:
+        return 0.0, tag
+
+
+def ways() -> tuple[LanguageLink, ...]:
+    """The present page in the other languages; everything else of its address is kept."""
+    choice = CHOICE.get()
+    kept = [(name, value) for name, value in parse_qsl(choice.query) if name != PARAMETER]
+    return tuple(
+        LanguageLink(language=tag, title=title, href=f"?{urlencode([*kept, (PARAMETER, tag)])}")
+        for tag, title in LANGUAGES.items()
+        if tag != choice.language
+    )
+
+
+@cache
+def retelling(language: str) -> Retelling:
+    """What the machinery said, in a language."""
+    return Retelling(catalogue(language), catalogue(language, MACHINE))
+
+
+def localise(value: Any, language: str) -> Any:
+    """A value as its reader should see it: reasons, a Message, what the catalogues know; anything else untouched."""
+    if isinstance(value, Reason):
+        return reasons.sentence(_localised(value, language), language)
+    if language == ENGLISH or not isinstance(value, str) or hasattr(value, "__html__"):
+        return value
+    if isinstance(value, Message):
+        if not value.fields:
+            return retelling(language).told(str(value))
+        fields = {name: _field(one, language) for name, one in value.fields.items()}
+        return translated(value.message, language).format(**fields).strip()
+    return retelling(language).told(value)
+
+
+def _field(value: Any, language: str) -> Any:
+    if isinstance(value, datetime):
+        return format_datetime(value, "medium", locale=LOCALES[language])
+    return localise(value, language)
+
+
+def _localised(reason: Reason, language: str) -> Reason:
+    """The reason with the texts among its facts as the catalogues know them: conditions, what the machinery said."""
+    if language == ENGLISH:
+        return reason
+    return Reason(code=reason.code, facts={name: _fact(one, language) for name, one in reason.facts.items()})
+
+
+def _fact(value: Any, language: str) -> Any:
+    match value:
+        case Reason():
+            return _localised(value, language)
+        case tuple():
+            return tuple(_fact(one, language) for one in value)
+        case str():
+            return localise(value, language)
+        case _:
+            return value

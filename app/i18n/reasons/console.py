@@ -1,0 +1,13 @@
+"""Why the console itself refuses, by code."""
+
+from collections.abc import Mapping
+
+from app.i18n.catalogues import N_
+
+SENTENCES: Mapping[str, str] = {
+    "no_permission_declared": N_("Nobody has declared who may give {command}."),
+    "no_supervisor_here": N_("No supervisor runs here, so no robot can be reached."),
+    "role_revoked": N_("{actor} may no longer decide this: their role was taken back."),
+    "unseen": N_("What was on your screen has changed since. Read it again, then decide."),
+    "wheel_not_taken": N_("Nobody has the wheel of {robot_id}: take it first."),
+}

@@ -1,0 +1,21 @@
+"""How a mission ended and who brought it about, by code."""
+
+from collections.abc import Mapping
+
+from app.i18n.catalogues import N_
+
+SENTENCES: Mapping[str, str] = {
+    "answered_by": N_("{actor}: {reason}"),
+    "condition_disputed": N_("{condition} is disputed"),
+    "goal_met": N_("Goal met: {goal}. {reason}"),
+    "goal_not_met": N_("All stages done, goal not met ({verdict:word}): {why}"),
+    "goal_verdict_satisfied": N_("the goal verdict is satisfied"),
+    "handoff_was_answered": N_("{actor} {decision:word} the handoff: {reason}"),
+    "mission_over": N_("{reason:capital}"),
+    "mission_stopped_by": N_("Stopped by {actor}: {reason}"),
+    "no_stage_answers": N_("No stage answers for it alone, so none is opened again."),
+    "not_reopened": N_("{why} {again}"),
+    "stage_not_reopened": N_("{stage} is not opened again: {why}."),
+    "stopped_without_rest": N_("{stopped}. No evidence shows the robot at rest: {why}"),
+    "withdrawn_before_begin": N_("Taken back by {actor} before it began: {reason}"),
+}

@@ -1,0 +1,41 @@
+"""What failed, which recovery action comes next and which is not possible, by code."""
+
+from collections.abc import Mapping
+
+from app.i18n.catalogues import N_
+
+SENTENCES: Mapping[str, str] = {
+    "action": N_("{action:word}"),
+    "action_by_provider": N_("{action:word} by {provider_id}"),
+    "action_impossible": N_("{action:word}: {why}"),
+    "beyond_unattended_share": N_(
+        "Recovery step {step} of node {stage} goes beyond the {allowed:g} of {total} that may be taken "
+        "without a person."
+    ),
+    "configuration_in_canary": N_("Configuration {configuration} is in canary: a person approves each of its motions."),
+    "each_motion_approved": N_("The mission asks for approval of each motion."),
+    "execution_over": N_("the execution ended {terminal:word}"),
+    "execution_over_with_failure": N_("the execution ended {terminal:word}: {failure:word}"),
+    "failure": N_("{failure:word}"),
+    "failure_explained": N_("{failure:word} ({why})"),
+    "given_up_for_good": N_("{failure:word}: {why}"),
+    "mission_is_manual": N_("The mission is manual: a person approves every dispatch."),
+    "next_step": N_(
+        "{failure:capital}. Tried before: {tried:words}. Next: {following}. Left before this: "
+        "{left_node} for the stage, {left_mission} for the mission."
+    ),
+    "no_alternative": N_("no other provider can do it"),
+    "of_stage": N_("{stage}: {reason}"),
+    "over_action_budget": N_("nothing is left for {action:word}"),
+    "over_mission_budget": N_("nothing is left of the mission's recovery budget"),
+    "over_node_budget": N_("nothing is left of the stage's recovery budget"),
+    "person_is_asked": N_("a person is asked"),
+    "repeats_without_news": N_("{action:word} answered {failure:word} before, and no sensor has spoken since"),
+    "required_stage_failed": N_("A required stage failed. {reasons}"),
+    "risky_motion_approved": N_(
+        "The mission asks for approval of risky motion, and node {stage} is of {risk:word} risk."
+    ),
+    "stage_of_high_risk": N_("Node {stage} is of high risk."),
+    "step_passed_over": N_("{action:word}: {why}"),
+    "stopped_for_failure": N_("{failure:word}: {why}"),
+}

@@ -1,0 +1,141 @@
+"""The one place where a reason becomes a sentence, in the reader's language; what it rests on stays code and facts.
+
+A message has named holes with Python's format specifications, and a few of our own: `{x:word}` is a term of the
+vocabulary, `{x:words}` several of them, `{x:or}` the same with "or" before the last, `{x:capital}` begins a sentence.
+"""
+
+import warnings
+from collections.abc import Mapping
+from string import Formatter
+from typing import Any
+
+from msgspec import Struct, structs, to_builtins
+
+from app.i18n.catalogues import ENGLISH, translated
+from app.i18n.reasons import (
+    alerts,
+    console,
+    contexts,
+    execution,
+    gate,
+    outcomes,
+    planning,
+    proposals,
+    recovery,
+    restrictions,
+    reviews,
+    routing,
+    supervision,
+    verification,
+)
+from harness.contracts.reasons import RECORDED, SEVERAL, Explanation, Reason, plain
+
+SENTENCES: Mapping[str, str] = {
+    RECORDED: "{text}",
+    SEVERAL: "{reasons}",
+    **alerts.SENTENCES,
+    **console.SENTENCES,
+    **contexts.SENTENCES,
+    **execution.SENTENCES,
+    **gate.SENTENCES,
+    **outcomes.SENTENCES,
+    **planning.SENTENCES,
+    **proposals.SENTENCES,
+    **recovery.SENTENCES,
+    **restrictions.SENTENCES,
+    **reviews.SENTENCES,
+    **routing.SENTENCES,
+    **supervision.SENTENCES,
+    **verification.SENTENCES,
+}
+"""Every code of the project and its message."""
+BETWEEN: Mapping[str, tuple[str, str, str]] = {"en": (", ", "; ", " or "), "zh-Hans": ("、", "；", "或")}
+"""What stands between names, between sentences, and before the last of several that are offered."""
+WORDS = frozenset({"word", "words", "or", "capital"})
+"""Format specifications that are ours."""
+
+
+def sentence(reason: Explanation, language: str = ENGLISH) -> str:
+    """The reason in that language; text stays as it is. A code without a sentence warns and is shown with its facts."""
+    if isinstance(reason, str):
+        return reason
+    message = SENTENCES.get(reason.code)
+    if message is None:
+        warnings.warn(f"the reason {reason.code!r} has no sentence", stacklevel=2)
+        return plain(reason)
+    try:
+        return _Formatter(language).vformat(translated(message, language), (), reason.facts).strip()
+    except (KeyError, ValueError, TypeError) as wrong:
+        warnings.warn(f"the facts of {reason!r} do not fill its sentence: {wrong!r}", stacklevel=2)
+        return plain(reason)
+
+
+def sentences(reasons: tuple[Explanation, ...], language: str = ENGLISH) -> str:
+    """Several reasons one after the other, as the language separates them."""
+    return BETWEEN[language][1].join(sentence(one, language) for one in reasons)
+
+
+def stated(name: str, reason: Explanation) -> dict[str, Any]:
+    """A reason for programs: its English sentence under `name`, its code and facts beside it; text has no code."""
+    facts = reason.facts if isinstance(reason, Reason) else {}
+    code = reason.code if isinstance(reason, Reason) else ""
+    return {name: sentence(reason), f"{name}_code": code, f"{name}_facts": to_builtins(facts)}
+
+
+def stating(value: Any) -> Any:
+    """A value as JSON holds it, every reason in it as `stated` does it."""
+    match value:
+        case Reason():
+            return sentence(value)
+        case Struct():
+            fields = {field.encode_name: getattr(value, field.name) for field in structs.fields(value)}
+            return stating(fields | _tag(value))
+        case dict():
+            found: dict[str, Any] = {}
+            for name, one in value.items():
+                found |= stated(str(name), one) if isinstance(one, Reason) else {str(name): stating(one)}
+            return found
+        case list() | tuple():
+            return [stating(one) for one in value]
+        case str():
+            return str(value)
+        case _:
+            return to_builtins(value)
+
+
+def _tag(value: Struct) -> dict[str, Any]:
+    config = value.__struct_config__
+    return {config.tag_field: config.tag} if config.tag_field else {}
+
+
+def word(slug: str, language: str = ENGLISH) -> str:
+    """A term of the vocabulary, as contracts spell it, in a language: awaiting_human is said as awaiting human."""
+    return translated(slug.replace("_", " "), language)
+
+
+class _Formatter(Formatter):
+    """Fills the holes of one message with facts."""
+
+    def __init__(self, language: str) -> None:
+        self._language = language
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        """A fact as its hole asks for it."""
+        commas, semicolons, alternatives = BETWEEN[self._language]
+        match value:
+            case Reason():
+                text = sentence(value, self._language)
+                return f"{text[:1].upper()}{text[1:]}" if format_spec == "capital" else text
+            case tuple() if any(isinstance(one, Reason) for one in value):
+                return semicolons.join(self.format_field(one, "") for one in value)
+            case tuple():
+                listed = [self.format_field(one, "word" if format_spec else "") for one in value]
+                if format_spec == "or" and len(listed) > 1:
+                    return alternatives.join((commas.join(listed[:-1]), listed[-1]))
+                return commas.join(listed)
+            case str() if format_spec == "capital":
+                return f"{value[:1].upper()}{value[1:]}"
+            case str() if format_spec in WORDS:
+                return word(value, self._language)
+            case _:
+                return str(super().format_field(value, format_spec))

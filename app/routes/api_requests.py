@@ -1,0 +1,121 @@
+"""What every part of the API shares: bodies it takes, how lists are paged, how failures and answers are described."""
+
+from typing import Annotated, Any
+from urllib.parse import urlencode
+
+import msgspec
+from fastapi import Depends, Query, Request, Response
+from pydantic import BaseModel, ConfigDict, StringConstraints
+
+from app.background.lists import Slice
+from app.i18n.languages import CHOICE
+from app.i18n.reasons import rendering as reasons
+from app.routes.api_schemas import ProblemDocument
+from app.routes.listing import bookmark
+from app.web.errors import problem
+from harness.contracts.decisions import Refused
+from harness.contracts.errors import ContractInvalid
+from harness.contracts.read_models import Bookmark, ListOrder
+from harness.contracts.reasons import Reason as TypedReason
+
+Text = Annotated[str, StringConstraints(max_length=200)]
+Slug = Annotated[str, StringConstraints(min_length=1, max_length=200)]
+Reason = Annotated[str, StringConstraints(min_length=1, max_length=200)]
+Sha256 = Annotated[str, StringConstraints(pattern="^[0-9a-f]{64}$")]
+Limit = Annotated[int, Query(ge=1, le=500)]
+After = Annotated[str, Query(max_length=100, description="Where the page before ended: take it from its Link header.")]
+Order = Annotated[ListOrder, Query()]
+Words = Annotated[str, Query(max_length=200)]
+Facet = Annotated[str, Query(max_length=200)]
+PROBLEM = {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}}
+MEANINGS = {
+    400: "The request cannot be read.",
+    401: "Nobody is known to ask.",
+    403: "Whoever asks may not.",
+    404: "There is nothing of that name.",
+    409: "Refused by the gate, or decided already, or the idempotency key belongs to another request.",
+    413: "More than one mebibyte.",
+    422: "The request is not well formed, or what it asks for breaks a contract.",
+    429: "Too many requests; Retry-After says when to go on.",
+    503: "The store cannot be used.",
+}
+PROBLEMS: dict[int | str, dict[str, Any]] = {
+    status: {"description": meaning, "content": PROBLEM} for status, meaning in MEANINGS.items()
+}
+
+
+class RequestBody(BaseModel):
+    """Base of what is sent: no field that is not known."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class ReasonBody(RequestBody):
+    """Why; it stands in the log."""
+
+    reason: Reason
+
+
+def known_parameters(request: Request) -> None:
+    """Refuse a parameter that the address does not have: a misspelt filter must not show everything."""
+    route = request.scope["route"]
+    known = {one.alias for one in route.dependant.query_params}
+    unknown = sorted(set(request.query_params) - known)
+    if unknown:
+        raise ContractInvalid(
+            f"There is no parameter {unknown[0][:40]!r} here",
+            where=request.url.path,
+            do=f"choose from {', '.join(sorted(known)) or 'none: it takes none'}",
+        )
+
+
+CHECKED = [Depends(known_parameters)]
+
+
+ANSWERED: set[type] = {ProblemDocument}
+"""Every struct that an operation answers with, or fails with: the description is derived from them."""
+
+
+def answers(kind: type, *, status: int = 200, many: bool = False) -> dict[int | str, dict[str, Any]]:
+    """For `responses=`: the answer has the shape of this struct, or is a list of them."""
+    ANSWERED.add(kind)
+    one = {"$ref": f"#/components/schemas/{kind.__name__}"}
+    schema = {"type": "array", "items": one} if many else one
+    return {status: {"description": "Done.", "content": {"application/json": {"schema": schema}}}}
+
+
+def place(after: str) -> Bookmark | None:
+    """Raises ContractInvalid for a place that no page ever gave."""
+    return bookmark(after) if after else None
+
+
+def linked(response: Response, path: str, found: Slice[Any], **asked: str) -> None:
+    """Put the next page's address into the Link header (RFC 8288), if there is one."""
+    mark = found.following.after if found.following else None
+    if mark is not None:
+        pairs = {name: value for name, value in asked.items() if value}
+        query = urlencode({**pairs, "after": f"{mark.amount!r}~{mark.seq}"})
+        response.headers["Link"] = f'<{path}?{query}>; rel="next"'
+
+
+def plain(value: Any) -> Any:
+    """A contract's value or an answer as JSON: a reason is its code and facts, a message that is translated English."""
+    return msgspec.to_builtins(value, enc_hook=_text)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, str):
+        return str(value)
+    raise TypeError(f"{type(value).__name__} is no part of an answer")
+
+
+def in_words(reason: TypedReason) -> str:
+    """A reason as a sentence in the language of the caller."""
+    return reasons.sentence(reason, CHOICE.get().language)
+
+
+def refusal(decision: Refused, *, do: str = "look at it again, then decide") -> Response:
+    """A problem whose `code` and `rule` are the gate's rule; `reason` is code and facts, `detail` says it in words."""
+    detail = in_words(decision.reason)
+    more = {"rule": decision.rule, "reason": msgspec.to_builtins(decision.reason)}
+    return problem(409, code=decision.rule, title="Refused", detail=detail, do=do, more=more)

@@ -1,0 +1,41 @@
+"""Pure: one candidate as JSON, for the command line and for the API: the same words in both."""
+
+from typing import Any
+
+import msgspec
+
+from rsi_reviews.candidate_queries import CandidateQueries
+from rsi_reviews.projections import Review
+from rsi_reviews.release_service import ReleaseService
+
+
+def row(review: Review) -> dict[str, Any]:
+    """One line of the list."""
+    manifest = review.manifest
+    return {
+        "candidate": review.candidate,
+        "status": review.status,
+        "component": manifest.component if manifest else "",
+        "metric": manifest.metric if manifest else "",
+        "author": manifest.author.name if manifest else "",
+        "cycle": review.cycle,
+        "configuration": review.configuration,
+        "baseline": review.baseline,
+    }
+
+
+def sheet(queries: CandidateQueries | ReleaseService, candidate: str) -> dict[str, Any]:
+    """Everything of one candidate that a decision needs; `digest` and `cycle` are what it must name."""
+    review = queries.review(candidate)
+    return {
+        **row(review),
+        "digest": review.subject_digest,
+        "manifest": msgspec.to_builtins(review.manifest),
+        "authors": sorted(review.authors),
+        "clauses": [msgspec.to_builtins(clause) for clause in queries.clauses(candidate)],
+        "approvals": [approval.actor.name for approval in review.approvals],
+        "said": [msgspec.to_builtins(said) for said in review.said],
+        "canary": [msgspec.to_builtins(entry) for entry in review.canary],
+        "canary_outcome": queries.canary_outcome(candidate) if review.status == "canary" else "",
+        "reason": review.ended_reason,
+    }

@@ -1,0 +1,67 @@
+"""Pure: a robot's newest way to a safe place as people read it: declared and measured, accepted by nobody (D27)."""
+
+from dataclasses import dataclass
+
+from app.i18n.messages import lazy_gettext, reasoned
+from harness.contracts.retreat_events import RetreatEnded, RetreatIntended
+from harness.projections.control import Retreating
+
+OLD_S = 86400.0
+"""So long the end of a retreat stays on the robot's page, unless a mission of the robot begins earlier."""
+
+
+@dataclass(frozen=True)
+class LastRetreat:
+    """What stands on the robot's page: whether it is on its way, or else when it ended, wall seconds."""
+
+    text: str
+    moving: bool
+    ended_at_s: float
+
+
+def last_retreat(
+    retreat: Retreating | None, *, ended_at_s: float, mission_began_s: float, now_s: float
+) -> LastRetreat | None:
+    """None where there was none, or it is of no matter any more: the audit log still has it. Wall seconds.
+
+    `ended_at_s` is when its end was recorded; `mission_began_s` when the robot's newest mission was created, 0 if none.
+    """
+    if retreat is None:
+        return None
+    if retreat.ended is None:
+        return LastRetreat(text=_under_way(retreat.intent), moving=True, ended_at_s=0.0)
+    if now_s - ended_at_s >= OLD_S or mission_began_s >= ended_at_s:
+        return None
+    return LastRetreat(text=_over(retreat.intent, retreat.ended), moving=False, ended_at_s=ended_at_s)
+
+
+def _under_way(intent: RetreatIntended) -> str:
+    return lazy_gettext(
+        "On the way to {place}, started by {who}, authorised on {day} by {authority}. It is no stage of a mission.",
+        place=intent.place,
+        who=intent.actor.name,
+        day=intent.authorised_on,
+        authority=intent.authorised_by,
+    )
+
+
+def _over(intent: RetreatIntended, ended: RetreatEnded) -> str:
+    reason = reasoned(ended.reason).rstrip(".")
+    match ended.outcome:
+        case "reached":
+            return lazy_gettext(
+                "Last sent to {place}: measured {distance} m from it, declared {declared}. Nothing is accepted of it.",
+                place=intent.place,
+                distance=f"{ended.measured.get('distance_m', 0.0):.2f}",
+                declared=ended.declared,
+            )
+        case "short":
+            return lazy_gettext(
+                "Last sent to {place}: not shown to be there. {reason}.", place=intent.place, reason=reason
+            )
+        case _:
+            return lazy_gettext(
+                "Last sent to {place}: nobody can say how it ended, and it is not sent again. {reason}.",
+                place=intent.place,
+                reason=reason,
+            )

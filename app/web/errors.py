@@ -1,0 +1,168 @@
+"""What a person or a program is told when something went wrong: a page, or a problem document (RFC 9457)."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import ceil
+from typing import Any
+from urllib.parse import quote
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from starlette.exceptions import HTTPException
+from starlette.responses import HTMLResponse, Response
+from starlette.types import Scope
+
+from app.auth.next_url import OVERVIEW, safe_next_url
+from app.auth.permissions import NotPermitted
+from app.i18n.catalogues import N_
+from app.web.rendering import render
+from harness.contracts.errors import (
+    BlobDamaged,
+    ConcurrencyConflict,
+    ContractInvalid,
+    HarnessError,
+    LogDamaged,
+    ProviderFailed,
+    StoreUnavailable,
+    UnknownName,
+)
+
+STATUS: tuple[tuple[type[HarnessError], int], ...] = (
+    (NotPermitted, 403),
+    (UnknownName, 404),
+    (ContractInvalid, 422),
+    (ConcurrencyConflict, 409),
+    (BlobDamaged, 404),
+    (ProviderFailed, 502),
+    (StoreUnavailable, 503),
+    (LogDamaged, 500),
+)
+
+
+class PortBusy(HarnessError):
+    """The console's port cannot be listened on."""
+
+    code = "port_busy"
+
+
+@dataclass(frozen=True)
+class ErrorPage:
+    """What happened, where, and what to do now. `on` is where the page leads: the overview, or signing in."""
+
+    status: int
+    title: str
+    what: str
+    where: str
+    do: str
+    on: str = OVERVIEW
+
+
+REFUSALS = {
+    "signed_out": (
+        N_("You are not signed in"),
+        N_("This console answers only to people who were let in."),
+        N_("Sign in with your account. Before there are accounts: open the one-time link that `regen up` printed."),
+    ),
+    "cross_site": (
+        N_("This request came from another page"),
+        N_("A command counts only if it comes from the console's own pages."),
+        N_("Open the console itself and try again there."),
+    ),
+    "unknown_host": (
+        N_("This console does not answer to that name"),
+        N_("It answers only to the names it was started with."),
+        N_("Open it by the address that `regen up` printed."),
+    ),
+    "not_permitted": (
+        N_("Your role does not allow that"),
+        N_("You may look at everything here, and change nothing."),
+        N_("Ask an admin of this console for the role you need."),
+    ),
+    "unreadable": (
+        N_("This token does not open that"),
+        N_("It was made without the scope read."),
+        N_("Use a token that has it."),
+    ),
+    "too_large": (
+        N_("That is too much at once"),
+        N_("A request to this console has at most one mebibyte."),
+        N_("Send less, or refer to evidence by its digest."),
+    ),
+    "too_many": (
+        N_("Too many requests"),
+        N_("This caller asks faster than anybody is served here."),
+        N_("Wait, then go on."),
+    ),
+    "unexpected": (
+        N_("The console failed to answer"),
+        N_("Nothing that was recorded is lost, and missions go on without this page."),
+        N_("Try again. If it stays, whoever runs this console finds the cause in its log."),
+    ),
+    "not_allowed": (
+        N_("This address takes no commands"),
+        N_("Only reading is possible here."),
+        N_("Go back to the overview."),
+    ),
+}
+
+
+def problem(
+    status: int, *, code: str, title: str, detail: str, do: str = "", more: Mapping[str, Any] | None = None
+) -> Response:
+    """One problem document; `code` is the slug for machines, `do` is said to people, `more` is added as it is."""
+    body = {"type": f"urn:regen:{code}", "title": title, "status": status, "detail": detail, "code": code, "do": do}
+    body |= more or {}
+    return Response(json.dumps(body), status_code=status, media_type="application/problem+json")
+
+
+def refused(scope: Scope, *, status: int, code: str, wait_s: float = 0.0) -> Response:
+    """The doorkeeper's answer, in the language of the caller; `wait_s` becomes Retry-After."""
+    title, what, do = REFUSALS[code]
+    if str(scope["path"]).startswith("/api/"):
+        answer = problem(status, code=code, title=title, detail=what, do=do)
+    else:
+        on = _sign_in(scope) if status == 401 else OVERVIEW
+        page = ErrorPage(status=status, title=title, what=what, where="", do=do, on=on)
+        answer = render("error.html", page, status=status)
+    if wait_s:
+        answer.headers["retry-after"] = str(ceil(wait_s))
+    if status == 401:
+        answer.headers["www-authenticate"] = 'Bearer realm="regen"'
+    return answer
+
+
+def _sign_in(scope: Scope) -> str:
+    """The sign-in page, which leads back to the page that was asked for."""
+    query = scope["query_string"].decode("latin-1")
+    page = safe_next_url(f"{scope['path']}{'?' if query else ''}{query}") if scope["method"] == "GET" else OVERVIEW
+    return "/account/sign-in" if page == OVERVIEW else f"/account/sign-in?page={quote(page, safe='')}"
+
+
+def install(app: FastAPI) -> None:
+    """Every failure that leaves a route becomes one of the two answers."""
+
+    @app.exception_handler(HarnessError)
+    def harness_error(request: Request, error: HarnessError) -> Response:
+        status = next((number for kind, number in STATUS if isinstance(error, kind)), 500)
+        return told(request, status=status, code=error.code, what=error.what, where=error.where, do=error.do)
+
+    @app.exception_handler(RequestValidationError)
+    def invalid(request: Request, error: RequestValidationError) -> Response:
+        wrong = "; ".join(f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors())
+        return told(request, status=422, code="invalid", what=N_("The request is not well formed"), where=wrong, do="")
+
+    @app.exception_handler(HTTPException)
+    def http(request: Request, error: HTTPException) -> Response:
+        what = N_("There is no such page") if error.status_code == 404 else str(error.detail)
+        return told(request, status=error.status_code, code="http", what=what, where=request.url.path, do="")
+
+
+def told(request: Request, *, status: int, code: str, what: str, where: str, do: str) -> Response:
+    """One failure as a problem for /api/, else as a page."""
+    if request.url.path.startswith("/api/"):
+        return problem(status, code=code, title=what, detail=f"{what}. {where}".strip(), do=do)
+    page: HTMLResponse = render(
+        "error.html", ErrorPage(status=status, title=what, what="", where=where, do=do), status=status
+    )
+    return page

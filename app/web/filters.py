@@ -1,0 +1,172 @@
+"""How values and items look on a page: instants, durations, numbers with their units; an item's words and colour."""
+
+import json
+from collections.abc import Callable, Iterable
+from datetime import UTC, datetime
+from math import degrees
+from typing import Any
+
+import msgspec
+from markupsafe import escape
+
+from app.i18n.messages import lazy_gettext, listed, word
+from app.views import (
+    canary,
+    candidates,
+    evidence,
+    handoffs,
+    measures,
+    memory,
+    missions,
+    places,
+    preview,
+    providers,
+    queue,
+    releases,
+    review_rows,
+    robots,
+)  # fmt: skip
+from harness.contracts.values import encode
+from rsi_reviews.difference import NAMES
+
+
+def clock(at_s: float) -> str:
+    """Time of day in UTC."""
+    return datetime.fromtimestamp(at_s, UTC).strftime("%H:%M:%S")
+
+
+def instant(at_s: float) -> str:
+    """Date and time in UTC, as a person reads it."""
+    return lazy_gettext("{instant} UTC", instant=datetime.fromtimestamp(at_s, UTC))
+
+
+def iso(at_s: float) -> str:
+    """The same for machines."""
+    return datetime.fromtimestamp(at_s, UTC).isoformat(timespec="milliseconds")
+
+
+def duration(seconds: float) -> str:
+    """2 min 41 s; below ten seconds with one decimal."""
+    if seconds < 10:
+        return lazy_gettext("{seconds} s", seconds=f"{max(seconds, 0.0):.1f}")
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    if hours:
+        return lazy_gettext("{hours} h {minutes} min", hours=hours, minutes=minutes)
+    return (
+        lazy_gettext("{minutes} min {seconds} s", minutes=minutes, seconds=rest)
+        if minutes
+        else lazy_gettext("{seconds} s", seconds=rest)
+    )
+
+
+def elapsed(seconds: float) -> str:
+    """02:41.3: a place on the mission's own time."""
+    minutes, rest = divmod(max(seconds, 0.0), 60)
+    return f"{int(minutes):02d}:{rest:04.1f}"
+
+
+def short(digest: str) -> str:
+    """The first eight signs of a digest or long identifier."""
+    return digest[:8]
+
+
+def words(slug: str) -> str:
+    """awaiting_human reads as awaiting human, in every language that knows the word."""
+    return word(slug)
+
+
+def named(name: str) -> str:
+    """A name that somebody gave, as it was given: no word of any language."""
+    return escape(name)
+
+
+def pretty(value: Any) -> str:
+    """JSON for reading."""
+    return json.dumps(value, indent=2, ensure_ascii=False, sort_keys=True)
+
+
+def compact(value: Any) -> str:
+    """JSON on one line, cut where nobody reads on."""
+    text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 320 else f"{text[:320]}… ({len(text)} signs)"
+
+
+def percent(share: float) -> str:
+    return f"{share * 100:.0f} %"
+
+
+def listed_words(slugs: Iterable[str]) -> str:
+    """Words of the vocabulary, one after the other."""
+    return listed(map(word, slugs))
+
+
+def roles(joined: str) -> str:
+    """Roles as the log keeps them, joined by +."""
+    return listed(joined.split("+"))
+
+
+VALUES: dict[str, Callable[..., str]] = {
+    "clock": clock,
+    "instant": instant,
+    "iso": iso,
+    "duration": duration,
+    "elapsed": elapsed,
+    "short": short,
+    "words": words,
+    "listed_words": listed_words,
+    "roles": roles,
+    "named": named,
+    "pretty": pretty,
+    "compact": compact,
+    "percent": percent,
+    "number": measures.number,
+}
+ITEMS: dict[str, Callable[..., Any]] = {
+    "allowed": preview.allowed,
+    "autonomy": robots.AUTONOMY.__getitem__,
+    "begun": queue.begun,
+    "begun_s": lambda review: review_rows.said_at(review, "evaluation_begun"),
+    "builtins": msgspec.to_builtins,
+    "canonical": lambda value: encode(value).decode(),
+    "card_fields": providers.card_fields,
+    "cause": releases.CAUSES.__getitem__,
+    "cause_tone": releases.cause_tone,
+    "clause": review_rows.CLAUSE_NAMES.__getitem__,
+    "clause_verdict": review_rows.VERDICTS.__getitem__,
+    "component": NAMES.__getitem__,
+    "condition_rows": measures.condition_rows,
+    "declared": evidence.declared,
+    "degrees": degrees,
+    "fields": measures.fields,
+    "finding": dict(canary.FINDINGS).__getitem__,
+    "goal_reason": missions.goal_reason,
+    "labels": missions.labels,
+    "leading": measures.leading,
+    "length_m": places.length_m,
+    "line_kind": review_rows.line_kind,
+    "listed_stage": missions.listed_stage,
+    "memory_tone": lambda standing: memory.TONES.get(standing, "plain"),
+    "metric": candidates.metric,
+    "mission_sentence": missions.sentence,
+    "mission_tone": missions.tone,
+    "newest_uptakes": review_rows.newest_uptakes,
+    "numbers": review_rows.numbers,
+    "part": review_rows.PARTS.__getitem__,
+    "place_meaning": places.MEANING.__getitem__,
+    "place_tone": lambda verification: places.TONES.get(verification, "plain"),
+    "policy_sentence": review_rows.policy_sentence,
+    "provider": evidence.provider,
+    "question": handoffs.question,
+    "review_tone": candidates.tone,
+    "safe_place": places.safe_place,
+    "said_at": review_rows.said_at,
+    "stated": memory.stated,
+    "stop_steps": robots.stop_steps,
+    "supervision": providers.supervision,
+    "targets": missions.targets,
+    "title_of": candidates.title_of,
+    "took_s": missions.took_s,
+    "waits": handoffs.waits,
+}
+FILTERS: dict[str, Callable[..., Any]] = VALUES | ITEMS

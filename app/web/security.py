@@ -1,0 +1,232 @@
+"""The doorkeeper in front of every route: host, caller, origin, limits, and the headers of every answer."""
+
+import re
+from dataclasses import dataclass
+from typing import Annotated
+
+from fastapi import Depends, Request
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import HTTPConnection
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from app.auth.guarded_runtime import PRINCIPAL
+from app.auth.oidc_login import UNDER_WAY_S
+from app.auth.permissions import Principal
+from app.auth.rate_limits import LARGEST_BODY, Buckets, TooLarge, bounded
+from app.auth.sessions import SessionService
+from app.web.errors import refused
+from harness.contracts.actors import Actor
+
+PAGE_POLICY = (
+    "default-src 'self'; script-src 'self'; style-src 'self'; img-src 'self'; font-src 'self'; connect-src 'self'; "
+    "frame-src 'self'; object-src 'none'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
+)
+SCENE_POLICY = (
+    "default-src 'self'; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob:; style-src 'self' 'unsafe-inline'; "
+    "worker-src blob:; img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self' ws: data: blob:; "
+    "frame-ancestors 'self'"
+)
+BY_ITSELF = "x-by-itself"
+"""The header by which a page's script says that nobody asked for this request."""
+SAFE = frozenset({"GET", "HEAD", "OPTIONS"})
+SIGN_IN = "/account/sign-in"
+OPEN_PATHS = ("/healthz", "/readyz", SIGN_IN, "/account/oidc", "/account/oidc/back", "/account/oidc/leave")
+BEARER_PATHS = ("/api/", "/metrics")
+UNROTATED = ("/account/", "/static/")
+"""Answers that never bring a fresh cookie: those that set one themselves, and those that caches keep."""
+OWN_ACCOUNT = ("/account/", "/api/v1/account/")
+OWN_VIEW = re.compile(r"/missions/[^/]+/scene/[^/]+/instant")
+"""Where somebody who may only read still changes something: their own password and sessions, their own 3D view."""
+
+
+@dataclass(frozen=True)
+class SecurityPolicy:
+    """What the doorkeeper goes by. `known` and `strangers` are the buckets of callers; `secure` is TLS in front."""
+
+    hosts: frozenset[str]
+    cookie: str
+    secure: bool
+    known: Buckets
+    anonymous: Buckets
+
+
+@dataclass(frozen=True)
+class RequestRefusal:
+    """Why a request goes no further."""
+
+    status: int
+    code: str
+    wait_s: float = 0.0
+
+
+class SecurityMiddleware:
+    """ASGI middleware, outermost. Sets `request.state.visitor` and the visitor of the commands within."""
+
+    def __init__(self, app: ASGIApp, *, sessions: SessionService, policy: SecurityPolicy) -> None:
+        self._app, self._sessions, self._policy = app, sessions, policy
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        connection = HTTPConnection(scope)
+        principal = self._principal(connection)
+        scope.setdefault("state", {})["visitor"] = principal
+        refusal = self._refusal(connection, scope, principal)
+        if refusal and scope["type"] == "websocket":
+            await receive()
+            await send({"type": "websocket.close", "code": 1008, "reason": refusal.code})
+            return
+        if refusal:
+            answer = refused(scope, status=refusal.status, code=refusal.code, wait_s=refusal.wait_s)
+            await answer(scope, receive, _with_headers(send, secure=self._policy.secure))
+            return
+        mark = PRINCIPAL.set(principal) if principal else None
+        try:
+            await self._let_in(connection, scope, receive, send)
+        finally:
+            if mark:
+                PRINCIPAL.reset(mark)
+
+    async def _let_in(self, connection: HTTPConnection, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "websocket":
+            await self._app(scope, receive, send)
+            return
+        guarded = _with_headers(send, secure=self._policy.secure, cookie=self._fresh_cookie(connection))
+        try:
+            await self._app(scope, bounded(receive), guarded)
+        except TooLarge:
+            await refused(scope, status=413, code="too_large")(scope, receive, guarded)
+
+    def _fresh_cookie(self, connection: HTTPConnection) -> str:
+        """A `Set-Cookie` for the rotated session, if it is due and this is a page that a person opened."""
+        cookie = connection.cookies.get(self._policy.cookie, "")
+        if not cookie or "authorization" in connection.headers or str(connection.scope["path"]).startswith(UNROTATED):
+            return ""
+        fresh = self._sessions.rotated(cookie)
+        return cookie_line(self._policy.cookie, fresh, secure=self._policy.secure) if fresh else ""
+
+    def _principal(self, connection: HTTPConnection) -> Principal | None:
+        source, path = source_of(connection), str(connection.scope["path"])
+        authorization = connection.headers.get("authorization")
+        if authorization is not None:
+            return self._sessions.bearer(authorization, source=source) if path.startswith(BEARER_PATHS) else None
+        cookie = connection.cookies.get(self._policy.cookie, "")
+        return self._sessions.who(cookie, source=source, active=by_a_person(connection)) if cookie else None
+
+    def _refusal(self, connection: HTTPConnection, scope: Scope, principal: Principal | None) -> RequestRefusal | None:
+        headers, path = connection.headers, str(scope["path"])
+        socket = scope["type"] == "websocket"
+        unsafe = socket or scope["method"] not in SAFE
+        if headers.get("host", "").lower() not in self._policy.hosts:
+            return RequestRefusal(421, "unknown_host")
+        if not _small(headers):
+            return RequestRefusal(413, "too_large")
+        if path.startswith("/static/"):
+            return RequestRefusal(405, "not_allowed") if unsafe else None
+        wait_s = self._wait_s(connection, principal)
+        if wait_s:
+            return RequestRefusal(429, "too_many", wait_s)
+        if unsafe and "authorization" not in headers and path in OPEN_PATHS and path != SIGN_IN:
+            return RequestRefusal(405, "not_allowed")
+        if principal is None and path not in OPEN_PATHS:
+            return RequestRefusal(401, "signed_out")
+        if unsafe and "authorization" not in headers and not same_origin(headers, websocket=socket):
+            return RequestRefusal(403, "cross_site")
+        return _not_permitted(path, principal, unsafe=unsafe and not socket) if principal else None
+
+    def _wait_s(self, connection: HTTPConnection, principal: Principal | None) -> float:
+        if principal is None:
+            return self._policy.anonymous.wait_s(source_of(connection))
+        return self._policy.known.wait_s(principal.session or principal.name)
+
+
+def _not_permitted(path: str, principal: Principal, *, unsafe: bool) -> RequestRefusal | None:
+    """Coarse, and closed: who holds nothing but reading changes nothing. What exactly is allowed, the command asks."""
+    if not principal.may("read") and not unsafe:
+        return RequestRefusal(403, "unreadable")
+    if unsafe and principal.only_reads and not (path.startswith(OWN_ACCOUNT) or OWN_VIEW.fullmatch(path)):
+        return RequestRefusal(403, "not_permitted")
+    return None
+
+
+def _small(headers: Headers) -> bool:
+    length = headers.get("content-length", "0")
+    return length.isascii() and length.isdigit() and int(length) <= LARGEST_BODY
+
+
+def same_origin(headers: Headers, *, websocket: bool) -> bool:
+    """Whether a browser says that this request comes from our own pages; silence counts as no."""
+    site = headers.get("sec-fetch-site")
+    if site is not None and site != "same-origin":
+        return False
+    origin = headers.get("origin")
+    if origin is not None:
+        return origin.split("://", 1)[-1].lower() == headers.get("host", "").lower()
+    return site == "same-origin" and not websocket
+
+
+def by_a_person(connection: HTTPConnection) -> bool:
+    """Whether somebody did this, rather than a page that stands open by itself: only that keeps a session awake.
+
+    A form that was sent counts, by htmx too, and a page that was opened. What pages fetch to stay live does not: their
+    regions, pictures, streams, sockets and views, nor what a script marks with BY_ITSELF, as the renewal of a claim.
+    """
+    headers, path = connection.headers, str(connection.scope["path"])
+    if connection.scope["type"] == "websocket" or BY_ITSELF in headers or path == "/live":
+        return False
+    if connection.scope["method"] not in SAFE:
+        return not OWN_VIEW.fullmatch(path)
+    return "hx-request" not in headers and headers.get("sec-fetch-dest", "document") == "document"
+
+
+def source_of(connection: HTTPConnection) -> str:
+    """The address a request comes from; behind a declared proxy, the one the proxy names."""
+    return connection.client.host if connection.client else ""
+
+
+def cookie_line(name: str, value: str, *, secure: bool) -> str:
+    """A session's `Set-Cookie`: out of reach of scripts and other sites. An empty value takes it back."""
+    lifetime = "" if value else "; Max-Age=0"
+    return f"{name}={value}; Path=/; HttpOnly; SameSite=Strict{'; Secure' if secure else ''}{lifetime}"
+
+
+def passing_cookie(name: str, value: str, *, secure: bool) -> str:
+    """The `Set-Cookie` by which a browser is known when the identity provider sends it back; lax, for that one way."""
+    lifetime = UNDER_WAY_S if value else 0
+    return f"{name}={value}; Path=/; HttpOnly; SameSite=Lax; Max-Age={lifetime}{'; Secure' if secure else ''}"
+
+
+def _with_headers(send: Send, *, secure: bool, cookie: str = "") -> Send:
+    async def guarded(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            headers = MutableHeaders(scope=message)
+            headers.setdefault("content-security-policy", PAGE_POLICY)
+            headers.setdefault("x-frame-options", "DENY")
+            headers.setdefault("cache-control", "no-store")
+            headers["x-content-type-options"] = "nosniff"
+            headers["referrer-policy"] = "same-origin"
+            headers["cross-origin-opener-policy"] = "same-origin"
+            headers["cross-origin-resource-policy"] = "same-origin"
+            headers["permissions-policy"] = "camera=(), microphone=(), geolocation=()"
+            if secure:
+                headers["strict-transport-security"] = "max-age=31536000"
+            if cookie:
+                headers.append("set-cookie", cookie)
+        await send(message)
+
+    return guarded
+
+
+def principal_of(request: Request) -> Principal:
+    """Whom the doorkeeper let in."""
+    principal: Principal = request.state.principal
+    return principal
+
+
+def actor_of(request: Request) -> Actor:
+    """The visitor as an actor with every role they have; a command is stored with the one that allowed it."""
+    return principal_of(request).actor
+
+
+PrincipalDep = Annotated[Principal, Depends(principal_of)]

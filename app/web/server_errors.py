@@ -1,0 +1,39 @@
+"""The last answer: what no route and no error handler foresaw is logged, and told as every other failure is."""
+
+import logging
+
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from app.auth.rate_limits import TooLarge
+from app.web.errors import refused
+
+LOG = logging.getLogger(__name__)
+
+
+class ServerErrorMiddleware:
+    """ASGI middleware within the doorkeeper, so that even this answer carries its headers.
+
+    What the doorkeeper itself answers goes on to it. An answer that has begun cannot be taken back: then the exception
+    goes on to the server, which closes the line.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        begun = False
+
+        async def watched(message: Message) -> None:
+            nonlocal begun
+            begun = True
+            await send(message)
+
+        try:
+            await self._app(scope, receive, watched)
+        except TooLarge:
+            raise
+        except Exception:
+            if scope["type"] != "http" or begun:
+                raise
+            LOG.exception("unforeseen method=%s path=%s", scope["method"], scope["path"])
+            await refused(scope, status=500, code="unexpected")(scope, receive, send)

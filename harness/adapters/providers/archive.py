@@ -1,0 +1,71 @@
+"""Keeps a picture as evidence: reads it back, computes its checksum again and stores a certificate beside it."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from harness.adapters.providers.local import LocalProvider, Outcome, ReceiptDraft, Result
+from harness.adapters.providers.models.description import only_image
+from harness.contracts.capabilities import CancelBehaviour, CapabilityCard, Estimates, Latency, Parameter
+from harness.contracts.errors import ProviderFailed
+from harness.contracts.ids import Digest, ProviderId
+from harness.contracts.ports import BlobStore, Clock
+from harness.contracts.protocol import StartRequest
+from harness.contracts.values import Count, Value, encode
+
+CARD = CapabilityCard(
+    provider_id=ProviderId("evidence-keeper"),
+    version="1",
+    embodiments=("any",),
+    parameters=(Parameter(name="images", type="digests"),),
+    preconditions=(),
+    side_effects=("stores the picture and a certificate",),
+    latency=Latency(base_s=0.5),
+    resources=(),
+    cancel=CancelBehaviour(acknowledged=True, within_s=1.0),
+    risk="low",
+    failure_words=("timeout", "provider_failed", "blob_damaged", "store_unavailable"),
+    evidence=("receipt:keeping",),
+    capability="keep_evidence",
+    estimates=Estimates(success=0.99, risk=0.0, uncertainty=0.0, cost=0.0),
+    moves=False,
+    sources=("camera",),
+    software="evidence-keeper",
+)
+
+
+class Certificate(Value):
+    """One kept picture. `image` is the checksum of the bytes that were stored."""
+
+    image: Digest
+    width_px: Count
+    height_px: Count
+    size_bytes: Count
+
+
+class EvidenceArchiver(LocalProvider):
+    """keep_evidence. Parameter `images`: the digest of one picture. Receipt `keeping`: blob = the Certificate."""
+
+    def __init__(self, *, clock: Clock, blobs: BlobStore, journal: Path | None) -> None:
+        super().__init__(CARD, clock=clock, blobs=blobs, journal=journal)
+
+    def check(self, request: StartRequest) -> None:
+        only_image(request)
+
+    def work(self, request: StartRequest, now_s: float) -> Outcome:
+        body = self._blobs.get(only_image(request))
+        pixels = cv2.imdecode(np.frombuffer(body, dtype=np.uint8), cv2.IMREAD_UNCHANGED) if body else None
+        if pixels is None:
+            raise ProviderFailed("The blob is no picture", where="evidence-keeper", do="pass a JPEG or PNG")
+        image = self._blobs.put(body)
+        certificate = Certificate(
+            image=image, width_px=pixels.shape[1], height_px=pixels.shape[0], size_bytes=len(body)
+        )
+        blob = self._blobs.put(encode(certificate))
+        return Result(
+            message=f"The picture {image[:12]} is kept, {len(body)} bytes.",
+            drafts=(ReceiptDraft(kind="keeping", text=image, blob=blob, values={"bytes": float(len(body))}),),
+            declared={"bytes": float(len(body))},
+            blobs=(image, blob),
+        )

@@ -1,0 +1,95 @@
+"""Which target and which map an exploring mission comes to again, from what was stored with its choices (R224)."""
+
+from collections.abc import Callable
+from typing import Any
+
+from harness.auditing.prose import same
+from harness.contracts.evidence import EvidencePacket
+from harness.contracts.exploration import (
+    UNKNOWN,
+    GridMap,
+    MapUpdate,
+    TargetAnswer,
+    TargetChoice,
+    TargetQuestion,
+)
+from harness.contracts.ids import Digest, NodeId, sha256
+from harness.contracts.observations import Trajectory
+from harness.contracts.reasons import Explanation
+from harness.contracts.tasks import TaskContract
+from harness.contracts.values import decode, encode
+from harness.exploration.frontiers import frontiers
+from harness.exploration.grid import cells_of, merged, usable
+from harness.exploration.paths import Ways
+from harness.exploration.targets import NEAREST_EDGE, nearest_edge, settled
+from harness.projections.exploration import choices, feedback, newest_image, unmapped, updates
+from harness.projections.mission import Mission, required_contract
+from harness.runtime import Runtime
+
+Stored = Callable[[Digest, type[Any]], Any]
+
+
+def new_choices(mission: Mission, proposed: TaskContract) -> dict[NodeId, TargetChoice]:
+    """The targets that a revision brings."""
+    known = choices(required_contract(mission))
+    return {leg: choice for leg, choice in choices(proposed).items() if leg not in known}
+
+
+def target_differences(runtime: Runtime, mission: Mission, choice: TargetChoice, *, stored: Stored) -> list[str]:
+    """How a choice differs from what its question leads to again; made on the mission as it was before it."""
+    question: TargetQuestion = stored(choice.question, TargetQuestion)
+    answer: TargetAnswer = stored(choice.answer, TargetAnswer)
+    grid = decode(runtime.blob(question.map), GridMap)
+    edges = frontiers(grid, Ways(grid, question.position_m, keep_out_m=question.keep_out_m))
+    known = updates(mission)
+    shown = {
+        "another mission": (question.mission_id, mission.mission_id),
+        "another configuration": (question.configuration, mission.configuration),
+        "another state version": (question.k, mission.k),
+        "another picture": (question.image, newest_image(mission)),
+        "another map": (question.map, known[-1][1].after if known else None),
+        "other feedback": (question.feedback, feedback(mission)),
+        "other edges": (question.frontiers, edges),
+    }
+    found = [f"the target was proposed from {what}" for what, (said, again) in shown.items() if said != again]
+    said = nearest_edge(question) if answer.planner == NEAREST_EDGE.name else answer.said
+    silent: Explanation = answer.refused if answer.said is None else ""
+    again = settled(answer.planner, said, refused=silent, question=question, grid=grid)
+    if not same(again, answer, old=True):
+        found.append(f"the target was {_place(answer)}; derived again it is {_place(again)}")
+    admitted = (answer.chosen.target_m, answer.chosen.reason) if answer.chosen else None
+    made = (admitted, answer.refused, answer.planner, question.image, question.map)
+    if not same(
+        ((choice.target_m, choice.reason), choice.refused, choice.planner, choice.image, choice.map), made, old=True
+    ):
+        found.append("the choice that was bound is not the one that was made")
+    return found
+
+
+def map_differences(runtime: Runtime, mission: Mission, update: MapUpdate) -> list[str]:
+    """How a map differs from what its packets' sweeps draw again on the map before it."""
+    known = updates(mission)
+    packets = unmapped(mission)
+    before = decode(runtime.blob(update.before), GridMap)
+    found = []
+    if known and known[-1][1].after != update.before:
+        found.append("the map was drawn on another one than the mission's last")
+    if not known and (cells_of(before) != UNKNOWN).any():
+        found.append("the first map was drawn on one that knew something")
+    if tuple(packet.identity.packet_id for packet in packets) != update.packets:
+        found.append("the map was drawn from other packets than those that were new")
+    sweeps = usable(before, _trajectories(runtime, packets))
+    if tuple(scan.blob for _, scan in sweeps) != update.sweeps:
+        found.append("the map was drawn from other sweeps than those that can be used")
+    again = sha256(encode(merged(before, sweeps, runtime.blob)))
+    if again != update.after:
+        found.append(f"the map was {update.after[:12]}; drawn again it is {again[:12]}")
+    return found
+
+
+def _trajectories(runtime: Runtime, packets: tuple[EvidencePacket, ...]) -> list[Trajectory]:
+    return [decode(runtime.blob(one.blob), Trajectory) for packet in packets for one in packet.estimates]
+
+
+def _place(answer: TargetAnswer) -> str:
+    return f"({answer.chosen.target_m[0]:.2f}, {answer.chosen.target_m[1]:.2f})" if answer.chosen else "none"

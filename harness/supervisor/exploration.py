@@ -1,0 +1,164 @@
+"""Explores: draws what was seen into the map, has the next target proposed, and asks the gate for the stages to it.
+
+It starts nothing itself: an admitted target becomes a revision of the contract, and the agent loop dispatches its leg
+as any other stage. Nothing more to choose, and the stage that waited for it goes on.
+"""
+
+from harness.contracts.commands import RecordObservation
+from harness.contracts.decisions import Accepted
+from harness.contracts.evidence import EvidencePacket, EvidenceReference
+from harness.contracts.exploration import FREE, OCCUPIED, GridMap, TargetAnswer, TargetChoice, TargetQuestion
+from harness.contracts.ids import Digest, NodeId
+from harness.contracts.observations import Pose, Trajectory
+from harness.contracts.revision_commands import ReviseContract
+from harness.contracts.tasks import Node
+from harness.contracts.values import Point, decode, encode
+from harness.exploration.frontiers import frontiers
+from harness.exploration.grid import area_m2, changed_m2, merged, unexplored, usable
+from harness.exploration.paths import Ways
+from harness.exploration.targets import answered
+from harness.planning.targets import EXPLORES, exploring, extended
+from harness.projections.exploration import MAP, feedback, newest_image, unmapped, updates, views
+from harness.projections.mission import Mission, eligible, required_contract
+from harness.recovery.state import left_now, left_of
+from harness.supervisor.roles import RoleContexts, record
+
+LONGEST_WAY_M = 12.0
+
+
+class Explorer:
+    """Chooses the next target of an exploring mission, one at a time."""
+
+    def __init__(self, roles: RoleContexts) -> None:
+        self._roles = roles
+        self._runtime = roles.runtime
+        self._connection = roles.connection
+
+    def due(self, mission: Mission) -> bool:
+        """Whether only the stage that closes the exploration is left to start."""
+        closing = exploring(required_contract(mission))
+        return (
+            closing is not None and eligible(mission) == (closing.node_id,) and not mission.of(closing.node_id).failures
+        )
+
+    def choose(self, mission: Mission) -> bool:
+        """Bring the map up to date, then add the stages of one more target. False: nothing is to be added."""
+        if fresh := unmapped(mission):
+            self._draw(mission, fresh)
+            mission = self._runtime.mission(mission.mission_id)
+        closing = exploring(required_contract(mission))
+        position = self._position()
+        image = newest_image(mission)
+        known = updates(mission)
+        if closing is None or position is None or image is None or not known or _enough(mission, closing):
+            return False
+        grid = decode(self._runtime.blob(known[-1][1].after), GridMap)
+        question = self._question(mission, closing, grid=grid, position=position, image=image)
+        if not question.left:
+            return False
+        answer = answered(self._connection.proposer, question=question, grid=grid, picture=self._runtime.blob(image))
+        return answer.chosen is not None and self._revise(mission, closing, question, answer)
+
+    def _draw(self, mission: Mission, packets: tuple[EvidencePacket, ...]) -> None:
+        """One map update: what these executions' lidar saw, in order."""
+        known = updates(mission)
+        before = known[-1][1].after if known else self._runtime.keep(encode(self._unexplored(mission)))
+        grid = decode(self._runtime.blob(before), GridMap)
+        trajectories = [
+            decode(self._runtime.blob(one.blob), Trajectory) for packet in packets for one in packet.estimates
+        ]
+        sweeps = usable(grid, trajectories)
+        after = merged(grid, sweeps, self._runtime.blob)
+        update = RecordObservation(
+            node_id=_followed(packets),
+            reference=EvidenceReference(
+                kind=MAP,
+                origin="sensor",
+                source="lidar",
+                from_s=min(packet.dispatched_s for packet in packets),
+                until_s=max(packet.terminal_s for packet in packets),
+                confidence=1.0,
+                blob=self._runtime.keep(encode(after)),
+                frame=grid.frame,
+                map_version=grid.map_version,
+                values={
+                    "after_stage": _followed(packets),
+                    "before": before,
+                    "packets": " ".join(packet.identity.packet_id for packet in packets),
+                    "sweeps": " ".join(scan.blob for _, scan in sweeps),
+                    "known_m2": area_m2(after, kind=FREE) + area_m2(after, kind=OCCUPIED),
+                    "opened_m2": changed_m2(grid, after, to=FREE),
+                    "closed_m2": changed_m2(grid, after, to=OCCUPIED),
+                },
+            ),
+        )
+        self._runtime.submit(mission.mission_id, update)
+
+    def _unexplored(self, mission: Mission) -> GridMap:
+        return unexplored(self._runtime.site_of(mission), map_version=required_contract(mission).map_version)
+
+    def _question(
+        self, mission: Mission, closing: Node, *, grid: GridMap, position: Point, image: Digest
+    ) -> TargetQuestion:
+        contract, site = required_contract(mission), self._runtime.site_of(mission)
+        state = mission.of(closing.node_id)
+        keep_out = tuple(one.region_m for one in site.places if one.place_id in contract.constraints.keep_out)
+        left = min(*left_now(mission, closing.node_id), left_of(closing.recovery, state.spends)["local_replan"])
+        return TargetQuestion(
+            mission_id=mission.mission_id,
+            configuration=mission.configuration,
+            k=mission.k,
+            at_s=self._connection.clock.now().mission_s,
+            objective=contract.goal.text[:200],
+            frame=contract.frame,
+            map_version=contract.map_version,
+            position_m=position,
+            image=image,
+            map=updates(mission)[-1][1].after,
+            frontiers=frontiers(grid, Ways(grid, position, keep_out_m=keep_out)),
+            feedback=feedback(mission),
+            left=left,
+            longest_way_m=LONGEST_WAY_M,
+            zones_m=tuple(zone.region_m for zone in site.zones),
+            keep_out_m=keep_out,
+        )
+
+    def _revise(self, mission: Mission, closing: Node, question: TargetQuestion, answer: TargetAnswer) -> bool:
+        """The gate decides on the contract with this target; the records of the choice are stored with it."""
+        if answer.chosen is None:
+            return False
+        asked, said = record("target-question", question), record("target-answer", answer)
+        choice = TargetChoice(
+            mission_id=mission.mission_id,
+            configuration=mission.configuration,
+            k=mission.k,
+            target_m=answer.chosen.target_m,
+            reason=answer.chosen.reason,
+            planner=answer.planner,
+            refused=answer.refused,
+            image=question.image,
+            map=question.map,
+            question=asked.digest,
+            answer=said.digest,
+        )
+        contract = extended(required_contract(mission), choice, route_m=answer.route_m)
+        command = ReviseContract(
+            node_id=closing.node_id, contract=contract, planner=answer.planner, reason=answer.chosen.reason
+        )
+        return isinstance(self._runtime.submit(mission.mission_id, command, records=(asked, said)), Accepted)
+
+    def _position(self) -> Point | None:
+        """Where the localiser last saw the body, which stands between two stages; None if it has not of late."""
+        poses = [one for one in self._roles.observations.recent if isinstance(one, Pose)]
+        return (poses[-1].x_m, poses[-1].y_m) if poses else None
+
+
+def _enough(mission: Mission, closing: Node) -> bool:
+    """Whether as many views are accepted as the contract wants, the last one still to be taken."""
+    wanted = closing.parameters[EXPLORES]
+    return isinstance(wanted, int | float) and not isinstance(wanted, bool) and len(views(mission)) >= wanted
+
+
+def _followed(packets: tuple[EvidencePacket, ...]) -> NodeId:
+    """The stage whose execution the map update follows: the first of them, for a look only adds to its leg."""
+    return packets[0].identity.node_id

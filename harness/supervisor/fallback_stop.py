@@ -1,0 +1,29 @@
+"""What a robot does on the spot where it goes nowhere: stays, or lies down as far as it can (D27)."""
+
+from harness.contracts.errors import ProviderFailed
+from harness.contracts.places import Otherwise
+from harness.contracts.protocol import PostureOrder
+from harness.contracts.reasons import Reason, because, recorded
+from harness.contracts.values import Value
+from harness.supervisor.robot_connection import RobotConnection
+from harness.supervisor.standstill import Rest
+
+
+class StopOutcome(Value):
+    """Whether something shows that it was done, and what."""
+
+    done: bool
+    reason: Reason
+
+
+def settle(connection: RobotConnection, action: Otherwise, *, rest: Rest, token: int) -> StopOutcome:
+    """Stay or lie down, ordered in its turn by the newest fencing token of the base."""
+    if action == "hold":
+        return StopOutcome(done=rest.static, reason=rest.reason or because("at_rest_by_odometry"))
+    if connection.hand is None:
+        return StopOutcome(done=False, reason=because("cannot_lie_down", robot_id=connection.robot_id))
+    try:
+        status = connection.hand.rest(PostureOrder(posture="lying", token=token))
+    except ProviderFailed as error:
+        return StopOutcome(done=False, reason=recorded(str(error)[:200]))
+    return StopOutcome(done=status.posture == "lying", reason=because("declares_posture", posture=status.posture))

@@ -1,0 +1,170 @@
+"""While a question waits: claims lapse, levels rise; without an answer the robot takes its no-answer action (D27)."""
+
+from harness.contracts.actors import Actor
+from harness.contracts.commands import AnswerMission, ExpireHandoff, SupersedeHandoff
+from harness.contracts.control import CONTROL
+from harness.contracts.decisions import Accepted, Refused, refused
+from harness.contracts.handoff_commands import DropClaim, Escalate, RecordNoAnswer
+from harness.contracts.handoff_events import HandoffExpired
+from harness.contracts.ids import HandoffId, RobotId, handoff_stream, leased, mission_stream
+from harness.contracts.places import Otherwise
+from harness.contracts.reasons import Explanation, because
+from harness.contracts.retreat_events import RetreatIntended
+from harness.gate.claims import due_levels, live_claim
+from harness.gate.commit import CommandEnvelope
+from harness.projections.control import Retreating, SiteControl
+from harness.projections.handoffs import Handoff
+from harness.projections.mission import Mission
+from harness.runtime import Runtime
+from harness.supervisor.fallback_stop import settle
+from harness.supervisor.minimal_risk import Order, planned_retreat, sending
+from harness.supervisor.roles import RoleContexts
+from harness.supervisor.standstill import at_rest
+
+RECENT = 20
+"""How far back a start looks for a question whose end was cut off: one robot has one at a time."""
+TIMEOUT = Actor(name="nobody", role="harness", channel="timeout")
+MEANT = {
+    "hold": because("unanswered_stays"),
+    "lie_down": because("unanswered_lies_down"),
+    "retreat": because("unanswered_retreats"),
+}
+
+
+class HandoffTimeouts:
+    """Watches the open question of one robot by wall time."""
+
+    def __init__(self, roles: RoleContexts) -> None:
+        self._roles = roles
+        self._runtime = roles.runtime
+        self._connection = roles.connection
+
+    def watch(self, mission: Mission) -> None:
+        """What is due now. Losing against an answer changes nothing."""
+        if mission.handoff_id is None:
+            return
+        handoff = self._runtime.handoff(mission.handoff_id)
+        now_s = self._connection.clock.now().wall_s
+        if handoff.claim is not None and live_claim(handoff, now_s) is None:
+            lapsed = DropClaim(actor=TIMEOUT, claim=handoff.claim.claim, reason=because("claim_not_renewed"))
+            self._runtime.commit([CommandEnvelope(handoff_stream(handoff.handoff_id), lapsed, mission.robot_id)])
+            handoff = self._runtime.handoff(mission.handoff_id)
+        for level in due_levels(handoff, now_s):
+            self._runtime.commit(
+                [CommandEnvelope(handoff_stream(handoff.handoff_id), Escalate(level=level), mission.robot_id)]
+            )
+        if handoff.answerable and handoff.opened is not None and now_s >= handoff.opened.deadline_at_s:
+            self._expire(mission, handoff)
+
+    def supersede(self, mission: Mission, reason: Explanation) -> None:
+        """The question fell away: the mission was stopped another way."""
+        if mission.handoff_id is None:
+            return
+        answered = AnswerMission(handoff_id=mission.handoff_id, decision="superseded", actor=TIMEOUT, reason=reason)
+        self._runtime.commit(
+            [
+                CommandEnvelope(handoff_stream(mission.handoff_id), SupersedeHandoff(reason=reason), mission.robot_id),
+                CommandEnvelope(mission_stream(mission.mission_id), answered, mission.robot_id),
+            ]
+        )
+
+    def _expire(self, mission: Mission, handoff: Handoff) -> None:
+        """No answer in time: the safe outcome, never "go on". Then the zone's action, and what came of it."""
+        no_answer = handoff.opened.no_answer if handoff.opened else "hold"
+        unanswered = AnswerMission(
+            handoff_id=handoff.handoff_id,
+            decision="expired",
+            actor=TIMEOUT,
+            reason=MEANT[no_answer],
+        )
+        expiring = [
+            CommandEnvelope(handoff_stream(handoff.handoff_id), ExpireHandoff(), mission.robot_id),
+            CommandEnvelope(mission_stream(mission.mission_id), unanswered, mission.robot_id),
+        ]
+        retreat = self._retreat(mission, handoff) if no_answer == "retreat" else None
+        if isinstance(retreat, RetreatIntended):
+            decision = self._runtime.commit([*expiring, *sending(retreat)])
+            if isinstance(decision, Accepted):
+                return
+            retreat = decision
+        decision = self._runtime.commit(expiring)
+        if isinstance(decision, Accepted) and any(isinstance(event, HandoffExpired) for event in decision.events):
+            self.act(handoff, instead=retreat)
+
+    def _retreat(self, mission: Mission, handoff: Handoff) -> RetreatIntended | Refused:
+        """The one motion that the zone authorised beforehand: its intent and the expiry are one commit.
+
+        Whoever paused the mission, or lets nothing move without a person, said so later than the site file did.
+        """
+        if mission.status == "paused" or mission.level == "manual":
+            held = because("held_by_pause") if mission.status == "paused" else because("held_by_autonomy")
+            return refused("held", held)
+        order = Order(
+            task_id=mission.mission_id,
+            attempt=1,
+            actor=TIMEOUT,
+            reason=because("nobody_answered"),
+            handoff_id=handoff.handoff_id,
+            mission=mission,
+        )
+        return planned_retreat(self._roles, order)
+
+    def act(self, handoff: Handoff, *, instead: Refused | None = None) -> None:
+        """Carry out what happens without an answer, once, and write down what came of it.
+
+        `instead`: why a retreat was not sent. One that is under way is waited for; one that ended is told.
+        """
+        retreat = self._sent(handoff)
+        if retreat is not None and retreat.open:
+            return
+        self._roles.observations.collect(None)
+        done = told(retreat) if retreat is not None else self._acted(handoff, instead)
+        self._runtime.commit([CommandEnvelope(handoff_stream(handoff.handoff_id), done, self._connection.robot_id)])
+
+    def _sent(self, handoff: Handoff) -> Retreating | None:
+        control: SiteControl = self._runtime.fold(CONTROL)
+        newest = control.retreats.get(self._connection.robot_id)
+        return newest if newest is not None and newest.intent.handoff_id == handoff.handoff_id else None
+
+    def _acted(self, handoff: Handoff, instead: Refused | None) -> RecordNoAnswer:
+        """Carry the action out on the spot as far as this robot can, and say what shows it."""
+        opened = handoff.opened
+        wanted = opened.no_answer if opened else "hold"
+        rest = at_rest(self._roles.observations.recent, self._connection.clock.now().mission_s)
+        if instead is not None and instead.rule == "already_there":
+            return RecordNoAnswer(action="retreat", done=rest.static, measured=rest.measured, reason=instead.reason)
+        action: Otherwise = ((opened.otherwise if opened else "") or "hold") if wanted == "retreat" else wanted
+        settled = settle(self._connection, action, rest=rest, token=self._newest_token())
+        reason = settled.reason
+        if wanted == "retreat":
+            why = instead.reason if instead else because("retreat_not_sent")
+            reason = because("no_retreat_instead", why=why, instead=settled.reason)
+        return RecordNoAnswer(action=action, done=settled.done, measured=rest.measured, reason=reason)
+
+    def _newest_token(self) -> int:
+        """The fencing token of whoever moved this robot last: a posture is ordered in its turn."""
+        bases = {resource for card in self._connection.cards if card.moves for resource in card.resources}
+        return max(self._runtime.lease(leased(self._connection.robot_id, one)).token for one in bases)
+
+
+def told(retreat: Retreating) -> RecordNoAnswer:
+    """What a retreat that ended means for its question: measured there, done otherwise, or known to nobody."""
+    ended = retreat.ended
+    if ended is None:
+        raise ValueError(f"retreat {retreat.intent.invocation_id} has not ended")
+    done = ended.outcome == "reached" or (ended.outcome == "short" and ended.then_done)
+    action = ended.then if ended.outcome == "short" and ended.then else "retreat"
+    reason = because("retreat_ended", outcome=ended.outcome, reason=ended.reason, declared=ended.declared)
+    return RecordNoAnswer(action=action, done=done, measured=ended.measured, reason=reason)
+
+
+def overlooked(runtime: Runtime, robot_id: RobotId) -> list[Handoff]:
+    """Questions of this robot that expired just before the harness stopped: their no-answer action is still due."""
+    handoffs = [
+        runtime.handoff(HandoffId(stream.partition("/")[2])) for stream in runtime.streams("handoff/")[-RECENT:]
+    ]
+    return [
+        one
+        for one in handoffs
+        if one.status == "expired" and one.unanswered is None and one.opened and one.opened.robot_id == robot_id
+    ]

@@ -1,0 +1,257 @@
+"""Where the harness asks a person, and takes the answer: observed again first, then one transaction (D27, D28)."""
+
+import dataclasses
+from typing import assert_never
+
+from msgspec.structs import replace
+
+from harness.contracts.actors import Actor
+from harness.contracts.any_events import AnyEvent
+from harness.contracts.commands import (
+    AnswerMission,
+    ApproveHandoff,
+    AskPerson,
+    AttestHandoff,
+    OpenHandoff,
+    RefreshHandoff,
+    RejectHandoff,
+)
+from harness.contracts.configuration import RecoveryAction
+from harness.contracts.contexts import Context
+from harness.contracts.decisions import Accepted, Decision, Refused, refused
+from harness.contracts.handoff_commands import (
+    ChooseAction,
+    CloseQuestion,
+    DropClaim,
+    ExtendDeadline,
+    LookAgain,
+    ReturnControl,
+    TakeClaim,
+    TakeControl,
+)
+from harness.contracts.handoff_events import HandoffOpened
+from harness.contracts.ids import HandoffId, handoff_stream, mission_stream, sha256
+from harness.contracts.person_commands import PersonCommand
+from harness.contracts.proposals import RecoveryProposal
+from harness.contracts.reasons import Explanation, because
+from harness.contracts.revision_commands import RecordAttestation
+from harness.contracts.values import encode
+from harness.gate.commit import CommandEnvelope
+from harness.gate.handoffs import decide
+from harness.projections.handoffs import Handoff
+from harness.projections.mission import Failure, Mission, required_contract
+from harness.supervisor.dispatch import Approval, DispatchAttempt, Dispatcher
+from harness.supervisor.questions import Questions
+from harness.supervisor.roles import RoleContexts, context_record
+from harness.supervisor.zones import patience, reserve_s
+
+
+class HandoffService:
+    """Opens and refreshes the handoffs of one robot, and takes what persons say to them."""
+
+    def __init__(self, roles: RoleContexts, dispatcher: Dispatcher) -> None:
+        self._roles = roles
+        self._runtime = roles.runtime
+        self._connection = roles.connection
+        self._dispatcher = dispatcher
+        self._questions = Questions(roles, dispatcher)
+
+    def open(self, mission: Mission, failure: Failure, reason: Explanation, c4: Context) -> None:
+        """The mission waits, and the question with its snapshot stands in a stream of its own: one commit."""
+        handoff_id = HandoffId(f"hof_{sha256(f'{mission.mission_id}{mission.version}'.encode())[:12]}")
+        snapshot = self._questions.snapshot(mission, failure.node_id)
+        contract, recent = required_contract(mission), self._roles.observations.recent
+        reserve = reserve_s(recent, minimum_charge=contract.constraints.minimum_charge)
+        site = self._runtime.site
+        allowed = patience(site.zones, (snapshot.x_m, snapshot.y_m), reserve_s=reserve)
+        goal = allowed.retreat.place_id if allowed.retreat else None
+        now_s = self._connection.clock.now().wall_s
+        opening = OpenHandoff(
+            handoff_id=handoff_id,
+            mission_id=mission.mission_id,
+            robot_id=mission.robot_id,
+            node_id=failure.node_id,
+            k=mission.k,
+            failure=failure.failure,
+            reason=reason,
+            risk=contract.node(failure.node_id).risk,
+            proposal=self._questions.proposal(mission, failure.node_id),
+            snapshot=snapshot,
+            evidence=self._questions.evidence(mission, failure.node_id, snapshot),
+            no_answer=allowed.no_answer,
+            deadline_at_s=now_s + allowed.wait_s,
+            limit_at_s=now_s + allowed.limit_s,
+            choices=self._questions.choices(mission, failure.node_id),
+            safe_place=next((one.name for one in site.places if one.place_id == goal), ""),
+            otherwise=allowed.retreat.otherwise if allowed.retreat else "",
+        )
+        asking = AskPerson(
+            handoff_id=handoff_id,
+            node_id=failure.node_id,
+            failure=failure.failure,
+            reason=reason,
+            context=c4.digest,
+        )
+        self._runtime.commit(
+            [
+                CommandEnvelope(mission_stream(mission.mission_id), asking, mission.robot_id),
+                CommandEnvelope(handoff_stream(handoff_id), opening, mission.robot_id),
+            ],
+            records=(context_record(c4),),
+        )
+
+    def answer(self, handoff_id: HandoffId, command: PersonCommand) -> Decision[AnyEvent]:
+        """A person's word. What they saw must still hold after a fresh look (409 otherwise)."""
+        handoff = self._runtime.handoff(handoff_id)
+        opened = handoff.opened
+        if opened is None:
+            return refused("not_open", because("handoff_never_opened"))
+        mission = self._runtime.mission(opened.mission_id)
+        match command:
+            case ApproveHandoff():
+                return self._approve(mission, handoff, opened, command)
+            case AttestHandoff():
+                return self._attest(mission, handoff, opened, command)
+            case ReturnControl():
+                return self._hand_back(mission, handoff, opened, command)
+            case RejectHandoff() | CloseQuestion():
+                return self._ends(mission, handoff, command)
+            case LookAgain():
+                return self._asked_anew(mission, handoff, opened, actor=command.actor, action=_proposed(handoff))
+            case ChooseAction():
+                return self._choose(mission, handoff, opened, command)
+            case TakeControl() if mission.status != "awaiting_human" or mission.handoff_id != handoff.handoff_id:
+                return _not_waiting(mission)
+            case TakeClaim() | DropClaim() | ExtendDeadline() | TakeControl():
+                return self._said(handoff, command)
+            case _:
+                assert_never(command)
+
+    def _choose(
+        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: ChooseAction
+    ) -> Decision[AnyEvent]:
+        """The question is recalled and asked anew with another action: approved, if at all, on its own digest."""
+        if command.cycle != handoff.cycle:
+            return refused("wrong_cycle", cycle=handoff.cycle, shown_cycle=command.cycle)
+        if command.action not in self._questions.choices(mission, opened.node_id):
+            return refused("no_choice", because("action_not_offered", action=command.action))
+        if self._questions.proposal(mission, opened.node_id, command.action) is None:
+            return refused("not_possible", because("action_not_possible", action=command.action))
+        return self._asked_anew(mission, handoff, opened, actor=command.actor, action=command.action)
+
+    def _asked_anew(
+        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, *, actor: Actor, action: RecoveryAction
+    ) -> Decision[AnyEvent]:
+        """Observe without motion and show the question as it stands now: a new cycle."""
+        snapshot = self._questions.snapshot(mission, opened.node_id)
+        refreshed = RefreshHandoff(
+            k=mission.k,
+            proposal=self._questions.proposal(mission, opened.node_id, action),
+            snapshot=snapshot,
+            evidence=self._questions.evidence(mission, opened.node_id, snapshot),
+            choices=self._questions.choices(mission, opened.node_id),
+            actor=actor,
+        )
+        return self._said(handoff, refreshed)
+
+    def _approve(
+        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: ApproveHandoff
+    ) -> Decision[AnyEvent]:
+        """The one invocation that was shown, prepared again from what is seen now, and committed with the approval."""
+        if settled := self._settled(mission, handoff, command):
+            return settled
+        fresh = self._questions.snapshot(mission, opened.node_id)
+        shown = command.shown or self._runtime.keep(encode(opened))
+        approve = replace(command, k=mission.k, fresh=fresh, shown=shown)
+        wish = self._questions.wish(mission, opened.node_id, _proposed(handoff))
+        attempt = dataclasses.replace(wish, approval=Approval(handoff_id=handoff.handoff_id, command=approve))
+        prepared = self._dispatcher.prepare(mission, attempt)
+        same = self._questions.proposed(mission, attempt, prepared) == opened.proposal
+        if isinstance(prepared, Refused) or not same:
+            changed = refused("wrong_digest", because("action_changed_now"))
+            return self._refused(handoff, approve) or changed
+        return self._dispatcher.commit(mission, attempt, prepared)
+
+    def _attest(
+        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: AttestHandoff
+    ) -> Decision[AnyEvent]:
+        """A person's own observation: kept as evidence, and the one look without motion that it opens (D17)."""
+        if settled := self._settled(mission, handoff, command):
+            return settled
+        self._roles.observations.collect(None)
+        record = RecordAttestation(
+            handoff_id=handoff.handoff_id,
+            node_id=opened.node_id,
+            condition_id=command.condition_id,
+            actor=command.actor,
+            statement=command.reason,
+            seen_s=self._connection.clock.now().mission_s,
+            blob=self._runtime.keep(command.reason.encode()),
+        )
+        word = Approval(handoff_id=handoff.handoff_id, command=command, attestation=record)
+        return self._look(mission, handoff, opened, word, why="a person attested")
+
+    def _hand_back(
+        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: ReturnControl
+    ) -> Decision[AnyEvent]:
+        """The robot is the harness's again: seen afresh, and one look without motion at the present state version."""
+        if settled := self._settled(mission, handoff, command):
+            return settled
+        back = replace(command, k=mission.k, fresh=self._questions.snapshot(mission, opened.node_id))
+        word = Approval(handoff_id=handoff.handoff_id, command=back)
+        return self._look(mission, handoff, opened, word, why="a person handed it back")
+
+    def _look(
+        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, word: Approval, *, why: str
+    ) -> Decision[AnyEvent]:
+        """One verification without motion, committed with the word that opens it."""
+        look = RecoveryProposal(action="verify_again", failure=opened.failure, provider_id=None, cost=0, reason=why)
+        attempt = DispatchAttempt(node_id=opened.node_id, recovery=look, approval=word)
+        prepared = self._dispatcher.prepare(mission, attempt)
+        if isinstance(prepared, Refused):
+            return self._refused(handoff, word.command) or prepared
+        return self._dispatcher.commit(mission, attempt, prepared)
+
+    def _ends(self, mission: Mission, handoff: Handoff, command: RejectHandoff | CloseQuestion) -> Decision[AnyEvent]:
+        """The word and the mission's end together; a question that is over only says so."""
+        requests = [CommandEnvelope(handoff_stream(handoff.handoff_id), command, mission.robot_id)]
+        if handoff.waits and mission.handoff_id == handoff.handoff_id:
+            ended = AnswerMission(
+                handoff_id=handoff.handoff_id,
+                decision="rejected" if isinstance(command, RejectHandoff) else "closed",
+                actor=command.actor,
+                reason=command.reason,
+            )
+            requests.append(CommandEnvelope(mission_stream(mission.mission_id), ended, mission.robot_id))
+        return self._runtime.commit(requests)
+
+    def _settled(
+        self, mission: Mission, handoff: Handoff, command: ApproveHandoff | AttestHandoff | ReturnControl
+    ) -> Decision[AnyEvent] | None:
+        """The answer to a word that can start nothing any more; None where the gate is to decide it with its start."""
+        waits = handoff.status == "taken_over" if isinstance(command, ReturnControl) else handoff.answerable
+        if waits:
+            return None if mission.handoff_id == handoff.handoff_id else _not_waiting(mission)
+        return self._refused(handoff, command) or Accepted(())
+
+    def _refused(self, handoff: Handoff, command: ApproveHandoff | AttestHandoff | ReturnControl) -> Refused | None:
+        """What the gate would say against this word; None where it would take it, or took it before."""
+        decision = decide(handoff, command, self._connection.clock.now())
+        return decision if isinstance(decision, Refused) else None
+
+    def _said(
+        self, handoff: Handoff, command: TakeClaim | DropClaim | ExtendDeadline | TakeControl | RefreshHandoff
+    ) -> Decision[AnyEvent]:
+        return self._runtime.commit(
+            [CommandEnvelope(handoff_stream(handoff.handoff_id), command, self._connection.robot_id)]
+        )
+
+
+def _proposed(handoff: Handoff) -> RecoveryAction:
+    """What is proposed now; an operator's retry where nothing was."""
+    proposal = handoff.opened.proposal if handoff.opened else None
+    return proposal.action if proposal else "retry"
+
+
+def _not_waiting(mission: Mission) -> Refused:
+    return refused("not_waiting", because("not_waiting_for_answer", status=mission.status))

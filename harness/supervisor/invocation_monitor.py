@@ -1,0 +1,306 @@
+"""Watches the open invocation: starts it, keeps it alive, stops it, and turns its end into a packet and a verdict."""
+
+from typing import Literal
+
+from harness.contracts.commands import (
+    AcceptInvocation,
+    CompleteNode,
+    EndInvocation,
+    RecordEffect,
+    ReportFailure,
+    ResumeInvocation,
+    StopInvocation,
+)
+from harness.contracts.decisions import Accepted, Refused
+from harness.contracts.errors import ContextOverflow, ProviderFailed, ProviderUnreachable
+from harness.contracts.events import DispatchIntended, NodeCommitted
+from harness.contracts.ids import InvocationId, handoff_stream, mission_stream
+from harness.contracts.protocol import KEEPALIVE_LOST, TERMINAL, InvocationIdentity, InvocationReport, StartRequest
+from harness.contracts.reasons import Explanation, Reason, because
+from harness.gate.commit import CommandEnvelope
+from harness.projections.mission import Invocation, Mission
+from harness.runtime import Live
+from harness.supervisor.approvals import clear_to_send, withdraw
+from harness.supervisor.leases import Held, Sent, give_back, holds
+from harness.supervisor.packets import build_packet
+from harness.supervisor.roles import RoleContexts, context_record
+from harness.supervisor.standstill import at_rest
+from harness.supervisor.verification import judgement
+
+POLL_S = 0.5
+SETTLE_S = 1.6
+"""How long the body is watched after a terminal report before its packet is sealed."""
+REST_WITHIN_S = 8.0
+"""How much longer a body that should stand is watched for proof of it; without proof its lease is quarantined."""
+UNREACHABLE_S = 20.0
+ACKNOWLEDGE_S = 5.0
+Effect = Literal["confirmed", "failed", "unknown"]
+EFFECTS: dict[Effect, Reason] = {
+    "confirmed": because("result_accepted"),
+    "failed": because("result_not_accepted"),
+    "unknown": because("result_unknown"),
+}
+
+
+class InvocationMonitor:
+    """One invocation at a time. Handles live in memory; the request id finds them again after a crash (D13).
+
+    `found` is the invocation that an earlier process left open: its request may have been sent.
+    """
+
+    def __init__(self, roles: RoleContexts, *, found: Invocation | None) -> None:
+        self._roles = roles
+        self._runtime = roles.runtime
+        self._connection = roles.connection
+        self._handles: dict[InvocationId, str] = {}
+        self._sent = {found.intent.invocation_id} if found else set[InvocationId]()
+        self._ended_since: float | None = None
+        self._silent_since: float | None = None
+        self._stopping_since: float | None = None
+        self._resumed = False
+
+    def attend(self, mission: Mission, invocation: Invocation) -> float:
+        """One look at the invocation; returns when to look again, in mission time."""
+        now_s = self._connection.clock.now().mission_s
+        if self._lost(invocation):
+            reason = because("provider_cannot_be_asked", provider_id=invocation.intent.provider_id)
+            return self._silence(mission, invocation, now_s, reason, patience_s=0.0)
+        try:
+            report = self._report(mission, invocation)
+            self._silent_since = None
+            if isinstance(report, Refused):
+                withdraw(self._runtime, self._connection, mission, intent=invocation.intent, reason=report.reason)
+                return now_s
+            self._publish(mission, report)
+            if report.status in TERMINAL:
+                return self._finish(mission, invocation, report, now_s)
+            return self._supervise(mission, invocation, report, now_s)
+        except ProviderUnreachable as error:
+            return self._silence(mission, invocation, now_s, str(error))
+        except ProviderFailed as error:
+            self._abandon(mission, invocation, failure="provider_unavailable", reason=str(error))
+            return now_s
+
+    def _lost(self, invocation: Invocation) -> bool:
+        """Sent, perhaps, without a handle, to a provider that cannot be asked by request: never sent again (D13)."""
+        intent = invocation.intent
+        known = self._handles.get(intent.invocation_id) or invocation.handle
+        askable = self._connection.provider(intent.provider_id).card.reattach == "by_request"
+        return intent.invocation_id in self._sent and known is None and not askable
+
+    def _report(self, mission: Mission, invocation: Invocation) -> InvocationReport | Refused:
+        """The provider's word; reattach by handle, else by request id, else send the request (D13).
+
+        Refused where what authorised it no longer holds: then nothing was sent. Raises ProviderUnreachable for an
+        answer about another request: that is none.
+        """
+        intent = invocation.intent
+        provider = self._connection.provider(intent.provider_id)
+        handle = self._handles.get(intent.invocation_id) or invocation.handle
+        if handle is not None:
+            return own(provider.report(handle), intent)
+        known = provider.find(intent.request_id) if provider.card.reattach == "by_request" else None
+        if known is not None:
+            self._roles.observations.catch_up(self._connection.spool.samples(intent.invocation_id))
+        if known is None and (refused := clear_to_send(self._runtime, mission, invocation)):
+            return refused
+        self._sent.add(intent.invocation_id)
+        report = own(known or provider.start(_request(mission, intent)), intent)
+        self._accepted(mission, intent, report)
+        return report
+
+    def _accepted(self, mission: Mission, intent: DispatchIntended, report: InvocationReport) -> None:
+        self._handles[intent.invocation_id] = report.handle
+        self._resumed = False
+        self._stopping_since = self._ended_since = None
+        provider = self._connection.provider(intent.provider_id)
+        if provider.card.reattach == "by_handle":
+            self._runtime.submit(
+                mission.mission_id, AcceptInvocation(invocation_id=intent.invocation_id, handle=report.handle)
+            )
+
+    def _supervise(self, mission: Mission, invocation: Invocation, report: InvocationReport, now_s: float) -> float:
+        intent = invocation.intent
+        provider = self._connection.provider(intent.provider_id)
+        if invocation.stop_requested:
+            self._stopping_since = now_s if self._stopping_since is None else self._stopping_since
+            if now_s > self._stopping_since + provider.card.cancel.within_s + ACKNOWLEDGE_S:
+                self._abandon(
+                    mission, invocation, failure="cancel_unacknowledged", reason=because("cancel_not_acknowledged")
+                )
+                return now_s
+            if report.status != "stopping":
+                provider.stop(report.handle)
+        elif now_s > intent.deadline_s:
+            self._late(mission, invocation, now_s)
+        elif report.failure == KEEPALIVE_LOST:
+            self._reawaken(mission, invocation, report)
+        else:
+            self._resumed = False
+        if intent.moves:
+            provider.keepalive(report.handle)
+        return now_s + POLL_S
+
+    def _late(self, mission: Mission, invocation: Invocation, now_s: float) -> None:
+        """The deadline passed: a timeout is a failure of its own; C4's first rung is to stop."""
+        if mission.of(invocation.intent.node_id).failure is None:
+            late = ReportFailure(
+                node_id=invocation.intent.node_id,
+                invocation_id=invocation.intent.invocation_id,
+                failure="timeout",
+                reason=because("deadline_was_passed", late_s=now_s - invocation.intent.deadline_s),
+                at_s=now_s,
+            )
+            self._runtime.submit(mission.mission_id, late)
+
+    def _reawaken(self, mission: Mission, invocation: Invocation, report: InvocationReport) -> None:
+        """The dead man stood the robot still, nobody watched: go on where card and leases allow, else stop (D12)."""
+        intent = invocation.intent
+        provider = self._connection.provider(intent.provider_id)
+        if not holds(self._runtime, self._connection.robot_id, intent):
+            self.stop(mission, invocation, reason=because("lease_was_quarantined"))
+        elif provider.card.resumable and not self._resumed:
+            self._runtime.submit(mission.mission_id, ResumeInvocation(invocation_id=intent.invocation_id))
+            provider.resume(report.handle)
+            self._resumed = True
+        elif not provider.card.resumable:
+            self.stop(mission, invocation, reason=because("provider_cannot_resume"))
+
+    def stop(self, mission: Mission, invocation: Invocation, *, reason: Explanation) -> None:
+        """Ask for a stop; the invocation stays open until the provider acknowledges it."""
+        self._runtime.submit(
+            mission.mission_id, StopInvocation(invocation_id=invocation.intent.invocation_id, reason=reason)
+        )
+
+    def _finish(self, mission: Mission, invocation: Invocation, report: InvocationReport, now_s: float) -> float:
+        """Seal the evidence once the body was watched long enough, judge it, and let the gate decide: one commit."""
+        intent = invocation.intent
+        self._ended_since = now_s if self._ended_since is None else self._ended_since
+        ended_s = min(report.at_s, self._ended_since)
+        watched = intent.moves or intent.verify_only
+        if watched and now_s < ended_s + SETTLE_S:
+            return min(now_s + POLL_S, ended_s + SETTLE_S)
+        rest = at_rest(self._roles.observations.recent, now_s)
+        if intent.moves and not rest.static and now_s < ended_s + SETTLE_S + REST_WITHIN_S:
+            return now_s + POLL_S
+        until_s = report.at_s if mission.replay else now_s
+        samples = [one for one in self._connection.spool.samples(intent.invocation_id) if one.at_s <= until_s]
+        packet = build_packet(
+            mission,
+            invocation,
+            report=report,
+            samples=samples,
+            observations=self._roles.observations,
+            collected_s=until_s,
+        )
+        try:
+            card = self._connection.provider(intent.provider_id).card
+            c3, verdict = judgement(self._roles, mission, packet, card=card)
+        except ContextOverflow as error:
+            self._abandon(mission, invocation, failure="verifier_unavailable", reason=str(error))
+            return now_s
+        requests = [
+            CommandEnvelope(
+                mission_stream(mission.mission_id), CompleteNode(packet=packet, verdict=verdict), mission.robot_id
+            ),
+            *give_back(
+                self._runtime,
+                Held(self._connection.robot_id, intent),
+                at_rest=rest.static,
+                reason=because(
+                    "ended_at_rest", status=report.status, rest=rest.reason or because("at_rest_by_odometry")
+                ),
+            ),
+        ]
+        decision = self._runtime.commit(requests, records=[context_record(c3)])
+        if isinstance(decision, Accepted):
+            committed = any(isinstance(event, NodeCommitted) for event in decision.events)
+            self._close(intent, "confirmed" if committed else "failed")
+        return now_s
+
+    def _close(self, intent: DispatchIntended, effect: Effect) -> None:
+        """What is known of the end; an execution that may be found again keeps its samples."""
+        if effect != "unknown":
+            self._connection.spool.drop(intent.invocation_id)
+            self._handles.pop(intent.invocation_id, None)
+        self._stopping_since = self._ended_since = None
+        if intent.handoff_id is not None:
+            said = RecordEffect(outcome=effect, reason=EFFECTS[effect])
+            self._runtime.commit([CommandEnvelope(handoff_stream(intent.handoff_id), said, self._connection.robot_id)])
+
+    def _silence(
+        self,
+        mission: Mission,
+        invocation: Invocation,
+        now_s: float,
+        reason: Explanation,
+        *,
+        patience_s: float = UNREACHABLE_S,
+    ) -> float:
+        """No answer: ask again for a while; then the outcome is unknown and the resource is quarantined."""
+        self._silent_since = self._silent_since if self._silent_since is not None else now_s
+        if now_s - self._silent_since >= patience_s and invocation.status != "outcome_unknown":
+            self._abandon(mission, invocation, failure="outcome_unknown", reason=reason)
+        return now_s + POLL_S
+
+    def _abandon(self, mission: Mission, invocation: Invocation, *, failure: str, reason: Explanation) -> None:
+        """End without a packet; a body that may move keeps its lease in quarantine."""
+        intent = invocation.intent
+        unknown = failure == "outcome_unknown"
+        rest = at_rest(self._roles.observations.recent, self._connection.clock.now().mission_s)
+        ended = EndInvocation(
+            invocation_id=intent.invocation_id,
+            status="outcome_unknown" if unknown else "stopping" if failure == "cancel_unacknowledged" else "failed",
+            failure=failure,
+            reason=reason,
+            at_s=self._connection.clock.now().mission_s,
+        )
+        settled = rest.static and failure in ("provider_unavailable", "verifier_unavailable")
+        self._runtime.commit(
+            [
+                CommandEnvelope(mission_stream(mission.mission_id), ended, mission.robot_id),
+                *give_back(self._runtime, Held(self._connection.robot_id, intent), at_rest=settled, reason=reason),
+            ]
+        )
+        self._close(intent, "unknown" if unknown else "failed")
+
+    def _publish(self, mission: Mission, report: InvocationReport) -> None:
+        live = Live(
+            mission_id=mission.mission_id,
+            at_s=self._connection.clock.now().mission_s,
+            report=report,
+            status=self._roles.observations.status,
+            samples=self._roles.observations.recent,
+        )
+        self._runtime.publish(live)
+
+
+def own(report: InvocationReport, intent: Sent) -> InvocationReport:
+    """The report, if it is about this request. Raises ProviderUnreachable otherwise: that is no answer."""
+    if report.identity.request_id != intent.request_id:
+        raise ProviderUnreachable(
+            f"{intent.provider_id} answered about request {report.identity.request_id[:12]}",
+            where=f"invocation {intent.invocation_id}",
+            do="look at the connection: answers of another mission arrive on it",
+        )
+    return report
+
+
+def _request(mission: Mission, intent: DispatchIntended) -> StartRequest:
+    identity = InvocationIdentity(
+        mission_id=mission.mission_id,
+        node_id=intent.node_id,
+        attempt=intent.attempt,
+        request_id=intent.request_id,
+        provider_id=intent.provider_id,
+    )
+    return StartRequest(
+        identity=identity,
+        capability=intent.capability,
+        parameters=intent.parameters,
+        k_ctx=intent.k_ctx,
+        configuration=mission.configuration,
+        deadline_s=intent.deadline_s,
+        fencing=intent.resources,
+        blobs=intent.blobs,
+    )

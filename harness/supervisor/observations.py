@@ -1,0 +1,134 @@
+"""What the robot's sensors said lately, and the sealed samples of one invocation. Observed, never accepted."""
+
+from collections import deque
+from collections.abc import Iterable
+from operator import attrgetter
+from statistics import median
+from typing import assert_never
+
+from harness.contracts.errors import ProviderUnreachable
+from harness.contracts.evidence import EvidenceReference
+from harness.contracts.ids import InvocationId
+from harness.contracts.observations import AnySample, Battery, Image, Imu, Odometry, Pose, Scan, Trajectory
+from harness.contracts.protocol import RobotStatus
+from harness.contracts.values import encode
+from harness.runtime import Runtime
+from harness.supervisor.robot_connection import RobotConnection
+
+RECENT_S = 12.0
+BATCH = 5000
+_order = attrgetter("at_s", "seq")
+
+
+class ObservationBuffer:
+    """Reads the robot's samples in order of `seq`, keeps the last seconds, spools those of an open invocation."""
+
+    def __init__(self, *, runtime: Runtime, connection: RobotConnection) -> None:
+        self._runtime = runtime
+        self._connection = connection
+        self._recent: deque[AnySample] = deque()
+        self._after = 0
+        self.status: RobotStatus | None = None
+
+    def collect(self, spooling: InvocationId | None) -> bool:
+        """Fetch what is new; False if the robot does not answer. Lidar sweeps are kept as blobs."""
+        try:
+            self.status = self._connection.robot.status()
+            while True:
+                batch = self._connection.robot.observations(self._after, BATCH)
+                fresh = [sample for sample in batch.samples if sample.seq > self._after]
+                self._keep_blobs(fresh)
+                if spooling is not None and fresh:
+                    self._connection.spool.add(spooling, fresh)
+                self._recent.extend(fresh)
+                self._after = max((sample.seq for sample in fresh), default=self._after)
+                if len(batch.samples) < BATCH:
+                    break
+        except ProviderUnreachable:
+            return False
+        horizon = self._connection.clock.now().mission_s - RECENT_S
+        while self._recent and self._recent[0].at_s < horizon:
+            self._recent.popleft()
+        return True
+
+    def catch_up(self, spooled: Iterable[AnySample]) -> None:
+        """Go on after the newest spooled sample (after a restart of the harness)."""
+        self._after = max((sample.seq for sample in spooled), default=self._after)
+
+    @property
+    def recent(self) -> tuple[AnySample, ...]:
+        return tuple(self._recent)
+
+    def seal(self, samples: Iterable[AnySample], *, source: str) -> tuple[EvidenceReference, Trajectory]:
+        """Store samples as one content-addressed trajectory and say where it came from (D8)."""
+        trajectory = _ordered(samples)
+        times = [s.at_s for s in (*trajectory.poses, *trajectory.odometry, *trajectory.imu)]
+        frames = {pose.frame for pose in trajectory.poses}
+        maps = {pose.map_version for pose in trajectory.poses}
+        reference = EvidenceReference(
+            kind="trajectory",
+            origin="sensor",
+            source=source,
+            from_s=min(times, default=0.0),
+            until_s=max(times, default=0.0),
+            confidence=median(pose.confidence for pose in trajectory.poses) if trajectory.poses else 1.0,
+            blob=self._runtime.keep(encode(trajectory)),
+            frame=frames.pop() if len(frames) == 1 else "",
+            map_version=maps.pop() if len(maps) == 1 else "",
+        )
+        return reference, trajectory
+
+    def _keep_blobs(self, samples: list[AnySample]) -> None:
+        for sample in samples:
+            if isinstance(sample, Scan | Image) and not self._runtime.has_blob(sample.blob):
+                self._runtime.keep(self._connection.robot.blob(sample.blob))
+
+
+def image_reference(image: Image) -> EvidenceReference:
+    """An image frame as evidence: the blob is the encoded file itself."""
+    return EvidenceReference(
+        kind="image",
+        origin="sensor",
+        source=image.source,
+        from_s=image.at_s,
+        until_s=image.at_s,
+        confidence=1.0,
+        blob=image.blob,
+        frame=image.frame,
+        values={
+            "width_px": float(image.width_px),
+            "height_px": float(image.height_px),
+            "yaw_rad": image.yaw_rad,
+            "media_type": image.media_type,
+            "request_id": image.request_id,
+            "seq": float(image.seq),
+        },
+    )
+
+
+def _ordered(samples: Iterable[AnySample]) -> Trajectory:
+    """In order of sensor time; one pass, for an execution has thousands."""
+    poses: list[Pose] = []
+    odometry: list[Odometry] = []
+    imu: list[Imu] = []
+    battery: list[Battery] = []
+    scans: list[Scan] = []
+    for sample in sorted(samples, key=_order):
+        match sample:
+            case Odometry():
+                odometry.append(sample)
+            case Imu():
+                imu.append(sample)
+            case Pose():
+                poses.append(sample)
+            case Scan():
+                scans.append(sample)
+            case Battery():
+                battery.append(sample)
+            case Image():
+                pass
+            case _:
+                assert_never(sample)
+    return Trajectory(
+        poses=tuple(poses), odometry=tuple(odometry), imu=tuple(imu), battery=tuple(battery), scans=tuple(scans)
+    )

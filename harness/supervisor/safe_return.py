@@ -1,0 +1,266 @@
+"""Watches the open retreat of one robot: sends it once, keeps it alive, stops it, and measures where it ended (D27).
+
+What an earlier process left open is never sent again: it is stopped where it still runs, and its end is unknown (D13).
+"""
+
+from math import hypot
+
+from harness.contracts.control import CONTROL
+from harness.contracts.errors import HarnessError, ProviderFailed, ProviderUnreachable
+from harness.contracts.ids import Digest, ProviderId
+from harness.contracts.observations import Odometry, Pose
+from harness.contracts.protocol import KEEPALIVE_LOST, TERMINAL, InvocationIdentity, InvocationReport, StartRequest
+from harness.contracts.reasons import Reason, because, recorded
+from harness.contracts.retreat_events import (
+    RETREAT,
+    EndRetreat,
+    RetreatEnded,
+    RetreatIntended,
+    RetreatOutcome,
+    StopRetreat,
+)
+from harness.gate.commit import CommandEnvelope
+from harness.projections.control import Retreating, SiteControl
+from harness.runtime import Runtime
+from harness.supervisor.fallback_stop import settle
+from harness.supervisor.invocation_monitor import ACKNOWLEDGE_S, POLL_S, REST_WITHIN_S, SETTLE_S, UNREACHABLE_S, own
+from harness.supervisor.leases import SUPERVISOR, Held, give_back, holds
+from harness.supervisor.minimal_risk import hindrance
+from harness.supervisor.observations import ObservationBuffer
+from harness.supervisor.robot_connection import RobotConnection
+from harness.supervisor.roles import RoleContexts
+from harness.supervisor.standstill import AGE_S, at_rest
+from harness.supervisor.zones import ARRIVED_M
+from harness.verification.predicates.arrival import SAMPLES
+from harness.verification.sources import Sources
+
+
+class Returning:
+    """The retreat of one robot. The fold of the control stream says whether there is one; handles live in memory."""
+
+    def __init__(self, *, runtime: Runtime, connection: RobotConnection) -> None:
+        self._runtime = runtime
+        self._connection = connection
+        self._roles = RoleContexts(
+            runtime=runtime,
+            connection=connection,
+            observations=ObservationBuffer(runtime=runtime, connection=connection),
+        )
+        left = self._open()
+        self._found = left.intent.invocation_id if left else None
+        self._handle: str | None = None
+        self._sent = False
+        self._silent_since: float | None = None
+        self._stopping_since: float | None = None
+        self._ended_since: float | None = None
+
+    @property
+    def under_way(self) -> bool:
+        """Whether this robot has a retreat that has not ended."""
+        return self._open() is not None
+
+    def step(self) -> float:
+        """Do what is due for the open retreat; returns when to look again, in mission time."""
+        retreat, now_s = self._open(), self._connection.clock.now().mission_s
+        if retreat is None:
+            return now_s
+        if not self._roles.observations.collect(None):
+            self._connection.revive()
+        if retreat.intent.invocation_id == self._found:
+            self._left_open(retreat.intent)
+            return now_s
+        try:
+            report = self._report(retreat)
+            if report is None:
+                return now_s
+            self._silent_since = None
+            if report.status in TERMINAL:
+                return self._finish(retreat, report, now_s)
+            return self._supervise(retreat, report, now_s)
+        except ProviderUnreachable as error:
+            return self._silence(retreat.intent, now_s, recorded(str(error)))
+        except ProviderFailed as error:
+            refused = self._handle is None
+            self._end(
+                retreat.intent,
+                "short" if refused else "unknown",
+                declared="refused" if refused else "lost",
+                reason=recorded(error.what),
+            )
+            return now_s
+
+    def _open(self) -> Retreating | None:
+        control: SiteControl = self._runtime.fold(CONTROL)
+        return control.retreating(self._connection.robot_id)
+
+    def _report(self, retreat: Retreating) -> InvocationReport | None:
+        """The provider's word. Sent once in the life of this process; None where it fell away before it was sent."""
+        intent = retreat.intent
+        provider = self._connection.provider(intent.provider_id)
+        if self._handle is not None:
+            return own(provider.report(self._handle), intent)
+        if not self._sent:
+            in_the_way = self._in_the_way(retreat)
+            if in_the_way:
+                self._end(intent, "short", declared="not sent", reason=in_the_way)
+                return None
+            self._sent = True
+            report = own(provider.start(_request(intent)), intent)
+        else:
+            known = provider.find(intent.request_id) if provider.card.reattach == "by_request" else None
+            if known is None:
+                raise ProviderUnreachable("Nobody knows whether the request arrived", where=intent.provider_id)
+            report = own(known, intent)
+        self._handle = report.handle
+        return report
+
+    def _in_the_way(self, retreat: Retreating) -> Reason | None:
+        """Why it must not go on: a person's stop, the deadline, the robot's own condition, a lost lease, a veto."""
+        intent = retreat.intent
+        if retreat.stop is not None:
+            return because("stopped_by", actor=retreat.stop.actor.name, reason=retreat.stop.reason)
+        if self._connection.clock.now().mission_s > intent.deadline_s:
+            return because("deadline_passed")
+        if not holds(self._runtime, self._connection.robot_id, intent):
+            return because("lease_lost")
+        return hindrance(self._roles, map_version=intent.map_version)
+
+    def _supervise(self, retreat: Retreating, report: InvocationReport, now_s: float) -> float:
+        intent, provider = retreat.intent, self._connection.provider(retreat.intent.provider_id)
+        if retreat.stop is None:
+            lost = because("supervisor_away_too_long") if report.failure == KEEPALIVE_LOST else None
+            reason = lost or self._in_the_way(retreat)
+            if reason:
+                asked = StopRetreat(robot_id=intent.robot_id, actor=SUPERVISOR, reason=reason)
+                self._runtime.commit([CommandEnvelope(CONTROL, asked, self._connection.robot_id)])
+                return now_s
+        else:
+            self._stopping_since = now_s if self._stopping_since is None else self._stopping_since
+            if now_s > self._stopping_since + provider.card.cancel.within_s + ACKNOWLEDGE_S:
+                self._end(intent, "unknown", declared=report.status, reason=because("stop_not_acknowledged"))
+                return now_s
+            if report.status != "stopping":
+                provider.stop(report.handle)
+        provider.keepalive(report.handle)
+        return now_s + POLL_S
+
+    def _finish(self, retreat: Retreating, report: InvocationReport, now_s: float) -> float:
+        """Watch the body come to rest, then measure it against the place."""
+        self._ended_since = now_s if self._ended_since is None else self._ended_since
+        settled_s = self._ended_since + SETTLE_S
+        rest = at_rest(self._roles.observations.recent, now_s)
+        if now_s < settled_s or (not rest.static and now_s < settled_s + REST_WITHIN_S):
+            return now_s + POLL_S
+        away, why = self._measured(retreat.intent, now_s)
+        said = f"{report.status}{f', {report.failure}' if report.failure else ''}"
+        stopped = _stopped(retreat, report)
+        reached = not why and rest.static
+        outcome: RetreatOutcome = "reached" if reached else "short"
+        measured = because("measured_from_place", distance_m=away.get("distance_m"), place=retreat.intent.place)
+        shown = measured if reached else why or rest.reason or because("rest_not_shown")
+        reason = shown if reached or stopped is None else because("one_and_other", one=shown, other=stopped)
+        self._end(retreat.intent, outcome, declared=said, reason=reason, measured=away | rest.measured)
+        return now_s
+
+    def _measured(self, intent: RetreatIntended, now_s: float) -> tuple[dict[str, float], Reason | None]:
+        """The furthest of the newest poses from the place, metres, and why that shows no arrival; as D18 tests it."""
+        recent = self._roles.observations.recent
+        mine = {one.at_s: one for one in recent if isinstance(one, Pose) and one.map_version == intent.map_version}
+        poses = [mine[at_s] for at_s in sorted(mine)]
+        newest = poses[-SAMPLES:]
+        if len(newest) < SAMPLES or now_s - newest[-1].at_s > AGE_S:
+            return {}, because("no_fresh_poses")
+        away_m = max(hypot(one.x_m - intent.target_m[0], one.y_m - intent.target_m[1]) for one in newest)
+        measured = {"distance_m": away_m, "bound_m": ARRIVED_M}
+        if away_m > ARRIVED_M:
+            return measured, because("measured_from_place", distance_m=away_m, place=intent.place)
+        sources = Sources(poses, [one for one in recent if isinstance(one, Odometry)])
+        agreed, since = sources.before_standstill(), sources.since_agreement(departed_s=intent.dispatched_s)
+        if agreed is None or not agreed.holds or (since is not None and not since.holds):
+            return measured, because("localiser_and_odometry_differ")
+        return measured, None
+
+    def _silence(self, intent: RetreatIntended, now_s: float, reason: Reason) -> float:
+        """No answer: asked again for a while, never sent again; the robot stands by its own dead man meanwhile."""
+        self._silent_since = now_s if self._silent_since is None else self._silent_since
+        if now_s - self._silent_since >= UNREACHABLE_S:
+            self._end(intent, "unknown", declared="silent", reason=reason)
+        return now_s + POLL_S
+
+    def _left_open(self, intent: RetreatIntended) -> None:
+        """The harness stopped in between. What still runs is stopped; whether and how far it went, nobody says."""
+        declared = "not asked"
+        try:
+            provider = self._connection.provider(intent.provider_id)
+            known = provider.find(intent.request_id) if provider.card.reattach == "by_request" else None
+            if provider.card.reattach == "by_request":
+                declared = known.status if known else "never received"
+            if known is not None and known.status not in TERMINAL:
+                provider.stop(known.handle)
+        except HarnessError as error:
+            declared = error.what
+        self._end(intent, "unknown", declared=declared, reason=because("harness_stopped_under_way"))
+
+    def _end(
+        self,
+        intent: RetreatIntended,
+        outcome: RetreatOutcome,
+        *,
+        declared: str,
+        reason: Reason,
+        measured: dict[str, float] | None = None,
+    ) -> None:
+        """The end and the leases in one commit: freed only at rest by odometry, and never where the end is unknown.
+
+        A body at rest that is not at the place does there what the zone says instead, before its lease is given back.
+        """
+        now_s = self._connection.clock.now().mission_s
+        rest = at_rest(self._roles.observations.recent, now_s)
+        free = outcome != "unknown" and rest.static
+        token = max(intent.resources.values())
+        done = (
+            settle(self._connection, intent.otherwise, rest=rest, token=token) if free and outcome == "short" else None
+        )
+        ended = RetreatEnded(
+            robot_id=intent.robot_id,
+            invocation_id=intent.invocation_id,
+            outcome=outcome,
+            declared=declared,
+            measured=measured if measured is not None else rest.measured,
+            reason=because("one_and_other", one=reason, other=done.reason) if done else reason,
+            at_s=now_s,
+            then=intent.otherwise if done else "",
+            then_done=done is not None and done.done,
+        )
+        over = because("retreat_over", outcome=outcome)
+        freed = give_back(self._runtime, Held(self._connection.robot_id, intent), at_rest=free, reason=over)
+        self._runtime.commit([CommandEnvelope(CONTROL, EndRetreat(ended=ended), self._connection.robot_id), *freed])
+        self._handle = self._found = None
+        self._sent = False
+        self._silent_since = self._stopping_since = self._ended_since = None
+
+
+def _stopped(retreat: Retreating, report: InvocationReport) -> Reason | None:
+    """Why it went no further: whoever stopped it, else the provider's own words, where it has any."""
+    if retreat.stop is not None:
+        return because("stopped_by", actor=retreat.stop.actor.name, reason=retreat.stop.reason)
+    return recorded(report.message) if report.message else None
+
+
+def _request(intent: RetreatIntended) -> StartRequest:
+    identity = InvocationIdentity(
+        mission_id=intent.task_id,
+        node_id=RETREAT,
+        attempt=intent.attempt,
+        request_id=intent.request_id,
+        provider_id=ProviderId(intent.provider_id),
+    )
+    return StartRequest(
+        identity=identity,
+        capability=intent.capability,
+        parameters=intent.parameters,
+        k_ctx=0,
+        configuration=Digest(""),
+        deadline_s=intent.deadline_s,
+        fencing=intent.resources,
+    )

@@ -1,0 +1,298 @@
+"""Driving a robot by hand: under a lease of its base, never while a mission's execution runs, returned at rest."""
+
+from collections.abc import Mapping
+
+from harness.contracts.actors import Actor
+from harness.contracts.any_events import AnyEvent
+from harness.contracts.commands import AcquireLease, LeaseCommand, QuarantineLease, ReleaseLease
+from harness.contracts.control import CONTROL, BeginTeleoperation, EndTeleoperation, OrderPosture, Posture
+from harness.contracts.decisions import Accepted, Refused, refused
+from harness.contracts.errors import ProviderFailed, UnknownName
+from harness.contracts.ids import (
+    InvocationId,
+    MissionId,
+    RequestId,
+    RobotId,
+    lease_stream,
+    leased,
+    sha256,
+)
+from harness.contracts.observations import AnySample
+from harness.contracts.ports import Teleoperable
+from harness.contracts.protocol import DriveOrder, DriveReport, PostureOrder
+from harness.contracts.reasons import Reason, because, recorded
+from harness.contracts.retreat_events import StopRetreat
+from harness.gate.commit import CommandEnvelope
+from harness.projections.control import SiteControl, TeleoperationSession
+from harness.projections.mission import Mission
+from harness.runtime import Runtime
+from harness.supervisor.leases import LOOK_S, SUPERVISOR
+from harness.supervisor.minimal_risk import Order, planned_retreat, sending
+from harness.supervisor.observations import BATCH, ObservationBuffer
+from harness.supervisor.robot_connection import RobotConnection
+from harness.supervisor.roles import RoleContexts
+from harness.supervisor.standstill import WINDOW_S, Rest, at_rest
+from harness.workers import Worker
+
+BASE = "mobile_base"
+LONGEST_S = 900.0
+"""A person drives for so long at most, in mission time; then the wheel must be taken again."""
+SETTLE_WITHIN_S = 6.0
+IDLE_S = 60.0
+STOPPED_WITHIN_S = 30.0
+AT_REST: frozenset[str] = frozenset({"awaiting_human", "paused"})
+
+
+class Teleoperation:
+    """Takes, turns and returns the wheels of all robots. Whoever has no wheel moves nothing."""
+
+    def __init__(self, *, runtime: Runtime, connections: Mapping[RobotId, RobotConnection]) -> None:
+        self._runtime = runtime
+        self._connections = connections
+        self._turned_s: dict[RequestId, float] = {}
+        self._worker = Worker("wheel", self._look, every_s=LOOK_S, close_within_s=SETTLE_WITHIN_S)
+
+    def watch(self) -> None:
+        """From now on, in the background: a wheel that nobody turns is returned after IDLE_S of wall time."""
+        self._worker.start()
+
+    def close(self) -> None:
+        """End the watch. Wheels stay taken: the robots' dead man stops them, the next start returns them."""
+        self._worker.close()
+
+    def holder(self, robot_id: RobotId) -> TeleoperationSession | None:
+        """Who drives this robot by hand now."""
+        control: SiteControl = self._runtime.fold(CONTROL)
+        return control.wheels.get(robot_id)
+
+    def take(self, robot_id: RobotId, *, actor: Actor, device: str, reason: str) -> Accepted[AnyEvent] | Refused:
+        """The lease of the base and the wheel in one commit; refused while a mission may move the robot.
+
+        Raises UnknownName for a robot that is not connected.
+        """
+        connection = self._connection(robot_id)
+        if connection.hand is None:
+            return refused("no_hand", because("not_drivable", robot_id=robot_id))
+        in_the_way = self._in_control(robot_id, actor)
+        if in_the_way:
+            return refused("mission_in_control", in_the_way)
+        base = leased(robot_id, BASE)
+        now = connection.clock.now()
+        token = self._runtime.lease(base).token + 1
+        session = RequestId(sha256(f"{robot_id}\n{token}\n{now.mission_s}\n{now.wall_s}".encode()))
+        taken = BeginTeleoperation(
+            robot_id=robot_id,
+            session=session,
+            token=token,
+            actor=actor,
+            device=device,
+            reason=reason,
+        )
+        lease = self._acquired(robot_id, session, token, until_s=now.mission_s + LONGEST_S)
+        return self._runtime.commit([CommandEnvelope(CONTROL, taken, robot_id), lease])
+
+    def turn(self, robot_id: RobotId, session: RequestId, *, v_mps: float, w_radps: float) -> DriveReport:
+        """One moment of driving. Raises ProviderFailed for a session that has not the wheel, or as the robot does."""
+        connection, wheel = self._connection(robot_id), self.holder(robot_id)
+        lease = self._runtime.lease(leased(robot_id, BASE))
+        held = lease.status == "held" and lease.invocation_id == InvocationId(session)
+        if connection.hand is None or wheel is None or wheel.session != session or not held:
+            raise ProviderFailed("This session does not drive the robot", where=robot_id, do="take the wheel again")
+        if connection.clock.now().mission_s > lease.expires_s - SETTLE_WITHIN_S:
+            raise ProviderFailed("The time for driving by hand is over", where=robot_id, do="take the wheel again")
+        order = DriveOrder(
+            session=session, token=wheel.token, v_mps=v_mps, w_radps=w_radps, until_s=lease.expires_s - SETTLE_WITHIN_S
+        )
+        self._turned_s[session] = connection.clock.now().wall_s
+        return connection.hand.drive(order)
+
+    def give_back(self, robot_id: RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
+        """Brake, wait for the body to stand, then free the base; quarantined if nothing shows it at rest."""
+        connection, wheel = self._connection(robot_id), self.holder(robot_id)
+        if wheel is None:
+            return refused("not_at_the_wheel", because("nobody_drives", robot_id=robot_id))
+        rest = (
+            self._settled(connection, wheel)
+            if connection.hand is not None
+            else Rest(static=False, reason=None, measured={})
+        )
+        returned = EndTeleoperation(
+            robot_id=robot_id, session=wheel.session, actor=actor, reason=reason, measured=rest.measured
+        )
+        requests = [CommandEnvelope(CONTROL, returned, robot_id)]
+        lease = self._runtime.lease(leased(robot_id, BASE))
+        if lease.status == "held" and lease.invocation_id == InvocationId(wheel.session):
+            holder = lease.invocation_id
+            end: LeaseCommand = (
+                ReleaseLease(invocation_id=holder, reason=because("wheel_returned_at_rest"))
+                if rest.static
+                else QuarantineLease(invocation_id=holder, reason=rest.reason or because("rest_not_shown"))
+            )
+            requests.append(CommandEnvelope(lease_stream(lease.resource), end, robot_id))
+        return self._runtime.commit(requests)
+
+    def rest(
+        self, robot_id: RobotId, *, posture: Posture, actor: Actor, reason: Reason | str
+    ) -> Accepted[AnyEvent] | Refused:
+        """Have a robot lie down or stand up, once no mission acts on it; one that is being stopped is waited for.
+
+        Raises ProviderFailed as the robot does.
+        """
+        connection = self._connection(robot_id)
+        if connection.hand is None:
+            return refused("no_hand", because("posture_fixed", robot_id=robot_id))
+        acting = self._acting(connection)
+        if acting is not None:
+            acts = because("mission_acts", mission_id=acting.mission_id, status=acting.status)
+            return refused("mission_in_control", acts)
+        base = leased(robot_id, BASE)
+        token = self._runtime.lease(base).token + 1
+        holder = RequestId(sha256(f"{robot_id}\n{posture}\n{token}".encode()))
+        ordered = OrderPosture(robot_id=robot_id, posture=posture, actor=actor, reason=reason)
+        until_s = connection.clock.now().mission_s + SETTLE_WITHIN_S
+        decision = self._runtime.commit(
+            [CommandEnvelope(CONTROL, ordered, robot_id), self._acquired(robot_id, holder, token, until_s=until_s)]
+        )
+        if isinstance(decision, Refused):
+            return decision
+        released = ReleaseLease(invocation_id=InvocationId(holder), reason=f"posture: {posture}")
+        try:
+            connection.hand.rest(PostureOrder(posture=posture, token=token))
+        finally:
+            self._runtime.commit([CommandEnvelope(lease_stream(base), released, robot_id)])
+        return decision
+
+    def to_safety(self, robot_id: RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
+        """Send a robot to the safe place of its zone, on this person's word; one that is being stopped is waited for.
+
+        Where the zone declares none, or the robot cannot be sent there now, it lies down where it stands, and the log
+        says why. The way itself is the supervisor's. Raises ProviderFailed as the robot does.
+        """
+        connection = self._connection(robot_id)
+        acting = self._acting(connection)
+        if acting is not None:
+            acts = because("mission_acts", mission_id=acting.mission_id, status=acting.status)
+            return refused("mission_in_control", acts)
+        base = self._runtime.lease(leased(robot_id, BASE))
+        order = Order(task_id=MissionId(robot_id), attempt=base.token + 1, actor=actor, reason=reason)
+        roles = RoleContexts(
+            runtime=self._runtime,
+            connection=connection,
+            observations=ObservationBuffer(runtime=self._runtime, connection=connection),
+        )
+        planned = planned_retreat(roles, order)
+        if not isinstance(planned, Refused):
+            return self._runtime.commit(sending(planned))
+        under_way = self._runtime.fold(CONTROL).retreating(robot_id)
+        if under_way is not None:
+            return refused(
+                "retreat_under_way", because("retreat_begun", robot_id=robot_id, place=under_way.intent.place)
+            )
+        return self.rest(
+            robot_id,
+            posture="lying",
+            actor=actor,
+            reason=because("no_retreat_lies_down", reason=reason, why=planned.reason),
+        )
+
+    def stop_retreat(self, robot_id: RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
+        """Ask a robot on its way to a safe place to stand; the supervisor sees the stop through."""
+        return self._runtime.commit(
+            [CommandEnvelope(CONTROL, StopRetreat(robot_id=robot_id, actor=actor, reason=reason), robot_id)]
+        )
+
+    def _look(self) -> None:
+        control: SiteControl = self._runtime.fold(CONTROL)
+        for robot_id, wheel in control.wheels.items():
+            connection = self._connections.get(robot_id)
+            if connection is not None and self._silent(connection, wheel):
+                self.give_back(robot_id, actor=SUPERVISOR, reason=f"no sign from {wheel.device} for a while")
+
+    def _silent(self, connection: RobotConnection, wheel: TeleoperationSession) -> bool:
+        """Nobody turned it for IDLE_S, or its lease is about to end."""
+        now = connection.clock.now()
+        lease = self._runtime.lease(leased(wheel.robot_id, BASE))
+        last_s = self._turned_s.setdefault(wheel.session, now.wall_s)
+        return now.wall_s - last_s > IDLE_S or now.mission_s > lease.expires_s - 2 * SETTLE_WITHIN_S
+
+    def return_abandoned(self) -> None:
+        """Wheels that an earlier process left taken: its dead man stopped the robot, nobody drives it any more."""
+        control: SiteControl = self._runtime.fold(CONTROL)
+        for robot_id in control.wheels:
+            if robot_id in self._connections:
+                self.give_back(robot_id, actor=SUPERVISOR, reason="the harness was started again")
+
+    def _in_control(self, robot_id: RobotId, actor: Actor) -> Reason | None:
+        """What keeps people from driving: a mission that acts. One that this very person took over does not."""
+        for mission in self._runtime.open_missions(robot_id):
+            if mission.replay:
+                continue
+            if mission.status == "awaiting_human" and self._taken_over(mission, actor):
+                continue
+            if mission.status == "paused" and mission.invocation is None:
+                continue
+            return because("mission_in_control", mission_id=mission.mission_id, status=mission.status)
+        return None
+
+    def _acting(self, connection: RobotConnection) -> Mission | None:
+        """The mission that may move this robot; one that is being stopped gets STOPPED_WITHIN_S to come to rest."""
+        until_s = connection.clock.now().mission_s + STOPPED_WITHIN_S
+        while True:
+            mine = [one for one in self._runtime.open_missions(connection.robot_id) if not one.replay]
+            acting = next((m for m in mine if m.invocation is not None or m.status not in AT_REST), None)
+            if acting is None or acting.status != "stopping" or connection.clock.now().mission_s >= until_s:
+                return acting
+            connection.clock.wait_until(connection.clock.now().mission_s + WINDOW_S)
+
+    def _taken_over(self, mission: Mission, actor: Actor) -> bool:
+        if mission.handoff_id is None:
+            return False
+        handoff = self._runtime.handoff(mission.handoff_id)
+        taken_by = handoff.taken_by
+        return handoff.status == "taken_over" and taken_by is not None and taken_by.name == actor.name
+
+    def _settled(self, connection: RobotConnection, wheel: TeleoperationSession) -> Rest:
+        """Ask for standstill, then look until odometry shows it or SETTLE_WITHIN_S of mission time are over."""
+        hand, until_s = connection.hand, connection.clock.now().mission_s + SETTLE_WITHIN_S
+        rest = Rest(static=False, reason=because("robot_did_not_answer"), measured={})
+        while connection.clock.now().mission_s < until_s:
+            try:
+                report = _released(hand, wheel.session)
+                connection.clock.wait_until(connection.clock.now().mission_s + WINDOW_S + LOOK_S)
+                rest = at_rest(_seen(connection), connection.clock.now().mission_s)
+            except ProviderFailed as error:
+                return Rest(static=False, reason=recorded(error.what), measured={})
+            if rest.static and report.status == "ended":
+                return rest
+        why = rest.reason or because("drive_session_not_ended")
+        return Rest(static=False, reason=why, measured=rest.measured)
+
+    def _acquired(self, robot_id: RobotId, session: RequestId, token: int, *, until_s: float) -> CommandEnvelope:
+        base = leased(robot_id, BASE)
+        command = AcquireLease(
+            resource=base,
+            mission_id=MissionId(""),
+            invocation_id=InvocationId(session),
+            token=token,
+            expires_s=until_s,
+        )
+        return CommandEnvelope(lease_stream(base), command, robot_id)
+
+    def _connection(self, robot_id: RobotId) -> RobotConnection:
+        try:
+            return self._connections[robot_id]
+        except KeyError:
+            raise UnknownName(f"There is no robot {robot_id}", do=f"there are {', '.join(self._connections)}") from None
+
+
+def _released(hand: Teleoperable | None, session: RequestId) -> DriveReport:
+    if hand is None:
+        raise ProviderFailed("The robot cannot be driven by hand", where="hand", do="stop it at the robot")
+    return hand.release(session)
+
+
+def _seen(connection: RobotConnection) -> list[AnySample]:
+    samples: list[AnySample] = []
+    while batch := connection.robot.observations(samples[-1].seq if samples else 0, BATCH).samples:
+        samples.extend(batch)
+    return samples

@@ -1,0 +1,161 @@
+"""Reading the review desk: candidates, results, pointer and pins as the log has them. Writes nothing."""
+
+import msgspec
+
+from harness.contracts.configuration import Configuration
+from harness.contracts.errors import UnknownName
+from harness.contracts.ids import Digest, MissionId, RobotId
+from harness.contracts.ports import StoredEvent
+from harness.contracts.values import digest
+from harness.runtime import Runtime
+from rsi_reviews.canary import Outcome, outcome
+from rsi_reviews.canary_metrics import canary_missions, ran
+from rsi_reviews.contracts import AcceptanceReport, Candidate, ClauseAnswer, RestrictionViolation, ResultSet
+from rsi_reviews.difference import CandidateDifference, difference
+from rsi_reviews.manifest import unfounded
+from rsi_reviews.pointers import POINTER, Draining, Pointer, candidate_stream, current_at, pins, versions
+from rsi_reviews.projections import Review
+from rsi_reviews.release import release_clause
+from rsi_reviews.restrictions import loosened
+from rsi_reviews.suite_growth import GROWTH, Growth
+
+ANY_ROBOT = RobotId("any")
+
+
+class CandidateQueries:
+    """Questions about candidates, versions and the pointer. Raises UnknownName for a candidate that is not there."""
+
+    def __init__(self, runtime: Runtime) -> None:
+        self._runtime = runtime
+
+    # candidates -----------------------------------------------------------------------------------------------------
+
+    def reviews(self) -> list[Review]:
+        """All candidates, newest first."""
+        return [self._runtime.fold(stream) for stream in reversed(self._runtime.streams("candidate/"))]
+
+    def review(self, candidate: str) -> Review:
+        """By its digest or by a beginning of it that only one candidate has."""
+        found = [
+            stream for stream in self._runtime.streams("candidate/") if stream.startswith(f"candidate/{candidate}")
+        ]
+        if not candidate or len(found) != 1:
+            what = f"{len(found)} candidates begin with" if candidate and found else "There is no candidate"
+            raise UnknownName(f"{what} {candidate or '(nothing)'}", do="list them with `regen rsi list`")
+        review: Review = self._runtime.fold(found[0])
+        return review
+
+    def candidate(self, candidate: str) -> Candidate:
+        """The candidate itself, its configuration read from the log."""
+        review = self.review(candidate)
+        if review.manifest is None:
+            raise UnknownName(f"There is no candidate {candidate}", do="list them with `regen rsi list`")
+        configuration = self._runtime.stored_configuration(review.configuration)
+        return Candidate(configuration=configuration, manifest=review.manifest, baseline=review.baseline)
+
+    def results(self, candidate: str) -> ResultSet | None:
+        """What was measured, as it was taken up; None before."""
+        review = self.review(candidate)
+        if review.evaluation is None:
+            return None
+        return msgspec.json.decode(self._runtime.record(review.evaluation.result_set).body, type=ResultSet)
+
+    def report(self, candidate: str) -> AcceptanceReport | None:
+        """Clauses 1 to 3 as they were answered; None before."""
+        evaluation = self.review(candidate).evaluation
+        return evaluation.report if evaluation else None
+
+    def clauses(self, candidate: str) -> tuple[ClauseAnswer, ...]:
+        """All four clauses as they stand now (R160)."""
+        review = self.review(candidate)
+        first = review.evaluation.report.clauses if review.evaluation else ()
+        return (*first, release_clause(review))
+
+    def diff(self, candidate: str) -> CandidateDifference:
+        """What it changes against its baseline, by component and raw."""
+        review = self.review(candidate)
+        return difference(
+            self._runtime.stored_configuration(review.baseline),
+            self._runtime.stored_configuration(review.configuration),
+        )
+
+    def refusals(self, candidate: Candidate) -> tuple[RestrictionViolation, ...]:
+        """Everything that would refuse this proposal now, without proposing it. Raises ConfigurationMissing."""
+        baseline = self._runtime.stored_configuration(self.current(ANY_ROBOT))
+        return (*unfounded(candidate, baseline), *loosened(baseline, candidate.configuration))
+
+    def events(self, candidate: str) -> list[StoredEvent]:
+        """The candidate's whole history, as stored (R161, R167)."""
+        return self._runtime.stream(candidate_stream(self.review(candidate).candidate))
+
+    def canary_outcome(self, candidate: str) -> Outcome:
+        """Where its canary stands."""
+        return outcome(self.review(candidate))
+
+    # pointer --------------------------------------------------------------------------------------------------------
+
+    def growth(self) -> Growth:
+        """What persons added to the shipped regression suite here."""
+        growth: Growth = self._runtime.fold(GROWTH)
+        return growth
+
+    def pointer(self) -> Pointer:
+        """Where the pointer stands, its history, policy, looks and quarantine."""
+        pointer: Pointer = self._runtime.fold(POINTER)
+        return pointer
+
+    def current(self, robot_id: RobotId = ANY_ROBOT) -> Digest:
+        """What a mission of this robot that begins now is pinned to."""
+        return self._runtime.current_configuration_id(robot_id)
+
+    def current_at(self, instant_s: float, *, robot_id: RobotId | None = None) -> Digest | None:
+        """What was current at this wall time; None before the pointer was first written."""
+        return current_at(self.pointer(), instant_s, robot_id=robot_id)
+
+    def pins(self) -> dict[Digest, tuple[MissionId, ...]]:
+        """Unfinished missions by the version they are pinned to."""
+        return pins(self._runtime.open_missions())
+
+    def versions(self) -> dict[Digest, Draining]:
+        """Every version that is known, and whether anything runs under it."""
+        pinned = self.pins()
+        known = {self.current(), *(review.configuration for review in self.reviews()), *pinned}
+        return versions(self.pointer(), sorted(known), pinned)
+
+    def loads(self, configuration: Digest) -> Digest:
+        """Load a version and encode it again: its own name if one can go back to it. Raises ConfigurationMissing."""
+        loaded: Configuration = self._runtime.stored_configuration(configuration)
+        return digest(loaded)
+
+
+def on_trial(runtime: Runtime, configuration_id: Digest) -> bool:
+    """Whether a version is in canary (D28, D34). For `open_harness(trial=...)`."""
+    pointer: Pointer = runtime.fold(POINTER)
+    return bool(pointer.version) and pointer.canary == configuration_id
+
+
+def selected(runtime: Runtime, robot_id: RobotId) -> Digest | None:
+    """What the pointer says for a robot's next mission; None while nothing was ever proposed here.
+
+    For `open_harness(select=...)`. A canary takes one mission at a time: the next begins under it only when the one
+    before is over and adjudicated, and none does once the canary's own rule has spoken.
+    """
+    pointer: Pointer = runtime.fold(POINTER)
+    if not pointer.version:
+        return None
+    if pointer.canary is None or pointer.trial is None or robot_id != pointer.robot_id:
+        return pointer.configuration
+    review: Review = runtime.fold(candidate_stream(pointer.trial))
+    free = outcome(review) == "go_on" and not _occupied(runtime, review)
+    return pointer.canary if free else pointer.configuration
+
+
+def _occupied(runtime: Runtime, review: Review) -> bool:
+    """Whether a canary mission that has begun is not over and adjudicated yet."""
+    under_way = (
+        one.configuration == review.configuration and not one.replay and one.status not in ("draft", "compiled")
+        for one in runtime.open_missions()
+    )
+    unjudged = (entry.finding is None for entry in review.canary)
+    missed = (ran(one) and review.entry(one.mission_id) is None for one in canary_missions(runtime, review))
+    return any(under_way) or any(unjudged) or any(missed)

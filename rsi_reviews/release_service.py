@@ -1,0 +1,294 @@
+"""The face of the review desk: what persons, optimisers and the evaluator ask for, one transaction at the gate each."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from harness.contracts.actors import Actor
+from harness.contracts.decisions import Accepted, Refused
+from harness.contracts.ids import Digest, MissionId, RobotId, StreamId
+from harness.contracts.ports import Record
+from harness.contracts.values import Value, digest, encode
+from harness.contracts.versions import configuration_record
+from harness.runtime import Runtime
+from rsi_reviews.acceptance import Evaluation, accepted
+from rsi_reviews.canary_metrics import recent_values
+from rsi_reviews.canary_watch import Starts, catch_up, no_duplicates, settle
+from rsi_reviews.candidate_queries import ANY_ROBOT, CandidateQueries
+from rsi_reviews.commands import (
+    AddComment,
+    AdjudicateCanaryMission,
+    ApproveCandidate,
+    AuthoriseRelease,
+    BeginCanary,
+    BeginEvaluation,
+    Confirm,
+    CountLook,
+    ExpireAuthorisation,
+    MovePointer,
+    OpenPointer,
+    OpenReview,
+    ProposeCandidate,
+    RecallReview,
+    RecordEvaluation,
+    RecordUptake,
+    RejectCandidate,
+    RequestChanges,
+    RetireVersion,
+    RollBack,
+    SavePolicy,
+    WithdrawCandidate,
+)
+from rsi_reviews.contracts import AcceptanceReport, Candidate, EvaluationTerms, Finding, ReleasePolicy
+from rsi_reviews.pointers import POINTER, candidate_stream
+from rsi_reviews.projections import Review
+from rsi_reviews.rollback import DESK
+from rsi_reviews.suite_growth import GROWTH, AddCase, case_of
+
+Answered = Accepted[Any] | Refused
+Judge = Callable[[Evaluation], AcceptanceReport]
+
+
+@dataclass(frozen=True)
+class SignedBy:
+    """Who asks, why, and the key under which asking again changes nothing."""
+
+    actor: Actor
+    reason: str
+    key: str
+
+    @property
+    def fields(self) -> dict[str, Any]:
+        return {"actor": self.actor, "reason": self.reason, "key": self.key}
+
+
+@dataclass(frozen=True)
+class SeenSubject:
+    """Exactly what the person was shown: the subject's digest and the cycle it was asked in."""
+
+    cycle: int
+    subject: Digest
+
+
+class ReleaseService(CandidateQueries):
+    """Every word is refused or taken as a whole. Reads are the shelf's.
+
+    `judge` is the acceptance predicate: a report never comes from outside. Raises UnknownName for no such candidate.
+    """
+
+    def __init__(self, runtime: Runtime, *, judge: Judge = accepted) -> None:
+        super().__init__(runtime)
+        self._judge = judge
+
+    # proposing and evaluating ---------------------------------------------------------------------------------------
+
+    def propose(self, candidate: Candidate, say: SignedBy, *, supersedes: Digest | None = None) -> Answered:
+        """Put a candidate on record. Its authors are those of every candidate it edits or repeats, and who says it."""
+        self._open_pointer()
+        configuration = candidate.configuration.configuration_id
+        earlier = {
+            hand.name
+            for review in self.reviews()
+            if review.configuration == configuration or review.candidate == supersedes
+            for hand in review.hands
+            if review.candidate != candidate.candidate_id
+        }
+        current = self.current()
+        command = ProposeCandidate(
+            candidate=candidate,
+            baseline=self._runtime.stored_configuration(current),
+            supersedes=supersedes,
+            earlier=tuple(sorted(earlier)),
+            **say.fields,
+        )
+        confirm = Confirm(baseline=candidate.baseline, configuration=configuration)
+        records = (configuration_record(candidate.configuration), self._runtime.configuration_record(current))
+        return self._asked(candidate.candidate_id, command, confirm, *records)
+
+    def begin(self, terms: EvaluationTerms, say: SignedBy) -> Answered:
+        """Fix the terms of the evaluation, before anything runs."""
+        command = BeginEvaluation(terms=terms, **say.fields)
+        return self._asked(self.review(terms.candidate).candidate, command, Confirm(baseline=terms.baseline))
+
+    def submit_results(self, evaluation: Evaluation, say: SignedBy) -> Answered:
+        """Take up what was measured, judged here by the acceptance predicate itself."""
+        report = self._judge(evaluation)
+        terms, results = evaluation.terms, evaluation.results
+        command = RecordEvaluation(terms=terms, results=results, report=report, **say.fields)
+        look = results.held_out
+        counted = CountLook(candidate=terms.candidate, terms=digest(terms), answer=look) if look else None
+        records = (_record("result_set", results), _record("acceptance_report", report))
+        return self._asked(self.review(terms.candidate).candidate, command, counted, *records)
+
+    def add_case(self, mission_id: MissionId, say: SignedBy) -> Answered:
+        """A disputed mission becomes a case of the regression suite here. Raises UnknownName for no such mission."""
+        case = case_of(self._runtime.mission(mission_id))
+        if isinstance(case, Refused):
+            return case
+        command = AddCase(actor=say.actor, mission_id=mission_id, case=case, reason=say.reason)
+        return self._runtime.decide([(GROWTH, command)])
+
+    # reviewing ------------------------------------------------------------------------------------------------------
+
+    def submit(self, candidate: Digest, say: SignedBy) -> Answered:
+        """Ask persons to review it, in a new cycle."""
+        review = self.review(candidate)
+        confirm = Confirm(baseline=review.baseline, configuration=review.configuration)
+        return self._asked(candidate, OpenReview(**say.fields), confirm)
+
+    def comment(self, candidate: Digest, say: SignedBy) -> Answered:
+        return self._asked(self.review(candidate).candidate, AddComment(**say.fields))
+
+    def recall(self, candidate: Digest, say: SignedBy) -> Answered:
+        return self._asked(self.review(candidate).candidate, RecallReview(**say.fields))
+
+    def request_changes(self, candidate: Digest, say: SignedBy, seen: SeenSubject) -> Answered:
+        command = RequestChanges(cycle=seen.cycle, subject=seen.subject, **say.fields)
+        return self._asked(self.review(candidate).candidate, command)
+
+    def reject(self, candidate: Digest, say: SignedBy, seen: SeenSubject) -> Answered:
+        command = RejectCandidate(cycle=seen.cycle, subject=seen.subject, **say.fields)
+        return self._asked(self.review(candidate).candidate, command)
+
+    def approve(self, candidate: Digest, say: SignedBy, seen: SeenSubject) -> Answered:
+        """One person's yes to exactly what they saw. Refused if the baseline is no longer current."""
+        review, policy = self.review(candidate), self.pointer().policy
+        command = ApproveCandidate(policy=policy, cycle=seen.cycle, subject=seen.subject, **say.fields)
+        return self._asked(candidate, command, _still(review, policy))
+
+    # releasing ------------------------------------------------------------------------------------------------------
+
+    def authorise(self, candidate: Digest, say: SignedBy, seen: SeenSubject) -> Answered:
+        """The fourth clause. The rollback target is loaded here, before anything is decided."""
+        review, policy = self.review(candidate), self.pointer().policy
+        rollback = review.manifest.rollback if review.manifest else review.baseline
+        command = AuthoriseRelease(
+            policy=policy,
+            rollback=rollback,
+            proven=self.loads(rollback),
+            cycle=seen.cycle,
+            subject=seen.subject,
+            **say.fields,
+        )
+        return self._asked(candidate, command, _still(review, policy))
+
+    def release(self, candidate: Digest, say: SignedBy, seen: SeenSubject, *, robot_id: RobotId) -> Answered:
+        """Begin the canary on one robot: the pointer moves in the same transaction."""
+        self._runtime.decide([(candidate_stream(candidate), ExpireAuthorisation())])
+        review, policy = self.review(candidate), self.pointer().policy
+        metric = review.manifest.metric if review.manifest else "recovery_cost"
+        command = BeginCanary(
+            robot_id=robot_id,
+            policy=policy,
+            recent=recent_values(self._runtime, metric, review.baseline, robot_id),
+            cycle=seen.cycle,
+            subject=seen.subject,
+            **say.fields,
+        )
+        move = self._move(review, "canary", say.actor, say.reason, robot_id=robot_id)
+        return self._asked(candidate, command, move)
+
+    def adjudicate(self, candidate: Digest, mission_id: MissionId, finding: Finding, say: SignedBy) -> Answered:
+        """What became of one canary mission, by somebody who did not release it; what follows is done at once."""
+        command = AdjudicateCanaryMission(
+            mission_id=mission_id, finding=finding, policy=self.pointer().policy, **say.fields
+        )
+        decision = self._asked(self.review(candidate).candidate, command)
+        if isinstance(decision, Accepted):
+            settle(self._runtime)
+        return decision
+
+    def catch_up(self, duplicate_starts: Starts = no_duplicates) -> Answered:
+        """Take finished canary missions in and act on them; whoever runs missions calls this when one has ended."""
+        return catch_up(self._runtime, duplicate_starts=duplicate_starts)
+
+    def rollback(self, candidate: Digest, say: SignedBy) -> Answered:
+        """Back to the version before it, at once; its unfinished missions are paused for a person's decision."""
+        review, trial = self.review(candidate), self.pointer().trial
+        requests: list[tuple[StreamId, Any]] = [
+            (POINTER, self._move(review, "rolled_back", say.actor, say.reason)),
+        ]
+        if trial is not None and trial != candidate:
+            why = f"its baseline was rolled back: {say.reason}"
+            withdrawn = WithdrawCandidate(actor=DESK, reason=why, key=f"baseline:{candidate}")
+            requests.append((candidate_stream(trial), withdrawn))
+        decision = self._decided(candidate, RollBack(**say.fields), requests)
+        if isinstance(decision, Accepted) and decision.events:
+            self._runtime.pause_pinned(review.configuration, actor=say.actor, reason=f"rolled back: {say.reason}")
+        return decision
+
+    def withdraw(self, candidate: Digest, say: SignedBy) -> Answered:
+        """Take it back without a fault; it is not quarantined."""
+        review = self.review(candidate)
+        in_canary = review.status == "canary"
+        move = self._move(review, "withdrawn", say.actor, say.reason) if in_canary else None
+        return self._asked(candidate, WithdrawCandidate(**say.fields), move)
+
+    # policy and versions --------------------------------------------------------------------------------------------
+
+    def save_policy(
+        self, policy: ReleasePolicy, say: SignedBy, *, reviewers: tuple[str, ...], releasers: tuple[str, ...]
+    ) -> Answered:
+        """Who must agree before a release, with the people who hold these roles now."""
+        self._open_pointer()
+        command = SavePolicy(policy=policy, reviewers=reviewers, releasers=releasers, **say.fields)
+        return self._runtime.decide([(POINTER, command)])
+
+    def retire(self, configuration: Digest, say: SignedBy) -> Answered:
+        """Never select this version again; refused while missions are pinned to it."""
+        pinned = self.pins().get(configuration, ())
+        command = RetireVersion(configuration=configuration, pinned=pinned, **say.fields)
+        return self._runtime.decide([(POINTER, command)])
+
+    def take_up(self, worker: str) -> Answered:
+        """A worker says that it works under the pointer as it stands now."""
+        pointer = self.pointer()
+        if not pointer.version:
+            return Accepted(())
+        return self._runtime.decide([(POINTER, RecordUptake(worker=worker, revision=pointer.revision))])
+
+    # ----------------------------------------------------------------------------------------------------------------
+
+    def _open_pointer(self) -> None:
+        if not self.pointer().version:
+            shipped = self.current(ANY_ROBOT)
+            record = self._runtime.configuration_record(shipped)
+            self._runtime.decide([(POINTER, OpenPointer(configuration=shipped, actor=DESK))], records=(record,))
+
+    def _asked(self, candidate: Digest, command: Any, pointing: Any = None, *records: Record) -> Answered:
+        """The candidate's command, and with it what the pointer must confirm or do."""
+        return self._decided(candidate, command, [(POINTER, pointing)] if pointing is not None else [], *records)
+
+    def _decided(
+        self, candidate: Digest, command: Any, others: list[tuple[StreamId, Any]], *records: Record
+    ) -> Answered:
+        """All of them or none; but a word that was taken before is its receipt, whatever has happened since."""
+        stream = candidate_stream(candidate)
+        if command.key not in self._runtime.fold(stream).receipts:
+            decision = self._runtime.decide([(stream, command), *others], records=records)
+            if isinstance(decision, Accepted) or command.key not in self._runtime.fold(stream).receipts:
+                return decision
+        return self._runtime.decide([(stream, command)])
+
+    def _move(
+        self, review: Review, cause: Any, actor: Actor, reason: str, *, robot_id: RobotId | None = None
+    ) -> MovePointer:
+        rollback = review.authorised.rollback if review.authorised else review.baseline
+        return MovePointer(
+            cause=cause,
+            candidate=review.candidate,
+            configuration=review.configuration,
+            rollback=rollback,
+            actor=actor,
+            reason=reason,
+            robot_id=robot_id,
+        )
+
+
+def _still(review: Review, policy: ReleasePolicy) -> Confirm:
+    """What an approval and an authorisation rest on, confirmed in their own transaction."""
+    return Confirm(baseline=review.baseline, policy=policy, configuration=review.configuration)
+
+
+def _record(kind: str, value: Value) -> Record:
+    return Record(digest=digest(value), kind=kind, body=encode(value))

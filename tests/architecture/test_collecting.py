@@ -1,0 +1,63 @@
+"""How tests are collected: missions on real physics are counted, cheap folders run first, campaigns are marked."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import cast
+
+import pytest
+
+from tests.conftest import MUJOCO_MISSIONS, ROOT, mujoco_missions, pytest_collection_modifyitems
+
+
+@dataclass
+class Collected:
+    """As much of a collected test as the hooks read."""
+
+    path: Path
+    marks: list[pytest.Mark] = field(default_factory=list)
+    fixturenames: tuple[str, ...] = ()
+    added: list[str] = field(default_factory=list)
+
+    @property
+    def nodeid(self) -> str:
+        return str(self.path)
+
+    def get_closest_marker(self, name: str) -> pytest.Mark | None:
+        return next((mark for mark in self.marks if mark.name == name), None)
+
+    def add_marker(self, marker: str | pytest.MarkDecorator) -> None:
+        self.added.append(marker if isinstance(marker, str) else marker.name)
+
+
+def in_folder(folder: str, *marks: pytest.MarkDecorator, fixtures: tuple[str, ...] = ()) -> pytest.Item:
+    """A test that stands in a folder under tests/."""
+    found = [mark.mark for mark in marks]
+    return cast(pytest.Item, Collected(ROOT / "tests" / folder / "test_x.py", found, fixtures))
+
+
+def test_cheap_folders_run_first_and_missions_on_physics_last() -> None:
+    browser, unit = in_folder("browser"), in_folder("unit")
+    mission, architecture = in_folder("integration", pytest.mark.mujoco), in_folder("architecture")
+    items = [mission, browser, unit, architecture]
+    pytest_collection_modifyitems(items)
+    assert items == [architecture, unit, browser, mission]
+
+
+def test_a_seventh_mission_on_real_physics_is_refused() -> None:
+    allowed = [in_folder("integration", pytest.mark.mujoco) for _ in range(MUJOCO_MISSIONS)]
+    pytest_collection_modifyitems(allowed)
+    with pytest.raises(pytest.UsageError, match="7 full MuJoCo missions, 6 are allowed"):
+        pytest_collection_modifyitems([*allowed, in_folder("faults", pytest.mark.mujoco)])
+
+
+def test_a_test_says_how_many_missions_it_runs() -> None:
+    assert mujoco_missions(in_folder("integration", pytest.mark.mujoco(missions=3))) == 3
+    assert mujoco_missions(in_folder("contract", pytest.mark.mujoco)) == 0
+    assert mujoco_missions(in_folder("integration")) == 0
+
+
+def test_browser_tests_share_one_process_and_campaigns_are_marked() -> None:
+    browser, fault = in_folder("browser"), in_folder("faults", fixtures=("campaign_seed",))
+    pytest_collection_modifyitems([browser, fault])
+    assert cast(Collected, browser).added == ["browser", "xdist_group"]
+    assert cast(Collected, fault).added == ["campaign"]

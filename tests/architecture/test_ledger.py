@@ -1,0 +1,94 @@
+"""The ledger and its tools: all rows are there, a false mark is found, a mutation really breaks what it names."""
+
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from tools.marks import complaint, definition, ledger
+from tools.mutations import OPERATORS, mutated, planted
+
+SYMBOL = "harness.contracts.values:digest"
+SOURCE = '''
+def within(value, limit, *, strict):
+    """Whether a value keeps its limit."""
+    known = value is not None
+    if strict and not known:
+        return False
+    return value <= limit
+
+
+class Window:
+    size: int
+    step: int
+'''
+
+
+def test_the_ledger_has_every_row_once() -> None:
+    rows = ledger()
+    assert list(rows) == [f"R{number}" for number in range(1, 236)]
+    assert Counter(row.mark for row in rows.values()) == {"core": 208, "adapter": 19, "context": 8}
+    assert all(row.text and row.section for row in rows.values())
+
+
+def test_a_mark_that_names_a_row_and_a_symbol_is_fine() -> None:
+    assert complaint(("R34", "R112"), {"symbol": SYMBOL}) == ""
+    assert complaint(("R78",), {"planted": "harness.routing:provider.start(1)"}) == ""
+
+
+@pytest.mark.parametrize(
+    ("rows", "named"),
+    [
+        ((), {"symbol": SYMBOL}),
+        (("R236",), {"symbol": SYMBOL}),
+        (("R34",), {}),
+        (("R34",), {"symbol": SYMBOL, "planted": "harness.routing:f()"}),
+        (("R34",), {"symbol": "harness.contracts.values:nowhere"}),
+        (("R34",), {"symbol": "harness.nowhere:digest"}),
+        (("R34",), {"planted": "harness.nowhere:f()"}),
+    ],
+)
+def test_a_false_mark_is_found(rows: tuple[str, ...], named: dict[str, str]) -> None:
+    assert complaint(rows, named).startswith("ledger mark: ")
+
+
+def test_a_symbol_may_be_a_method(tmp_path: Path) -> None:
+    (tmp_path / "module.py").write_text("class A:\n    class B:\n        async def run(self): ...\n")
+    assert definition("module:A.B.run", root=tmp_path) is not None
+    assert definition("module:A.run", root=tmp_path) is None
+
+
+def answer(operator: str, value: int | None, *, strict: bool = True) -> object:
+    """What `within(value, 10)` says after the operator."""
+    source = mutated(SOURCE, qualname="within", operator=operator)
+    assert source is not None
+    names: dict[str, object] = {}
+    exec(source, names)
+    within = names["within"]
+    assert callable(within)
+    return within(value, 10, strict=strict)
+
+
+def test_each_operator_breaks_the_function_in_its_own_way() -> None:
+    with pytest.raises(AssertionError, match="broken on purpose"):
+        answer("raise", 1)
+    assert answer("return None", 1) is None
+    assert answer("negate comparisons", 11, strict=False) is True
+    assert answer("drop the last statement", 1) is None
+    assert answer("conditions always hold", 1, strict=False) is True
+    assert answer("conditions never hold", 11) is False
+
+
+def test_an_operator_that_changes_nothing_makes_no_mutant() -> None:
+    assert mutated("def f():\n    return 1\n", qualname="f", operator="negate comparisons") is None
+    assert mutated(SOURCE, qualname="nowhere", operator="raise") is None
+
+
+def test_a_class_without_methods_loses_its_last_field() -> None:
+    broken = {name: mutated(SOURCE, qualname="Window", operator=name) for name in OPERATORS}
+    assert [name for name, source in broken.items() if source] == ["drop the last statement"]
+    assert "step" not in (broken["drop the last statement"] or "")
+
+
+def test_an_offence_is_planted_as_a_function_of_its_module() -> None:
+    assert "return store.append([])" in planted("x = 1", expression="store.append([])")

@@ -1,0 +1,123 @@
+"""Names: a class has one name in the project, and names that were given up for the field's terms do not come back."""
+
+import ast
+import io
+import re
+import tokenize
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.architecture.sources import ROOT
+
+PRODUCT = ("app", "harness", "rsi_reviews", "simulator", "experiments", "tools")
+RETIRED = frozenset(
+    {
+        "Attendant",
+        "Crew",
+        "Deed",
+        "Desk",
+        "DeskWatch",
+        "Doorkeeper",
+        "Doors",
+        "EvidenceKeeper",
+        "Folds",
+        "GuardedDesk",
+        "Habits",
+        "HandDriven",
+        "HandWheel",
+        "Heard",
+        "Instant",
+        "IssuerDoor",
+        "Kept",
+        "KeptRobot",
+        "RosWords",
+        "Rung",
+        "Senses",
+        "Settled",
+        "Shared",
+        "Shelf",
+        "Sought",
+        "Spill",
+        "Standing",
+        "Surface",
+        "Tape",
+        "Threshold",
+        "Told",
+        "Trail",
+        "Unforeseen",
+        "Unheard",
+        "Vigil",
+        "Visitor",
+        "Wheel",
+        "Word",
+        "attendant",
+        "crew",
+        "crews",
+        "doorkeeper",
+        "doors",
+        "obey",
+        "open_desk",
+        "sought",
+        "vigil",
+        "visitor",
+    }
+)
+"""Names that gave way to the field's terms. What is stored keeps its name: events, records, configuration keys."""
+
+
+def sources() -> Iterator[Path]:
+    for package in PRODUCT:
+        yield from sorted((ROOT / package).rglob("*.py"))
+
+
+def classes(text: str) -> Iterator[str]:
+    """Every class of a module, nested ones too."""
+    return (node.name for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ClassDef))
+
+
+def repeated(texts: dict[str, str]) -> dict[str, list[str]]:
+    """Class names that stand in more than one place, each with its modules."""
+    found: defaultdict[str, list[str]] = defaultdict(list)
+    for path, text in texts.items():
+        for name in classes(text):
+            found[name].append(path)
+    return {name: places for name, places in found.items() if len(places) > 1}
+
+
+def retired(text: str) -> set[str]:
+    """Identifiers of a module that were given up, the parts of its own name included."""
+    names = {
+        token.string for token in tokenize.generate_tokens(io.StringIO(text).readline) if token.type == tokenize.NAME
+    }
+    return names & RETIRED
+
+
+def test_a_class_name_stands_for_one_class() -> None:
+    assert repeated({str(path.relative_to(ROOT)): path.read_text(encoding="utf-8") for path in sources()}) == {}
+
+
+def test_names_that_were_given_up_do_not_come_back() -> None:
+    found = {str(path.relative_to(ROOT)): retired(path.read_text(encoding="utf-8")) for path in sources()}
+    assert {path: names for path, names in found.items() if names} == {}
+
+
+def test_no_module_is_named_by_a_retired_name() -> None:
+    stems = {name.lower() for name in RETIRED}
+    assert [str(path.relative_to(ROOT)) for path in sources() if path.stem in stems] == []
+
+
+@pytest.mark.parametrize("text", ["class Desk: ...", "crew = 1", "def f(visitor): ..."])
+def test_a_retired_name_is_found(text: str) -> None:
+    assert retired(text)
+
+
+def test_a_repeated_class_name_is_found() -> None:
+    assert repeated({"a.py": "class One: ...", "b.py": "class Two:\n    class One: ..."}) == {"One": ["a.py", "b.py"]}
+
+
+def test_the_root_of_the_console_holds_few_entries() -> None:
+    entries = [one.name for one in (ROOT / "app").iterdir() if not re.match(r"__pycache__", one.name)]
+    assert len(entries) <= 14, sorted(entries)

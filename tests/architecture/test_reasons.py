@@ -1,0 +1,70 @@
+"""Every reason that the code gives has a sentence, every sentence a reason, and its holes are the facts given."""
+
+import ast
+from collections.abc import Iterator
+from string import Formatter
+
+from app.i18n.catalogues import LOCALES
+from app.i18n.reasons.rendering import BETWEEN, SENTENCES
+from app.settings import ROOT
+from harness.contracts.reasons import RECORDED, SEVERAL
+from tools import translations
+
+SPEAKERS = ("harness", "rsi_reviews", "app")
+MAKERS = {"because": 0, "refused": 0, "_refusal": 4}
+"""Functions that make a reason, and which of their arguments is its code."""
+
+
+def given() -> Iterator[tuple[str, frozenset[str] | None, str]]:
+    """(code, names of its facts, where) of every reason that the sources make; None where a dict is handed on."""
+    for path in sorted(path for part in SPEAKERS for path in (ROOT / part).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and _makes_code(node, node.func.id):
+                handed_on = any(one.arg is None for one in node.keywords)
+                facts = None if handed_on else frozenset(str(one.arg) for one in node.keywords)
+                where = f"{path.relative_to(ROOT)}:{node.lineno}"
+                codes = _codes(node.args[MAKERS[node.func.id]], handed_on=handed_on)
+                yield from ((code, facts, where) for code in codes)
+
+
+def _makes_code(call: ast.Call, name: str) -> bool:
+    """A refusal with a reason of its own has its code there; what the web's middleware calls `refused` has a scope."""
+    if name not in MAKERS or len(call.args) <= MAKERS[name]:
+        return False
+    return name != "refused" or (len(call.args) == 1 and ast.unparse(call.args[0]) != "scope")
+
+
+def _codes(node: ast.expr, *, handed_on: bool) -> Iterator[str]:
+    match node:
+        case ast.Constant(value=str(code)):
+            yield code
+        case ast.IfExp(body=body, orelse=other):
+            yield from _codes(body, handed_on=handed_on)
+            yield from _codes(other, handed_on=handed_on)
+        case ast.Name(id="RECORDED" | "SEVERAL"):
+            yield {"RECORDED": RECORDED, "SEVERAL": SEVERAL}[node.id]
+        case ast.Name(id="code" | "rule") if handed_on:
+            return
+        case _:
+            raise AssertionError(f"a code is a literal: {ast.unparse(node)}")
+
+
+def holes(message: str) -> frozenset[str]:
+    return frozenset(name for _, name, _, _ in Formatter().parse(message) if name)
+
+
+def test_every_code_has_a_sentence_and_every_sentence_a_user() -> None:
+    used = {code for code, _, _ in given()}
+    assert used - SENTENCES.keys() == set()
+    assert SENTENCES.keys() - used == set()
+
+
+def test_the_holes_of_a_sentence_are_the_facts_that_are_given() -> None:
+    told = [one for one in given() if one[0] in SENTENCES and one[1] is not None]
+    assert [one for one in told if one[1] != holes(SENTENCES[one[0]])] == []
+
+
+def test_every_sentence_keeps_its_holes_in_every_language() -> None:
+    for tag in set(BETWEEN) - {"en"}:
+        catalogue = translations.read(LOCALES[tag])
+        assert [one for one in SENTENCES.values() if holes(catalogue.get(one, one)) != holes(one)] == []
