@@ -26,7 +26,7 @@ from harness.projections.mission import Mission
 from harness.projections.places import Places
 from harness.runtime import AnswerHandoff, Live, Runtime, Start
 
-PRINCIPAL: ContextVar[Principal] = ContextVar("visitor")
+PRINCIPAL: ContextVar[Principal] = ContextVar("principal")
 """Who the present request comes from. Set by the doorkeeper alone."""
 
 AuditLog = Callable[[Principal, Actor, str, str, str], object]

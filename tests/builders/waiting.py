@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from msgspec.structs import asdict, replace
-from tests.builders.connections import CrewRobot, Wrapped
 
 from harness.adapters.clock import LockstepClock
 from harness.adapters.failpoints import parse, with_failpoint
@@ -48,6 +47,7 @@ from simulator.faults import parse_faults
 from simulator.robot import SimulatedRobot
 from simulator.teleoperation import SimulatedTeleoperation
 from simulator.world import WorldSettings
+from tests.builders.connections import CrewRobot, Wrapped
 from tests.builders.missions_run import ROBOT
 
 ADA, BOB = Actor(name="ada", role="operator"), Actor(name="bob", role="operator")

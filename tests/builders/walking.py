@@ -1,11 +1,10 @@
 """A circuit that a robot walks under supervision, the lease on its base, and what started physically."""
 
-from tests.builders.connections import Stage
-
 from harness.bootstrap import Harness
 from harness.contracts.ids import MissionId, ResourceId
 from harness.projections.leases import Lease
 from harness.projections.mission import Mission
+from tests.builders.connections import Stage
 from tests.builders.missions_run import Ran
 
 BASE = ResourceId("vbot-1/mobile_base")

@@ -7,7 +7,6 @@ from typing import Any
 import msgspec
 import pytest
 from msgspec.structs import replace
-from tests.builders.connections import Stage, staged
 
 from app.i18n.reasons.rendering import sentence
 from harness.auditing.legacy import asked
@@ -37,6 +36,7 @@ from harness.gate.decide import DECIDER, decide
 from harness.planning.templates import by_name
 from harness.projections.exploration import TARGETS, choices, decisions
 from harness.projections.mission import Mission, required_contract
+from tests.builders.connections import Stage, staged
 from tests.builders.missions_run import Ran
 from tests.builders.pointers import DECIDERS, release, select, sterner
 from tests.builders.tampering import Body, rewritten

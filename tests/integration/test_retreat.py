@@ -10,7 +10,6 @@ from typing import Any
 
 import pytest
 from msgspec.structs import replace
-from tests.builders.connections import CrewRobot
 
 from app.i18n.reasons.rendering import sentence
 from experiments.campaigns.races import opened_gates, together
@@ -40,6 +39,7 @@ from harness.gate.commit import CommandEnvelope, Gate
 from harness.gate.control import DECIDER as HOUSE
 from harness.gate.decide import DECIDER as MISSION
 from simulator.faults import FaultPlan, parse_faults
+from tests.builders.connections import CrewRobot
 from tests.builders.missions_run import ROBOT
 from tests.builders.retreating import LATE_S, from_dock_m, newest, retreating_site, sent, step, unanswered
 from tests.builders.waiting import BOB, Waiting

@@ -28,7 +28,7 @@ class Console:
         self, principal: Principal = ADA, path: str = HEAD, *, query: bytes = b"", language: str = "en"
     ) -> str:
         told: list[bytes] = []
-        scope = {"type": "http", "method": "GET", "path": path, "query_string": query, "state": {"visitor": principal}}
+        scope = {"type": "http", "method": "GET", "path": path, "query_string": query, "state": {"principal": principal}}
 
         async def send(message: Message) -> None:
             told.append(message.get("body", b""))
