@@ -16,7 +16,7 @@ CORNERS = 64
 
 
 def decide(places: Places, command: PlaceCommand, now: Moment) -> Decision[PlaceEvent]:
-    """Refuse a change based on an older revision, and a place outside the map."""
+    """Refuse a change based on an older revision, and a place with an impossible position."""
     match command:
         case SavePlace(place=place):
             revision = places.revision(place.place_id)
