@@ -62,7 +62,7 @@ from harness.supervisor.teleoperation import Teleoperation
 from harness.verification.verdict import Verifier, verify
 
 Deciders = Mapping[str, Decider[Any, Any, Any]]
-"""A decider for every family of streams: `release` decides on `release/...`."""
+"""Deciders by family of streams: `release` decides on `release/...`."""
 Select = Callable[[Runtime, RobotId], Digest | None]
 Trial = Callable[[Runtime, Digest], bool]
 """Which configuration version a new mission of a robot is pinned to; None: the one the harness was opened with."""

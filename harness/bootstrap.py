@@ -78,7 +78,7 @@ __all__ = [
     "runtime_on",
     "simulated",
 ]  # fmt: skip
-"""What the house is built with: here, and from the words of `assembly`."""
+"""The names that callers import from this module, including those of `assembly`."""
 
 
 @contextmanager

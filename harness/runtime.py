@@ -61,14 +61,14 @@ from harness.projections.mission import Mission
 from harness.projections.places import Places, changed_site
 
 KEPT_CONTRACTS = 16
-"""The same request under the same template and site gives the same contract: so many are not compiled again."""
+"""How many compiled contracts are cached: equal request, template and site give an equal contract."""
 KEPT_LIVE = 64
-"""Of so many missions what was observed last is kept, and the places they were compiled with."""
+"""For how many missions the latest observations are kept, and the places they were compiled with."""
 COMPILED = ("ContractCompiled", "ContractRecompiled")
 
 
 AnswerHandoff = Callable[[HandoffId, PersonCommand], Decision[AnyEvent]]
-"""Takes a person's answer at a handoff: whoever can observe the robot again before it counts."""
+"""Applies a person's answer at a handoff, by a component that can observe the robot again first."""
 
 
 def unsupervised(handoff_id: HandoffId, command: PersonCommand) -> Decision[AnyEvent]:

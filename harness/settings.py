@@ -12,7 +12,7 @@ from harness.contracts.simulation import Fidelity
 RobotName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]{0,30}$")]
 
 ROBOT_COMMAND = (sys.executable, "-m", "simulator")
-"""Starts a simulated robot as a program of its own."""
+"""The command that starts a simulated robot as a separate program."""
 
 
 class HarnessSettings(BaseSettings):

@@ -17,7 +17,7 @@ Autonomy = Literal["manual", "approve_each_motion", "approve_risky", "autonomous
 LEVELS: tuple[Autonomy, ...] = get_args(Autonomy)
 Posture = Literal["standing", "lying"]
 CONTROL = StreamId("control/house")
-"""The one stream of the house's control."""
+"""The one stream of the site's control."""
 
 
 def stricter(one: Autonomy, other: Autonomy) -> Autonomy:

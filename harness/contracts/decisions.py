@@ -33,7 +33,7 @@ def refused(rule: str, reason: Reason | None = None, /, **facts: Fact) -> Refuse
 Decision = Accepted[E] | Refused
 
 Authority = Callable[[Command], Refused | None]
-"""Whether whoever gave a command may still give it: asked anew in every round of a commit."""
+"""Whether the actor may still give a command: checked again in every round of a commit."""
 
 
 def unquestioned(command: Command) -> Refused | None:

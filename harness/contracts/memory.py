@@ -33,7 +33,7 @@ MemoryRole = Literal["spatial", "episodic", "operational", "semantic"]
 Verification = Literal["configured", "observed", "verified", "disputed"]
 RecordStanding = Literal["configured", "observed", "verified", "disputed", "superseded"]
 ADMISSIBLE: tuple[RecordStanding, ...] = ("configured", "observed", "verified")
-"""What a query answers with unless it asks for more: neither superseded records nor sides of an open conflict (R69)."""
+"""What a query returns by default: neither superseded records nor sides of an open conflict (R69)."""
 
 
 class Provenance(Value):

@@ -8,7 +8,7 @@ from harness.contracts.ids import PlaceId
 from harness.contracts.values import Name, Point, Positive, Value
 
 Otherwise = Literal["hold", "lie_down"]
-"""What a robot does on the spot, where it goes nowhere."""
+"""What a robot does where it is, when it cannot go to a safe place."""
 
 
 class Place(Value):

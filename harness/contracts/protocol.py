@@ -22,7 +22,7 @@ InvocationStatus = Literal[
 ]
 KEEPALIVE_LOST = "keepalive_lost"
 DRIVE_DEAD_MAN_S = 0.8
-"""A robot that is driven by hand brakes by itself this long after the last order, by its own clock."""
+"""A teleoperated robot brakes by itself this long after the last order, by its own clock."""
 TERMINAL: frozenset[str] = frozenset({"succeeded", "failed", "cancelled"})
 
 

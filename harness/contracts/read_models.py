@@ -14,7 +14,7 @@ Listing = Literal["mission", "evidence", "handoff"]
 ListOrder = Literal["newest", "oldest", "largest"]
 LISTINGS: tuple[Listing, ...] = ("mission", "evidence", "handoff")
 MANY = 1000
-"""A search that finds more than this is not counted to its end."""
+"""A search with more results than this is not counted to its end."""
 
 
 class MissionItem(Value):

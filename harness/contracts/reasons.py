@@ -7,7 +7,7 @@ import msgspec
 from harness.contracts.values import Name, Value
 
 RECORDED, SEVERAL = "recorded", "several"
-"""The codes of a sentence that stays as it was said, in its fact `text`; and of several reasons, in `reasons`."""
+"""The codes of a stored sentence, in its fact `text`; and of several reasons, in `reasons`."""
 
 
 class Reason(Value):
@@ -21,7 +21,7 @@ class Reason(Value):
 
 
 Explanation = Reason | str
-"""Why, as the log holds it: a reason of the harness, or text that stays as it is, of a person or an older release."""
+"""A reason as the log holds it: one of the harness, or unchanged text of a person or an older release."""
 
 Fact = str | int | float | bool | Reason | tuple[Reason | str, ...] | None
 

@@ -16,7 +16,7 @@ from harness.contracts.values import Count, Name, Point
 RETREAT = NodeId("retreat")
 """What a robot's start journal calls it; no contract has a node of this name."""
 RetreatOutcome = Literal["reached", "short", "unknown"]
-"""Measured at the place; measured elsewhere, or not shown to be there; nobody can say."""
+"""Measured at the place; measured elsewhere, or not shown to be there; unknown."""
 
 
 class RetreatIntended(Event, tag=True):

@@ -18,9 +18,9 @@ from harness.contracts.values import Value, encode
 
 KIND = "command"
 TOKENS = frozenset({"claim", "key"})
-"""What only its holder needs to know: stored as a digest. The events say the rest."""
+"""Secrets of their holder, stored as digests. The events hold the rest."""
 LONG = 24
-"""A text that long is named where an event says it, not repeated."""
+"""A text of at least this length is referred to in the event that holds it, not repeated."""
 
 _MEMBER = re.compile(rb',"command":"([0-9a-f]{64})"\}\Z')
 _LENGTH = len(',"command":"') + 64 + len('"}')

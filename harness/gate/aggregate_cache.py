@@ -9,7 +9,7 @@ from harness.contracts.ids import StreamId
 from harness.contracts.ports import MISSION_STREAMS
 
 KEPT_MISSIONS = 256
-"""Folds of missions: those that go on are asked for all the time; what is over is folded again when somebody looks."""
+"""How many folds of missions are cached: active ones are read all the time; ended ones are folded again on demand."""
 KEPT_STREAMS = 4096
 """Folds of everything else (leases, questions, reviews), which are small."""
 

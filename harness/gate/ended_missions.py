@@ -10,7 +10,7 @@ from harness.contracts.ports import EventStore
 from harness.projections.mission import Mission
 
 KEPT_QUESTIONS = 8
-"""So many questions are followed at once: a canary asks one all the time."""
+"""How many queries are cached at once: a canary repeats one all the time."""
 
 
 class EndedMissions:

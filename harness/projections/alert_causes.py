@@ -28,10 +28,10 @@ LONGEST_TITLE = 160
 LONGEST_TEXT = 500
 UNCLAIMED = {"next_person": because("unclaimed_for_minute"), "outside": because("unclaimed_for_three_minutes")}
 OF_THE_LINK = frozenset({"provider_unavailable", "outcome_unknown", "cancel_unacknowledged"})
-"""Failures that a robot which does not answer brings about: its own alert tells them."""
+"""Failures caused by a robot that does not answer: its own alert reports them."""
 
 AlertChange = tuple[str, RaiseAlert | ClearAlert]
-"""A cause, and what is asked of its alert."""
+"""A cause, and the command for its alert."""
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from harness.projections.mission import Mission, NodeState, NodeStatus, required
 
 MAP = "map"
 TARGETS = "targets"
-"""Choices stand in a contract's bindings under this name, by the leg that goes there."""
+"""Choices are in a contract's bindings under this name, by the leg that goes there."""
 
 
 class PlannerResponse(Value):

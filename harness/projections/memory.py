@@ -58,7 +58,7 @@ from harness.contracts.verdicts import NodeVerdict
 T = TypeVar("T", Place, Route, Passage)
 DECIDED = ("violated", "unsafe")
 REFUTED = "not_satisfied"
-"""The gate's rule that speaks of the effect itself; every other one says that the packet may not be used."""
+"""The gate's rule about the effect itself; every other rule says that the packet may not be used."""
 
 
 class VerifiedAttempt(Value):

@@ -31,7 +31,7 @@ POLL_S = 0.5
 SETTLE_S = 1.6
 """How long the body is watched after a terminal report before its packet is sealed."""
 REST_WITHIN_S = 8.0
-"""How much longer a body that should stand is watched for proof of it; without proof its lease is quarantined."""
+"""How much longer a body is watched for proof of standstill; without proof its lease is quarantined."""
 UNREACHABLE_S = 20.0
 ACKNOWLEDGE_S = 5.0
 Effect = Literal["confirmed", "failed", "unknown"]

@@ -144,4 +144,4 @@ class Recovery:
 
 
 ASK_AT_REST_S = 8.0
-"""A person is asked with the body at rest; after this long without proof the question says that it is not shown."""
+"""A person is asked with the body at rest; after this long without proof the question says so."""

@@ -26,7 +26,7 @@ LOG = logging.getLogger("regen.supervisor")
 IDLE_WAIT_S = 0.2
 OUTAGE_WAIT_S = 1.0
 OUTAGE_TRIES = 60
-"""So often a run in the foreground asks a log that is away again, OUTAGE_WAIT_S of the robot's time apart."""
+"""How often a foreground run retries an unavailable log, OUTAGE_WAIT_S of the robot's time apart."""
 WAITING: frozenset[str] = frozenset({"awaiting_human", "paused", "awaiting_approval"})
 
 

@@ -36,7 +36,7 @@ from harness.workers import Worker
 
 BASE = "mobile_base"
 LONGEST_S = 900.0
-"""A person drives for so long at most, in mission time; then the wheel must be taken again."""
+"""The longest teleoperation session, in mission time; then control must be taken again."""
 SETTLE_WITHIN_S = 6.0
 IDLE_S = 60.0
 STOPPED_WITHIN_S = 30.0

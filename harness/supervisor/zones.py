@@ -15,9 +15,9 @@ LONGEST_WAIT_S = 900.0
 SHORTEST_WINDOW_S = 5.0
 """A drain read from less than this is noise."""
 ARRIVED_M = 0.40
-"""Measured so near, the robot is at its place (D18)."""
+"""Measured this near, the robot is at its place (D18)."""
 OFF_WAY_M = 1.0
-"""A robot further from the authorised way than this does not look for one of its own."""
+"""A robot further than this from the authorised path does not plan a path of its own."""
 NO_STEP_M = 0.01
 
 
