@@ -1,4 +1,4 @@
-"""Runs missions on robots: one loop per robot and mission, with people's answers between two steps."""
+"""Runs missions on robots: one loop per mission, one mission at a time per robot; people answer between two steps."""
 
 import logging
 from collections.abc import Callable, Iterator, Mapping
