@@ -1,4 +1,4 @@
-"""One house from its ports: runtime, gate, crews and supervisor joined; which adapters they are is not decided here."""
+"""Joins runtime, gate, robot connections and supervisor from given ports; it does not choose the adapters."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
@@ -62,7 +62,7 @@ from harness.supervisor.teleoperation import Teleoperation
 from harness.verification.verdict import Verifier, verify
 
 Deciders = Mapping[str, Decider[Any, Any, Any]]
-"""A decider for every family of streams: `release` decides on `release/...`."""
+"""Deciders by family of streams: `release` decides on `release/...`."""
 Select = Callable[[Runtime, RobotId], Digest | None]
 Trial = Callable[[Runtime, Digest], bool]
 """Which configuration version a new mission of a robot is pinned to; None: the one the harness was opened with."""
@@ -79,22 +79,22 @@ DECIDERS: dict[str, Decider[Any, Any, Any]] = {
 
 
 def nothing_on_trial(runtime: Runtime, configuration_id: Digest) -> bool:
-    """No release desk, or a suite or experiment: no version is in canary."""
+    """No version is in canary; used without a release service, or in a suite or experiment."""
     return False
 
 
 def nothing_selected(runtime: Runtime, robot_id: RobotId) -> Digest | None:
-    """No release desk: H_0."""
+    """Every robot uses H_0; used without a release service."""
     return None
 
 
 def directly(robot: Robot) -> Robot:
-    """No wire: the harness calls the robot itself."""
+    """The robot unchanged: the harness calls it directly."""
     return robot
 
 
 class NullSignals:
-    """Signals that nobody listens to."""
+    """Signals without listeners."""
 
     def changed(self, name: str) -> None:
         return None
@@ -102,7 +102,7 @@ class NullSignals:
 
 @dataclass(frozen=True)
 class Harness:
-    """What runs: the face of the building, the supervisor and the robots it may command. `token` is the owner's.
+    """The running harness: runtime, supervisor and the robots it may command. `token` is the owner's.
 
     Every robot has a mission time of its own: `clock` is the first one's, `clocks` has all of them.
     """
@@ -124,7 +124,7 @@ class Harness:
 
 @dataclass(frozen=True)
 class Parts:
-    """The ports that one harness is built on, what it works under, and who else decides on its log."""
+    """The ports that one harness is built on, its settings, and further deciders on its log."""
 
     store: EventStore
     blobs: BlobStore
@@ -147,7 +147,7 @@ class Parts:
 
 @dataclass(frozen=True)
 class Member:
-    """One robot as it joins the house: its port, its clock, the providers beside it, and what people may use of it."""
+    """One robot to be connected: its port, its clock, the providers beside it, and what people may use of it."""
 
     robot_id: RobotId
     robot: Robot
@@ -169,13 +169,13 @@ def assemble(
     configure: Callable[[Mission], None],
     revive: Callable[[], bool] = lambda: False,
 ) -> Harness:
-    """One robot with its crew under one supervisor. The stack closes the supervisor."""
+    """One connected robot under one supervisor. The stack closes the supervisor."""
     member = Member(RobotId(settings.robot_id), robot, parts.clock, local, configure, revive)
     return joined(stack, settings, parts, [member])
 
 
 def joined(stack: ExitStack, settings: HarnessSettings, parts: Parts, members: Sequence[Member]) -> Harness:
-    """Every robot with a crew and a clock of its own under one supervisor. The stack closes the supervisor."""
+    """Every robot with a connection and a clock of its own under one supervisor. The stack closes the supervisor."""
     clocks = {one.robot_id: one.clock for one in members}
     runtime = runtime_on(parts, clocks)
     connections = {one.robot_id: _connection(settings, parts, one) for one in members}
@@ -218,7 +218,7 @@ def _connection(settings: HarnessSettings, parts: Parts, member: Member) -> Robo
 
 
 def runtime_on(parts: Parts, clocks: Mapping[RobotId, Clock] = MappingProxyType({})) -> Runtime:
-    """The face of the building on these ports, without a robot or a supervisor. `clocks`: mission time per robot."""
+    """A runtime on these ports, without a robot or a supervisor. `clocks`: mission time per robot."""
 
     def selected(robot_id: RobotId) -> Digest | None:
         return parts.select(runtime, robot_id)
@@ -249,7 +249,7 @@ def runtime_on(parts: Parts, clocks: Mapping[RobotId, Clock] = MappingProxyType(
 
 
 def local_providers(parts: Parts, *, camera: Camera, folder: Path | None, robot_id: str = "") -> Sequence[Provider]:
-    """Providers that run beside the harness for one robot: intake, analysis, delivery, voice, keeping, description."""
+    """Providers that run beside the harness for one robot: intake, analysis, delivery, voice, archive, description."""
 
     def journal(name: str) -> Path | None:
         return folder / "providers" / robot_id / f"{name}.jsonl" if folder else None

@@ -1,4 +1,4 @@
-"""Builds the house: picks the adapters, hands them to the gate and the supervisor, and takes them down again."""
+"""Builds the harness: chooses the adapters, passes them to the gate and the supervisor, and closes them again."""
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -78,7 +78,7 @@ __all__ = [
     "runtime_on",
     "simulated",
 ]  # fmt: skip
-"""What the house is built with: here, and from the words of `assembly`."""
+"""The names that callers import from this module, including those of `assembly`."""
 
 
 @contextmanager
@@ -131,7 +131,7 @@ def open_harness(
 def read_harness(
     settings: HarnessSettings, *, deciders: Deciders = MappingProxyType({}), select: Select = nothing_selected
 ) -> Iterator[Runtime]:
-    """Only reading: no robot, no ownership. Raises StoreUnavailable where there is nothing to read."""
+    """Open a data folder for reading: no robot, no ownership. Raises StoreUnavailable if there is nothing to read."""
     folder = prepare(settings.data_folder) if settings.database else existing(settings.data_folder)
     with _without_robots(settings, folder, deciders=deciders, select=select) as runtime:
         yield runtime
@@ -145,7 +145,7 @@ def edit_harness(
     authority: Authority = unquestioned,
     select: Select = nothing_selected,
 ) -> Iterator[Runtime]:
-    """Reading and deciding without a robot, as the folder's one owner. Raises StoreOwned if another process is it."""
+    """Read and decide without a robot, as the folder's one owner. Raises StoreOwned if another process owns it."""
     folder = prepare(settings.data_folder)
     with OwnerLock(folder.root) as lock:
         lock.take(token=SystemIds().token(), url="")
@@ -198,7 +198,7 @@ def simulated(
     """Everything in this process and in virtual time: robots of `simulator`, stores in memory. For suites and tests.
 
     `configuration` is what missions are pinned to, H_0 without one; `site` the places they name, the shipped ones
-    without one; `hidden` what the simulated site does to the robot again and again; `wire` stands between the
+    without one; `hidden` the recurring disturbances of the simulated site; `wire` wraps the connection between the
     harness and the robot; `deciders`, `authority`, `select` and `trial` as in `open_harness`.
     """
     with ExitStack() as stack:
@@ -265,7 +265,7 @@ def _faults(mission: Mission) -> list[str]:
 
 
 def camera_of(robot: Robot) -> Camera:
-    """The camera that the robot says it has. Raises ContractInvalid for a robot without one."""
+    """The camera that the robot declares. Raises ContractInvalid for a robot without one."""
     camera = robot.status().camera
     if camera is None:
         raise ContractInvalid(
@@ -280,7 +280,7 @@ def owner_of(data: Path) -> Owner | None:
 
 
 def open_lists(folder: Path | None) -> ReadModels:
-    """The console's lists, kept beside the log; in memory where there is no folder."""
+    """The console's lists, stored beside the log; in memory where there is no folder."""
     return SqlReadModels(f"sqlite:///{folder / 'lists.db'}") if folder else SqlReadModels()
 
 

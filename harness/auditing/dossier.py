@@ -1,4 +1,4 @@
-"""Collects a mission's dossier from the log, and judges one that was opened. Reads no file, signs nothing."""
+"""Collects a mission's dossier from the log, and checks one that was opened. Reads no file, signs nothing."""
 
 import re
 from collections.abc import Mapping
@@ -29,7 +29,7 @@ class Collected:
 class DossierVerdict(Value):
     """What an offline check found. `differences` of the replay are empty for a sound dossier.
 
-    `reconstructed`: decisions whose command was guessed back from events, in a log from before commands were stored.
+    `reconstructed`: decisions whose command was inferred from events, in a log from before commands were stored.
     `places` are the changes to places up to the mission's end; a dossier of an earlier release has none.
     """
 
@@ -85,7 +85,7 @@ def collect(runtime: Runtime, mission_id: MissionId, *, exported_by: str, export
 
 
 def judge(runtime: Runtime, contents: DossierContents, *, public_key: str, trusted: bool) -> DossierVerdict:
-    """Fold and derive again what the dossier holds, and compare it with what it says of itself."""
+    """Fold and derive again what the dossier holds, and compare it with its own statements."""
     mission = runtime.mission(contents.mission_id)
     report: ReplayReport = replay_mission(runtime, contents.mission_id)
     differences = [*report.differences, *place_differences(runtime, mission)]
@@ -118,7 +118,7 @@ def _streams(runtime: Runtime, mission: Mission) -> list[StreamId]:
 
 
 def _lease_streams(runtime: Runtime, mission: Mission) -> list[StreamId]:
-    """Leases are shared with other missions; their streams are needed whole to decide again what was decided."""
+    """Leases are shared with other missions; their streams are needed whole to repeat the decisions."""
     body = b"\n".join(event.body for event in runtime.events(mission.mission_id))
     return [stream for stream in runtime.streams("lease/") if stream.removeprefix("lease/").encode() in body]
 

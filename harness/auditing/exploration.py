@@ -1,4 +1,4 @@
-"""Which target and which map an exploring mission comes to again, from what was stored with its choices (R224)."""
+"""Derives an exploring mission's targets and maps again from what was stored with its choices (R224)."""
 
 from collections.abc import Callable
 from typing import Any
@@ -36,7 +36,7 @@ def new_choices(mission: Mission, proposed: TaskContract) -> dict[NodeId, Target
 
 
 def target_differences(runtime: Runtime, mission: Mission, choice: TargetChoice, *, stored: Stored) -> list[str]:
-    """How a choice differs from what its question leads to again; made on the mission as it was before it."""
+    """How a choice differs from what its question leads to now; derived on the mission as it was before it."""
     question: TargetQuestion = stored(choice.question, TargetQuestion)
     answer: TargetAnswer = stored(choice.answer, TargetAnswer)
     grid = decode(runtime.blob(question.map), GridMap)
@@ -67,7 +67,7 @@ def target_differences(runtime: Runtime, mission: Mission, choice: TargetChoice,
 
 
 def map_differences(runtime: Runtime, mission: Mission, update: MapUpdate) -> list[str]:
-    """How a map differs from what its packets' sweeps draw again on the map before it."""
+    """How a map differs from what its packets' sweeps produce on the map before it."""
     known = updates(mission)
     packets = unmapped(mission)
     before = decode(runtime.blob(update.before), GridMap)

@@ -1,4 +1,4 @@
-"""Pure: which commands the events of a mission from before commands were stored answered: guessed back (D57, R146)."""
+"""Infers the commands behind a mission's events in logs from before commands were stored (D57, R146). Pure."""
 
 from collections.abc import Sequence
 
@@ -146,7 +146,7 @@ def _worked(tail: Tail) -> MissionCommand | None:
 
 
 def _dispatched(tail: Tail) -> MissionCommand | None:
-    """An intent with what paid for it: a plan, a rung, or an approval."""
+    """An intent with what paid for it: a plan, a recovery step, or an approval."""
     near = tail[:LONGEST]
     place = next((index for index, event in enumerate(near) if isinstance(event, DispatchIntended)), None)
     if place is None:
@@ -191,7 +191,7 @@ def _attestation(seen: AttestationRecorded) -> RecordAttestation:
 
 
 def _pays(event: MissionEvent) -> bool:
-    """Whether it may stand before an intent of the same commit; a rung that waits is a commit of its own."""
+    """Whether it may precede an intent in the same commit; a step that waits is a commit of its own."""
     if isinstance(event, RecoveryAuthorised):
         return event.until_s is None
     return isinstance(event, NodePlanned | HandoffAnswered | OperatorRetryGranted | AttestationRecorded)

@@ -1,4 +1,4 @@
-"""Pure: which commands the events of leases and handoffs from before commands were stored answered: guessed back."""
+"""Infers the commands behind lease and handoff events in logs from before commands were stored. Pure."""
 
 from harness.contracts.actors import Actor
 from harness.contracts.commands import (
@@ -146,14 +146,14 @@ def _refreshing(event: HandoffRefreshed) -> RefreshHandoff:
 
 
 def _held(handoff: Handoff, actor: Actor) -> str:
-    """The token of the claim that the person held; none where the question was nobody's or somebody else's."""
+    """The token of the claim that the person held; none where the question was unclaimed or somebody else's."""
     return handoff.claim.claim if handoff.claim is not None and handoff.claim.actor.name == actor.name else ""
 
 
 def _decision(
     handoff: Handoff, event: HandoffApproved | HandoffRejected | HandoffAttested
 ) -> ApproveHandoff | RejectHandoff | AttestHandoff:
-    """A claim that had lapsed is as none at all: the token of a live one stands in the handoff."""
+    """A claim that had lapsed counts as none: the token of a live one is in the handoff."""
     live = handoff.claim is not None and handoff.claim.until_at_s > event.at_s
     claim = _held(handoff, event.actor) if live else ""
     match event:
@@ -180,7 +180,7 @@ def _decision(
 
 
 def _approval(handoff: Handoff, event: HandoffApproved, claim: str) -> ApproveHandoff:
-    """Where an earlier release did not keep the fresh look, the shown snapshot stands for it."""
+    """Where an earlier release did not store the fresh observation, the shown snapshot replaces it."""
     opened = handoff.opened
     if opened is None:
         raise LogDamaged("An answer stands before the question it answers", where="HandoffApproved")
@@ -203,7 +203,7 @@ def _unanswered(event: NoAnswerTaken) -> RecordNoAnswer:
 
 
 def _turn(handoff: Handoff, event: HandoffTurned) -> HandoffTurn:
-    """Claims, deadlines, calls and control."""
+    """Claims, deadlines, notifications and control."""
     match event:
         case HandoffClaimed():
             return TakeClaim(actor=event.actor, claim=event.claim)

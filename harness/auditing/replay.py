@@ -1,8 +1,8 @@
-"""Replay for an auditor: fold again, ask every role again, decide again, and say what differs. Touches no robot (R145).
+"""Replays missions for an auditor: folds, derives and decides again, and lists every difference. Moves no robot (R145).
 
 Every decision is made again from the command that was stored with it. In a log from before commands were stored they
-are guessed back from the events, and the report says how many. Randomness has no part in a decision; a model's output
-is read where it was stored, never sampled again (R146).
+are inferred from the events, and the report says how many. Randomness has no part in a decision; a model's output is
+read from storage, never sampled again (R146).
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -42,7 +42,7 @@ class ReplayReport(Value):
 
     `unanswered` verdicts were given by nobody and cannot be derived; `decisions` are the gate's on the mission,
     `leases` and `handoffs` those on its resources and questions; `targets` and `maps` are those of an exploration.
-    `reconstructed`: how many of these decisions had no stored command, so that it was guessed back from their events.
+    `reconstructed`: how many of these decisions had no stored command, so that it was inferred from their events.
     """
 
     mission_id: MissionId
@@ -79,7 +79,7 @@ class _Replay:
         self.differences.append(f"position {stored.position}, {stored.stream}, {stored.kind}: {what}")
 
     def command(self, tail: Sequence[StoredEvent], union: Any, tokens: Iterable[str] = ()) -> tuple[bool, Any]:
-        """Whether these events say which command they answered, and the command; None where it cannot be read."""
+        """Whether these events name the command they answered, and the command; None where it cannot be read."""
         first = tail[0]
         try:
             command = command_at(self.runtime, tail, union, tokens=tokens)
@@ -162,7 +162,7 @@ class _Written(msgspec.Struct):
 
 
 def _as_written(derived: MissionEvent, stored: StoredEvent) -> MissionEvent:
-    """A contract's digest is of the bytes it was written in: an earlier release may have written fewer fields."""
+    """A contract's digest covers the bytes as they were written: an earlier release may have written fewer fields."""
     if not isinstance(derived, ContractCompiled) or stored.kind != type(derived).__name__:
         return derived
     written = sha256(bytes(msgspec.json.decode(stored.body, type=_Written).contract))
@@ -172,7 +172,7 @@ def _as_written(derived: MissionEvent, stored: StoredEvent) -> MissionEvent:
 def _decided(
     replay: _Replay, mission: Mission, tail: Sequence[MissionEvent], stored_tail: Sequence[StoredEvent]
 ) -> list[MissionEvent]:
-    """The events the gate answers with again to what these events answered."""
+    """The events of the gate's new decision on the command that these events answered."""
     stored = stored_tail[0]
     said, command = replay.command(stored_tail, MissionCommand)
     if not said:

@@ -1,5 +1,7 @@
-"""Which output each role gives again for what it was shown: C1 plan, routing, C2 skill, C3 verdicts, C4 recovery, and
-where an exploring mission goes next."""
+"""Derives each role's output again from what it was shown, and compares it with what is stored.
+
+Covers the C1 plan, routing, the C2 skill, C3 verdicts, C4 recovery, and the targets of an exploring mission.
+"""
 
 from collections.abc import Callable, Iterator
 from typing import TypeVar
@@ -48,7 +50,7 @@ class Differs(Exception):
 
 
 class RoleReplay:
-    """Derives again what each event says a role decided. `derived` counts them by kind."""
+    """Derives again what each event says a role decided. `derived` counts the results by kind."""
 
     def __init__(self, runtime: Runtime) -> None:
         self._runtime = runtime
@@ -56,7 +58,7 @@ class RoleReplay:
         self.derived = dict.fromkeys((*ROLES, "unanswered"), 0)
 
     def differences(self, mission: Mission, event: MissionEvent) -> Iterator[str]:
-        """Differences of one event, made on the mission as it was before it."""
+        """Differences of one event, derived on the mission as it was before it."""
         for check in self._checks(mission, event):
             try:
                 check()
@@ -151,7 +153,7 @@ class RoleReplay:
             raise Differs(f"the goal verdict was {event.verdict.verdict}; derived again it is {again.verdict}")
 
     def _recovery(self, event: RecoveryAuthorised) -> None:
-        """What C4 proposed; a rung that a person chose at a handoff is theirs."""
+        """What C4 proposed; a step that a person chose at a handoff is theirs."""
         if event.handoff_id is not None:
             return
         again = recover(self._stored(event.context, Context))

@@ -1,4 +1,4 @@
-"""Capability cards: what a provider says it can do, in twelve fields (R57), and how it may be supervised."""
+"""Capability cards: what a provider declares it can do, in twelve fields (R57), and how it may be supervised."""
 
 from typing import Literal
 

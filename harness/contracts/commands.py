@@ -1,4 +1,4 @@
-"""What is asked of the gate, in the imperative. Data: asking is not deciding."""
+"""Commands that the gate decides, in the imperative: plain data without any logic."""
 
 from typing import Literal
 
@@ -58,7 +58,7 @@ class CreateMission(Command, tag=True):
 
 
 class RecompileContract(Command, tag=True):
-    """The goal compiled under the configuration that is current now; only before the mission is active (D35)."""
+    """Compile the goal again under the current configuration; allowed only before the mission is active (D35)."""
 
     configuration: Digest
     contract: TaskContract
@@ -71,8 +71,11 @@ class ActivateMission(Command, tag=True):
 
 
 class AuthoriseDispatch(Command, tag=True):
-    """One invocation. `recovery` pays for it in the same transaction, or `approval` by a person, or an `attestation`
-    opens it: one look without motion, free (D17). `handed_back`: the approval is a hand-back and opens such a look."""
+    """Authorise one invocation, with what pays for it.
+
+    `recovery` pays for it in the same transaction, or `approval` by a person. An `attestation` opens one look without
+    motion, free (D17). `handed_back`: the approval is a hand-back and opens such a look.
+    """
 
     intent: DispatchIntended
     planned: NodePlanned | None = None
@@ -99,7 +102,7 @@ class AcceptInvocation(Command, tag=True):
 
 
 class StopInvocation(Command, tag=True):
-    """The supervisor's stop: a deadline, a ladder's rung or a person's stop."""
+    """Stop an invocation on the supervisor's behalf: a deadline, a recovery step or a person's stop."""
 
     invocation_id: InvocationId
     reason: Explanation
@@ -112,7 +115,7 @@ class ResumeInvocation(Command, tag=True):
 
 
 class EndInvocation(Command, tag=True):
-    """No packet can be made: the request never arrived, or the outcome is unknown."""
+    """End an invocation without a packet: the request never arrived, or the outcome is unknown."""
 
     invocation_id: InvocationId
     status: InvocationStatus
@@ -122,14 +125,14 @@ class EndInvocation(Command, tag=True):
 
 
 class CompleteNode(Command, tag=True):
-    """The only command that can lead to a committed fact."""
+    """Complete a node; the only command that can lead to a committed fact."""
 
     packet: EvidencePacket
     verdict: NodeVerdict
 
 
 class ReportFailure(Command, tag=True):
-    """A failure that has no packet: no provider, no lease, a precondition that never came true, a timeout."""
+    """Report a failure without a packet: no provider, no lease, a precondition that never held, or a timeout."""
 
     node_id: NodeId
     invocation_id: InvocationId | None
@@ -139,7 +142,7 @@ class ReportFailure(Command, tag=True):
 
 
 class AuthoriseWait(Command, tag=True):
-    """A free rung: wait, reattach or verify again until `until_s`."""
+    """Authorise a free recovery step: wait, reattach or verify again until `until_s`."""
 
     node_id: NodeId
     proposal: RecoveryProposal
@@ -162,7 +165,7 @@ class AskPerson(Command, tag=True):
 
 
 class AnswerMission(Command, tag=True):
-    """A handoff's decision carried into the mission; approvals come with AuthoriseDispatch instead."""
+    """Apply a handoff's decision to the mission; approvals use AuthoriseDispatch instead."""
 
     handoff_id: HandoffId
     decision: Literal["rejected", "expired", "superseded", "closed"]
@@ -196,7 +199,7 @@ class JudgeGoal(Command, tag=True):
 
 
 class EndMission(Command, tag=True):
-    """Ends that are not success: success comes from JudgeGoal alone."""
+    """End a mission without success; success comes only from JudgeGoal."""
 
     status: Literal["failed", "cancelled", "safe_stopped", "handed_off"]
     reason: Explanation
@@ -266,7 +269,10 @@ class AcquireLease(Command, tag=True):
 
 
 class ReleaseLease(Command, tag=True):
-    """Only with the holder at rest: `static` is the measured displacement by a source outside the localiser."""
+    """Release a lease, only while its holder is at standstill.
+
+    `static` is the displacement measured by a source outside the localiser.
+    """
 
     invocation_id: InvocationId
     reason: Explanation
@@ -316,10 +322,10 @@ class RefreshHandoff(Command, tag=True):
 
 
 class ApproveHandoff(Command, tag=True):
-    """`subject` and `evidence` are what the person saw, `shown` the page that showed it.
+    """Approve a handoff. `subject` and `evidence` are what the person saw, `shown` the page that showed it.
 
-    The harness adds what holds now: the state version `k` and `fresh`, a look at the robot. Without them it is
-    refused (D28).
+    The harness adds the current state: the state version `k` and `fresh`, a new observation of the robot. Without them
+    the command is refused (D28).
     """
 
     actor: Actor
@@ -344,7 +350,7 @@ class RejectHandoff(Command, tag=True):
 
 
 class AttestHandoff(Command, tag=True):
-    """A person's own observation of one condition, on the question as it was shown in this cycle."""
+    """Attest one condition from a person's own observation, on the question as it was shown in this cycle."""
 
     actor: Actor
     reason: str
@@ -363,7 +369,7 @@ class SupersedeHandoff(Command, tag=True):
 
 
 class MarkDispatched(Command, tag=True):
-    """About to be sent. `actor` is whose word it rests on: their role is asked for once more."""
+    """Mark an invocation as about to be sent. `actor` is the person who authorised it; their role is checked again."""
 
     invocation_id: InvocationId
     actor: Actor | None = None

@@ -1,4 +1,4 @@
-"""Configuration H_j: four sections and nothing else (R154). Its id is its digest; the gate is not in it."""
+"""Configuration H_j: four sections and nothing else (R154), identified by its digest; the gate is not part of it."""
 
 from typing import Annotated, Literal
 

@@ -36,7 +36,7 @@ class ContextRecord(Value):
 
 
 class Withheld(Value):
-    """What the compiler kept out, and why: stale, low_confidence, conflict, origin, budget, superseded."""
+    """What the compiler left out, and why: stale, low_confidence, conflict, origin, budget, superseded."""
 
     kind: Name
     source: Name
@@ -45,7 +45,7 @@ class Withheld(Value):
 
 
 class Context(Value, dict=True):
-    """A role's view of one state version. `at_s` is the instant it speaks for, in mission time."""
+    """A role's view of one state version. `at_s` is the mission time it describes."""
 
     role: Role
     mission_id: MissionId
@@ -58,7 +58,7 @@ class Context(Value, dict=True):
 
     @cached_property
     def digest(self) -> Digest:
-        """Names the context by its content; computed once."""
+        """The digest that identifies the context by its content; computed once."""
         return digest(self)
 
     def all(self, kind: str) -> tuple[ContextRecord, ...]:

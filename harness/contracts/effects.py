@@ -1,6 +1,7 @@
 """Typed effects (R13): what must become true, in five kinds, and the conditions that test them.
 
-A predicate's name picks the function in `verification/predicates`; a name without a function is ambiguous, never true.
+A predicate's name selects the function in `verification/predicates`; a name without a function is ambiguous, never
+true.
 """
 
 from typing import Annotated, Literal

@@ -1,4 +1,4 @@
-"""What happened, in the past tense. Of missions; leases and handoffs have modules of their own.
+"""Events of a mission, in the past tense; leases and handoffs have modules of their own.
 
 Events marked (k+1) advance the mission's decision basis when folded (D2).
 """
@@ -87,7 +87,7 @@ class MissionActivated(Event, tag=True):
 class NodePlanned(Event, tag=True):
     """C1 chose a node and routing a provider; context, candidate set and the planner's proposal are records.
 
-    `refused`: why the planner's proposal was not taken up; then the harness's own plan was (R41).
+    `refused`: why the planner's proposal was refused; the harness then used its own plan (R41).
     """
 
     node_id: NodeId
@@ -103,8 +103,8 @@ class NodePlanned(Event, tag=True):
 class DispatchIntended(Event, tag=True):
     """Recorded, with its leases, before the robot moves (D9). `k_ctx` is k after this transaction's spend.
 
-    `question` and `candidates` are the records of what routing was asked and answered. `aborting`: it runs because a
-    required stage failed, and will not count as its own stage (D26).
+    `question` and `candidates` are the records of routing's input and output. `aborting`: it runs because a required
+    stage failed, and will not count as its own stage (D26).
     """
 
     node_id: NodeId
@@ -145,13 +145,13 @@ class InvocationStopRequested(Event, tag=True):
 
 
 class InvocationResumed(Event, tag=True):
-    """The supervisor came back and goes on with the same invocation (D12)."""
+    """A restarted supervisor continues the same invocation (D12)."""
 
     invocation_id: InvocationId
 
 
 class InvocationEnded(Event, tag=True):
-    """The execution is over without a packet to judge: it never started, was stopped, or its outcome is unknown."""
+    """The execution ended without a packet to judge: it never started, was stopped, or its outcome is unknown."""
 
     invocation_id: InvocationId
     status: InvocationStatus
@@ -234,7 +234,7 @@ class VetoCleared(Event, tag=True):
 
 
 class FailureClassified(Event, tag=True):
-    """What C4 is asked about: the class, the rung it stands on, what was tried and what is left (R128)."""
+    """The input of C4: the failure class, the current step of the ladder, what was tried and what is left (R128)."""
 
     node_id: NodeId
     invocation_id: InvocationId | None
@@ -244,7 +244,7 @@ class FailureClassified(Event, tag=True):
 
 
 class RecoveryAuthorised(Event, tag=True):
-    """(k+1 if it costs) One rung. `left_node` and `left_mission` are the total budgets after it.
+    """(k+1 if it costs) One recovery step. `left_node` and `left_mission` are the total budgets after it.
 
     `handoff_id`: a person chose it there, whatever C4 proposed.
     """
@@ -265,7 +265,7 @@ class RecoveryAuthorised(Event, tag=True):
 
 
 class NodeFailed(Event, tag=True):
-    """Given up for good. `context` is the C4 that led to it."""
+    """The node failed for good. `context` is the C4 that led to it."""
 
     node_id: NodeId
     reason: Explanation
@@ -315,7 +315,7 @@ class MissionResumed(Event, tag=True):
 
 
 class StopRequested(Event, tag=True):
-    """A person or policy wants the mission stopped: STOPPING until acknowledged, then static."""
+    """A person or policy requested a stop: STOPPING until acknowledged, then at standstill."""
 
     actor: Actor
     reason: Explanation
@@ -351,7 +351,7 @@ class CompletionReported(Event, tag=True):
 
 
 class FailureReported(Event, tag=True):
-    """Not a completion report: other words, other type (R120)."""
+    """Not a completion report: different text, different type (R120)."""
 
     text: Explanation
 

@@ -68,7 +68,7 @@ class EvidencePacket(Value):
 
 
 class CommittedFact(Value):
-    """A fact the gate admitted: accepted by configured checks, not infallible truth (R36)."""
+    """A fact the gate admitted: accepted by the configured checks, not infallible truth (R36)."""
 
     name: Name
     kind: FactKind

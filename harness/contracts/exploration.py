@@ -1,4 +1,4 @@
-"""Exploration: where to look next, what may be chosen, and what came of earlier choices. Metres, the map's frame."""
+"""Exploration: where to look next, what may be chosen, and the results of earlier choices, in metres (map frame)."""
 
 from typing import Annotated
 
@@ -38,7 +38,7 @@ class Frontier(Value):
 
 
 class Feedback(Value, tag_field="kind"):
-    """What came of an earlier target: read by whoever proposes the next one (R223)."""
+    """The result of an earlier target, read by whoever proposes the next one (R223)."""
 
     node_id: NodeId
     target_m: Point
@@ -58,7 +58,7 @@ class BlockedTarget(Feedback, tag="blocked"):
 
 
 class MapChanged(Feedback, tag="map_changed"):
-    """On the way there the map became another one: floor newly known, and floor known before that is now closed."""
+    """The map changed on the way there: floor newly known, and known floor that is now closed."""
 
     before: Digest
     after: Digest
@@ -70,7 +70,7 @@ AnyFeedback = Reached | BlockedTarget | MapChanged
 
 
 class TargetQuestion(Value):
-    """All that a proposer is shown: the camera's newest picture, the map, the edges of it, and what came of the rest.
+    """All that a proposer is shown: the newest picture, the map, its frontiers, and the results of earlier targets.
 
     `left` targets may still be chosen. `zones_m`: floor on which the robot may be; `keep_out_m`: floor it may not
     enter; `longest_way_m` bounds one leg.
@@ -95,14 +95,15 @@ class TargetQuestion(Value):
 
 
 class TargetProposal(Value):
-    """A bounded target and why to go there. It has no authority: the harness admits it or takes its own (R222)."""
+    """A bounded target and the reason to go there. It has no authority: the harness admits it or uses its own
+    (R222)."""
 
     target_m: Point
     reason: Explanation
 
 
 class TargetAnswer(Value):
-    """What the proposer said, why it was not taken up if it was not, and what the harness chose; none: nothing is left.
+    """What the proposer answered, why it was refused if it was, and what the harness chose; none if nothing is left.
 
     `route_m` leads from the body to the target over floor that the map shows free.
     """
@@ -134,7 +135,7 @@ class TargetChoice(Value):
 
 
 class MapUpdate(Value):
-    """One map becoming the next: from these sweeps of the lidar, taken during the executions of these packets."""
+    """One map update: from these sweeps of the lidar, taken during the executions of these packets."""
 
     before: Digest
     after: Digest

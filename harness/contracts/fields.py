@@ -1,6 +1,7 @@
-"""Every field of a configuration with its unit, its bound and what it means; read from the types that enforce them.
+"""Lists every field of a configuration with its unit, bound and meaning, read from the types that enforce them.
 
-A template's stages, conditions and constraints are open text until they are bound; they are listed as what they become.
+A template's stages, conditions and constraints are open text until they are bound; they are listed as their bound
+types.
 """
 
 from collections.abc import Iterator, Mapping
@@ -138,7 +139,7 @@ def _leaf(kind: inspect.Type, bare: inspect.Type, path: str, owner: Owner) -> Fi
 
 
 def bound(kind: inspect.Type) -> str:
-    """What a value of this type must keep, in words; empty where the type alone is the bound."""
+    """The bound of a value of this type, in words; empty where the type alone is the bound."""
     match kind:
         case inspect.Metadata():
             return bound(kind.type)

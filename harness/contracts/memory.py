@@ -1,7 +1,7 @@
-"""Memory records: what the harness keeps beyond one mission, each with where it came from and how far it may be used.
+"""Memory records: what the harness remembers beyond one mission, each with its provenance and permitted use.
 
-A record is written once and never changed. What became of it, its standing, follows from later records that
-supersede it or conflict with it. Working memory is a view of the mission and is not stored.
+A record is written once and never changed. Its standing follows from later records that supersede it or conflict with
+it. Working memory is a view of the mission and is not stored.
 """
 
 from typing import Annotated, Literal
@@ -33,11 +33,11 @@ MemoryRole = Literal["spatial", "episodic", "operational", "semantic"]
 Verification = Literal["configured", "observed", "verified", "disputed"]
 RecordStanding = Literal["configured", "observed", "verified", "disputed", "superseded"]
 ADMISSIBLE: tuple[RecordStanding, ...] = ("configured", "observed", "verified")
-"""What a query answers with unless it asks for more: neither superseded records nor sides of an open conflict (R69)."""
+"""What a query returns by default: neither superseded records nor sides of an open conflict (R69)."""
 
 
 class Provenance(Value):
-    """Where a record came from: the event that caused it, the packet behind it, who or what said it."""
+    """Where a record came from: the event that caused it, the packet behind it, and its source."""
 
     position: Annotated[int, msgspec.Meta(ge=1)]
     stream: StreamId
@@ -60,7 +60,7 @@ class FloorBox(Value):
 
 
 class Knowledge(Value, tag_field="kind"):
-    """Base of what a record can say."""
+    """Base of everything a record can contain."""
 
 
 class MapEpoch(Knowledge, tag="map"):
@@ -108,7 +108,7 @@ class Sighting(Knowledge, tag="sighting"):
 
 
 class DisputeRecord(Knowledge, tag="dispute"):
-    """An observation or a person contradicts what was accepted: what no longer counts, not what is true (D21)."""
+    """An observation or a person contradicts an accepted fact: says what no longer counts, not what is true (D21)."""
 
     condition_id: ConditionId
     reason: Explanation
@@ -135,7 +135,7 @@ class Episode(Knowledge, tag="episode"):
 
 
 class ProviderOutcome(Knowledge, tag="outcome"):
-    """Operational: what one execution truly achieved. `residual`: expected against observed effect, 0 to 1 (R60)."""
+    """The verified result of one execution. `residual`: expected against observed effect, 0 to 1 (R60)."""
 
     provider_id: ProviderId
     provider_version: Name
@@ -150,7 +150,7 @@ class ProviderOutcome(Knowledge, tag="outcome"):
 
 
 class KnownCard(Knowledge, tag="card"):
-    """Semantic: a provider's capability card, as a skill role was shown it. Its word, not a finding."""
+    """Semantic: a provider's capability card, as a skill role was shown it. It is declared, not a finding."""
 
     card: CapabilityCard
 
@@ -188,12 +188,12 @@ class MemoryRecord(Value):
 
     @property
     def kind(self) -> str:
-        """The tag of what it says: map, place, pose, sighting, outcome, ..."""
+        """The tag of its content: map, place, pose, sighting, outcome, ..."""
         return kind_of(self.knowledge)
 
 
 class Remembered(Value):
-    """A record and what became of it. `until_s`: its validity, cut short where a newer record took over."""
+    """A record and its standing. `until_s`: its validity, cut short where a newer record replaced it."""
 
     record: MemoryRecord
     standing: RecordStanding
@@ -201,7 +201,7 @@ class Remembered(Value):
 
 
 class FollowPosition(Value):
-    """How far a read model has followed the log, and by which fold. Position 0: it holds nothing."""
+    """How far a read model has followed the log, and with which fold. Position 0: it holds nothing."""
 
     fold: str
     position: Count
@@ -209,10 +209,10 @@ class FollowPosition(Value):
 
 
 class MemoryQuery(Value):
-    """What is asked of memory; empty fields ask for anything. Answers come newest first.
+    """A query of memory; empty fields match anything. Answers come newest first.
 
-    `valid_at_s`: only what speaks for that instant. `as_of`: as it was known at that position of the log, whatever
-    was learnt later. `region`: what touches it.
+    `valid_at_s`: only records valid at that instant. `as_of`: the state of memory at that position of the log, whatever
+    was learnt later. `region`: records that touch it.
     """
 
     kinds: tuple[Name, ...]
@@ -247,7 +247,7 @@ def kind_of(knowledge: Knowledge) -> str:
 
 
 def labels_of(record: MemoryRecord) -> Labels:
-    """What episodes, outcomes and cards are looked up by."""
+    """The labels that episodes, outcomes and cards are looked up by."""
     match record.knowledge:
         case Episode() | ProviderOutcome() as said:
             return Labels(

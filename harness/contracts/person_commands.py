@@ -1,4 +1,4 @@
-"""What a person may say at a handoff. The desk adds what the harness knows before the gate decides it."""
+"""Commands that a person may give at a handoff; the handoff service adds the current state before the gate decides."""
 
 from harness.contracts.commands import ApproveHandoff, AttestHandoff, RejectHandoff
 from harness.contracts.handoff_commands import (

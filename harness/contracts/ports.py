@@ -1,4 +1,4 @@
-"""Ports: what the harness needs from the world. Adapters implement them; nothing else touches the world."""
+"""Ports: the interfaces through which the harness reaches the outside world. Adapters implement them."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Protocol, TypeVar
@@ -109,7 +109,7 @@ class EventStore(Protocol):
 
 
 class Configurations(Protocol):
-    """Every configuration version this log knows, and which one a robot's new missions are pinned to (R155, D35)."""
+    """Every configuration version in this log, and which one a robot's new missions are pinned to (R155, D35)."""
 
     def current_id(self, robot_id: RobotId) -> Digest:
         """The version a new mission of this robot is pinned to."""
@@ -124,7 +124,7 @@ class Configurations(Protocol):
         """Whether a version is in canary."""
 
     def record(self, configuration_id: Digest) -> Record:
-        """The version's bytes as they are stored beside the decision that first names it. Raises as `get` does."""
+        """The version's bytes as stored with the decision that first names it. Raises as `get` does."""
 
 
 class StateSnapshot(Value):
@@ -141,13 +141,14 @@ class StateSnapshot(Value):
 
 
 class Snapshots(Protocol):
-    """Folded states kept aside, so that opening a stream costs its tail. Losing one costs time and nothing else."""
+    """Folded states stored separately, so that opening a stream costs only its tail. Losing one costs only time."""
 
     def restore(self, stream: StreamId, initial: State) -> tuple[State, int]:
         """The newest usable state and its version; `initial` and 0 if there is none. Never raises for a bad one."""
 
     def offer(self, stream: StreamId, version: int, state: object) -> None:
-        """Take note that the stream stands there; what is worth keeping is written later, off the caller's path."""
+        """Note that the stream has reached this version; a snapshot worth storing is written later, outside the
+        caller's path."""
 
 
 class BlobStore(Protocol):
@@ -174,7 +175,7 @@ class Spool(Protocol):
 
 
 class Clock(Protocol):
-    """Both clocks, and waiting. A virtual clock advances the simulated world instead of sleeping."""
+    """Mission time, wall time and waiting. A virtual clock advances the simulated world instead of sleeping."""
 
     def now(self) -> Moment: ...
 
@@ -182,7 +183,7 @@ class Clock(Protocol):
 
 
 class Ids(Protocol):
-    """Fresh names."""
+    """Generates new ids."""
 
     def mission(self) -> MissionId: ...
 
@@ -228,34 +229,34 @@ class Robot(Protocol):
 
 
 class LiveCamera(Protocol):
-    """A robot's camera as people look through it; what it shows is never evidence."""
+    """A robot's live camera for people; what it shows is never evidence."""
 
     def picture(self) -> Picture:
-        """What it sees now, at most half a second old. Raises ProviderFailed where there is no camera."""
+        """The current picture, at most half a second old. Raises ProviderFailed where there is no camera."""
 
 
 class Teleoperable(Protocol):
-    """A robot that a person may drive by hand, where nothing else moves it."""
+    """A robot that a person may teleoperate while nothing else moves it."""
 
     def drive(self, order: DriveOrder) -> DriveReport:
         """Hold this velocity until the next order. Raises FencingRefused; ProviderFailed while something moves it."""
 
     def release(self, session: RequestId) -> DriveReport:
-        """End the session; `ended` once the body stands."""
+        """End the session; `ended` once the body is at standstill."""
 
     def rest(self, order: PostureOrder) -> RobotStatus:
         """Lie down or stand up. Raises FencingRefused, or ProviderFailed while something moves it."""
 
 
 class MessageOutbox(Protocol):
-    """Where messages leave the house. The receipt's text is the channel's word (D22: declared)."""
+    """Sends messages to the outside. The receipt's text is the channel's own report (D22: declared)."""
 
     def send(self, key: str, text: str, images: Sequence[Digest]) -> str:
         """Idempotent by key; returns the channel's acknowledgement id."""
 
 
 class Signals(Protocol):
-    """Names of what changed, for whoever watches. Losing one costs nothing."""
+    """Publishes the names of what changed to anybody who watches. Losing one costs nothing."""
 
     def changed(self, name: str) -> None: ...
 
@@ -266,10 +267,10 @@ class MemoryIndex(Protocol):
     def mark(self) -> FollowPosition: ...
 
     def add(self, records: Sequence[MemoryRecord], *, after: FollowPosition, upto: FollowPosition) -> None:
-        """All or nothing, with the new mark. Raises ConcurrencyConflict if the index is not at `after`."""
+        """All or nothing, with the new position. Raises ConcurrencyConflict if the index is not at `after`."""
 
     def clear(self) -> None:
-        """Forget everything; the mark is at position 0."""
+        """Delete everything; the position becomes 0."""
 
     def get(self, record_id: str) -> Remembered:
         """Raises UnknownName."""
@@ -287,16 +288,16 @@ class ReadModels(Protocol):
     """Lists that follow the log. Losing them costs a rebuild and nothing else."""
 
     def mark(self) -> FollowPosition:
-        """How far they have followed the log; position 0 and no fold if they hold nothing."""
+        """How far the lists have followed the log; position 0 and no fold if they hold nothing."""
 
     def add(self, rows: Sequence[ListRow], *, after: FollowPosition, upto: FollowPosition) -> None:
-        """Put rows in the place of those with their number. All or nothing.
+        """Replace the rows with those numbers. All or nothing.
 
         Raises ConcurrencyConflict if the lists are not at `after`.
         """
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Delete everything."""
 
     def page(self, query: ListQuery) -> ListPage:
         """One page of a list."""

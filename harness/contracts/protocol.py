@@ -1,8 +1,8 @@
-"""The provider protocol: what the supervisor says to a provider and hears back, on any transport.
+"""The provider protocol: the messages between supervisor and provider, on any transport.
 
 Start is idempotent by `request_id`. Motion needs a keepalive at least every second; without one for 2 s the provider
-stands still by itself and reports `blocked` with the failure `keepalive_lost` (D12). A request with a fencing token
-older than the newest that the provider has seen for the resource is refused.
+stops by itself and reports `blocked` with the failure `keepalive_lost` (D12). A request with a fencing token older than
+the newest that the provider has seen for the resource is refused.
 """
 
 from typing import Literal
@@ -22,7 +22,7 @@ InvocationStatus = Literal[
 ]
 KEEPALIVE_LOST = "keepalive_lost"
 DRIVE_DEAD_MAN_S = 0.8
-"""A robot that is driven by hand brakes by itself this long after the last order, by its own clock."""
+"""A teleoperated robot brakes by itself this long after the last order, by its own clock."""
 TERMINAL: frozenset[str] = frozenset({"succeeded", "failed", "cancelled"})
 
 
@@ -109,7 +109,8 @@ class RobotStatus(Value):
 
 
 class Picture(Value):
-    """What the robot's camera sees now, for people: no evidence. `at_s` is the mission time of the shutter."""
+    """The current picture of the robot's camera, for people: not evidence. `at_s` is the mission time of the
+    shutter."""
 
     at_s: float
     width_px: Count
@@ -119,7 +120,7 @@ class Picture(Value):
 
 
 class DriveOrder(Value):
-    """One moment of driving by hand: the velocity to hold until the next order, for DRIVE_DEAD_MAN_S at most.
+    """One teleoperation order: the velocity to hold until the next order, for DRIVE_DEAD_MAN_S at most.
 
     `session` is who drives, `token` the fencing token of the base. The robot caps both velocities.
     """
@@ -132,7 +133,7 @@ class DriveOrder(Value):
 
 
 class DriveReport(Value):
-    """What the robot made of a drive order: whether it may move, and what it does. Declared by the robot."""
+    """The robot's answer to a drive order: whether it may move, and what it does. Declared by the robot."""
 
     session: RequestId
     at_s: float

@@ -1,4 +1,4 @@
-"""What a simulated site does to robots again and again. The simulated world knows it; no role of the harness does."""
+"""Recurring disturbances of a simulated site. The simulated world knows them; no role of the harness does."""
 
 from typing import Literal
 
@@ -10,14 +10,14 @@ RegularityKind = Literal[
 
 
 class Regularity(Value):
-    """One habit of a place: in `share` of the missions, drawn from the mission's own seed, it strikes near `at_m`.
+    """One recurring disturbance: in `share` of the missions, drawn from the mission's own seed, it occurs near `at_m`.
 
-    obstructed: boxes across the way with a gap for the careful; closed: from wall to wall. Both are gone `lasts_s`
-    after the robot first came within `radius_m`.
-    unlocalised: the localiser is silent within `radius_m`; lagging: it repeats an old pose. Both for `lasts_s` from
-    each arrival there. unready: it is silent for `lasts_s` from the mission's begin.
-    giving_up: `provider_id` ends as interrupted there; stalling: it stands there without a word; claiming: it says
-    that it arrived. Without `lasts_s` a habit lasts as long as the mission. Metres in the map frame, seconds.
+    obstructed: boxes across the path with a gap for the careful; closed: from wall to wall. Both are gone `lasts_s`
+    after the robot first came within `radius_m`. unlocalised: the localiser is silent within `radius_m`; lagging: it
+    repeats an old pose. Both for `lasts_s` from each arrival there. unready: it is silent for `lasts_s` from the start
+    of the mission. giving_up: `provider_id` ends as interrupted there; stalling: it stops there without a report;
+    claiming: it reports that it arrived. Without `lasts_s` a disturbance lasts as long as the mission. Metres in the
+    map frame, seconds.
     """
 
     name: Name
@@ -30,7 +30,7 @@ class Regularity(Value):
 
 
 class HiddenSite(Value):
-    """The regularities of one site. Before each mission a person carries the robot back to where it starts."""
+    """The regularities of one site. Before each mission a person carries the robot back to its start."""
 
     name: Name
     regularities: tuple[Regularity, ...] = ()

@@ -1,4 +1,4 @@
-"""Pure: may this be raised, cleared, acknowledged, shelved, suppressed, restored or assigned?"""
+"""Decides whether an alert may be raised, cleared, acknowledged, shelved, suppressed, restored or assigned. Pure."""
 
 from typing import assert_never
 
@@ -33,7 +33,7 @@ from harness.projections.alerts import Alert, apply, status
 
 
 def decide(alert: Alert, command: AlertCommand, now: Moment) -> Decision[AlertEvent]:
-    """Accept or refuse one request; what is so already is accepted and adds nothing."""
+    """Accept or refuse one request; what already holds is accepted and adds nothing."""
     if isinstance(command, RaiseAlert):
         return _raise(alert, command)
     if not alert.version:

@@ -1,4 +1,4 @@
-"""Pure: whose question it is, how long it waits, who is called next, and who has control (D27)."""
+"""Decides who has claimed a handoff, how long it waits, who is notified next and who controls the robot (D27). Pure."""
 
 from datetime import UTC, datetime
 from typing import assert_never
@@ -39,7 +39,7 @@ Turn = TakeClaim | DropClaim | ExtendDeadline | Escalate | TakeControl | ReturnC
 
 
 def turn(handoff: Handoff, command: Turn, now: Moment) -> Decision[HandoffEvent]:
-    """Everything about a handoff that decides nothing about the robot's next action."""
+    """Decide every command at a handoff that does not choose the robot's next action."""
     match command:
         case TakeClaim():
             return _claim(handoff, command, now)
@@ -61,7 +61,7 @@ def turn(handoff: Handoff, command: Turn, now: Moment) -> Decision[HandoffEvent]
 
 
 def due_levels(handoff: Handoff, now_s: float) -> tuple[EscalationLevel, ...]:
-    """Levels that an unclaimed question should have reached by now and has not."""
+    """Levels that an unclaimed question should have reached by now but has not."""
     if handoff.status != "open" or handoff.opened is None:
         return ()
     open_s = now_s - handoff.opened.opened_at_s
@@ -71,12 +71,12 @@ def due_levels(handoff: Handoff, now_s: float) -> tuple[EscalationLevel, ...]:
 
 
 def live_claim(handoff: Handoff, now_s: float) -> Claim | None:
-    """The claim that still counts."""
+    """The claim that is still valid."""
     return handoff.claim if handoff.claim is not None and handoff.claim.until_at_s > now_s else None
 
 
 def not_yours(handoff: Handoff, actor: Actor, claim: str, now: Moment) -> Refused | None:
-    """Why this person, with this token, may not decide; None if the question is theirs or nobody's."""
+    """Why this person, with this token, may not decide; None if the question is theirs or unclaimed."""
     held = live_claim(handoff, now.wall_s)
     if held is None:
         return refused("claim_lost") if claim else None
@@ -88,12 +88,12 @@ def not_yours(handoff: Handoff, actor: Actor, claim: str, now: Moment) -> Refuse
 
 
 def claimed_by(held: Claim) -> Refused:
-    """Names who answers it now."""
+    """The name of who answers it now."""
     return refused("claimed", because("handoff_claimed", actor=held.actor.name, until=clock(held.until_at_s)))
 
 
 def over(handoff: Handoff, now: Moment) -> Refused | None:
-    """Why nothing can be asked of it any more: decided, ended, or past its deadline."""
+    """Why nothing can be done at it any more: decided, ended, or past its deadline."""
     if not handoff.waits:
         return settled(handoff)
     opened = handoff.opened
@@ -120,7 +120,7 @@ def settled(handoff: Handoff) -> Refused:
 def same_answer(
     handoff: Handoff, command: TakeControl | ReturnControl | CloseQuestion, decision: Decided
 ) -> Decision[HandoffEvent] | None:
-    """The same word again is the same receipt."""
+    """The receipt of the same answer given again."""
     answer = handoff.answer
     if answer is None:
         return None
@@ -134,7 +134,7 @@ def same_answer(
 
 
 def clock(at_s: float) -> str:
-    """A wall instant as a person reads it."""
+    """A wall instant formatted for people."""
     return datetime.fromtimestamp(at_s, UTC).strftime("%H:%M:%S UTC")
 
 

@@ -1,4 +1,4 @@
-"""Pure: what becomes of a packet and its verdict. A completion always leaves its trace (D5)."""
+"""Decides the outcome of a packet and its verdict. A completion is always recorded, also when rejected (D5). Pure."""
 
 from harness.contracts.commands import CompleteNode
 from harness.contracts.decisions import Accepted, Decision
@@ -71,7 +71,7 @@ def complete(mission: Mission, command: CompleteNode) -> Decision[MissionEvent]:
 
 
 def _why(packet: EvidencePacket, verdict: NodeVerdict) -> Reason | None:
-    """What went wrong, in the shortest words that say it: how the execution ended, else what was not satisfied."""
+    """What went wrong, in short: how the execution ended, else what was not satisfied."""
     if packet.terminal != "succeeded":
         if packet.failure:
             return because("execution_over_with_failure", terminal=packet.terminal, failure=packet.failure)

@@ -1,4 +1,7 @@
-"""Pure: may the limit be set, a wheel be taken, a retreat be sent? The lease of the base decides beside it."""
+"""Decides whether an autonomy limit, a teleoperation session or a return to the safe point is allowed. Pure.
+
+The lease of the base is decided separately, in the same commit.
+"""
 
 from typing import assert_never
 
@@ -33,7 +36,7 @@ from harness.projections.control import SiteControl, apply
 
 
 def decide(control: SiteControl, command: ControlCommand, now: Moment) -> Decision[ControlEvent]:
-    """Accept or refuse one request to the house's control."""
+    """Accept or refuse one command to the site's control stream."""
     match command:
         case LimitAutonomy():
             limited = AutonomyLimited(autonomy=command.autonomy, actor=command.actor, reason=command.reason)
@@ -58,7 +61,7 @@ def decide(control: SiteControl, command: ControlCommand, now: Moment) -> Decisi
 
 
 def _retreat(control: SiteControl, command: RetreatCommand) -> Decision[ControlEvent]:
-    """One open retreat per robot. A stop of one that is over, and a second end, are refused and change nothing."""
+    """One open return per robot. A stop of one that has ended, and a second end, are refused and change nothing."""
     match command:
         case SendRetreat(intent=intent):
             return _busy(control, intent.robot_id) or _misbound(control, intent) or Accepted((intent,))
@@ -83,7 +86,7 @@ def _retreat(control: SiteControl, command: RetreatCommand) -> Decision[ControlE
 
 
 def _misbound(control: SiteControl, intent: RetreatIntended) -> Refused | None:
-    """Its ids are derived, so that the same retreat can be sent once only; its time is bounded."""
+    """Its ids are derived, so that the same return can be sent only once; its time is bounded."""
     if intent.request_id != request_id(intent.task_id, RETREAT, intent.attempt):
         return refused("wrong_request_id", because("request_id_not_of_retreat"))
     if intent.invocation_id != invocation_id(intent.request_id):
@@ -125,7 +128,7 @@ def _return(control: SiteControl, command: EndTeleoperation) -> Decision[Control
 
 
 def _still_held(control: SiteControl, robot_id: RobotId) -> Refused | None:
-    """Nobody drives a robot that the harness judges."""
+    """Nobody teleoperates a robot that the harness judges."""
     wheel = control.wheels.get(robot_id)
     if wheel is None:
         return None

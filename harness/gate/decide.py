@@ -1,4 +1,4 @@
-"""Pure: may this request change this mission, given what we know now? One arm per command."""
+"""Decides every command that changes a mission, one match arm per command. Pure."""
 
 from typing import assert_never
 
@@ -66,7 +66,7 @@ from harness.projections.mission_fold import apply
 
 
 def decide(mission: Mission, command: MissionCommand, now: Moment) -> Decision[MissionEvent]:
-    """Accept with events or refuse with a rule and a sentence. Raises ContractInvalid for a broken contract."""
+    """Accept with events or refuse with a rule and a reason. Raises ContractInvalid for a broken contract."""
     if isinstance(command, CreateMission):
         return _create(mission, command)
     if not mission.version:

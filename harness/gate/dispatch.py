@@ -1,4 +1,4 @@
-"""Pure: may this invocation start, and what does it cost? Every actuation passes here first (D9)."""
+"""Decides whether an invocation may start and what it costs; every actuation passes this check first (D9). Pure."""
 
 from msgspec.structs import replace
 
@@ -49,7 +49,7 @@ def _aborting(mission: Mission, intent: DispatchIntended) -> bool:
 
 
 def wait(mission: Mission, command: AuthoriseWait) -> Decision[MissionEvent]:
-    """A free rung without an invocation of its own. Waiting is bounded by the node's timeout (D24)."""
+    """A free step without an invocation of its own. Waiting is bounded by the node's timeout (D24)."""
     node = mission.of(command.node_id)
     if node.failure is None:
         return refused("no_failure", because("nothing_to_answer", node_id=command.node_id))
@@ -180,7 +180,7 @@ def _beyond(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
 
 
 def waited(node: NodeState) -> bool:
-    """Whether an authorised wait opened the next attempt: what kept the stage from working is over (D24)."""
+    """Whether an authorised wait opened the next attempt: what kept the stage from working has ended (D24)."""
     last = node.spends[-1] if node.spends else None
     return last is not None and last.action == "wait" and last.attempt == node.attempt and node.failure is None
 
@@ -223,7 +223,7 @@ def _payment(mission: Mission, command: AuthoriseDispatch) -> tuple[MissionEvent
 def spend(
     node: NodeState, proposal: RecoveryProposal, *, attempt: int, context: Digest, until_s: float | None
 ) -> RecoveryAuthorised:
-    """The spend of one rung: what it costs, whom it gives up, and until when it waits."""
+    """The spend of one step: its cost, which providers it excludes, and until when it waits."""
     excluded = node.excluded
     if proposal.action == "switch_skill" and node.provider_id and node.provider_id not in excluded:
         excluded = (*excluded, node.provider_id)
@@ -242,7 +242,7 @@ def spend(
 
 
 def accounted(mission: Mission, rung: RecoveryAuthorised) -> RecoveryAuthorised:
-    """The rung with what both total budgets hold after it (R128)."""
+    """The step with both total budgets after it (R128)."""
     left_node, left_mission = left_now(mission, rung.node_id)
     return replace(rung, left_node=left_node - rung.cost, left_mission=left_mission - rung.cost)
 

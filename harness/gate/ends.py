@@ -1,4 +1,4 @@
-"""Pure: failures without a packet, persons' words, and how missions end."""
+"""Decides failures without a packet, people's answers, and how missions end. Pure."""
 
 from msgspec.structs import replace
 
@@ -40,7 +40,7 @@ from harness.recovery.classify import classify
 
 
 def unfinished(mission: Mission, command: RefusePrecondition | ReportFailure | EndInvocation) -> Decision[MissionEvent]:
-    """A failure that no packet speaks for, with its class."""
+    """A failure without a packet, with its class."""
     match command:
         case RefusePrecondition():
             give_up = command.at_s + required_contract(mission).node(command.node_id).timeout_s
@@ -88,7 +88,7 @@ def _ended(mission: Mission, command: EndInvocation) -> Decision[MissionEvent]:
 
 
 def stop_invocation(mission: Mission, command: StopInvocation) -> Decision[MissionEvent]:
-    """The supervisor asks a provider to stop; on a ladder's rung the free spend stands beside it."""
+    """The supervisor asks a provider to stop; for a recovery step the free spend is recorded with it."""
     invocation = mission.invocation
     if invocation is None or invocation.intent.invocation_id != command.invocation_id:
         return refused("not_open", because("invocation_not_open", invocation_id=command.invocation_id))
@@ -109,7 +109,7 @@ def stop_invocation(mission: Mission, command: StopInvocation) -> Decision[Missi
 
 
 def ask(mission: Mission, command: AskPerson) -> Decision[MissionEvent]:
-    """The mission waits for a person. Costs nothing and is always possible (D24), save with a body that may move."""
+    """The mission waits for a person. Free and always possible (D24), except with a body that may move."""
     if mission.status != "active":
         return refused("not_active", because("mission_is", status=mission.status))
     if mission.invocation is not None and mission.invocation.status != "outcome_unknown":
@@ -125,7 +125,7 @@ def ask(mission: Mission, command: AskPerson) -> Decision[MissionEvent]:
 
 
 def answer(mission: Mission, command: AnswerMission) -> Decision[MissionEvent]:
-    """Rejected or unanswered ends safely stopped: the robot already stands."""
+    """Rejected or unanswered ends safely stopped: the robot is already at standstill."""
     if mission.handoff_id != command.handoff_id:
         return refused("not_waiting", because("not_waiting_for_handoff", handoff_id=command.handoff_id))
     answered = HandoffAnswered(
@@ -140,7 +140,7 @@ def answer(mission: Mission, command: AnswerMission) -> Decision[MissionEvent]:
 
 
 def pause(mission: Mission, command: PauseMission) -> Decision[MissionEvent]:
-    """New work waits; an open invocation is stopped by the supervisor."""
+    """New work waits; the supervisor stops an open invocation."""
     if mission.status not in ("active", "awaiting_human"):
         return refused("not_active", because("mission_is", status=mission.status))
     return Accepted((MissionPaused(actor=command.actor, reason=command.reason),))
@@ -154,7 +154,7 @@ def resume(mission: Mission, command: ResumeMission) -> Decision[MissionEvent]:
 
 
 def stop(mission: Mission, command: StopMission) -> Decision[MissionEvent]:
-    """Always possible. The mission is STOPPING until the stop is acknowledged and the body static."""
+    """Always possible. The mission is STOPPING until the stop is acknowledged and the body at standstill."""
     if mission.status == "stopping":
         return Accepted(())
     return Accepted((StopRequested(actor=command.actor, reason=command.reason),))
@@ -170,7 +170,7 @@ def withdraw(mission: Mission, command: WithdrawMission) -> Decision[MissionEven
 
 
 def acknowledge(mission: Mission, command: AcknowledgeStop) -> Decision[MissionEvent]:
-    """Stopped means acknowledged and static; without static evidence the mission fails and says so."""
+    """Stopped means acknowledged and at standstill; without such evidence the mission fails and says so."""
     if mission.stop is None:
         return refused("no_stop", because("no_stop_asked"))
     acknowledged = StopAcknowledged(static=command.static, measured=command.measured, reason=command.reason)
@@ -182,7 +182,7 @@ def acknowledge(mission: Mission, command: AcknowledgeStop) -> Decision[MissionE
 
 
 def end(mission: Mission, command: EndMission) -> Decision[MissionEvent]:
-    """Every end but success. A replay may end at any time: nothing moves in it."""
+    """Every end without success. A replay may end at any time: nothing moves in it."""
     if mission.invocation is not None and mission.invocation.status != "outcome_unknown" and not mission.replay:
         return refused("invocation_open", because("stop_before_ending"))
     return Accepted((FailureReported(text=command.reason), MissionEnded(status=command.status, reason=command.reason)))

@@ -1,4 +1,4 @@
-"""Pure: what a goal verdict leads to. Success, one more look, a stage opened again, or an honest end (D29)."""
+"""Decides what a goal verdict leads to: success, one more look, a reopened stage, or an honest end (D29). Pure."""
 
 from collections.abc import Iterator
 
@@ -42,7 +42,7 @@ def judge(mission: Mission, command: JudgeGoal) -> Decision[MissionEvent]:
 
 
 def reopening(mission: Mission, verdict: GoalVerdict) -> GraphRevised | Reason:
-    """The responsible stage opened again, paid as a local_replan; or the reason why not."""
+    """The responsible stage reopened, paid as a local_replan; or the reason why not."""
     contract = required_contract(mission)
     found = responsible(mission, verdict)
     if found is None:
@@ -64,7 +64,7 @@ def reopening(mission: Mission, verdict: GoalVerdict) -> GraphRevised | Reason:
 
 
 def responsible(mission: Mission, verdict: GoalVerdict) -> tuple[ConditionId | None, NodeId] | None:
-    """The condition that failed and the latest stage that answers for it: a disputed one first."""
+    """The condition that failed and the latest stage responsible for it: a disputed one first."""
     contract = required_contract(mission)
     if mission.disputed:
         return mission.disputed[0].condition_id, mission.disputed[0].node_id
@@ -80,7 +80,7 @@ def responsible(mission: Mission, verdict: GoalVerdict) -> tuple[ConditionId | N
 
 
 def _answering(effect: AnyEffect, contract: TaskContract) -> Iterator[NodeId]:
-    """Stages that the effect names, or that had to bring about the same."""
+    """Stages that the effect names, or that had to achieve the same."""
     match effect:
         case Temporal():
             yield from effect.nodes

@@ -1,4 +1,5 @@
-"""Pure: may this person's answer count? Bound to what was seen, once, before the deadline (D27, D28)."""
+"""Decides whether a person's answer counts: bound to what they saw, given once, before the deadline (D27, D28).
+Pure."""
 
 from math import hypot, pi
 from typing import assert_never
@@ -57,7 +58,7 @@ LETS_START = ("approved", "attested", "handed_back")
 
 
 def decide(handoff: Handoff, command: HandoffCommand, now: Moment) -> Decision[HandoffEvent]:
-    """Accept or refuse one request at a handoff."""
+    """Accept or refuse one command at a handoff."""
     match command:
         case OpenHandoff():
             return _open(handoff, command, now)
@@ -90,7 +91,7 @@ def decide(handoff: Handoff, command: HandoffCommand, now: Moment) -> Decision[H
 def _ended(
     handoff: Handoff, command: ExpireHandoff | SupersedeHandoff | RecordNoAnswer, now: Moment
 ) -> Decision[HandoffEvent]:
-    """Ends without a person. A timeout that lost against an answer is refused with all that was to go with it."""
+    """Ends without a person. A timeout that lost against an answer is refused with everything in its commit."""
     match command:
         case ExpireHandoff():
             late = handoff.opened is not None and now.wall_s >= handoff.opened.deadline_at_s
@@ -117,7 +118,7 @@ def _ended(
 def _followed(
     handoff: Handoff, command: MarkDispatched | VoidApproval | RecordEffect, now: Moment
 ) -> Decision[HandoffEvent]:
-    """What became of the decision: sent once, or void, and what was seen of it."""
+    """The result of the decision: sent once, or void, and what was observed of it."""
     match command:
         case MarkDispatched():
             if handoff.status not in LETS_START or handoff.answer is None:
@@ -260,7 +261,7 @@ def _attest(handoff: Handoff, command: AttestHandoff, now: Moment) -> Decision[H
 def _answered(
     handoff: Handoff, command: ApproveHandoff | RejectHandoff | AttestHandoff, decision: str
 ) -> Decision[HandoffEvent] | None:
-    """The same answer again is the same receipt; another one names who decided."""
+    """The same answer again returns the same receipt; a different one names who decided."""
     if handoff.answerable:
         return None
     if handoff.status == "taken_over" and handoff.claim is not None:

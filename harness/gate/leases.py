@@ -1,4 +1,4 @@
-"""Pure: who may have a resource. Freed only at rest; the fencing token only rises (D14)."""
+"""Decides who may have a resource. Freed only at standstill; the fencing token only rises (D14). Pure."""
 
 from typing import assert_never
 
@@ -14,7 +14,7 @@ STATIC_LIMIT_M = 0.02
 
 
 def decide(lease: Lease, command: LeaseCommand, now: Moment) -> Decision[LeaseEvent]:
-    """Accept or refuse one request for a resource."""
+    """Accept or refuse one command for a resource."""
     match command:
         case AcquireLease():
             return _acquire(lease, command)

@@ -1,4 +1,4 @@
-"""Pure: may this place be saved or removed? Who changes it must have seen it as it is now."""
+"""Decides whether a place may be saved or removed; the person must have seen its current revision. Pure."""
 
 from math import isfinite, tau
 from typing import assert_never
@@ -16,7 +16,7 @@ CORNERS = 64
 
 
 def decide(places: Places, command: PlaceCommand, now: Moment) -> Decision[PlaceEvent]:
-    """Refuse a change on an older revision, and a place that lies nowhere."""
+    """Refuse a change based on an older revision, and a place with an impossible position."""
     match command:
         case SavePlace(place=place):
             revision = places.revision(place.place_id)

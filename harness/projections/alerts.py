@@ -1,4 +1,4 @@
-"""Pure: an alert's state, and what the history and live state say is wrong. Reads no clock, writes nothing."""
+"""Folds an alert's state from its events. Pure: reads no clock, writes nothing."""
 
 from typing import Literal, assert_never
 
@@ -29,7 +29,7 @@ class Alert(Value):
 
     `standing` are the conditions that hold. `unseen`: something happened at an instant and nobody acknowledged it.
     `count` counts occurrences since the alert was last normal, `total` all of them; `first_s` is the first of `count`.
-    `told` is the newest position of the log that was taken in.
+    `told` is the newest log position that was taken in.
     """
 
     version: Count = 0
@@ -59,7 +59,7 @@ class Alert(Value):
 
 
 def status(alert: Alert, now_s: float) -> AlertStatus:
-    """Where the alert stands at an instant of wall time."""
+    """The alert's status at an instant of wall time."""
     if alert.suppressed_by is not None:
         return "suppressed"
     if alert.shelved_until_s > now_s:

@@ -1,4 +1,4 @@
-"""Pure: how far the house lets missions decide, which robots people drive by hand, and which retreat."""
+"""Folds site control: autonomy limits, teleoperation sessions and returns to the safe point. Pure."""
 
 from typing import Literal, assert_never
 
@@ -26,7 +26,7 @@ from harness.contracts.values import Count, Value
 
 
 class TeleoperationSession(Value):
-    """Who drives a robot by hand, from which device, under which fencing token."""
+    """Who teleoperates a robot, from which device, under which fencing token."""
 
     robot_id: RobotId
     session: RequestId
@@ -37,9 +37,10 @@ class TeleoperationSession(Value):
 
 
 class Retreating(Value):
-    """A robot's newest retreat. `stop` is why it was asked to stand; `ended` how it ended, None while it is open.
+    """A robot's newest return to the safe point. `stop`: why it was asked to stop; `ended`: how it ended, None while
+    open.
 
-    `version` is that of the newest event about it in the house's control stream.
+    `version` is that of the newest event about it in the site's control stream.
     """
 
     intent: RetreatIntended
@@ -54,7 +55,7 @@ class Retreating(Value):
 
 
 class SiteControl(Value):
-    """The fold of the house's control stream."""
+    """The fold of the site's control stream."""
 
     version: Count = 0
     autonomy: Autonomy = "autonomous"
@@ -64,13 +65,13 @@ class SiteControl(Value):
     retreats: dict[RobotId, Retreating] = msgspec.field(default_factory=dict)
 
     def retreating(self, robot_id: RobotId) -> Retreating | None:
-        """The retreat of this robot that has not ended."""
+        """The return of this robot that has not ended."""
         newest = self.retreats.get(robot_id)
         return newest if newest is not None and newest.open else None
 
 
 def apply(control: SiteControl, event: ControlEvent) -> SiteControl:
-    """The control after one more event."""
+    """The control state after one more event."""
     nxt = replace(control, version=control.version + 1)
     match event:
         case AutonomyLimited():

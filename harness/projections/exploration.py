@@ -1,6 +1,6 @@
-"""Pure: an exploring mission's choices, what came of each, and the maps between them, folded from its own record.
+"""Folds an exploring mission's choices, their results and the maps between them from its own events. Pure.
 
-Nothing here is a provider's prose: feedback is typed, and taken from verdicts, failures and maps (R223, R224).
+Nothing here is a provider's text: feedback is typed, and taken from verdicts, failures and maps (R223, R224).
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,11 +20,12 @@ from harness.projections.mission import Mission, NodeState, NodeStatus, required
 
 MAP = "map"
 TARGETS = "targets"
-"""Choices stand in a contract's bindings under this name, by the leg that goes there."""
+"""Choices are in a contract's bindings under this name, by the leg that goes there."""
 
 
 class PlannerResponse(Value):
-    """What the local planner made of a target, and what the gate made of that: its newest execution towards it."""
+    """The local planner's result for a target and the gate's decision on it: the newest execution towards the
+    target."""
 
     provider_id: ProviderId
     packet_id: PacketId
@@ -36,8 +37,8 @@ class PlannerResponse(Value):
 class ExplorationDecision(Value):
     """One choice with everything that belongs to it, under one mission (R224).
 
-    `image` and `map_before` are what it was made from, `map_after` the map that the way there led to; `response` is
-    None until the leg was executed. `question` and `answer` are the records of the choice.
+    `image` and `map_before` are what it was made from, `map_after` the map that resulted on the way; `response` is None
+    until the leg was executed. `question` and `answer` are the records of the choice.
     """
 
     mission_id: MissionId
@@ -58,7 +59,7 @@ class ExplorationDecision(Value):
 
 
 def choices(contract: TaskContract) -> dict[NodeId, TargetChoice]:
-    """The targets chosen so far, by leg, in order. Raises ContractInvalid for bindings that are none."""
+    """The targets chosen so far, by leg, in order. Raises ContractInvalid for invalid bindings."""
     try:
         return msgspec.convert(contract.bindings.get(TARGETS, {}), dict[NodeId, TargetChoice])
     except msgspec.ValidationError as error:

@@ -1,4 +1,4 @@
-"""Pure: where a handoff stands. APPROVED, DISPATCHED and OBSERVED EFFECT are three facts (gates.md)."""
+"""Folds a handoff's status. APPROVED, DISPATCHED and OBSERVED EFFECT are three separate facts (gates.md). Pure."""
 
 from typing import Literal, assert_never
 
@@ -72,7 +72,7 @@ class HandoffAnswer(Value):
 
 
 class Claim(Value):
-    """Whose question it is, and until when. `claim` is the token that the holder's page carries."""
+    """Who has claimed the question, and until when. `claim` is the token that the holder's page carries."""
 
     actor: Actor
     claim: str
@@ -80,7 +80,7 @@ class Claim(Value):
 
 
 class ManualControl(Value):
-    """A person drives the robot; `left_s` is what the deadline had to go when it was paused."""
+    """A person controls the robot; `left_s` is the time left to the deadline when it was paused."""
 
     device: str
     reason: Explanation
@@ -124,7 +124,7 @@ class Handoff(Value):
 
     @property
     def taken_by(self) -> Actor | None:
-        """Who drives the robot, if a person does."""
+        """Who teleoperates the robot, if a person does."""
         return self.claim.actor if self.claim is not None and self.status == "taken_over" else None
 
 
@@ -176,7 +176,7 @@ def _refreshed(h: Handoff, event: HandoffRefreshed) -> Handoff:
 def _held(
     h: Handoff, event: HandoffClaimed | HandoffReleased | HandoffExtended | HandoffEscalated | HandoffTakenOver
 ) -> Handoff:
-    """Whose it is, and how long it waits."""
+    """Who has claimed it, and how long it waits."""
     match event:
         case HandoffClaimed():
             claim = Claim(actor=event.actor, claim=event.claim, until_at_s=event.until_at_s)
@@ -224,7 +224,7 @@ def _decided(
     shown: Digest | None = None,
     fresh: Snapshot | None = None,
 ) -> Handoff:
-    """Nothing of the question itself changes: what was asked stays as it was asked."""
+    """Nothing of the question itself changes: what was asked stays unchanged."""
     bound = event.subject if isinstance(event, HandoffApproved | HandoffRejected) else None
     answer = HandoffAnswer(
         decision=decision,

@@ -1,4 +1,4 @@
-"""Pure: who holds a resource now. A lease is coordination metadata, never an emergency stop (R86)."""
+"""Folds who holds a resource now. A lease is coordination metadata, never an emergency stop (R86). Pure."""
 
 from typing import Literal, assert_never
 
@@ -11,7 +11,7 @@ from harness.contracts.values import Count, Value
 
 
 class Lease(Value):
-    """A time-bounded reservation with owner and expiry (R84). `token` is the newest fencing token given out."""
+    """A time-bounded reservation with owner and expiry (R84). `token` is the newest fencing token issued."""
 
     version: Count = 0
     resource: ResourceId = ResourceId("")

@@ -1,4 +1,4 @@
-"""Pure: what a mission is now, and what may be asked of it. Reads no clock, decides nothing."""
+"""A mission's state S_k and the queries on it. Reads no clock, decides nothing. Pure."""
 
 from typing import Literal
 
@@ -29,7 +29,7 @@ NodeStatus = Literal[
 
 
 class Failure(Value):
-    """A failure that C4 has not answered yet."""
+    """A failure that C4 has not handled yet."""
 
     node_id: NodeId
     failure: FailureClass
@@ -38,7 +38,7 @@ class Failure(Value):
 
 
 class Spend(Value):
-    """One authorised rung of a ladder."""
+    """One authorised step of a ladder."""
 
     failure: FailureClass
     action: RecoveryAction
@@ -49,7 +49,7 @@ class Spend(Value):
 
 
 class Invocation(Value):
-    """One attempt by one provider. `status` is the supervisor's last durable word."""
+    """One attempt by one provider. `status` is the supervisor's last durable report."""
 
     intent: DispatchIntended
     status: InvocationStatus
@@ -58,7 +58,7 @@ class Invocation(Value):
 
 
 class NodeState(Value):
-    """One stage: where it stands, what was tried, and what the gate made of it.
+    """One stage: its status, what was tried, and the gate's decision on it.
 
     `begun_at` is the attempt after which this revision of the graph opened it: the next one needs no recovery step.
     """
@@ -96,7 +96,7 @@ class NodeState(Value):
 
 
 class Superseded(Value):
-    """What a stage had reached before a revision of the graph opened it again: kept, never decisive any more (D29)."""
+    """A stage's result before a revision of the graph reopened it: kept, never decisive any more (D29)."""
 
     revision: Count
     state: NodeState
@@ -104,7 +104,7 @@ class Superseded(Value):
 
 
 class DisputedFact(Value):
-    """An accepted fact that a person disputes, or that builds on one (`root` false). `packet_id`: which acceptance."""
+    """An accepted fact that a person disputes, or that depends on one (`root` false). `packet_id`: which acceptance."""
 
     condition_id: ConditionId
     packet_id: PacketId
@@ -156,7 +156,7 @@ class Mission(Value):
 
     @property
     def level(self) -> Autonomy:
-        """How far it decides alone: the stricter of its own level and the house's limit."""
+        """The autonomy level that applies: the stricter of its own level and the site's limit."""
         return stricter(self.autonomy, self.autonomy_limit)
 
     @property
@@ -165,12 +165,12 @@ class Mission(Value):
 
     @property
     def false_completions(self) -> int:
-        """Acceptances that a person disputed: each counts as false, those that build on it do not count again."""
+        """Acceptances that a person disputed: each counts as false; those that depend on it do not count again."""
         return sum(dispute.root for dispute in self.disputes)
 
     @property
     def disputed(self) -> tuple[CommittedFact, ...]:
-        """Accepted facts that are disputed, or that build on one, as they stand now."""
+        """Accepted facts that are currently disputed, or that depend on a disputed one."""
         marked = {(dispute.condition_id, dispute.packet_id) for dispute in self.disputes}
         return tuple(fact for fact in self.facts if (fact.condition_id, fact.packet_id) in marked)
 

@@ -1,4 +1,4 @@
-"""Pure: folds a mission's events into its state, one arm per event. Decides nothing, refuses nothing."""
+"""Folds a mission's events into its state, one arm per event. Decides nothing, refuses nothing. Pure."""
 
 from typing import assert_never
 

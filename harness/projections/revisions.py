@@ -1,4 +1,4 @@
-"""Pure: what a revision of the graph and a dispute make of a mission. Nothing that was accepted is deleted."""
+"""Applies a graph revision or a dispute to a mission's state. Nothing that was accepted is deleted. Pure."""
 
 from msgspec.structs import replace
 
@@ -7,7 +7,7 @@ from harness.projections.mission import DisputedFact, Mission, NodeState, Spend,
 
 
 def revised(m: Mission, event: GraphRevised) -> Mission:
-    """Reopened stages begin anew, with what was spent on them; what they had reached is kept beside."""
+    """Reopened stages begin again, with what was spent on them; their earlier results are kept separately."""
     contract = event.contract or required_contract(m)
     kept = {node.node_id for node in contract.nodes}
     closed = [node_id for node_id in m.nodes if node_id in event.reopened or node_id not in kept]
@@ -54,7 +54,7 @@ def revised(m: Mission, event: GraphRevised) -> Mission:
 
 
 def _anew(state: NodeState) -> NodeState:
-    """Pending again. Attempts go on counting, so that no request id comes twice; spends stay spent."""
+    """Pending again. Attempts go on counting, so that no request id repeats; spends stay spent."""
     return NodeState(
         node_id=state.node_id,
         attempt=state.attempt,
@@ -65,7 +65,7 @@ def _anew(state: NodeState) -> NodeState:
 
 
 def disputed(m: Mission, event: CompletionDisputed) -> Mission:
-    """The accepted fact and those that build on it are marked; they stay where they are (D21)."""
+    """The accepted fact and those that depend on it are marked, and stay in the state (D21)."""
     accepted = {fact.condition_id: fact for fact in m.facts}
     marked = [
         DisputedFact(

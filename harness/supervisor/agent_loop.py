@@ -1,7 +1,7 @@
-"""The agent loop in the paper's order, as a step: C1, C2, dispatch and poll, C3, gate, C4, then the goal (R53).
+"""The agent loop of one mission, run step by step: C1, C2, dispatch and poll, C3, gate, C4, then the goal (R53).
 
-`step()` does what is due now and says when to come back, in mission time; it sleeps nowhere, so that virtual time
-needs no event loop. None means that nothing will change until a person speaks or the mission is over.
+`step()` does what is due now and returns when to be called again, in mission time; it never sleeps, so that virtual
+time needs no event loop. None means that nothing will change until a person answers or the mission has ended.
 """
 
 from harness.contexts.verifier import goal_context
@@ -155,7 +155,7 @@ class AgentLoop:
         self._runtime.submit(mission.mission_id, failure)
 
     def _waited(self, mission: Mission, node: NodeState, now_s: float) -> float:
-        """A free rung: what is waited for is looked at until the wait is over; then the node goes on, or up a rung."""
+        """A free step: the wait is checked until it ends; then the node goes on, or escalates to the next step."""
         rung, last = node.spends[-1], node.failures[-1]
         if rung.action != "wait":
             self._again(mission, node, because("failed_after", action=rung.action, reason=last.reason), now_s)
@@ -169,7 +169,8 @@ class AgentLoop:
         return now_s
 
     def _obstacle(self, mission: Mission, node: NodeState) -> Explanation | None:
-        """What still keeps the node from starting; what this mission itself left in quarantine is freed at rest."""
+        """What still keeps the node from starting; resources this mission left in quarantine are freed at
+        standstill."""
         blocked = self._dispatcher.blocked(mission, node.node_id)
         if blocked is not None:
             return blocked.reason
@@ -179,14 +180,14 @@ class AgentLoop:
         return taken
 
     def _again(self, mission: Mission, node: NodeState, reason: Explanation, now_s: float) -> None:
-        """The same failure once more: it climbs to the next rung."""
+        """The same failure again: it escalates to the next step."""
         again = ReportFailure(
             node_id=node.node_id, invocation_id=None, failure=node.failures[-1].failure, reason=reason, at_s=now_s
         )
         self._runtime.submit(mission.mission_id, again)
 
     def _judge(self, mission: Mission, now_s: float) -> float | None:
-        """The original completion conditions, on what was committed and what is seen now (R118)."""
+        """Judge the original completion conditions on committed facts and current observations (R118)."""
         if mission.relooks:
             self._relook_s = self._relook_s or now_s + RELOOK_S
             if now_s < self._relook_s:
@@ -197,7 +198,7 @@ class AgentLoop:
         return now_s
 
     def _stopping(self, mission: Mission, now_s: float) -> float | None:
-        """STOPPING until the provider acknowledged and the body is static by a source outside the localiser."""
+        """STOPPING until the provider acknowledged and the body is at standstill by a source outside the localiser."""
         self._publish(mission)
         if mission.handoff_id is not None:
             self.handoff_timeouts.supersede(mission, because("mission_was_stopped"))
@@ -229,7 +230,7 @@ class AgentLoop:
         return self._monitor.attend(mission, invocation)
 
     def _waiting(self, mission: Mission, now_s: float) -> float | None:
-        """A person is asked. At speed 0 nothing waits for people (D7)."""
+        """A person was asked. At speed 0 nothing waits for people (D7)."""
         self.handoff_timeouts.watch(mission)
         self._publish(mission)
         return now_s + POLL_S if self._connection.waits_for_people else None

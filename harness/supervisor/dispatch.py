@@ -1,4 +1,4 @@
-"""The only way to start a provider: plan, route, compile C2, record intent with leases, then send (R78, R79)."""
+"""Starts providers, the only way to do so: plan, route, compile C2, record intent with leases, then send (R78, R79)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -62,8 +62,8 @@ LOOK: Parameters = {"duration_s": LOOK_S, "frames": 1.0}
 
 @dataclass(frozen=True)
 class Approval:
-    """A person's word that opens one dispatch in the same transaction: an approval (D28), an attestation (D17), or
-    the robot handed back."""
+    """A person's answer that opens one dispatch in the same transaction: an approval (D28), an attestation (D17), or a
+    hand-back of the robot."""
 
     handoff_id: HandoffId
     command: ApproveHandoff | AttestHandoff | ReturnControl
@@ -72,7 +72,7 @@ class Approval:
 
 @dataclass(frozen=True)
 class DispatchAttempt:
-    """One wish to dispatch a node: the first attempt, or a recovery step that C4 proposed."""
+    """One request to dispatch a node: the first attempt, or a recovery step that C4 proposed."""
 
     node_id: NodeId
     recovery: RecoveryProposal | None = None
@@ -86,7 +86,7 @@ class DispatchAttempt:
 
 @dataclass(frozen=True)
 class Prepared:
-    """An invocation as it would run: the intent, and the records of how it came about."""
+    """An invocation as it would run: the intent, and the records of how it was chosen."""
 
     intent: DispatchIntended
     candidates: Digest
@@ -110,7 +110,7 @@ class Dispatcher:
         self._connection = roles.connection
 
     def next_node(self, mission: Mission) -> tuple[Plan, Context]:
-        """What comes next, and the C1 it was planned from; whoever plans, the harness admits or takes its own."""
+        """The next node, and the C1 it was planned from; the harness admits the planner's proposal or uses its own."""
         c1 = planner_context(self._roles.view(mission))
         return planned(self._connection.planner, c1, mission=mission), c1
 
@@ -158,7 +158,7 @@ class Dispatcher:
         *,
         plan: tuple[Plan, Context] | None = None,
     ) -> Accepted[AnyEvent] | Refused:
-        """Commit one invocation as it was prepared, with what authorises it."""
+        """Commit one invocation as prepared, with what authorises it."""
         command = self._command(attempt, prepared, plan)
         said = [record("plan", plan[0].proposal)] if plan and plan[0].proposal else []
         contexts = [context_record(one) for one in (plan[1] if plan else None, attempt.c4) if one is not None]
@@ -273,7 +273,7 @@ class Dispatcher:
         )
 
     def _before(self, node: Node, attempt: DispatchAttempt) -> tuple[EvidenceReference, ...]:
-        """O_before: the samples of the last seconds, for nodes whose policy wants pose evidence."""
+        """O_before: the samples of the last seconds, for nodes whose policy requires pose evidence."""
         if attempt.verify_only or "trajectory" not in node.evidence.mandatory:
             return ()
         reference, _ = self._roles.observations.seal(self._roles.observations.recent, source="robot")

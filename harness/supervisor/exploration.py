@@ -1,7 +1,7 @@
-"""Explores: draws what was seen into the map, has the next target proposed, and asks the gate for the stages to it.
+"""Explores: draws observations into the map, has the next target proposed, and asks the gate for the stages to it.
 
 It starts nothing itself: an admitted target becomes a revision of the contract, and the agent loop dispatches its leg
-as any other stage. Nothing more to choose, and the stage that waited for it goes on.
+like any other stage. When nothing is left to choose, the stage that waited for it continues.
 """
 
 from harness.contracts.commands import RecordObservation
@@ -60,7 +60,7 @@ class Explorer:
         return answer.chosen is not None and self._revise(mission, closing, question, answer)
 
     def _draw(self, mission: Mission, packets: tuple[EvidencePacket, ...]) -> None:
-        """One map update: what these executions' lidar saw, in order."""
+        """One map update: what the lidar of these executions saw, in order."""
         known = updates(mission)
         before = known[-1][1].after if known else self._runtime.keep(encode(self._unexplored(mission)))
         grid = decode(self._runtime.blob(before), GridMap)
@@ -148,13 +148,13 @@ class Explorer:
         return isinstance(self._runtime.submit(mission.mission_id, command, records=(asked, said)), Accepted)
 
     def _position(self) -> Point | None:
-        """Where the localiser last saw the body, which stands between two stages; None if it has not of late."""
+        """Where the localiser last saw the body, which is at rest between two stages; None if it has not recently."""
         poses = [one for one in self._roles.observations.recent if isinstance(one, Pose)]
         return (poses[-1].x_m, poses[-1].y_m) if poses else None
 
 
 def _enough(mission: Mission, closing: Node) -> bool:
-    """Whether as many views are accepted as the contract wants, the last one still to be taken."""
+    """Whether as many views are accepted as the contract requires, the last one still to be taken."""
     wanted = closing.parameters[EXPLORES]
     return isinstance(wanted, int | float) and not isinstance(wanted, bool) and len(views(mission)) >= wanted
 

@@ -1,4 +1,4 @@
-"""While a question waits: claims lapse, levels rise; without an answer the robot takes its no-answer action (D27)."""
+"""Expires claims and raises escalation levels while a handoff waits, then runs the no-answer action (D27)."""
 
 from harness.contracts.actors import Actor
 from harness.contracts.commands import AnswerMission, ExpireHandoff, SupersedeHandoff
@@ -40,7 +40,7 @@ class HandoffTimeouts:
         self._connection = roles.connection
 
     def watch(self, mission: Mission) -> None:
-        """What is due now. Losing against an answer changes nothing."""
+        """Do what is due now. Losing against an answer changes nothing."""
         if mission.handoff_id is None:
             return
         handoff = self._runtime.handoff(mission.handoff_id)
@@ -57,7 +57,7 @@ class HandoffTimeouts:
             self._expire(mission, handoff)
 
     def supersede(self, mission: Mission, reason: Explanation) -> None:
-        """The question fell away: the mission was stopped another way."""
+        """The question became obsolete: the mission was stopped another way."""
         if mission.handoff_id is None:
             return
         answered = AnswerMission(handoff_id=mission.handoff_id, decision="superseded", actor=TIMEOUT, reason=reason)
@@ -69,7 +69,7 @@ class HandoffTimeouts:
         )
 
     def _expire(self, mission: Mission, handoff: Handoff) -> None:
-        """No answer in time: the safe outcome, never "go on". Then the zone's action, and what came of it."""
+        """No answer in time: the safe outcome, never "go on". Then the zone's action, and its result."""
         no_answer = handoff.opened.no_answer if handoff.opened else "hold"
         unanswered = AnswerMission(
             handoff_id=handoff.handoff_id,
@@ -94,7 +94,7 @@ class HandoffTimeouts:
     def _retreat(self, mission: Mission, handoff: Handoff) -> RetreatIntended | Refused:
         """The one motion that the zone authorised beforehand: its intent and the expiry are one commit.
 
-        Whoever paused the mission, or lets nothing move without a person, said so later than the site file did.
+        A person who paused the mission, or lets nothing move without a person, decided later than the site file did.
         """
         if mission.status == "paused" or mission.level == "manual":
             held = because("held_by_pause") if mission.status == "paused" else because("held_by_autonomy")
@@ -110,9 +110,10 @@ class HandoffTimeouts:
         return planned_retreat(self._roles, order)
 
     def act(self, handoff: Handoff, *, instead: Refused | None = None) -> None:
-        """Carry out what happens without an answer, once, and write down what came of it.
+        """Carry out the no-answer action once, and record its result.
 
-        `instead`: why a retreat was not sent. One that is under way is waited for; one that ended is told.
+        `instead`: why a return to the safe point was not sent. One that is under way is waited for; one that ended is
+        recorded.
         """
         retreat = self._sent(handoff)
         if retreat is not None and retreat.open:
@@ -127,7 +128,7 @@ class HandoffTimeouts:
         return newest if newest is not None and newest.intent.handoff_id == handoff.handoff_id else None
 
     def _acted(self, handoff: Handoff, instead: Refused | None) -> RecordNoAnswer:
-        """Carry the action out on the spot as far as this robot can, and say what shows it."""
+        """Carry out the action where the robot stands, as far as it can, and return what shows it."""
         opened = handoff.opened
         wanted = opened.no_answer if opened else "hold"
         rest = at_rest(self._roles.observations.recent, self._connection.clock.now().mission_s)
@@ -142,13 +143,13 @@ class HandoffTimeouts:
         return RecordNoAnswer(action=action, done=settled.done, measured=rest.measured, reason=reason)
 
     def _newest_token(self) -> int:
-        """The fencing token of whoever moved this robot last: a posture is ordered in its turn."""
+        """The newest fencing token of the base, so that a posture order is not refused as outdated."""
         bases = {resource for card in self._connection.cards if card.moves for resource in card.resources}
         return max(self._runtime.lease(leased(self._connection.robot_id, one)).token for one in bases)
 
 
 def told(retreat: Retreating) -> RecordNoAnswer:
-    """What a retreat that ended means for its question: measured there, done otherwise, or known to nobody."""
+    """What an ended return means for its question: measured there, replaced by the fallback, or unknown."""
     ended = retreat.ended
     if ended is None:
         raise ValueError(f"retreat {retreat.intent.invocation_id} has not ended")

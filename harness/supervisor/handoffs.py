@@ -1,4 +1,4 @@
-"""Where the harness asks a person, and takes the answer: observed again first, then one transaction (D27, D28)."""
+"""Asks a person, and applies the answer: the robot is observed again first, then one transaction (D27, D28)."""
 
 import dataclasses
 from typing import assert_never
@@ -47,7 +47,7 @@ from harness.supervisor.zones import patience, reserve_s
 
 
 class HandoffService:
-    """Opens and refreshes the handoffs of one robot, and takes what persons say to them."""
+    """Opens and refreshes the handoffs of one robot, and applies people's answers to them."""
 
     def __init__(self, roles: RoleContexts, dispatcher: Dispatcher) -> None:
         self._roles = roles
@@ -57,7 +57,7 @@ class HandoffService:
         self._questions = Questions(roles, dispatcher)
 
     def open(self, mission: Mission, failure: Failure, reason: Explanation, c4: Context) -> None:
-        """The mission waits, and the question with its snapshot stands in a stream of its own: one commit."""
+        """Pause the mission and open the question, with its snapshot, in a stream of its own: one commit."""
         handoff_id = HandoffId(f"hof_{sha256(f'{mission.mission_id}{mission.version}'.encode())[:12]}")
         snapshot = self._questions.snapshot(mission, failure.node_id)
         contract, recent = required_contract(mission), self._roles.observations.recent
@@ -101,7 +101,7 @@ class HandoffService:
         )
 
     def answer(self, handoff_id: HandoffId, command: PersonCommand) -> Decision[AnyEvent]:
-        """A person's word. What they saw must still hold after a fresh look (409 otherwise)."""
+        """Apply a person's answer. What they saw must still hold after a new observation (409 otherwise)."""
         handoff = self._runtime.handoff(handoff_id)
         opened = handoff.opened
         if opened is None:
@@ -130,7 +130,7 @@ class HandoffService:
     def _choose(
         self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: ChooseAction
     ) -> Decision[AnyEvent]:
-        """The question is recalled and asked anew with another action: approved, if at all, on its own digest."""
+        """Propose another action: the question is refreshed and approved, if at all, on its own digest."""
         if command.cycle != handoff.cycle:
             return refused("wrong_cycle", cycle=handoff.cycle, shown_cycle=command.cycle)
         if command.action not in self._questions.choices(mission, opened.node_id):
@@ -142,7 +142,7 @@ class HandoffService:
     def _asked_anew(
         self, mission: Mission, handoff: Handoff, opened: HandoffOpened, *, actor: Actor, action: RecoveryAction
     ) -> Decision[AnyEvent]:
-        """Observe without motion and show the question as it stands now: a new cycle."""
+        """Observe without motion and show the question with the current state: a new cycle."""
         snapshot = self._questions.snapshot(mission, opened.node_id)
         refreshed = RefreshHandoff(
             k=mission.k,
@@ -157,7 +157,8 @@ class HandoffService:
     def _approve(
         self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: ApproveHandoff
     ) -> Decision[AnyEvent]:
-        """The one invocation that was shown, prepared again from what is seen now, and committed with the approval."""
+        """The one invocation that was shown, prepared again from the current observation, and committed with the
+        approval."""
         if settled := self._settled(mission, handoff, command):
             return settled
         fresh = self._questions.snapshot(mission, opened.node_id)
@@ -175,7 +176,7 @@ class HandoffService:
     def _attest(
         self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: AttestHandoff
     ) -> Decision[AnyEvent]:
-        """A person's own observation: kept as evidence, and the one look without motion that it opens (D17)."""
+        """A person's own observation: recorded as evidence, with the one look without motion that it opens (D17)."""
         if settled := self._settled(mission, handoff, command):
             return settled
         self._roles.observations.collect(None)
@@ -194,7 +195,8 @@ class HandoffService:
     def _hand_back(
         self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: ReturnControl
     ) -> Decision[AnyEvent]:
-        """The robot is the harness's again: seen afresh, and one look without motion at the present state version."""
+        """The harness has control of the robot again: a new observation, and one look without motion at the present
+        version."""
         if settled := self._settled(mission, handoff, command):
             return settled
         back = replace(command, k=mission.k, fresh=self._questions.snapshot(mission, opened.node_id))
@@ -204,7 +206,7 @@ class HandoffService:
     def _look(
         self, mission: Mission, handoff: Handoff, opened: HandoffOpened, word: Approval, *, why: str
     ) -> Decision[AnyEvent]:
-        """One verification without motion, committed with the word that opens it."""
+        """One verification without motion, committed with the answer that opens it."""
         look = RecoveryProposal(action="verify_again", failure=opened.failure, provider_id=None, cost=0, reason=why)
         attempt = DispatchAttempt(node_id=opened.node_id, recovery=look, approval=word)
         prepared = self._dispatcher.prepare(mission, attempt)
@@ -213,7 +215,7 @@ class HandoffService:
         return self._dispatcher.commit(mission, attempt, prepared)
 
     def _ends(self, mission: Mission, handoff: Handoff, command: RejectHandoff | CloseQuestion) -> Decision[AnyEvent]:
-        """The word and the mission's end together; a question that is over only says so."""
+        """The answer and the mission's end in one commit; for a question that is over only the answer."""
         requests = [CommandEnvelope(handoff_stream(handoff.handoff_id), command, mission.robot_id)]
         if handoff.waits and mission.handoff_id == handoff.handoff_id:
             ended = AnswerMission(
@@ -228,14 +230,15 @@ class HandoffService:
     def _settled(
         self, mission: Mission, handoff: Handoff, command: ApproveHandoff | AttestHandoff | ReturnControl
     ) -> Decision[AnyEvent] | None:
-        """The answer to a word that can start nothing any more; None where the gate is to decide it with its start."""
+        """The result of an answer that can no longer start anything; None where the gate is to decide it with its
+        start."""
         waits = handoff.status == "taken_over" if isinstance(command, ReturnControl) else handoff.answerable
         if waits:
             return None if mission.handoff_id == handoff.handoff_id else _not_waiting(mission)
         return self._refused(handoff, command) or Accepted(())
 
     def _refused(self, handoff: Handoff, command: ApproveHandoff | AttestHandoff | ReturnControl) -> Refused | None:
-        """What the gate would say against this word; None where it would take it, or took it before."""
+        """Why the gate would refuse this answer; None where it would accept it, or accepted it before."""
         decision = decide(handoff, command, self._connection.clock.now())
         return decision if isinstance(decision, Refused) else None
 
@@ -248,7 +251,7 @@ class HandoffService:
 
 
 def _proposed(handoff: Handoff) -> RecoveryAction:
-    """What is proposed now; an operator's retry where nothing was."""
+    """The current proposal; an operator's retry where there was none."""
     proposal = handoff.opened.proposal if handoff.opened else None
     return proposal.action if proposal else "retry"
 

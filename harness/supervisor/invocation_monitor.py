@@ -1,4 +1,4 @@
-"""Watches the open invocation: starts it, keeps it alive, stops it, and turns its end into a packet and a verdict."""
+"""Monitors the open invocation: starts it, keeps it alive, stops it, and turns its end into a packet and a verdict."""
 
 from typing import Literal
 
@@ -31,7 +31,7 @@ POLL_S = 0.5
 SETTLE_S = 1.6
 """How long the body is watched after a terminal report before its packet is sealed."""
 REST_WITHIN_S = 8.0
-"""How much longer a body that should stand is watched for proof of it; without proof its lease is quarantined."""
+"""How much longer a body is watched for proof of standstill; without proof its lease is quarantined."""
 UNREACHABLE_S = 20.0
 ACKNOWLEDGE_S = 5.0
 Effect = Literal["confirmed", "failed", "unknown"]
@@ -43,7 +43,7 @@ EFFECTS: dict[Effect, Reason] = {
 
 
 class InvocationMonitor:
-    """One invocation at a time. Handles live in memory; the request id finds them again after a crash (D13).
+    """Monitors one invocation at a time. Handles live in memory; the request id finds them again after a crash (D13).
 
     `found` is the invocation that an earlier process left open: its request may have been sent.
     """
@@ -60,7 +60,7 @@ class InvocationMonitor:
         self._resumed = False
 
     def attend(self, mission: Mission, invocation: Invocation) -> float:
-        """One look at the invocation; returns when to look again, in mission time."""
+        """Check the invocation once; returns when to check again, in mission time."""
         now_s = self._connection.clock.now().mission_s
         if self._lost(invocation):
             reason = because("provider_cannot_be_asked", provider_id=invocation.intent.provider_id)
@@ -82,17 +82,17 @@ class InvocationMonitor:
             return now_s
 
     def _lost(self, invocation: Invocation) -> bool:
-        """Sent, perhaps, without a handle, to a provider that cannot be asked by request: never sent again (D13)."""
+        """Sent, perhaps, without a handle, to a provider that cannot be queried by request: never sent again (D13)."""
         intent = invocation.intent
         known = self._handles.get(intent.invocation_id) or invocation.handle
         askable = self._connection.provider(intent.provider_id).card.reattach == "by_request"
         return intent.invocation_id in self._sent and known is None and not askable
 
     def _report(self, mission: Mission, invocation: Invocation) -> InvocationReport | Refused:
-        """The provider's word; reattach by handle, else by request id, else send the request (D13).
+        """The provider's report; reattach by handle, else by request id, else send the request (D13).
 
-        Refused where what authorised it no longer holds: then nothing was sent. Raises ProviderUnreachable for an
-        answer about another request: that is none.
+        Refused where its authorisation no longer holds: then nothing was sent. Raises ProviderUnreachable if the answer
+        is about another request.
         """
         intent = invocation.intent
         provider = self._connection.provider(intent.provider_id)
@@ -142,7 +142,7 @@ class InvocationMonitor:
         return now_s + POLL_S
 
     def _late(self, mission: Mission, invocation: Invocation, now_s: float) -> None:
-        """The deadline passed: a timeout is a failure of its own; C4's first rung is to stop."""
+        """The deadline passed: a timeout is a failure of its own; C4's first step is to stop."""
         if mission.of(invocation.intent.node_id).failure is None:
             late = ReportFailure(
                 node_id=invocation.intent.node_id,
@@ -154,7 +154,7 @@ class InvocationMonitor:
             self._runtime.submit(mission.mission_id, late)
 
     def _reawaken(self, mission: Mission, invocation: Invocation, report: InvocationReport) -> None:
-        """The dead man stood the robot still, nobody watched: go on where card and leases allow, else stop (D12)."""
+        """The heartbeat watchdog stopped the robot: resume where card and leases allow, else stop (D12)."""
         intent = invocation.intent
         provider = self._connection.provider(intent.provider_id)
         if not holds(self._runtime, self._connection.robot_id, intent):
@@ -173,7 +173,7 @@ class InvocationMonitor:
         )
 
     def _finish(self, mission: Mission, invocation: Invocation, report: InvocationReport, now_s: float) -> float:
-        """Seal the evidence once the body was watched long enough, judge it, and let the gate decide: one commit."""
+        """Seal the evidence once the body was observed long enough, judge it, and let the gate decide: one commit."""
         intent = invocation.intent
         self._ended_since = now_s if self._ended_since is None else self._ended_since
         ended_s = min(report.at_s, self._ended_since)
@@ -219,7 +219,7 @@ class InvocationMonitor:
         return now_s
 
     def _close(self, intent: DispatchIntended, effect: Effect) -> None:
-        """What is known of the end; an execution that may be found again keeps its samples."""
+        """Record what is known of the end; an execution that may be found again keeps its samples."""
         if effect != "unknown":
             self._connection.spool.drop(intent.invocation_id)
             self._handles.pop(intent.invocation_id, None)
@@ -276,7 +276,7 @@ class InvocationMonitor:
 
 
 def own(report: InvocationReport, intent: Sent) -> InvocationReport:
-    """The report, if it is about this request. Raises ProviderUnreachable otherwise: that is no answer."""
+    """The report, if it is about this request. Raises ProviderUnreachable otherwise."""
     if report.identity.request_id != intent.request_id:
         raise ProviderUnreachable(
             f"{intent.provider_id} answered about request {report.identity.request_id[:12]}",

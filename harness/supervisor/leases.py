@@ -1,4 +1,4 @@
-"""Lease requests that go with an invocation: taken with the intent, given back only with the body at rest (D14)."""
+"""Lease requests of an invocation: acquired with the intent, released only with the body at standstill (D14)."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -40,7 +40,7 @@ SUPERVISOR = Actor(name="supervisor", role="harness", channel="policy")
 
 
 class Sent(Protocol):
-    """An intent, of a node or of a retreat: whose leases it holds, and whether it moves the body."""
+    """An intent, of a node or of a return to the safe point: whose leases it holds, and whether it moves the body."""
 
     @property
     def invocation_id(self) -> InvocationId: ...
@@ -68,7 +68,7 @@ class Held:
 
 @dataclass(frozen=True)
 class FreeOrder:
-    """A person's order to free one resource, with the reason that stands in the log."""
+    """A person's order to free one resource, with the reason recorded in the log."""
 
     resource: ResourceId
     actor: Actor
@@ -153,10 +153,10 @@ def free(runtime: Runtime, mission: Mission, *, static: dict[str, float]) -> lis
 
 
 def freed(runtime: Runtime, connection: RobotConnection, order: FreeOrder) -> Accepted[AnyEvent] | Refused:
-    """A named person frees a resource (D14): the robot is looked at now, and what its odometry shows is the evidence.
+    """A named person frees a resource (D14), on evidence from a new look at the robot's odometry.
 
-    Whoever had it is told to stop where he can be reached: what is freed is not taken up again. An engaged hardware
-    stop, as the robot reports it, stands for rest. Nothing is started or re-armed. Raises ProviderUnreachable if the
+    The previous holder is told to stop where it can be reached: what is freed is not resumed. An engaged hardware stop,
+    as the robot reports it, counts as standstill. Nothing is started or re-armed. Raises ProviderUnreachable if the
     robot does not answer.
     """
     held = runtime.lease(order.resource)
@@ -169,7 +169,7 @@ def freed(runtime: Runtime, connection: RobotConnection, order: FreeOrder) -> Ac
 
 
 def _static(connection: RobotConnection) -> dict[str, float]:
-    """What shows the body at rest now; empty if nothing is known."""
+    """What shows the body at standstill now; empty if nothing is known."""
     samples: list[AnySample] = []
     while batch := connection.robot.observations(samples[-1].seq if samples else 0, BATCH).samples:
         samples.extend(batch)
@@ -178,7 +178,7 @@ def _static(connection: RobotConnection) -> dict[str, float]:
 
 
 def _lost(runtime: Runtime, robot_id: RobotId, lease: Lease) -> RequestId | None:
-    """The request that a lease was taken for: a retreat's, or an attempt's of its mission."""
+    """The request that a lease was acquired for: a return's, or an attempt's of its mission."""
     control: SiteControl = runtime.fold(CONTROL)
     retreat = control.retreats.get(robot_id)
     if retreat is not None and retreat.intent.invocation_id == lease.invocation_id:

@@ -1,4 +1,4 @@
-"""Whether a robot may go to the safe place of its zone now, and exactly what would be sent; moves nothing (D27)."""
+"""Plans a return to the safe point of the robot's zone, or says why it cannot start now; moves nothing (D27)."""
 
 from dataclasses import dataclass
 from math import hypot
@@ -31,7 +31,7 @@ SLOWNESS = 2.0
 
 @dataclass(frozen=True)
 class Order:
-    """Whose word lets a retreat start, and why. `task_id` and `attempt` name it once and for all."""
+    """Who lets a return start, and why. `task_id` and `attempt` identify it permanently."""
 
     task_id: MissionId
     attempt: int
@@ -42,7 +42,7 @@ class Order:
 
 
 def planned_retreat(roles: RoleContexts, order: Order) -> RetreatIntended | Refused:
-    """The motion as it would run, or why there is none now. Looks at the robot; writes nothing."""
+    """The motion as it would run, or why it is not possible now. Looks at the robot; writes nothing."""
     if not roles.observations.collect(None):
         return refused("robot_silent")
     pose = newest_pose(roles)
@@ -92,7 +92,7 @@ def sending(intent: RetreatIntended) -> list[CommandEnvelope]:
 
 
 def hindrance(roles: RoleContexts, *, map_version: str) -> Reason | None:
-    """Why a robot must not be on its way now, from its own status and its newest pose; None if nothing is known."""
+    """Why a robot must not move now, from its own status and its newest pose; None if nothing speaks against it."""
     status, pose, now_s = roles.observations.status, newest_pose(roles), roles.connection.clock.now().mission_s
     if status is None or now_s - status.at_s > AGE_S:
         return because("robot_status_old")
@@ -126,7 +126,7 @@ def _vetoed(roles: RoleContexts, order: Order) -> Reason | None:
 
 
 def _able(roles: RoleContexts, way: ApproachPath) -> CapabilityCard | None:
-    """The first navigator on the crew that goes as slowly as the way demands, and can be stopped and asked."""
+    """The first connected navigator that drives as slowly as the path demands, and can be stopped and queried."""
     for card in roles.connection.cards:
         speed = next((one for one in card.parameters if one.name == "speed_cap_mps"), None)
         slow = speed is not None and (speed.minimum or 0.0) <= way.retreat.speed_cap_mps

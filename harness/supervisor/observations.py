@@ -1,4 +1,4 @@
-"""What the robot's sensors said lately, and the sealed samples of one invocation. Observed, never accepted."""
+"""Buffers the robot's recent sensor samples and seals those of one invocation. Observed, never accepted."""
 
 from collections import deque
 from collections.abc import Iterable
@@ -52,7 +52,7 @@ class ObservationBuffer:
         return True
 
     def catch_up(self, spooled: Iterable[AnySample]) -> None:
-        """Go on after the newest spooled sample (after a restart of the harness)."""
+        """Continue after the newest spooled sample (after a restart of the harness)."""
         self._after = max((sample.seq for sample in spooled), default=self._after)
 
     @property
@@ -60,7 +60,7 @@ class ObservationBuffer:
         return tuple(self._recent)
 
     def seal(self, samples: Iterable[AnySample], *, source: str) -> tuple[EvidenceReference, Trajectory]:
-        """Store samples as one content-addressed trajectory and say where it came from (D8)."""
+        """Store samples as one content-addressed trajectory with its origin (D8)."""
         trajectory = _ordered(samples)
         times = [s.at_s for s in (*trajectory.poses, *trajectory.odometry, *trajectory.imu)]
         frames = {pose.frame for pose in trajectory.poses}

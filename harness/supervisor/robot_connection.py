@@ -1,4 +1,4 @@
-"""A robot and everything that can act for a mission on it: whom the supervisor may call, and with which clock."""
+"""A connected robot with its providers, its clock and the roles that serve it."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -15,11 +15,12 @@ from harness.verification.verdict import Verifier, verify
 
 @dataclass(frozen=True)
 class RobotConnection:
-    """`prepare` tells a simulated world which mission begins; a real robot ignores it.
+    """One robot and everything that can act for a mission on it.
 
-    `revive` tries to bring back a robot that does not answer, and says whether it did. `verifier` judges packets,
-    `planner` proposes what comes next and `proposer` where to explore; none of them decides anything. `camera` is
-    what people look through and `hand` how they drive it, where the robot has such.
+    `prepare` tells a simulated world which mission begins; a real robot ignores it. `revive` tries to bring back a
+    robot that does not answer, and says whether it did. `verifier` judges packets, `planner` proposes what comes next
+    and `proposer` where to explore; none of them decides anything. `camera` is its live camera and `hand` its
+    teleoperation interface, where the robot has such.
     """
 
     robot_id: RobotId

@@ -1,4 +1,4 @@
-"""Watches the open retreat of one robot: sends it once, keeps it alive, stops it, and measures where it ended (D27).
+"""Runs the return of one robot to its safe point: sends it once, keeps it alive, stops it, and measures its end (D27).
 
 What an earlier process left open is never sent again: it is stopped where it still runs, and its end is unknown (D13).
 """
@@ -36,7 +36,7 @@ from harness.verification.sources import Sources
 
 
 class Returning:
-    """The retreat of one robot. The fold of the control stream says whether there is one; handles live in memory."""
+    """The return of one robot. The fold of the control stream says whether there is one; handles live in memory."""
 
     def __init__(self, *, runtime: Runtime, connection: RobotConnection) -> None:
         self._runtime = runtime
@@ -56,11 +56,11 @@ class Returning:
 
     @property
     def under_way(self) -> bool:
-        """Whether this robot has a retreat that has not ended."""
+        """Whether this robot has a return that has not ended."""
         return self._open() is not None
 
     def step(self) -> float:
-        """Do what is due for the open retreat; returns when to look again, in mission time."""
+        """Do what is due for the open return; returns when to look again, in mission time."""
         retreat, now_s = self._open(), self._connection.clock.now().mission_s
         if retreat is None:
             return now_s
@@ -94,7 +94,8 @@ class Returning:
         return control.retreating(self._connection.robot_id)
 
     def _report(self, retreat: Retreating) -> InvocationReport | None:
-        """The provider's word. Sent once in the life of this process; None where it fell away before it was sent."""
+        """The provider's report. Sent once in the life of this process; None where it was cancelled before it was
+        sent."""
         intent = retreat.intent
         provider = self._connection.provider(intent.provider_id)
         if self._handle is not None:
@@ -163,7 +164,8 @@ class Returning:
         return now_s
 
     def _measured(self, intent: RetreatIntended, now_s: float) -> tuple[dict[str, float], Reason | None]:
-        """The furthest of the newest poses from the place, metres, and why that shows no arrival; as D18 tests it."""
+        """The largest distance of the newest poses from the place, metres, and why that shows no arrival; tested as in
+        D18."""
         recent = self._roles.observations.recent
         mine = {one.at_s: one for one in recent if isinstance(one, Pose) and one.map_version == intent.map_version}
         poses = [mine[at_s] for at_s in sorted(mine)]
@@ -181,14 +183,15 @@ class Returning:
         return measured, None
 
     def _silence(self, intent: RetreatIntended, now_s: float, reason: Reason) -> float:
-        """No answer: asked again for a while, never sent again; the robot stands by its own dead man meanwhile."""
+        """No answer: asked again for a while, never sent again; meanwhile the robot's own heartbeat watchdog stops
+        it."""
         self._silent_since = now_s if self._silent_since is None else self._silent_since
         if now_s - self._silent_since >= UNREACHABLE_S:
             self._end(intent, "unknown", declared="silent", reason=reason)
         return now_s + POLL_S
 
     def _left_open(self, intent: RetreatIntended) -> None:
-        """The harness stopped in between. What still runs is stopped; whether and how far it went, nobody says."""
+        """The harness stopped in between. What still runs is stopped; whether and how far the robot went is unknown."""
         declared = "not asked"
         try:
             provider = self._connection.provider(intent.provider_id)
@@ -210,9 +213,10 @@ class Returning:
         reason: Reason,
         measured: dict[str, float] | None = None,
     ) -> None:
-        """The end and the leases in one commit: freed only at rest by odometry, and never where the end is unknown.
+        """The end and the leases in one commit: freed only at standstill by odometry, and never where the end is
+        unknown.
 
-        A body at rest that is not at the place does there what the zone says instead, before its lease is given back.
+        A body at rest away from the place runs the zone's fallback there, before its lease is released.
         """
         now_s = self._connection.clock.now().mission_s
         rest = at_rest(self._roles.observations.recent, now_s)
@@ -241,7 +245,7 @@ class Returning:
 
 
 def _stopped(retreat: Retreating, report: InvocationReport) -> Reason | None:
-    """Why it went no further: whoever stopped it, else the provider's own words, where it has any."""
+    """Why it went no further: whoever stopped it, else the provider's own report, where it has one."""
     if retreat.stop is not None:
         return because("stopped_by", actor=retreat.stop.actor.name, reason=retreat.stop.reason)
     return recorded(report.message) if report.message else None

@@ -1,4 +1,4 @@
-"""Driving a robot by hand: under a lease of its base, never while a mission's execution runs, returned at rest."""
+"""Teleoperation: a person drives a robot under a lease of its base, never while a mission's execution runs."""
 
 from collections.abc import Mapping
 
@@ -36,7 +36,7 @@ from harness.workers import Worker
 
 BASE = "mobile_base"
 LONGEST_S = 900.0
-"""A person drives for so long at most, in mission time; then the wheel must be taken again."""
+"""The longest teleoperation session, in mission time; then control must be taken again."""
 SETTLE_WITHIN_S = 6.0
 IDLE_S = 60.0
 STOPPED_WITHIN_S = 30.0
@@ -44,7 +44,7 @@ AT_REST: frozenset[str] = frozenset({"awaiting_human", "paused"})
 
 
 class Teleoperation:
-    """Takes, turns and returns the wheels of all robots. Whoever has no wheel moves nothing."""
+    """Starts, drives and ends the teleoperation sessions of all robots. Without a session nothing moves."""
 
     def __init__(self, *, runtime: Runtime, connections: Mapping[RobotId, RobotConnection]) -> None:
         self._runtime = runtime
@@ -53,20 +53,20 @@ class Teleoperation:
         self._worker = Worker("wheel", self._look, every_s=LOOK_S, close_within_s=SETTLE_WITHIN_S)
 
     def watch(self) -> None:
-        """From now on, in the background: a wheel that nobody turns is returned after IDLE_S of wall time."""
+        """Start the background watch: a session without orders for IDLE_S of wall time is ended."""
         self._worker.start()
 
     def close(self) -> None:
-        """End the watch. Wheels stay taken: the robots' dead man stops them, the next start returns them."""
+        """End the watch. Sessions stay open: the robots' heartbeat watchdog stops them, the next start ends them."""
         self._worker.close()
 
     def holder(self, robot_id: RobotId) -> TeleoperationSession | None:
-        """Who drives this robot by hand now."""
+        """Who teleoperates this robot now."""
         control: SiteControl = self._runtime.fold(CONTROL)
         return control.wheels.get(robot_id)
 
     def take(self, robot_id: RobotId, *, actor: Actor, device: str, reason: str) -> Accepted[AnyEvent] | Refused:
-        """The lease of the base and the wheel in one commit; refused while a mission may move the robot.
+        """Acquire the lease of the base and open the session in one commit; refused while a mission may move the robot.
 
         Raises UnknownName for a robot that is not connected.
         """
@@ -92,7 +92,7 @@ class Teleoperation:
         return self._runtime.commit([CommandEnvelope(CONTROL, taken, robot_id), lease])
 
     def turn(self, robot_id: RobotId, session: RequestId, *, v_mps: float, w_radps: float) -> DriveReport:
-        """One moment of driving. Raises ProviderFailed for a session that has not the wheel, or as the robot does."""
+        """One drive order. Raises ProviderFailed for a session without control, or as the robot does."""
         connection, wheel = self._connection(robot_id), self.holder(robot_id)
         lease = self._runtime.lease(leased(robot_id, BASE))
         held = lease.status == "held" and lease.invocation_id == InvocationId(session)
@@ -107,7 +107,7 @@ class Teleoperation:
         return connection.hand.drive(order)
 
     def give_back(self, robot_id: RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
-        """Brake, wait for the body to stand, then free the base; quarantined if nothing shows it at rest."""
+        """Brake, wait for standstill, then release the base; quarantined if nothing shows it at rest."""
         connection, wheel = self._connection(robot_id), self.holder(robot_id)
         if wheel is None:
             return refused("not_at_the_wheel", because("nobody_drives", robot_id=robot_id))
@@ -163,10 +163,10 @@ class Teleoperation:
         return decision
 
     def to_safety(self, robot_id: RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
-        """Send a robot to the safe place of its zone, on this person's word; one that is being stopped is waited for.
+        """Send a robot to the safe place of its zone, ordered by this person; one that is being stopped is waited for.
 
-        Where the zone declares none, or the robot cannot be sent there now, it lies down where it stands, and the log
-        says why. The way itself is the supervisor's. Raises ProviderFailed as the robot does.
+        Where the zone declares none, or the robot cannot be sent there now, it lies down where it is, and the log says
+        why. The supervisor runs the motion. Raises ProviderFailed as the robot does.
         """
         connection = self._connection(robot_id)
         acting = self._acting(connection)
@@ -196,7 +196,7 @@ class Teleoperation:
         )
 
     def stop_retreat(self, robot_id: RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
-        """Ask a robot on its way to a safe place to stand; the supervisor sees the stop through."""
+        """Ask a robot on its way to a safe place to stop; the supervisor completes the stop."""
         return self._runtime.commit(
             [CommandEnvelope(CONTROL, StopRetreat(robot_id=robot_id, actor=actor, reason=reason), robot_id)]
         )
@@ -209,21 +209,22 @@ class Teleoperation:
                 self.give_back(robot_id, actor=SUPERVISOR, reason=f"no sign from {wheel.device} for a while")
 
     def _silent(self, connection: RobotConnection, wheel: TeleoperationSession) -> bool:
-        """Nobody turned it for IDLE_S, or its lease is about to end."""
+        """No order for IDLE_S, or the lease is about to end."""
         now = connection.clock.now()
         lease = self._runtime.lease(leased(wheel.robot_id, BASE))
         last_s = self._turned_s.setdefault(wheel.session, now.wall_s)
         return now.wall_s - last_s > IDLE_S or now.mission_s > lease.expires_s - 2 * SETTLE_WITHIN_S
 
     def return_abandoned(self) -> None:
-        """Wheels that an earlier process left taken: its dead man stopped the robot, nobody drives it any more."""
+        """End the sessions that an earlier process left open: the watchdog stopped the robots, nobody drives them any
+        more."""
         control: SiteControl = self._runtime.fold(CONTROL)
         for robot_id in control.wheels:
             if robot_id in self._connections:
                 self.give_back(robot_id, actor=SUPERVISOR, reason="the harness was started again")
 
     def _in_control(self, robot_id: RobotId, actor: Actor) -> Reason | None:
-        """What keeps people from driving: a mission that acts. One that this very person took over does not."""
+        """What keeps people from driving: an active mission. One that this very person took over does not."""
         for mission in self._runtime.open_missions(robot_id):
             if mission.replay:
                 continue
@@ -252,7 +253,7 @@ class Teleoperation:
         return handoff.status == "taken_over" and taken_by is not None and taken_by.name == actor.name
 
     def _settled(self, connection: RobotConnection, wheel: TeleoperationSession) -> Rest:
-        """Ask for standstill, then look until odometry shows it or SETTLE_WITHIN_S of mission time are over."""
+        """Ask for standstill, then look until odometry shows it or SETTLE_WITHIN_S of mission time have passed."""
         hand, until_s = connection.hand, connection.clock.now().mission_s + SETTLE_WITHIN_S
         rest = Rest(static=False, reason=because("robot_did_not_answer"), measured={})
         while connection.clock.now().mission_s < until_s:
