@@ -43,7 +43,7 @@ class Behind:
 
 
 class MemoryFabric:
-    """The stored roles of memory over one log. Safe between threads and processes: only one follower writes."""
+    """The stored roles of memory over one log. Safe between threads and processes: one follower's writes count."""
 
     def __init__(self, *, store: EventStore, index: MemoryIndex) -> None:
         self._store = store
