@@ -1,4 +1,4 @@
-"""One invocation on the robot: the skill that runs, and what holds it: deadline, keepalive, stop."""
+"""Runs one invocation on the robot: its skill, and its deadline, keepalive and stop."""
 
 from typing import Literal
 
@@ -27,7 +27,7 @@ Hold = Literal["", "keepalive", "stop", "end"]
 class RunningSkill:
     """Runs one skill a tick at a time. Holding always brakes to a standstill before the status changes.
 
-    The dead man begins to brake DEAD_MAN_S after the last keepalive, so that the body stands within 2 s (D12).
+    The heartbeat watchdog brakes from DEAD_MAN_S after the last keepalive, so that the body stands within 2 s (D12).
     """
 
     def __init__(self, card: CapabilityCard, request: StartRequest, skill: Skill, *, at_s: float) -> None:
@@ -50,17 +50,17 @@ class RunningSkill:
 
     @property
     def braking(self) -> bool:
-        """Whether something outside the skill holds it."""
+        """Whether something outside the skill is braking it."""
         return self._hold != ""
 
     @property
     def cruising(self) -> bool:
-        """Whether it is on its way with nothing to decide for a while: far from its end, held by nobody."""
+        """Whether it is under way with nothing to decide for a while: far from its end and not held."""
         return self._hold == "" and self._status == "running" and (self.skill.remaining_m or 0.0) > CRUISING_M
 
     @property
     def held_still(self) -> bool:
-        """Whether the dead man has brought it to a standstill."""
+        """Whether the heartbeat watchdog has brought it to a standstill."""
         return self._hold == "keepalive" and self._status == "blocked"
 
     def keepalive(self, at_s: float) -> None:
@@ -72,12 +72,12 @@ class RunningSkill:
             self._hold, self._status, self._still_s = "stop", "stopping", None
 
     def brake_for(self, last: Step) -> None:
-        """Brake to a standstill, then let `last` be the skill's last word."""
+        """Brake to a standstill, then report `last` as the skill's last status."""
         if self._hold == "":
             self._hold, self._last, self._still_s = "end", last, None
 
     def resume(self, at_s: float) -> None:
-        """Go on after the dead man; anything else that holds it stays."""
+        """Go on after the watchdog stopped it; any other hold remains."""
         if self._hold == "keepalive" and not self.terminal:
             self._hold, self._still_s, self._kept_s, self._status = "", None, at_s, "running"
             self.skill.resume(at_s)
@@ -94,7 +94,7 @@ class RunningSkill:
         return step.command
 
     def report(self) -> InvocationReport:
-        """What the robot says of it now."""
+        """The robot's report on it now."""
         outcome = self._outcome
         done = outcome is not None and outcome.status == "succeeded"
         share = 1.0 if done else self.skill.share
@@ -162,6 +162,6 @@ class RunningSkill:
 
 
 def restarted(report: InvocationReport) -> InvocationReport:
-    """What becomes of an invocation that a restart of the robot cut off."""
+    """The status of an invocation that a restart of the robot cut off."""
     message = "The robot was restarted while this ran; it was not started again."
     return msgspec.structs.replace(report, status="failed", failure="robot_restarted", message=message)

@@ -1,4 +1,4 @@
-"""The simulated robot: providers, senses and journals over one simulated world, in this process."""
+"""The simulated robot: providers, observations and journals over one simulated world, in this process."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -59,7 +59,7 @@ class SimulatedRobot:
 
     @property
     def moving(self) -> bool:
-        """Whether the body is not still, or an invocation that the dead man does not hold may move it."""
+        """Whether the body is not still, or an invocation that the watchdog does not hold may move it."""
         mover = self._mover()
         return not self.world.body.state.still or (mover is not None and not mover.held_still)
 
@@ -83,7 +83,7 @@ class SimulatedRobot:
         )
 
     def picture(self) -> Picture:
-        """What the camera sees from where the body is, for people: no sample and no evidence comes of it."""
+        """What the camera sees from where the body is, for people: it is neither a sample nor evidence."""
         state = self.world.body.state
         pose = (state.x_m, state.y_m, state.yaw_rad)
         width, height = LIVE.width_px, LIVE.height_px
@@ -103,7 +103,7 @@ class SimulatedRobot:
         self.world.configure(mission_id, seed, faults)
 
     def struck(self) -> dict[str, int]:
-        """How often each fault of the configured mission really struck."""
+        """How often each fault of the configured mission really occurred."""
         return dict(self.world.faults.struck)
 
     def advance_to(self, mission_s: float) -> float:
@@ -113,7 +113,7 @@ class SimulatedRobot:
         return self.world.at_s
 
     def press_hardware_stop(self, *, engaged: bool) -> None:
-        """The red button on the robot: below every software, it holds the body still while it is engaged."""
+        """The red button on the robot: independent of all software, it holds the body still while engaged."""
         self.world.hardware_stop = engaged
 
     def save(self) -> None:
@@ -142,7 +142,7 @@ class SimulatedRobot:
         return invocation.report()
 
     def take_up(self, invocation: RunningSkill, entry: JournalEntry) -> None:
-        """A physical start: in the journals first, then in the world with the next tick."""
+        """Starts physically: writes the journals first, then starts in the world with the next tick."""
         self._journal.write(entry)
         identity = invocation.request.identity
         self._starts.write(
@@ -269,7 +269,7 @@ class SimulatedProvider:
 
 
 def _way(request: StartRequest) -> str:
-    """The same route of the same node: what an earlier attempt covered of it counts."""
+    """Identifies a node's route, so that what an earlier attempt covered of it counts."""
     identity = request.identity
     return f"{identity.mission_id}/{identity.node_id}/{digest(request.parameters.get('route', ()))[:12]}"
 

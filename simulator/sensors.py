@@ -1,4 +1,4 @@
-"""The robot's sensors: noisy readings of the body's true state, each kind with a stream of chance of its own."""
+"""The robot's sensors: noisy readings of the body's true state, each kind with its own random stream."""
 
 import math
 from collections.abc import Callable
@@ -32,7 +32,7 @@ EVERY_FIX = ("localiser-x", "localiser-y", "localiser-yaw")
 
 
 class Sensors:
-    """Samples every tick. `fix` is the localiser's newest word to the robot's own controller, published or not.
+    """Samples every tick. `fix` is the localiser's newest fix for the robot's own controller, published or not.
 
     The localiser publishes at 10 Hz in `frame`, odometry and IMU at 20 Hz, the lidar at 1 Hz, the battery at 0.2 Hz.
     """
@@ -50,7 +50,7 @@ class Sensors:
         self.reseed(streams)
 
     def reseed(self, streams: Streams) -> None:
-        """Start every stream of chance again from its first draw."""
+        """Restart every random stream from its first draw."""
         self._streams, self._tick = streams, 0
         self._scale = 1.0 + SCALE_NOISE * _clipped(streams.normal("odometry-scale", 0))
         self._turn = 1.0 + TURN_NOISE * _clipped(streams.normal("odometry-turn", 0))
@@ -61,7 +61,7 @@ class Sensors:
         self._twist = (0.0, 0.0)
 
     def sample(self, state: BodyState, at_s: float) -> None:
-        """Everything that falls due this tick, except the lidar."""
+        """Every sample due this tick, except the lidar."""
         tick = self._tick = self._tick + 1
         self._odometry(state, at_s)
         if tick % POSE_TICKS == 0:

@@ -1,4 +1,4 @@
-"""The simulated robot as a service: the provider protocol, its clock, and the simulation's own commands."""
+"""Serves the simulated robot over HTTP: the provider protocol, its clock, and the simulation's own commands."""
 
 import threading
 import time
@@ -28,7 +28,7 @@ class Pace:
     """Lets a robot's time pass, and lets one caller at a time see it.
 
     At speed 0 only `advance` moves time; but when no request came for FREE_RUN_AFTER_S of wall time and something
-    moves, time runs by itself, so that the dead man works when the harness is gone.
+    moves, time runs by itself, so that the heartbeat watchdog works when the harness is gone.
     """
 
     def __init__(self, robot: SimulatedRobot, speed: float) -> None:
@@ -49,7 +49,7 @@ class Pace:
         self._thread.join()
 
     def orphan(self) -> None:
-        """Nobody will ask any more: do not wait before running free."""
+        """No more requests will come: do not wait before running free."""
         self._orphaned.set()
 
     @property
@@ -58,14 +58,14 @@ class Pace:
         return time.monotonic() - self._asked_s
 
     def retire(self, *, after_s: float) -> bool:
-        """Take no request any more if the robot stands and nobody asked for `after_s`; whether that is so."""
+        """Stop taking requests if the robot stands and no request came for `after_s`; whether that is so."""
         with self._lock:
             self._retired = not self.robot.moving and self.silent_s >= after_s
             return self._retired
 
     @contextmanager
     def turn(self) -> Iterator[None]:
-        """One request at a time. Raises ProviderUnreachable once retired, so that nobody adopts a robot that ends."""
+        """One request at a time. Raises ProviderUnreachable once retired: nothing may adopt a robot that ends."""
         with self._lock:
             if self._retired:
                 raise ProviderUnreachable(
@@ -76,7 +76,7 @@ class Pace:
             self._asked_s = time.monotonic()
 
     def standing(self) -> bool:
-        """Whether nothing moves and nothing is about to."""
+        """Whether nothing moves and nothing is about to move."""
         with self._lock:
             return not self.robot.moving
 

@@ -1,4 +1,4 @@
-"""Driving the simulated robot by hand, and having it lie down: only where nothing else moves it, and fenced."""
+"""Drives the simulated robot by hand and makes it lie down: fenced, and only where nothing else moves it."""
 
 from typing import Literal
 
@@ -37,7 +37,7 @@ BY_HAND: CapabilityCard = replace(
 
 
 class TeleoperationSkill:
-    """Holds the last ordered velocity for DRIVE_DEAD_MAN_S, then none."""
+    """Holds the last ordered velocity for DRIVE_DEAD_MAN_S, then stops."""
 
     def __init__(self) -> None:
         self._wanted, self._ordered_s = Velocity(), 0.0
@@ -59,11 +59,11 @@ class TeleoperationSkill:
         return Step(command=self._wanted if fresh else Velocity())
 
     def resume(self, at_s: float) -> None:
-        """The dead man let go because another order came; that order says what to do."""
+        """Go on after the watchdog stopped it, because another order came; that order is followed."""
 
 
 class SimulatedTeleoperation:
-    """Implements `contracts.ports.HandDriven` for a simulated robot. One thread at a time, as for the robot."""
+    """Implements `contracts.ports.Teleoperable` for a simulated robot. One thread at a time, as for the robot."""
 
     def __init__(self, robot: SimulatedRobot) -> None:
         self._robot = robot
@@ -94,7 +94,7 @@ class SimulatedTeleoperation:
         return self._report(session, running)
 
     def rest(self, order: PostureOrder) -> RobotStatus:
-        """Lie down or stand up; a body that moves does neither."""
+        """Lie down or stand up; refused while the body moves."""
         robot = self._robot
         robot.admit({BASE: order.token}, where="posture")
         if not robot.world.still:

@@ -1,8 +1,8 @@
-"""Named points at which this process dies by SIGKILL: how crash tests reach every durable boundary.
+"""Named points at which this process kills itself with SIGKILL, so that crash tests reach every durable boundary.
 
 A name is WHEN:WHAT or WHEN:WHAT#N. WHEN is `before` or `after`; WHAT is an event kind (an append that holds such
 an event, such as `after:DispatchIntended`) or a provider's act (`start`, `report`, `find`, `keepalive`, `resume`,
-`stop`); N says the how-manieth time, 1 if not said. Without a name the port itself is returned: no cost at all.
+`stop`); N is the occurrence, 1 by default. Without a name the port itself is returned, at no cost.
 """
 
 import os
@@ -35,7 +35,7 @@ class Failpoint(Value):
 
 
 def parse(name: str) -> Failpoint:
-    """The failpoint of that name; raises UnknownName for anything that could never strike."""
+    """The failpoint of that name; raises UnknownName for one that could never be reached."""
     match = _NAME.fullmatch(name)
     if match is None or not (match[2] in _ACTS or match[2][0].isupper()):
         raise UnknownName(
@@ -47,17 +47,17 @@ def parse(name: str) -> Failpoint:
 
 
 def with_failpoint(store: EventStore, plan: Failpoint | None) -> EventStore:
-    """`store` itself, unless the plan strikes at an append."""
+    """Wraps `store` if the failpoint is at an append; otherwise returns it."""
     return FailpointStore(store, plan) if plan and plan.what not in _ACTS else store
 
 
 def provider_with_failpoint(provider: Provider, plan: Failpoint | None) -> Provider:
-    """`provider` itself, unless the plan strikes at a provider's act. Each provider counts by itself."""
+    """Wraps `provider` if the failpoint is at a provider's act. Each provider counts separately."""
     return FailpointProvider(provider, plan) if plan and plan.what in _ACTS else provider
 
 
 class _Trigger:
-    """Counts occurrences and strikes at the planned one."""
+    """Counts occurrences and kills the process at the planned one."""
 
     def __init__(self, plan: Failpoint) -> None:
         self._plan = plan
@@ -84,7 +84,7 @@ def _die() -> None:
 
 
 class FailpointStore:
-    """An event store that dies around one append. Everything else goes straight through."""
+    """An event store that kills the process at one append. Everything else is passed through."""
 
     def __init__(self, store: EventStore, plan: Failpoint) -> None:
         self._store = store
@@ -125,7 +125,7 @@ class FailpointStore:
 
 
 class FailpointProvider:
-    """A provider that dies around one act."""
+    """A provider that kills the process at one act."""
 
     def __init__(self, provider: Provider, plan: Failpoint) -> None:
         self._provider = provider

@@ -1,4 +1,4 @@
-"""Rows about what a provider says and leaves behind: identity, order, progress, failures, receipts, evidence."""
+"""Rows about a provider's reports and evidence: identity, order, progress, failures, receipts."""
 
 import math
 from collections.abc import Iterator
@@ -34,7 +34,7 @@ def completes(bench: Bench) -> RuleObservation:
 
 
 def identity_echo(bench: Bench) -> RuleObservation:
-    """Every report speaks of the request it was asked about: mission, node, attempt, request, provider."""
+    """Every report names the request it was asked about: mission, node, attempt, request, provider."""
     bench.done()
     wrong = sorted(
         {
@@ -58,7 +58,7 @@ def progress(bench: Bench) -> RuleObservation:
 
 
 def failure_words(bench: Bench) -> RuleObservation:
-    """A failure carries a word of the card; nothing else does."""
+    """A failure carries a failure code of the card; nothing else does."""
     deadline(bench)
     words = bench.card.failure_words
     failed = [report for _, report in bench.log if report.status == "failed"]
@@ -107,7 +107,7 @@ def receipts_bound(bench: Bench) -> RuleObservation:
 
 
 def late_repeat(bench: Bench) -> RuleObservation:
-    """After the end, a late repeat of the start and repeated questions get the same last word, and start nothing."""
+    """After the end, a late repeat of the start and repeated questions get the same last report, and start nothing."""
     request, ended = bench.done()
     repeated = bench.start(request)
     asked = [bench.report(ended.handle) for _ in range(3)]

@@ -1,4 +1,4 @@
-"""The installed crew on the kit's bench: simulated robot, local providers, recording navigator; all in virtual time."""
+"""Sets up the installed providers for the kit: simulated robot, local providers, recording navigator; virtual time."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -62,7 +62,7 @@ def _cards(robot: InProcessRobot) -> tuple[CapabilityCard, ...]:
 def installed(
     folder: Path, settings: HarnessSettings, simulator: Simulator, *, recording: Path | None = None
 ) -> Iterator[dict[ProviderId, Stand]]:
-    """A stand for every installed provider, by name. `folder` is scratch space for journals.
+    """A `Stand` for every installed provider, by name. `folder` is scratch space for journals.
 
     `recording` is what the recording navigator replays; None: a circuit walked in the simulated site, recorded first.
     """
@@ -127,7 +127,7 @@ def _parts() -> Parts:
 
 
 class _Replays:
-    """A stand over one recording, which is opened, or made, at the first row."""
+    """A `Stand` over one recording, which is opened, or made, at the first row."""
 
     def __init__(
         self, stack: ExitStack, folder: Path, settings: HarnessSettings, simulator: Simulator, path: Path | None

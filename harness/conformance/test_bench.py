@@ -1,4 +1,4 @@
-"""The bench that rows work on: makes requests, lets time pass with keepalives, and writes down every report."""
+"""The bench that rows work on: makes requests, lets time pass with keepalives, and logs every report."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -24,14 +24,14 @@ SLACK_S = 0.5
 
 @dataclass
 class Log:
-    """Every report of a whole check, in order, with the request it must speak of. Shared by all rows."""
+    """Every report of a whole check, in order, with the request it must name. Shared by all rows."""
 
     reports: list[tuple[StartRequest, InvocationReport]] = field(default_factory=list)
     requests: int = 0
 
 
 class Bench:
-    """One subject for one row. `fencing` is the token every request carries, unless a row wants another."""
+    """One subject for one row. `fencing` is the token of every request, unless a row sets another."""
 
     def __init__(
         self, subject: ProviderUnderTest, declaration: ConformanceFile, *, log: Log, mission_id: MissionId, fencing: int

@@ -1,4 +1,4 @@
-"""C3, the verifier's view, of one packet and of the goal: did it happen? No planner's conclusion, no provider's prose.
+"""Compiles C3, the verifier's view of one packet or of the goal, without planner conclusions or provider prose.
 
 Of a packet: "conditions" (list of Condition); "policy" (VerificationPolicy); "execution" (Execution); "card"
 (CapabilityCard); "constraints" (SafetyState); "goal" (Goal); "facts" (list of CommittedFact this node builds on);

@@ -1,4 +1,4 @@
-"""Pure: the edges of what is known that can be approached, found on the map that the lidar drew."""
+"""Finds the edges of the known area that the robot can approach, on the map drawn from the lidar. Pure."""
 
 import math
 from collections.abc import Iterator

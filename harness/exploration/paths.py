@@ -1,4 +1,4 @@
-"""Pure: where the body may stand on a grid, how far that is, and the way there over floor known to be free."""
+"""Computes where the body may stand on a grid, and the shortest path there over floor known to be free. Pure."""
 
 import heapq
 import math
@@ -28,7 +28,7 @@ _STEPS = tuple(
 
 
 class Ways:
-    """The cheapest ways from one position to every cell that can be reached without entering a keep-out."""
+    """The cheapest paths from one position to every reachable cell outside the keep-outs."""
 
     def __init__(self, grid: GridMap, position: Point, *, keep_out_m: tuple[Region, ...] = ()) -> None:
         self._grid = grid
@@ -38,7 +38,7 @@ class Ways:
         self._position = position
 
     def length_m(self, cell: Cell) -> float | None:
-        """Metres of the way to a cell; None if none is known."""
+        """Length of the path to a cell, metres; None if none is known."""
         return self._length_m.get(cell)
 
     def route_m(self, target: Point) -> tuple[Point, ...]:
@@ -63,7 +63,7 @@ class Ways:
         return tuple(kept)
 
     def _sees(self, start: Point, end: Point) -> bool:
-        """Whether the straight line leads over roomy floor only; through narrow places the way is kept as it is."""
+        """Whether the straight line leads over roomy floor only; narrow passages are not straightened."""
         steps = max(1, math.ceil(math.dist(start, end) / SIGHT_M))
         between = (
             (start[0] + (end[0] - start[0]) * step / steps, start[1] + (end[1] - start[1]) * step / steps)

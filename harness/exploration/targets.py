@@ -1,4 +1,4 @@
-"""Pure: who proposes the next target, which targets the harness admits, and what it takes when one is refused (R222).
+"""Asks a proposer for the next target, and admits it or falls back to the harness's own choice (R222). Pure.
 
 A proposer, a model included, sees the question and nothing else; its target has no authority.
 """
@@ -23,7 +23,7 @@ LONGEST_REASON = 400
 
 @dataclass(frozen=True)
 class Proposer:
-    """Whoever proposes targets, under a name that stands in the log. `propose` may answer anything or raise.
+    """Proposes targets, under a name that is stored in the log. `propose` may return anything or raise.
 
     It sees the question and the picture's bytes; None: it has nothing to propose.
     """
@@ -33,7 +33,7 @@ class Proposer:
 
 
 def nearest_edge(question: TargetQuestion, picture: bytes = b"") -> TargetProposal | None:
-    """The edge that shows most for its way, away from what was given up. Deterministic; needs no picture."""
+    """The edge that shows most for its distance, away from abandoned targets. Deterministic; needs no picture."""
     given_up = [one.target_m for one in question.feedback if isinstance(one, BlockedTarget)]
     left = [one for one in question.frontiers if not _near(one.approach_m, given_up)]
     if not left:
@@ -58,7 +58,7 @@ NEAREST_EDGE = Proposer(name="nearest-edge-1", propose=nearest_edge)
 
 
 def target_refusal(target: Point, *, question: TargetQuestion, grid: GridMap, ways: Ways) -> Refused | None:
-    """Why the harness does not go there, whoever proposed it; None if it may (R222)."""
+    """Why this target is refused, whoever proposed it; None if it is allowed (R222)."""
     said = f"({target[0]:.2f}, {target[1]:.2f})"
     row, column = cell_of(grid, target) if all(math.isfinite(part) for part in target) else (-1, -1)
     if not (0 <= row < grid.rows and 0 <= column < grid.columns):
@@ -82,7 +82,7 @@ def _way_refusal(said: str, *, question: TargetQuestion, way_m: float | None) ->
 
 
 def answered(proposer: Proposer, *, question: TargetQuestion, grid: GridMap, picture: bytes) -> TargetAnswer:
-    """Ask, admit or refuse; a proposer that is refused or breaks stops nothing: the harness's own edge is taken."""
+    """Ask the proposer, then admit or refuse. If it is refused or raises, the harness's own edge is used."""
     said: TargetProposal | None = None
     refused: Explanation = ""
     try:
@@ -97,7 +97,7 @@ def answered(proposer: Proposer, *, question: TargetQuestion, grid: GridMap, pic
 def settled(
     planner: str, said: TargetProposal | None, *, refused: Explanation, question: TargetQuestion, grid: GridMap
 ) -> TargetAnswer:
-    """What the harness makes of what was said; derived again from the records at replay."""
+    """The target that follows from the proposal; replay derives it again from the records."""
     ways = Ways(grid, question.position_m, keep_out_m=question.keep_out_m)
     broken = target_refusal(said.target_m, question=question, grid=grid, ways=ways) if said else None
     if broken is not None:
@@ -120,7 +120,7 @@ def _near(point: Point, others: list[Point]) -> bool:
 
 
 def _storable(said: TargetProposal | None) -> TargetProposal | None:
-    """The proposal as values that the log can hold. Raises TypeError if it is none."""
+    """The proposal as values that the log can hold. Raises TypeError if it is no proposal."""
     if said is None:
         return None
     if not isinstance(said, TargetProposal):

@@ -1,4 +1,4 @@
-"""Pure: a record before it is known what else memory holds about its subject."""
+"""A memory record before it is related to what memory already holds about its subject. Pure."""
 
 from collections.abc import Sequence
 
@@ -34,8 +34,8 @@ class MissionStep(Value):
 class MemoryDraft(Value):
     """What one event adds to memory.
 
-    `fresh`: nothing can be known about its subject yet. `compared`: other sources' words about the subject are
-    compared with it instead of giving way. `disputes`: subjects whose current records it contradicts.
+    `fresh`: nothing can be known about its subject yet. `compared`: other sources' records about the subject are
+    compared with it instead of being superseded. `disputes`: subjects whose current records it contradicts.
     """
 
     role: MemoryRole
@@ -82,7 +82,7 @@ def recorded(
 def configured(
     told: MissionStep, *, role: MemoryRole, subject: str, knowledge: AnyKnowledge, where: FloorBox | None = None
 ) -> MemoryDraft:
-    """Configured semantics: nobody perceived them, and they hold until they are configured anew."""
+    """Configured semantics: not perceived, and valid until they are configured again."""
     return MemoryDraft(
         role=role,
         subject=subject,
@@ -121,5 +121,5 @@ def confidence_of(packet: EvidencePacket) -> float:
 
 
 def same(one: AnyKnowledge, other: AnyKnowledge) -> bool:
-    """Whether two pieces of knowledge say exactly the same."""
+    """Whether two pieces of knowledge are exactly equal."""
     return msgspec.json.encode(one) == msgspec.json.encode(other)

@@ -1,7 +1,7 @@
-"""The memory fabric: follows the log into an index and answers what roles and people ask. The log is the only truth.
+"""The memory fabric: follows the log into an index and answers queries from roles and people.
 
-It writes no event and decides nothing. Every answer is given at the head of the log: what was committed before the
-question is in it, also after a restart, and an index that was lost, cut off or made by another fold is built again.
+It writes no event and decides nothing; the log alone is authoritative. Every answer is given at the head of the log,
+also after a restart: it covers all that was committed before. A lost, truncated or outdated index is built again.
 A dispatch is answered from what is folded; the index is written behind it, before it is asked.
 """
 
@@ -35,7 +35,7 @@ class Behind:
     records: list[MemoryRecord] = field(default_factory=list)
 
     def touches(self, kind: str, subject: str) -> bool:
-        """Whether the index may say something else of a subject once it has these records.
+        """Whether these records may change what the index holds of a subject.
 
         A record supersedes only what is about its own subject; what it contradicts may be about another.
         """
@@ -43,7 +43,7 @@ class Behind:
 
 
 class MemoryFabric:
-    """The stored roles of memory over one log. Safe between threads and processes: one follower's word is taken."""
+    """The stored roles of memory over one log. Safe between threads and processes: one follower's writes count."""
 
     def __init__(self, *, store: EventStore, index: MemoryIndex) -> None:
         self._store = store
@@ -136,7 +136,7 @@ class MemoryFabric:
         return known
 
     def take(self, fresh: Sequence[StoredEvent], *, after: FollowPosition, upto: FollowPosition) -> None:
-        """Fold one stretch of the log. Raises ConcurrencyConflict if another process took the index elsewhere."""
+        """Fold one stretch of the log. Raises ConcurrencyConflict if another process advanced the index."""
         fold = self._fold(after)
         records = list(fold.advance(fresh))
         behind = self._behind or Behind(after=after, upto=after)
@@ -149,7 +149,7 @@ class MemoryFabric:
             self._written()
 
     def _written(self) -> bool:
-        """Whether the index now holds all that was folded; if another process took it elsewhere, that is forgotten."""
+        """Whether the index now holds all that was folded; if another process advanced it, that is forgotten."""
         behind, self._behind = self._behind, None
         if behind is not None:
             try:
@@ -163,7 +163,7 @@ class MemoryFabric:
         return True
 
     def _fold(self, mark: FollowPosition) -> Fold:
-        """The fold that wrote up to this mark, if it is free; else one that learns from the log and the index."""
+        """The fold that wrote up to this mark, if it is free; else a new one that loads from the log and the index."""
         try:
             at, fold = self._idle.pop()
         except IndexError:
@@ -174,7 +174,7 @@ class MemoryFabric:
         return Fold(stream=self._store.load, current=self._current, read=self._artefact)
 
     def _current(self, kind: str, subject: str) -> list[Remembered]:
-        """What is known of a subject. Raises ConcurrencyConflict if another process took the index elsewhere."""
+        """What is known of a subject. Raises ConcurrencyConflict if another process advanced the index."""
         if self._behind and self._behind.touches(kind, subject) and not self._written():
             raise ConcurrencyConflict("The memory index was taken elsewhere", where="memory index", do="follow it")
         return self._index.current(kind, subject)

@@ -1,7 +1,7 @@
-"""Answers about provider outcomes, kept while the log grows: a dispatch asks for the newest hundreds every time.
+"""Caches recent provider outcomes as the log grows, because every dispatch asks for the newest hundreds.
 
-Pure but for its lock: it holds what the index answered at one mark and adds what the fold says next. Anything else
-than new outcomes, or a mark that it did not follow itself, makes it forget.
+Pure but for its lock: it holds what the index answered at one mark and adds what the fold produces next. Anything
+but new outcomes, or a mark that it did not follow itself, empties the cache.
 """
 
 from collections import deque
@@ -23,13 +23,13 @@ class Recent:
         self._answers: dict[MemoryQuery, deque[Remembered]] = {}
 
     def answer(self, query: MemoryQuery, *, at: FollowPosition) -> list[Remembered] | None:
-        """Newest first; None where the index has to be asked."""
+        """The cached records, newest first; None where the index has to be read."""
         with self._lock:
             kept = self._answers.get(query) if self._at == at else None
             return None if kept is None else list(kept)
 
     def keep(self, query: MemoryQuery, found: Iterable[Remembered], *, at: FollowPosition) -> None:
-        """What the index answered at this mark, newest first."""
+        """Cache what the index answered at this mark, newest first."""
         with self._lock:
             if self._at != at or len(self._answers) >= MOST:
                 self._answers.clear()
@@ -50,7 +50,7 @@ class Recent:
                         kept.appendleft(newest)
 
     def _replaces(self, record: MemoryRecord) -> bool:
-        """Whether what is kept may stand otherwise now. A record supersedes only its own kind, but disputes any."""
+        """Whether cached records may have changed standing. A record supersedes only its own kind, but disputes any."""
         superseding = bool(record.supersedes) and any(record.kind in query.kinds for query in self._answers)
         return superseding or bool(record.conflicts)
 

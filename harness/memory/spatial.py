@@ -1,4 +1,4 @@
-"""Pure: spatial memory. Maps with their versions, places and regions, poses, relations and sightings (R137)."""
+"""Derives spatial memory: map versions, places and regions, poses, relations and sightings (R137). Pure."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -106,7 +106,7 @@ def _epoch(told: MissionStep, event: EpochChanged) -> Iterator[MemoryDraft]:
 
 
 def _departed(told: MissionStep, event: DispatchIntended) -> Iterator[MemoryDraft]:
-    """From here on nobody knows where the body is until something is measured and accepted again."""
+    """The body's position is unknown from here on, until one is measured and accepted again."""
     robot, place = told.before.robot_id, told.before.place(event.node_id)
     towards = f"place/{place}" if place else f"node/{event.node_id}"
     moves = KnownRelation(relation="moves_to", one=f"robot/{robot}", other=towards)
@@ -126,7 +126,7 @@ def _departed(told: MissionStep, event: DispatchIntended) -> Iterator[MemoryDraf
 
 
 def _committed(told: MissionStep, event: NodeCommitted) -> Iterator[MemoryDraft]:
-    """One record per thing, though several conditions may speak of it: the last of them."""
+    """One record per thing: the last one, where several conditions concern it."""
     closed = judgement(told.before, event)
     if closed is not None:
         accepted = {draft.key: draft for fact in event.facts for draft in _accepted(told, fact, closed)}
@@ -147,7 +147,7 @@ def _accepted(told: MissionStep, fact: CommittedFact, closed: VerifiedAttempt) -
 
 
 def _pose(told: MissionStep, fact: CommittedFact) -> KnownPose | None:
-    """Where a fact says that the body stands: at a target, within what was measured, or at a measured position."""
+    """Where a fact places the body: at a target, within what was measured, or at a measured position."""
     arguments, robot_id = fact.arguments, told.before.robot_id
     if "target_m" in arguments and "distance_m" in fact.measured:
         point = msgspec.convert(arguments["target_m"], Point)
@@ -188,7 +188,7 @@ def _measured(
 
 
 def _sighted(told: MissionStep, fact: CommittedFact, closed: VerifiedAttempt) -> MemoryDraft:
-    """What an analysis saw. The gate accepted its binding to the images; that it is right, nobody else has said."""
+    """What an analysis saw. The gate accepted its binding to the images; no other source confirms that it is right."""
     contract = told.before.contract
     passage = next(iter(bound(contract, Passage)), None) if contract else None
     seen = next((one for one in told.before.facts.values() if one.node_id == fact.arguments.get("object")), fact)

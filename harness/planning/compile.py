@@ -1,4 +1,4 @@
-"""Pure: a goal in words and a template become a task contract T = (g, G, C_g, S, R), or a typed error (R1, R2)."""
+"""Compiles a goal and a template into a task contract T = (g, G, C_g, S, R), or raises a typed error (R1, R2). Pure."""
 
 import math
 import re
@@ -57,7 +57,7 @@ def compile_contract(
 
 
 def compile_again(contract: TaskContract, *, template: TaskTemplate, site: Site) -> TaskContract:
-    """The request behind a contract under another version of its template, with what its person chose (D35).
+    """The request behind a contract under another version of its template, with the person's own choices (D35).
 
     Raises as `compile_contract` does.
     """
@@ -67,7 +67,7 @@ def compile_again(contract: TaskContract, *, template: TaskTemplate, site: Site)
 
 
 def _said(bound: Any) -> Argument:
-    """A place was bound to its record; whatever else was chosen stands as it was given."""
+    """The original argument: a place is bound to its record; everything else stays as it was given."""
     said: Argument = bound["place_id"] if isinstance(bound, Mapping) else bound
     return said
 

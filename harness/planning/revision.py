@@ -1,4 +1,4 @@
-"""Pure: which revised contract a planner may propose (R4, R131), and what a reopened stage takes along (D29).
+"""Checks a planner's revised contract (R4, R131), and finds the stages that restart with a reopened one (D29). Pure.
 
 A revision may reorder what is still open, add stages and add restrictions. It keeps the goal, its completion
 conditions, what was committed, and every limit and budget.
@@ -37,7 +37,7 @@ def revision_refusal(mission: Mission, proposed: TaskContract) -> Refused | None
 
 
 def reopened_with(contract: TaskContract, responsible: NodeId) -> tuple[NodeId, ...]:
-    """The stages that begin anew with this one: what depends on it, and who must bring the body back for them.
+    """The stages that restart with this one: what depends on it, and who must bring the body back for them.
 
     `responsible` comes first, the others in graph order.
     """
@@ -108,7 +108,7 @@ def _stages(mission: Mission, current: TaskContract, proposed: TaskContract) -> 
 
 
 def _weaker(before: Node, after: Node) -> Iterator[str]:
-    """What the revised stage would ask less of."""
+    """What the revised stage would require less of."""
     if any(one not in after.success_conditions for one in before.success_conditions):
         yield "success_conditions"
     if any(one not in after.preconditions for one in before.preconditions):

@@ -1,4 +1,4 @@
-"""What a robot may serve for people beside the provider protocol: a live camera, driving by hand, a posture."""
+"""Optional operations of a robot for people, beside the provider protocol: live camera, teleoperation, posture."""
 
 from harness.contracts.ports import LiveCamera, Teleoperable
 from harness.contracts.protocol import DriveOrder, DriveReport, Picture, PostureOrder, RobotStatus
@@ -7,7 +7,7 @@ from harness.provider_protocol.wire import DriveSession
 
 
 def camera_operations(camera: LiveCamera) -> tuple[Operation, ...]:
-    """The live camera. It takes its own time: nothing waits for a picture."""
+    """The live camera. It runs on its own thread: nothing waits for a picture."""
 
     def picture(names: Names, body: None) -> Picture:
         return camera.picture()

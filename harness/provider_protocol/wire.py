@@ -1,4 +1,4 @@
-"""What travels on the HTTP provider protocol beside the contracts: problems, clock readings, simulation commands."""
+"""Bodies of the HTTP provider protocol that are not contracts: problems, clock readings, simulation commands."""
 
 from harness.contracts.errors import (
     BlobDamaged,

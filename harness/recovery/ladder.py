@@ -1,4 +1,4 @@
-"""Pure: the recovery role. One failure climbs one rung of its ladder; a proposal, never an authorisation (R134)."""
+"""The recovery role: proposes the next step of the failure's ladder. Pure: it never authorises (R134)."""
 
 from harness.contracts.configuration import RecoveryAction
 from harness.contracts.contexts import Context
@@ -12,11 +12,11 @@ SAME_PROVIDER: tuple[RecoveryAction, ...] = ("retry", "local_replan")
 
 
 def recover(context: Context) -> RecoveryProposal:
-    """The next rung for the failure that C4 shows; C4 is the only state it sees.
+    """The next step for the failure that C4 shows; C4 is the only state it sees.
 
-    A rung that no budget pays for, that would repeat a failed action without news, or a switch without another
-    provider is passed over and named in `refused`. Every way ends in `human`. Raises ContractInvalid if C4 lacks the
-    failure, the node, the attempts or the budget.
+    A step that no budget pays for, one that would repeat a failed action without new observations, and a switch
+    without another provider are skipped and listed in `refused`. Every ladder ends in `human`.
+    Raises ContractInvalid if C4 lacks the failure, the node, the attempts or the budget.
     """
     node, standing = failed_node(context), standing_in(context)
     other = next((card.provider_id for card in alternatives_of(context)), None)
@@ -33,7 +33,7 @@ def recover(context: Context) -> RecoveryProposal:
 
 
 def next_rung(standing: RecoveryState, *, ladder: tuple[RecoveryAction, ...], other: ProviderId | None) -> LadderStep:
-    """The first rung above the last authorised one that may be climbed. `other`: who could take over, if anybody."""
+    """The first permitted step above the last authorised one. `other`: who could take over, if anyone."""
     refused: list[Reason] = []
     for action in ladder[climbed(ladder, standing.tried()) :]:
         why = unaffordable(action, standing) or _impossible(action, standing, other)

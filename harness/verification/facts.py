@@ -1,4 +1,4 @@
-"""Pure: which facts a satisfied verdict would make true. It proposes; only the gate commits (R29, R113)."""
+"""Derives the facts that a satisfied verdict would establish. Pure: it proposes; only the gate commits (R29, R113)."""
 
 from typing import Any
 
@@ -36,7 +36,7 @@ def facts_of(verdict: NodeVerdict, *, packet: EvidencePacket, node: Node, k: Cou
 
 
 def finding_in_words(measured: dict[str, float]) -> str:
-    """What an analysis found, said by the harness from its numbers: no provider's prose enters a fact."""
+    """Describes what an analysis found, from its numbers only: no provider's prose enters a fact."""
     count = round(measured["obstructions"])
     if not measured["blocked"]:
         return "The passage is clear: nothing stands on its floor."

@@ -1,4 +1,4 @@
-"""Pure: which verdict a packet earns, and the goal. Reads no clock, writes nothing, commits nothing."""
+"""Judges an evidence packet, and the goal. Pure: reads no clock, writes nothing, commits nothing."""
 
 from collections.abc import Callable, Sequence
 
@@ -24,7 +24,7 @@ Verifier = Callable[[Context, Blobs], NodeVerdict]
 def judged(context: Context, blobs: Blobs, *, verifier: Verifier) -> NodeVerdict:
     """The verifier's verdict; ambiguous, with the reason, from one that is absent, crashed or late (R45).
 
-    Raises ContractInvalid if the context is not one of a packet: that is no verifier's failure.
+    Raises ContractInvalid if the context is not one of a packet: that is not the verifier's failure.
     """
     try:
         return verifier(context, blobs)
@@ -134,7 +134,7 @@ def _found(condition: Condition, evidence: Evidence) -> tuple[Finding, bool]:
 
 
 def _admitted(finding: Finding, evidence: Evidence, *, short: bool) -> tuple[Verdict, Reason]:
-    """By precedence: unsafe, stale, then the predicate's own word, made ambiguous where evidence falls short."""
+    """By precedence: unsafe, stale, then the predicate's own answer, made ambiguous where evidence falls short."""
     try:
         forbidden = unsafe(evidence)
         lacking, aged = missing(evidence)

@@ -1,4 +1,4 @@
-"""One OpenID Connect issuer, through Authlib: authorization code with PKCE, state and nonce. It keeps no token."""
+"""Signs people in through one OpenID Connect provider: authorization code, PKCE, state and nonce. Stores no token."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ CLIENT_ERRORS = frozenset({"invalid_client", "unauthorized_client"})
 
 @dataclass(frozen=True)
 class Registration:
-    """What issuer and console know of each other. `hosts` beside the issuer's own may be asked too."""
+    """The console's registration at the issuer. `hosts` are allowed besides the issuer's own."""
 
     issuer: str
     client_id: str
@@ -40,7 +40,7 @@ class Registration:
 
 @dataclass(frozen=True)
 class _Document:
-    """What the issuer says of itself, and its keys, as read at `read_s`."""
+    """The issuer's discovery document and its keys, as read at `read_s`."""
 
     body: Mapping[str, Any]
     keys: KeySet
@@ -48,10 +48,10 @@ class _Document:
 
 
 class OpenIdProvider:
-    """Implements IdentityProvider. `clock` gives wall seconds; the secret is sent to the token endpoint alone."""
+    """Implements IdentityProvider. `clock` gives wall seconds; the secret goes to the token endpoint only."""
 
     def __init__(self, registration: Registration, *, secret: str, clock: Callable[[], float]) -> None:
-        """Asks nobody yet. Raises ContractInvalid for an issuer that is no https address, or no client id."""
+        """Sends no request yet. Raises ContractInvalid for an issuer that is no https address, or no client id."""
         if not secure(registration.issuer) or urlsplit(registration.issuer).query:
             raise ContractInvalid(
                 "The identity provider's address is none that can be trusted",
@@ -132,14 +132,14 @@ class OpenIdProvider:
         return f"{self._wire.allowed(endpoint)}{'&' if '?' in str(endpoint) else '?'}{query}"
 
     def examined(self) -> int:
-        """Asks the issuer anew for what it says of itself; how many keys it signs with. Raises as `begin` does."""
+        """Reads the issuer's discovery document again; returns how many keys it signs with. Raises as `begin` does."""
         document = self._fetched()
         for name in ("authorization_endpoint", "token_endpoint"):
             self._wire.allowed(document.body.get(name))
         return len(document.keys.keys)
 
     def _signed(self, token: object, document: _Document) -> Any:
-        """The issuer may have new keys since they were read: an unknown one is looked for once more, not more often."""
+        """Reads the issuer's keys again, once, for an unknown key: the issuer may have changed them since."""
         algorithms = offered(document.body.get("id_token_signing_alg_values_supported"))
         try:
             return verified(token, document.keys, algorithms=algorithms)
@@ -171,7 +171,7 @@ class OpenIdProvider:
         )
 
     def _document(self) -> _Document:
-        """As it was read, for an hour. One that was away is not asked again at once: who waits keeps others waiting."""
+        """The document, cached for an hour. After a failure the issuer is not asked again at once."""
         with self._lock:
             known, away = self._read, self._away
         if known and self._clock() - known.read_s < KNOWN_S:

@@ -1,4 +1,4 @@
-"""An identity token, believed only if the issuer's own key signed it, now, for this console and this sign-in."""
+"""Verifies an identity token: signed by the provider's own key, current, and issued for this console and sign-in."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -43,13 +43,13 @@ def keys_of(document: Mapping[str, Any]) -> KeySet:
 
 
 def offered(supported: object) -> tuple[str, ...]:
-    """The algorithms that are taken: asymmetric ones, of those that the issuer says it uses."""
+    """The accepted algorithms: the asymmetric ones among those that the issuer declares."""
     named = [one for one in ASYMMETRIC if one in supported] if isinstance(supported, list) else []
     return tuple(named) or ASYMMETRIC
 
 
 def algorithm_of(token: object) -> str:
-    """What a token says it is signed with, unverified. Raises TokenInvalid; TokenUnsigned for no or a shared key."""
+    """The algorithm that a token declares, unverified. Raises TokenInvalid; TokenUnsigned for no or a shared key."""
     try:
         header = jws.extract_compact(str(token).encode()).headers()
     except (JoseError, ValueError, RecursionError) as error:
@@ -65,7 +65,7 @@ def algorithm_of(token: object) -> str:
 
 
 def verified(token: object, keys: KeySet, *, algorithms: Iterable[str]) -> jwt.Token:
-    """Header and claims of a token that one of `keys` signed. Raises KeyUnknown, SignatureBad and their kin."""
+    """Header and claims of a token that one of `keys` signed. Raises KeyUnknown, SignatureBad and related errors."""
     algorithm_of(token)
     registry = jws.JWSRegistry(algorithms=list(algorithms), strict_check_header=False)
     try:
@@ -79,7 +79,7 @@ def verified(token: object, keys: KeySet, *, algorithms: Iterable[str]) -> jwt.T
 
 
 def accepted(token: jwt.Token, *, issuer: str, client_id: str, nonce: str, access_token: object, now_s: float) -> Any:
-    """The claims, if they name this issuer, this client, this sign-in and the present. Raises TokenInvalid's kinds."""
+    """The claims, if they name this issuer, this client, this sign-in and the present. Raises TokenInvalid."""
     if token.claims.get("iss") != issuer:
         raise IssuerWrong(
             "The identity token comes from another issuer", where=str(token.claims.get("iss", ""))[:200], do=AGAIN

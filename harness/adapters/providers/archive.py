@@ -1,4 +1,4 @@
-"""Keeps a picture as evidence: reads it back, computes its checksum again and stores a certificate beside it."""
+"""Archives a picture as evidence: reads it back, recomputes its checksum and stores a certificate with it."""
 
 from pathlib import Path
 
@@ -36,7 +36,7 @@ CARD = CapabilityCard(
 
 
 class Certificate(Value):
-    """One kept picture. `image` is the checksum of the bytes that were stored."""
+    """One archived picture. `image` is the checksum of the bytes that were stored."""
 
     image: Digest
     width_px: Count

@@ -1,4 +1,4 @@
-"""Typed requests: keeps the person's own words as bytes, so that a checksum can tie later stages to them."""
+"""Takes typed requests: stores the person's own words as bytes, so that a checksum can tie later stages to them."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Base of providers that run beside the harness and move nothing: accept durably, work when polled, end once."""
+"""Base class of providers that run inside the harness and move nothing: accept durably, work when polled, end once."""
 
 import threading
 from abc import ABC, abstractmethod
@@ -19,7 +19,7 @@ from harness.provider_protocol.parameters import parameter_problems
 
 
 class ReceiptDraft(Value):
-    """A receipt before it has an id, a source and a request."""
+    """A receipt without its id, source and request."""
 
     kind: Any
     text: str = ""
@@ -38,7 +38,7 @@ class Result(Value):
 
 
 class Failed(Value):
-    """Work that cannot be finished: a failure word of the card, and the reason for a person."""
+    """Work that cannot be finished: a failure code of the card, and the reason for a person."""
 
     failure: str
     message: str
@@ -48,7 +48,7 @@ Outcome = Result | Progress | Failed
 
 
 class LocalProvider(ABC):
-    """The provider protocol for work inside this process. Subclasses say what `work` is.
+    """The provider protocol for work inside this process. Subclasses implement `work`.
 
     `start` accepts durably and begins; `report` works and ends the invocation. After a restart an accepted request
     goes on by its request id, so `work` must be idempotent. Nothing here moves, so a stop is acknowledged at once.
@@ -88,7 +88,7 @@ class LocalProvider(ABC):
         return self._journal.reports.get(request)
 
     def report(self, handle: str) -> InvocationReport:
-        """Do what can be done by now, and say how far it is. Raises ProviderFailed for an unknown handle."""
+        """Do what can be done by now, and report the progress. Raises ProviderFailed for an unknown handle."""
         with self._lock:
             report = self._known(handle)
             if report.status in TERMINAL:
@@ -125,12 +125,12 @@ class LocalProvider(ABC):
         return None
 
     def halt(self, request: RequestId) -> None:
-        """Let go of what `begin` took."""
+        """Release what `begin` acquired."""
         return None
 
     @abstractmethod
     def work(self, request: StartRequest, now_s: float) -> Outcome:
-        """How it ended, or how far it is. A HarnessError ends the invocation as failed, its code the failure word."""
+        """The result, or the progress. A HarnessError ends the invocation as failed; its code is the failure code."""
 
     def _guarded(self, report: InvocationReport, act: Callable[[], Outcome | None]) -> InvocationReport:
         try:

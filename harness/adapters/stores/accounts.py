@@ -1,6 +1,6 @@
-"""People, sessions, tokens and the trail of who came in, in a database of their own. Holds digests, never secrets.
+"""Stores people, sessions, tokens and the audit log of sign-ins in a separate database. Holds digests, never secrets.
 
-The trail is a hash chain of its own: an entry's digest covers the one before it.
+The audit log is a separate hash chain: an entry's digest covers the one before it.
 """
 
 import sqlite3
@@ -72,7 +72,7 @@ class SqlAccounts:
     # accounts -------------------------------------------------------------------------------------------------------
 
     def accounts(self) -> list[Account]:
-        """Everybody, disabled ones included, by name."""
+        """All accounts, disabled ones included, by name."""
         return [_account(row) for row in self._rows(select(ACCOUNTS).order_by(ACCOUNTS.c.name))]
 
     def account(self, name: str) -> Account | None:
@@ -100,7 +100,7 @@ class SqlAccounts:
     # identities -----------------------------------------------------------------------------------------------------
 
     def identity(self, issuer: str, subject: str) -> ExternalIdentity | None:
-        """Whose account that is."""
+        """The account of that identity."""
         mine = (IDENTITIES.c.issuer == issuer) & (IDENTITIES.c.subject == subject)
         return next((_identity(row) for row in self._rows(select(IDENTITIES).where(mine))), None)
 
@@ -110,7 +110,7 @@ class SqlAccounts:
         return [_identity(row) for row in self._rows(query)]
 
     def link(self, identity: ExternalIdentity, *, account: Account | None = None) -> None:
-        """With the account that is made for it, or neither. Raises ConcurrencyConflict if either is known already."""
+        """Store the identity and its new account, or neither. Raises ConcurrencyConflict if either is known already."""
         try:
             with self._transaction() as connection:
                 if account is not None:
@@ -146,7 +146,7 @@ class SqlAccounts:
         self._write(insert(SESSIONS).values(_columns(session)))
 
     def change_session(self, digest: str, session: Session) -> bool:
-        """Replace the session that has this digest; False if somebody else changed its digest first."""
+        """Replace the session that has this digest; False if another request changed its digest first."""
         return self._write(update(SESSIONS).where(SESSIONS.c.digest == digest).values(_columns(session))) == 1
 
     def close_sessions(self, *, digest: str = "", name: str = "", but: str = "") -> int:
@@ -171,12 +171,12 @@ class SqlAccounts:
         row = _columns(token, scopes=" ".join(token.scopes))
         self._write(update(TOKENS).where(TOKENS.c.token_id == token.token_id).values(row))
 
-    # the trail ------------------------------------------------------------------------------------------------------
+    # the audit log --------------------------------------------------------------------------------------------------
 
     def record(
         self, *, at_s: float, kind: str, actor: str, role: str, subject: str, detail: str, source: str
     ) -> AuditEntry:
-        """Append one entry to the trail's chain."""
+        """Append one entry to the audit log's chain."""
         with self._transaction() as connection:
             last = connection.execute(select(TRAIL).order_by(TRAIL.c.number.desc()).limit(1)).mappings().first()
             bare = AuditEntry(
@@ -295,7 +295,7 @@ class SqlAccounts:
         )
 
     def _answer(self, question: tuple[str, str], ask: Callable[[], Answer]) -> Answer:
-        """What is asked with every request: the database is read again once anybody has written."""
+        """Caches a query that every request makes; the database is read again after any write."""
         try:
             with self._lock:
                 return self._remembered.answer(question, ask)

@@ -1,4 +1,4 @@
-"""Pure: how events are linked into one hash chain, and how the chain is checked. Stores nothing.
+"""Links events into one hash chain and checks the chain. Pure: stores nothing.
 
 An event's digest is the SHA-256 of these bytes, numbers big-endian, so that any language can check a log:
 previous digest (32 bytes), position and version (8 bytes each), mission and recorded time (IEEE 754 doubles),
@@ -91,7 +91,7 @@ def check_commands(
 ) -> Iterator[StoredEvent]:
     """The same events; raises LogDamaged for one that names a command which is not stored.
 
-    `stored` says which of these records are there; it is asked once for so many events.
+    `stored` returns which of these records exist; it is called once per batch of events.
     """
     waiting: dict[Digest, int] = {}
     for number, event in enumerate(events, start=1):
@@ -122,7 +122,7 @@ def check_record(record: Record) -> None:
 
 
 def admit(batches: Sequence[Batch], records: Sequence[Record]) -> None:
-    """Refuse at the door what not every database keeps, and what `check_record` would find damaged later.
+    """Refuse what some database could not store, and what `check_record` would find damaged later.
 
     Raises ContractInvalid.
     """

@@ -1,4 +1,4 @@
-"""Dossiers as files: a ZIP archive whose contents list is signed with the installation's Ed25519 key."""
+"""Reads and writes dossiers: ZIP archives whose contents list is signed with the installation's Ed25519 key."""
 
 import os
 import zipfile
@@ -43,12 +43,12 @@ def signing_key(folder: Path) -> Ed25519PrivateKey:
 
 
 def public_key(key: Ed25519PrivateKey) -> str:
-    """In hexadecimal: what a recipient compares with the key they were told."""
+    """In hexadecimal: a recipient compares it with the key they were given."""
     return key.public_key().public_bytes_raw().hex()
 
 
 def write_dossier(path: Path, contents: DossierContents, files: Mapping[str, bytes], key: Ed25519PrivateKey) -> None:
-    """Under another name first, then renamed: there is all of it or nothing. Raises StoreUnavailable."""
+    """Written under another name, then renamed, so that it is complete or absent. Raises StoreUnavailable."""
     signed = encode(contents)
     signature = DossierSignature(algorithm=ALGORITHM, public_key=public_key(key), signature=key.sign(signed).hex())
     partial = path.with_name(f".{path.name}.partial")
@@ -65,7 +65,7 @@ def write_dossier(path: Path, contents: DossierContents, files: Mapping[str, byt
 
 
 class DossierBlobs:
-    """The blobs of a dossier, read when asked for. Nothing can be put."""
+    """The blobs of a dossier, read on demand. Read-only."""
 
     def __init__(self, archive: zipfile.ZipFile, contents: DossierContents) -> None:
         self._archive = archive

@@ -1,4 +1,4 @@
-"""Stores that live as long as their process: for tests, suites and simulated missions. Nothing reaches the disk."""
+"""In-memory stores for tests, suites and simulated missions. They end with their process; nothing reaches the disk."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from threading import Lock

@@ -1,4 +1,4 @@
-"""A memory index that lives as long as its process: for tests, suites and simulated missions."""
+"""In-memory index of memory records, for tests, suites and simulated missions. It ends with its process."""
 
 from bisect import insort
 from collections.abc import Iterable, Sequence
@@ -33,7 +33,7 @@ class IndexRow:
     until_s: float | None = None
 
     def standing(self, as_of: int | None) -> RecordStanding:
-        """What had become of it by that position of the log; None: by now."""
+        """Its standing at that position of the log; None: now."""
         if _by(self.superseded_at, as_of):
             return "superseded"
         return "disputed" if _by(self.disputed_at, as_of) else self.record.verification
@@ -134,7 +134,7 @@ class VolatileMemoryIndex:
 
 
 def moved(mark: FollowPosition, after: FollowPosition) -> ConcurrencyConflict:
-    """The error for an index that somebody else has taken further."""
+    """The error for an index that another process advanced."""
     return ConcurrencyConflict(
         f"The memory index is at position {mark.position}, not at {after.position}",
         where="memory index",

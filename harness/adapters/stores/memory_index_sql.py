@@ -1,4 +1,4 @@
-"""The memory index in an SQLite file of its own, through SQLAlchemy. A read model: deleting the file loses nothing.
+"""Stores the memory index in a separate SQLite file through SQLAlchemy. It can be deleted and rebuilt from the log.
 
 Its commits reach the disk with the next checkpoint, not at once; after a crash it is behind the log and follows it
 again. Boxes and intervals of spatial records lie in an R*-tree.
@@ -73,7 +73,7 @@ class SqlMemoryIndex:
             self._writer = writer
 
     def mark(self) -> FollowPosition:
-        """How far the index has followed the log. Asks for no row where nobody but this process wrote it."""
+        """How far the index has followed the log. Reads no row if only this process wrote it."""
         with self._translated(), self._lock:
             change: int = self._opened().execute("PRAGMA data_version").fetchone()[0]
             if change == self._change and self._known is not None:

@@ -1,7 +1,7 @@
-"""The event log in a PostgreSQL database, for several processes and hosts. Appends and reads; decides nothing.
+"""Stores the event log in PostgreSQL, for several processes and hosts. Appends and reads; decides nothing.
 
 Appends of all processes queue at one advisory lock, so that there is one order and one chain; readers never wait.
-The log wants a database of its own. Its owner can still switch the triggers off: then the chain tells.
+The log needs a database of its own. Its owner can still switch the triggers off; the chain then shows changes.
 """
 
 from collections.abc import Iterator, Sequence
@@ -144,7 +144,7 @@ class PostgresEventStore(SqlLog):
             )
 
     def _begun(self) -> Connection:
-        """The writer inside its transaction; opened anew, once, if the connection was lost while it was idle."""
+        """The writer inside its transaction; opened again, once, if the connection was lost while it was idle."""
         try:
             return self._begin()
         except DBAPIError as error:

@@ -1,4 +1,4 @@
-"""The lists in an SQLite file of their own, or in memory. Deleting them loses nothing: the log makes them again.
+"""Stores the list read models in a separate SQLite file or in memory. They can be deleted and rebuilt from the log.
 
 Commits to a file reach the disk with the next checkpoint; after a crash they are behind the log and follow it again.
 """

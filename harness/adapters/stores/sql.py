@@ -1,4 +1,4 @@
-"""The event log in an SQLite file, through SQLAlchemy Core. Appends and reads; decides nothing.
+"""Stores the event log in an SQLite file through SQLAlchemy Core. Appends and reads; decides nothing.
 
 Two processes may append to the same file: the log's head is read inside the write transaction (BEGIN IMMEDIATE).
 """
@@ -60,7 +60,7 @@ class SqlEventStore(SqlLog):
     def load(self, stream: StreamId, after: int = 0) -> list[StoredEvent]:
         """Events of one stream with version > after, in order.
 
-        Asks for no rows where it is known that there are none and nobody else wrote since.
+        Reads no rows where it is known that there are none and no other process wrote since.
         """
         self._check_open()
         with self._failures:

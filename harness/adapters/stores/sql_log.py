@@ -1,7 +1,7 @@
-"""What every SQL database does alike for the event log: append, read, verify, be filled. Knows no database by name.
+"""The event log's operations that all SQL databases share: append, read, verify and copy.
 
-One connection appends, under a lock and inside the database's one write transaction, in which the log's head is
-read: processes queue there, whichever of them comes first. Readers have connections of their own that cannot write.
+One connection appends, under a lock and inside the database's single write transaction, in which the log's head is
+read, so processes queue there. Readers have separate connections that cannot write.
 """
 
 from abc import ABC, abstractmethod
@@ -132,7 +132,7 @@ class SqlLog(ABC):
     # snapshots ------------------------------------------------------------------------------------------------------
 
     def snapshot(self, stream: StreamId) -> StateSnapshot | None:
-        """What was kept of a stream, if it was folded from the events this log holds."""
+        """The stored snapshot of a stream, if it was folded from the events this log holds."""
         rows = self._rows(self._sql.snapshot, (stream,))
         if not rows:
             return None
@@ -140,7 +140,7 @@ class SqlLog(ABC):
         return StateSnapshot(stream=name, version=version, fingerprint=fingerprint, digest=digest, body=body)
 
     def keep(self, snapshot: StateSnapshot) -> None:
-        """Replace what is kept of the stream; a stream that holds no event of that version keeps nothing."""
+        """Replace the stream's snapshot; stores nothing for a stream without an event of that version."""
         kept = (snapshot.version, snapshot.fingerprint, snapshot.digest, snapshot.body)
         self._check_open()
         with self._translated(), self._aside.connect() as connection:
@@ -149,10 +149,10 @@ class SqlLog(ABC):
     # moving ---------------------------------------------------------------------------------------------------------
 
     def fill_from(self, source: "SqlLog") -> LogHead:
-        """Take over every event and record of `source` as it stands there, into an empty log, and verify the copy.
+        """Copy every event and record of `source` unchanged into an empty log, and verify the copy.
 
         All or nothing: what does not verify, here or there, leaves this log empty. Raises LogDamaged, and
-        StoreUnavailable if this log holds anything or if somebody appended to `source` meanwhile.
+        StoreUnavailable if this log holds anything or if anyone appended to `source` meanwhile.
         """
         with self._translated(), self._lock:
             self._check_open()
@@ -217,7 +217,7 @@ class SqlLog(ABC):
 
     @abstractmethod
     def _check_indexes(self, connection: Connection, head: LogHead) -> None:
-        """Raises LogDamaged if the database itself finds fault with its tables or indexes."""
+        """Raises LogDamaged if the database reports damage in its tables or indexes."""
 
     @abstractmethod
     def _release(self) -> None:
@@ -259,7 +259,7 @@ class SqlLog(ABC):
                 one.done = True
 
     def _linked(self, writer: Connection, one: _Append) -> list[StoredEvent]:
-        """The append's events behind what the log holds by now; none, and the reason with it, if it does not fit."""
+        """The append's events behind what the log holds by now; none, with the reason, if it does not fit."""
         streams = list(dict.fromkeys(batch.stream for batch in one.batches))
         head, versions = self._ends(writer, streams)
         try:

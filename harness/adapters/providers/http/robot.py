@@ -1,4 +1,4 @@
-"""A robot behind the HTTP provider protocol: the client side of `contracts.ports.Robot`."""
+"""Client for a robot behind the HTTP provider protocol: implements `contracts.ports.Robot`."""
 
 from collections.abc import Sequence
 from typing import TypeVar
@@ -113,7 +113,7 @@ class HttpRobot:
         self.write("/simulation/hardware-stop", Done, HardwareStop(engaged=engaged))
 
     def struck(self) -> dict[str, int]:
-        """Simulation only: how often each fault of the mission struck."""
+        """Simulation only: how often each fault of the mission occurred."""
         return self.read("/simulation/struck", dict[str, int])
 
     def close(self) -> None:

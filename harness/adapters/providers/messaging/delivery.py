@@ -1,4 +1,4 @@
-"""Delivery of an inspection's message: what is sent, by which rule, and the channel's word for each item."""
+"""Delivers an inspection's message through an outbox, and returns the channel's acknowledgement for each item."""
 
 from pathlib import Path
 
@@ -48,7 +48,7 @@ class OutboxDelivery(LocalProvider):
     `analysis`, the digest of the stored report whose cited frames go first (D37).
 
     One `delivery` receipt per item, images first and then the text: blob = what was delivered, text =
-    acknowledgement id and rule, values = item number and count. A receipt is the channel's word, not a reader's.
+    acknowledgement id and rule, values = item number and count. A receipt is the channel's, not a reader's.
     """
 
     def __init__(self, outbox: MessageOutbox, *, clock: Clock, blobs: BlobStore, journal: Path | None) -> None:

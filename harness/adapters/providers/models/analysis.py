@@ -1,4 +1,4 @@
-"""Passage analysis as a provider: reads the cited frames, looks, and stores a report bound to them."""
+"""Analyses a passage as a provider: reads the cited frames, finds obstructions and stores a report bound to them."""
 
 import math
 from pathlib import Path
@@ -53,7 +53,7 @@ class OpenCvAnalysis(LocalProvider):
     (index, heading of the body in the map frame); `passage`, its floor polygon; `position`, the measured pose of the
     body while it turned; `heading_rad`, its measured heading, which must be near that of some frame if it is given.
 
-    Receipt `analysis`: blob = the stored report (`passage.Report` as JSON), text = the finding in words. The report's
+    Receipt `analysis`: blob = the stored report (`passage.Report` as JSON), text = the finding in prose. The report's
     frames are exactly the images of the request. Too little of the passage in view and nothing found: it fails with
     `passage_not_seen`, since an unseen floor is not a clear one.
     """

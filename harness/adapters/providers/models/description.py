@@ -1,4 +1,4 @@
-"""Describes one picture by measuring it: light, contrast, sharpness, edges and colours. No model, no weights."""
+"""Describes one picture by measurement: light, contrast, sharpness, edges and colours. Uses no model and no weights."""
 
 from pathlib import Path
 from typing import Any

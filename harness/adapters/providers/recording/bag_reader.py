@@ -1,4 +1,4 @@
-"""ROS 1 bags (format 2.0), whole or cut, by rosbags' records. Without checksums: structure and index are compared."""
+"""Reads ROS 1 bags (format 2.0), whole or cut, with rosbags. Checks structure and index: bags have no checksums."""
 
 import struct
 from collections.abc import Iterator

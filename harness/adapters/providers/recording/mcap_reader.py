@@ -1,4 +1,4 @@
-"""MCAP files, whole or cut, by the stream reader of mcap: all is read once, with its checksums, before it counts."""
+"""Reads MCAP files, whole or cut, with mcap's stream reader; checks the entire file before anything counts."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from io import BytesIO

@@ -1,4 +1,4 @@
-"""A recording as a robot: its sensors speak again in their own time, nothing is actuated."""
+"""Presents a recording as a robot: its sensor samples are replayed in their own time, and nothing is actuated."""
 
 import math
 import time
@@ -155,7 +155,7 @@ class RecordingNavigator(LocalProvider):
     """navigate by waiting for what the recorded robot did: the next recorded segment that has not ended.
 
     It ends as succeeded when that segment ends: 2 s after the recorded supervisor declared arrival, or with the
-    segment's last position. `declared` repeats the supervisor's figures and is empty where it said nothing, so a
+    segment's last position. `declared` repeats the supervisor's figures and is empty where it declared none, so a
     success means that the replay is over, never that anything arrived.
     """
 

@@ -1,4 +1,4 @@
-"""Contract samples as ROS 2 messages: what the writer puts into a recording."""
+"""Builds the ROS 2 messages that the writer stores in a recording, from contract samples."""
 
 import math
 from typing import Any

@@ -1,4 +1,4 @@
-"""Recorded messages as contract samples, each with the mission time at which it arrived."""
+"""Converts recorded messages to contract samples, each with the mission time at which it arrived."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator

@@ -1,4 +1,4 @@
-"""What one full reading of a recording finds: topics, clocks, routes, log lines and transforms, but no samples."""
+"""Surveys a recording in one full read: topics, clocks, routes, log lines and transforms, but no samples."""
 
 import math
 import re

@@ -1,4 +1,4 @@
-"""Writes a mission as MCAP with the paper's topics, small enough to carry: poses whole, pictures and lidar thinned."""
+"""Writes a mission as MCAP with the paper's topics under a size limit: full poses, thinned pictures and lidar."""
 
 import math
 import os

@@ -1,4 +1,4 @@
-"""The spoken report: synthesises the text, plays it in mission time, and vouches only for a playback heard out."""
+"""Speaks a report: synthesises the text, plays it in mission time, and gives a receipt only for a complete playback."""
 
 import io
 import wave
