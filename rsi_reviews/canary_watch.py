@@ -1,7 +1,7 @@
-"""What follows from a canary mission's end and from its adjudication: recorded once, and acted on by the fixed rule.
+"""Records the end and the adjudication of each canary mission once, and acts on them by the fixed canary rule.
 
-Losing a call costs nothing: `catch_up` finds what was missed, and `selected` gives no further mission to a canary whose
-rule has already spoken.
+Losing a call is harmless: `catch_up` finds missions that were missed, and `selected` assigns no further mission to a
+canary whose rule has already reached a result.
 """
 
 from collections.abc import Callable
@@ -24,12 +24,12 @@ Starts = Callable[[MissionId], int]
 
 
 def no_duplicates(mission_id: MissionId) -> int:
-    """For a runtime without a robot's journal: duplicate starts are then found by whoever adjudicates."""
+    """For a runtime without a robot's journal: whoever adjudicates then finds duplicate starts."""
     return 0
 
 
 def mission_ended(runtime: Runtime, mission_id: MissionId, *, duplicate_starts: int = 0) -> Answered:
-    """Take a finished mission into the canary it belongs to, and act on what it shows. No-op for any other mission.
+    """Add a finished mission to the canary it belongs to, and act on the result. No-op for any other mission.
 
     `duplicate_starts`: physical starts beyond the first of one request, from the robot's journal.
     """
@@ -45,7 +45,7 @@ def mission_ended(runtime: Runtime, mission_id: MissionId, *, duplicate_starts: 
 
 
 def catch_up(runtime: Runtime, *, duplicate_starts: Starts = no_duplicates) -> Answered:
-    """Record every canary mission that ended unrecorded, in the order of their ends, and act on what they show."""
+    """Record every canary mission that ended unrecorded, in the order of their ends, and act on the results."""
     review = _trial(runtime)
     if review is None:
         return Accepted(())
@@ -56,7 +56,7 @@ def catch_up(runtime: Runtime, *, duplicate_starts: Starts = no_duplicates) -> A
 
 
 def settle(runtime: Runtime) -> Answered:
-    """Do what the canary's rule says now: go on, go back, take it back, or make it current everywhere."""
+    """Do what the canary's rule now requires: continue, roll back, withdraw, or promote to every robot."""
     review = _trial(runtime)
     if review is None:
         return Accepted(())
@@ -105,7 +105,9 @@ def _trial(runtime: Runtime) -> Review | None:
 
 
 def _counts(mission: Mission) -> bool:
-    """Over, on the robot itself, and begun: one that was called off before anything ran shows nothing."""
+    """Whether the mission is over, ran on the robot itself, and began. One that was cancelled before anything ran shows
+    nothing.
+    """
     return mission.ended and not mission.replay and ran(mission)
 
 

@@ -1,4 +1,6 @@
-"""Reading the review desk: candidates, results, pointer and pins as the log has them. Writes nothing."""
+"""Answers questions about candidates: results, clauses, pointer and pinned missions, as the log has them.
+Writes nothing.
+"""
 
 import msgspec
 
@@ -23,7 +25,9 @@ ANY_ROBOT = RobotId("any")
 
 
 class CandidateQueries:
-    """Questions about candidates, versions and the pointer. Raises UnknownName for a candidate that is not there."""
+    """Read-only questions about candidates, versions and the pointer. Raises UnknownName for a candidate that
+    does not exist.
+    """
 
     def __init__(self, runtime: Runtime) -> None:
         self._runtime = runtime
@@ -35,7 +39,7 @@ class CandidateQueries:
         return [self._runtime.fold(stream) for stream in reversed(self._runtime.streams("candidate/"))]
 
     def review(self, candidate: str) -> Review:
-        """By its digest or by a beginning of it that only one candidate has."""
+        """The candidate by its digest, or by a prefix of the digest that is unique."""
         found = [
             stream for stream in self._runtime.streams("candidate/") if stream.startswith(f"candidate/{candidate}")
         ]
@@ -54,14 +58,14 @@ class CandidateQueries:
         return Candidate(configuration=configuration, manifest=review.manifest, baseline=review.baseline)
 
     def results(self, candidate: str) -> ResultSet | None:
-        """What was measured, as it was taken up; None before."""
+        """What was measured, as it was recorded; None before that."""
         review = self.review(candidate)
         if review.evaluation is None:
             return None
         return msgspec.json.decode(self._runtime.record(review.evaluation.result_set).body, type=ResultSet)
 
     def report(self, candidate: str) -> AcceptanceReport | None:
-        """Clauses 1 to 3 as they were answered; None before."""
+        """Clauses 1 to 3 as they were answered; None before that."""
         evaluation = self.review(candidate).evaluation
         return evaluation.report if evaluation else None
 
@@ -72,7 +76,7 @@ class CandidateQueries:
         return (*first, release_clause(review))
 
     def diff(self, candidate: str) -> CandidateDifference:
-        """What it changes against its baseline, by component and raw."""
+        """The candidate's changes against its baseline, by component and raw."""
         review = self.review(candidate)
         return difference(
             self._runtime.stored_configuration(review.baseline),
@@ -80,7 +84,9 @@ class CandidateQueries:
         )
 
     def refusals(self, candidate: Candidate) -> tuple[RestrictionViolation, ...]:
-        """Everything that would refuse this proposal now, without proposing it. Raises ConfigurationMissing."""
+        """Every reason for which this proposal would be refused now, without proposing it. Raises
+        ConfigurationMissing.
+        """
         baseline = self._runtime.stored_configuration(self.current(ANY_ROBOT))
         return (*unfounded(candidate, baseline), *loosened(baseline, candidate.configuration))
 
@@ -89,27 +95,27 @@ class CandidateQueries:
         return self._runtime.stream(candidate_stream(self.review(candidate).candidate))
 
     def canary_outcome(self, candidate: str) -> Outcome:
-        """Where its canary stands."""
+        """The present result of the candidate's canary."""
         return outcome(self.review(candidate))
 
     # pointer --------------------------------------------------------------------------------------------------------
 
     def growth(self) -> Growth:
-        """What persons added to the shipped regression suite here."""
+        """The cases that people added to the shipped regression suite on this site."""
         growth: Growth = self._runtime.fold(GROWTH)
         return growth
 
     def pointer(self) -> Pointer:
-        """Where the pointer stands, its history, policy, looks and quarantine."""
+        """The pointer's position, history, policy, held-out looks and quarantine."""
         pointer: Pointer = self._runtime.fold(POINTER)
         return pointer
 
     def current(self, robot_id: RobotId = ANY_ROBOT) -> Digest:
-        """What a mission of this robot that begins now is pinned to."""
+        """The version that a mission of this robot would be pinned to if it began now."""
         return self._runtime.current_configuration_id(robot_id)
 
     def current_at(self, instant_s: float, *, robot_id: RobotId | None = None) -> Digest | None:
-        """What was current at this wall time; None before the pointer was first written."""
+        """The version that was current at this wall time; None before the pointer was first written."""
         return current_at(self.pointer(), instant_s, robot_id=robot_id)
 
     def pins(self) -> dict[Digest, tuple[MissionId, ...]]:
@@ -117,13 +123,15 @@ class CandidateQueries:
         return pins(self._runtime.open_missions())
 
     def versions(self) -> dict[Digest, Draining]:
-        """Every version that is known, and whether anything runs under it."""
+        """Every known version, and whether anything runs under it."""
         pinned = self.pins()
         known = {self.current(), *(review.configuration for review in self.reviews()), *pinned}
         return versions(self.pointer(), sorted(known), pinned)
 
     def loads(self, configuration: Digest) -> Digest:
-        """Load a version and encode it again: its own name if one can go back to it. Raises ConfigurationMissing."""
+        """Load a version and encode it again: the result is its own id if a rollback to it is possible. Raises
+        ConfigurationMissing.
+        """
         loaded: Configuration = self._runtime.stored_configuration(configuration)
         return digest(loaded)
 
@@ -135,10 +143,10 @@ def on_trial(runtime: Runtime, configuration_id: Digest) -> bool:
 
 
 def selected(runtime: Runtime, robot_id: RobotId) -> Digest | None:
-    """What the pointer says for a robot's next mission; None while nothing was ever proposed here.
+    """The version that the pointer gives a robot's next mission; None while no candidate was ever proposed here.
 
-    For `open_harness(select=...)`. A canary takes one mission at a time: the next begins under it only when the one
-    before is over and adjudicated, and none does once the canary's own rule has spoken.
+    For `open_harness(select=...)`. A canary runs one mission at a time. The next one begins only when the one before is
+    over and adjudicated, and none begins once the canary's own rule has reached a result.
     """
     pointer: Pointer = runtime.fold(POINTER)
     if not pointer.version:

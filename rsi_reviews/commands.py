@@ -1,4 +1,4 @@
-"""What is asked of the review desk, in the imperative. Data: asking is not deciding."""
+"""Defines the commands of the release service. They are data: a command is a request, not a decision."""
 
 from typing import Literal
 
@@ -20,7 +20,7 @@ from rsi_reviews.contracts import (
 
 
 class ReviewCommand(Command):
-    """A command of somebody: who, why, and the key under which repeating it changes nothing."""
+    """A command with its author, its reason, and the key under which repeating it changes nothing."""
 
     actor: Actor
     reason: Sentence
@@ -28,7 +28,7 @@ class ReviewCommand(Command):
 
 
 class OnSubject(ReviewCommand):
-    """A decision on exactly what was shown: the subject's digest and the cycle it was asked in."""
+    """A decision on exactly what was shown: the subject's digest and the review cycle."""
 
     cycle: Count
     subject: Digest
@@ -38,7 +38,8 @@ class OnSubject(ReviewCommand):
 
 
 class ProposeCandidate(ReviewCommand, tag=True):
-    """`baseline` is the configuration itself, so that the decider compares; nothing that loosens gets past it.
+    """Propose a candidate. `baseline` is the configuration itself, so that the decider can compare and refuse what
+    loosens.
 
     `earlier`: authors of the candidates that this one edits or repeats; they stay its authors (D33).
     """
@@ -54,7 +55,7 @@ class BeginEvaluation(ReviewCommand, tag=True):
 
 
 class RecordEvaluation(ReviewCommand, tag=True):
-    """Results and what the acceptance predicate made of them; `terms` are those they were made under."""
+    """Record results and the acceptance predicate's report; `terms` are those the results were made under."""
 
     terms: EvaluationTerms
     results: ResultSet
@@ -98,9 +99,9 @@ class ExpireAuthorisation(Command, tag=True):
 
 
 class BeginCanary(OnSubject, tag=True):
-    """The release itself: new missions of one robot, one at a time, are pinned to it.
+    """Release to one robot: new missions of this robot, one at a time, are pinned to the candidate.
 
-    `policy` is the one that holds now; an authorisation under another one still has to satisfy it.
+    `policy` is the approval policy in force now; an authorisation made under another one still has to satisfy it.
 
     `recent`: the metric in the baseline's own latest missions on that robot; the canary is compared with them.
     """
@@ -121,7 +122,7 @@ class AdjudicateCanaryMission(ReviewCommand, tag=True):
 
 
 class PromoteCandidate(Command, tag=True):
-    """The canary is over and did not speak against it."""
+    """Make the candidate current on every robot, once the canary is over and did not find against it."""
 
 
 class RollBack(ReviewCommand, tag=True):
@@ -157,14 +158,14 @@ CandidateCommand = (
 
 
 class OpenPointer(Command, tag=True):
-    """The first version is what the program ships."""
+    """Write the first position of the pointer: the version that the program ships."""
 
     configuration: Digest
     actor: Actor
 
 
 class Confirm(Command, tag=True):
-    """Changes nothing: refuses unless what the other command of this transaction rests on still holds."""
+    """Changes nothing. Refuses unless the state that the other command of this transaction relies on still holds."""
 
     baseline: Digest | None = None
     policy: ReleasePolicy | None = None
@@ -195,7 +196,7 @@ class SavePolicy(ReviewCommand, tag=True):
 
 
 class CountLook(Command, tag=True):
-    """A held-out look that an evaluation took, with what it spent."""
+    """Count a held-out look of an evaluation, with the alpha it spent."""
 
     candidate: Digest
     terms: Digest
@@ -208,7 +209,7 @@ class RecordUptake(Command, tag=True):
 
 
 class RetireVersion(ReviewCommand, tag=True):
-    """`pinned`: unfinished missions that run under it."""
+    """Retire a version. `pinned`: unfinished missions that run under it."""
 
     configuration: Digest
     pinned: tuple[MissionId, ...]

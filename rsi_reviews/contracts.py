@@ -1,7 +1,7 @@
-"""The words of the review desk: manifests, candidates, results and answers. Data: nothing here decides.
+"""Defines the data types of the release process: manifests, candidates, results and answers. Nothing here decides.
 
-Lower is better or higher is better is not said here: it is `Direction`, fixed in the manifest before anything runs.
-JSON has no NaN: a measure that is not a number cannot be decoded, so it can never be read back as a pass.
+Whether lower or higher is better is given by `Direction`, which the manifest fixes before anything runs. JSON has no
+NaN: a measure that is not a number cannot be decoded, so it can never be read back as a pass.
 """
 
 from typing import Annotated, Literal
@@ -36,7 +36,7 @@ Sentence = Annotated[str, msgspec.Meta(min_length=1, max_length=2000)]
 
 
 class Author(Value):
-    """Who proposed: a person by account name, or an optimiser by its own name and version."""
+    """Who proposed a candidate: a person by account name, or an optimiser by its own name and version."""
 
     name: Name
     kind: Literal["person", "optimiser"]
@@ -153,7 +153,7 @@ class CaseResult(Value, omit_defaults=True):
 
 
 class HeldOutAnswer(Value):
-    """All that comes back of a held-out look (D32): pass or fail, which look it was, and the alpha it spent."""
+    """The whole answer of a held-out look (D32): pass or fail, the number of the look, and the alpha it spent."""
 
     answer: Literal["pass", "fail"]
     look: Annotated[int, msgspec.Meta(ge=1)]
@@ -178,7 +178,9 @@ CLAUSES: tuple[ClauseName, ...] = (
 
 
 class ClauseAnswer(Value):
-    """One clause of the acceptance predicate: its answer, its numbers by name with units, and why in a sentence."""
+    """One clause of the acceptance predicate: its answer, its numbers by name with units, and the reason in a
+    sentence.
+    """
 
     clause: ClauseName
     answer: Answer
@@ -187,7 +189,9 @@ class ClauseAnswer(Value):
 
 
 class AcceptanceReport(Value):
-    """Clauses 1 to 3 over one result set; the fourth, the authorised release, is the desk's own (D33)."""
+    """Clauses 1 to 3 over one result set. The fourth, the authorised release, is decided by the release service
+    (D33).
+    """
 
     terms: Digest
     result_set: Digest
@@ -196,7 +200,9 @@ class AcceptanceReport(Value):
 
     @property
     def answer(self) -> Answer:
-        """Pass only if clauses 1 to 3 are each there once and pass; the worst of error, fail, inconclusive else."""
+        """Pass only if clauses 1 to 3 are each present once and pass; otherwise the worst of error, fail,
+        inconclusive.
+        """
         if [clause.clause for clause in self.clauses] != list(CLAUSES[:3]):
             return "error"
         answers = {clause.answer for clause in self.clauses}
@@ -229,7 +235,7 @@ class ReleasePolicy(Value):
 
 
 class RestrictionViolation(Value):
-    """One thing a candidate may not do: the rule, where it stands, what it was and would become, and why not."""
+    """One change that a candidate may not make: the rule, the path, the old and the new value, and the reason."""
 
     rule: Name
     path: str
@@ -242,7 +248,7 @@ Finding = Literal["sound", "false_completion", "duplicate_start", "safety_violat
 
 
 class CanaryMission(Value):
-    """What was measured of one mission under a candidate: whether the change took a part, its metric, and faults.
+    """What was measured of one mission under a candidate: whether the change was exercised, its metric, and faults.
 
     `hard` names a hard fault that the record itself shows. `worse`: the metric lies beyond the declared bound.
     """

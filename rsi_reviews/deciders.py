@@ -1,4 +1,6 @@
-"""Pure: the decider of a candidate's stream, one arm per command, and the deciders the harness is opened with."""
+"""Dispatches each command on a candidate's stream to its rule, and lists the deciders the harness is opened
+with. Pure.
+"""
 
 from typing import Any, assert_never
 
@@ -37,7 +39,7 @@ from rsi_reviews.suite_growth import DECIDER as SUITE
 
 
 def decide(review: Review, command: CandidateCommand, now: Moment) -> Decision[CandidateEvent]:
-    """Accept or refuse one request about one candidate."""
+    """Accept or refuse one command about one candidate."""
     match command:
         case ProposeCandidate():
             return propose(review, command, now)

@@ -1,4 +1,4 @@
-"""What happens to a candidate and to the pointer, in the past tense. One stream per candidate, one for the pointer."""
+"""Defines the events of a candidate and of the pointer. Each candidate has one stream; the pointer has one."""
 
 from typing import Literal
 
@@ -20,9 +20,9 @@ from rsi_reviews.contracts import (
 
 
 class Signed(Value):
-    """Whose word it was, why, and the key under which the same words again are the same receipt.
+    """Who decided, why, and the key under which the same request again returns the same receipt.
 
-    `body` is the digest of all that was asked. `override`: it counted only because of the single-operator policy.
+    `body` is the digest of the whole request. `override`: it counted only because of the single-operator policy.
     """
 
     actor: Actor
@@ -37,7 +37,7 @@ class Signed(Value):
 
 
 class CandidateProposed(Event, tag=True):
-    """The manifest and its digest are on record before anything runs (R156, D31)."""
+    """The manifest and its digest are recorded before anything runs (R156, D31)."""
 
     candidate: Digest
     configuration: Digest
@@ -59,7 +59,7 @@ class EvaluationBegun(Event, tag=True):
 
 
 class EvaluationRecorded(Event, tag=True):
-    """What the evaluation answered (R161). `bound`: the metric's quantile over the `bound_missions` of the baseline."""
+    """The evaluation's answer (R161). `bound`: the metric's quantile over the `bound_missions` of the baseline."""
 
     terms: Digest
     result_set: Digest
@@ -72,7 +72,7 @@ class EvaluationRecorded(Event, tag=True):
 
 
 class ReviewOpened(Event, tag=True):
-    """Persons are asked about exactly this subject, in this cycle."""
+    """People are asked to review exactly this subject, in this cycle."""
 
     cycle: Count
     subject: Subject
@@ -88,7 +88,7 @@ class ChangesRequested(Event, tag=True):
 
 
 class ReviewRecalled(Event, tag=True):
-    """Its own authors took it back; approvals are void."""
+    """The candidate's own authors withdrew it from review; approvals are void."""
 
     cycle: Count
     by: Signed
@@ -128,7 +128,9 @@ class AuthorisationExpired(Event, tag=True):
 
 
 class CanaryBegun(Event, tag=True):
-    """`bound`: beyond it a mission counts as worse; a quantile over `bound_missions` of the baseline's own."""
+    """The canary began. Beyond `bound` a mission counts as worse; it is a quantile over `bound_missions` of the
+    baseline's own.
+    """
 
     robot_id: RobotId
     bound: float
@@ -142,7 +144,7 @@ class CanaryMissionRecorded(Event, tag=True):
 
 
 class CanaryMissionAdjudicated(Event, tag=True):
-    """Somebody who did not release it says what became of this mission (D34)."""
+    """Somebody who did not release the candidate judged this mission (D34)."""
 
     mission_id: MissionId
     finding: Finding
@@ -150,7 +152,7 @@ class CanaryMissionAdjudicated(Event, tag=True):
 
 
 class CandidateReleased(Event, tag=True):
-    """The canary ended well: it is current for every robot."""
+    """The canary passed: the candidate is current for every robot."""
 
     reason: Sentence
     at_s: float
@@ -164,7 +166,7 @@ class CandidateRolledBack(Event, tag=True):
 
 
 class CandidateWithdrawn(Event, tag=True):
-    """Taken back without a fault: not quarantined."""
+    """Withdrawn without a fault: not quarantined."""
 
     reason: Sentence
     by: Signed
@@ -197,10 +199,10 @@ Cause = Literal["shipped", "canary", "released", "rolled_back", "withdrawn"]
 
 
 class PointerMoved(Event, tag=True):
-    """What new missions are pinned to from here on: `canary` on `robot_id` alone, `configuration` everywhere else.
+    """What new missions are pinned to from now on: `canary` on `robot_id` alone, `configuration` everywhere else.
 
-    `released` is the candidate whose configuration is current (none: what the program ships), `rollback` where it goes
-    back to, `trial` the candidate in canary.
+    `released` is the candidate whose configuration is current (none: what the program ships), `rollback` the version to
+    go back to, `trial` the candidate in canary.
     """
 
     revision: Count
@@ -239,7 +241,7 @@ class HeldOutLooked(Event, tag=True):
 
 
 class UptakeRecorded(Event, tag=True):
-    """A worker works under this revision from here on."""
+    """A worker works under this revision from now on."""
 
     worker: Name
     revision: Count

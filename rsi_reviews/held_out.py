@@ -1,6 +1,8 @@
-"""Held-out looks (D32): cases that follow from a secret and the candidate's digest, drawn after it is fixed.
+"""Takes held-out looks (D32): the cases follow from a secret and the candidate's digest, and are drawn after it is
+fixed.
 
-One look per candidate; alpha is spent over all looks, so that trying often does not pay. Only pass or fail comes back.
+A candidate gets one look. Alpha is spent over all looks, so that frequent trying does not pay. Only pass or fail is
+returned.
 """
 
 import hashlib
@@ -32,7 +34,7 @@ INTERRUPTED = ("interrupted", "early-success", "blocked-passage")
 
 
 class Secret:
-    """What the cases follow from. It lies in the evaluator's own folder, readable by its owner alone."""
+    """The secret that the cases follow from. It lies in the evaluator's own folder, readable by its owner alone."""
 
     def __init__(self, body: bytes) -> None:
         self._body = body
@@ -41,7 +43,7 @@ class Secret:
         return "Secret(...)"
 
     def uniform(self, candidate: Digest, *name: object) -> float:
-        """A number in [0, 1) that nobody can tell without the secret."""
+        """A number in [0, 1) that cannot be computed without the secret."""
         text = "\n".join((candidate, *map(str, name))).encode()
         return int.from_bytes(hmac.new(self._body, text, hashlib.sha256).digest()[:7]) / 2**56
 
@@ -64,7 +66,7 @@ def secret_in(folder: Path, fresh: Callable[[int], bytes]) -> Secret:
 
 
 class Look(Value):
-    """One line of the book of looks: written before the look is taken, and again with its answer."""
+    """One line of the record of looks: written before the look is taken, and again with its answer."""
 
     candidate: Digest
     manifest: Digest
@@ -73,7 +75,7 @@ class Look(Value):
 
 
 class Looks:
-    """How often was looked, over all candidates of this evaluator. A crash in the middle of a look costs the look."""
+    """The number of looks over all candidates of this evaluator. A crash in the middle of a look uses the look up."""
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / LOOKS
@@ -108,7 +110,7 @@ class Looks:
         return look or self._write(Look(candidate=candidate, manifest=manifest, look=len(self._book) + 1))
 
     def close(self, look: Look, answer: HeldOutAnswer) -> None:
-        """Keep what came of it."""
+        """Store the answer of the look."""
         self._write(msgspec.structs.replace(look, answer=answer))
 
     def _write(self, look: Look) -> Look:
@@ -121,7 +123,7 @@ class Looks:
 
 
 def alpha_of(look: int) -> float:
-    """What look number `look` may spend: the sum over all looks that will ever be is ALPHA."""
+    """The alpha that look number `look` may spend: the sum over all future looks is ALPHA."""
     return ALPHA / (look * (look + 1))
 
 

@@ -1,4 +1,4 @@
-"""Pure: whether a manifest says what a change is for in a way that can be tested (R156, D31)."""
+"""Checks whether a manifest states the purpose of a change in a testable form (R156, D31). Pure."""
 
 import re
 import unicodedata
@@ -27,7 +27,7 @@ def sections_changed(baseline: Configuration, candidate: Configuration) -> tuple
 
 
 def unfounded(candidate: Candidate, baseline: Configuration) -> tuple[RestrictionViolation, ...]:
-    """Every reason why this manifest does not stand: what changed, against what, measured how, and in which words."""
+    """Every reason why this manifest is invalid: what changed, against what, measured how, and in which words."""
     manifest = candidate.manifest
     return (
         *_identity(candidate, baseline),
@@ -83,7 +83,7 @@ def _words(manifest: Manifest) -> Iterator[RestrictionViolation]:
 
 
 def _canary(test: CanaryTest) -> Iterator[RestrictionViolation]:
-    """A test that could never end in a rollback, or that ends in one by chance too often, is none."""
+    """Rejects a test that could never end in a rollback, or that ends in one by chance too often."""
     harmless = 1.0 - test.quantile
     if not 0.0 < harmless < test.harmful_share < 1.0:
         yield _refusal(

@@ -1,4 +1,6 @@
-"""Pure: may the one pointer move? It names versions that exist, one canary at a time, and keeps its history."""
+"""Decides whether the release pointer may move: it names versions that exist, one canary at a time, and keeps its
+history. Pure.
+"""
 
 from typing import assert_never
 
@@ -35,7 +37,7 @@ ALPHA = 0.05
 
 
 def decide(pointer: Pointer, command: PointerCommand, now: Moment) -> Decision[PointerEvent]:
-    """Accept or refuse one request at the pointer."""
+    """Accept or refuse one command at the pointer."""
     match command:
         case OpenPointer():
             return _opened(pointer, command, now)
@@ -131,7 +133,7 @@ def _rolled_back(pointer: Pointer, command: MovePointer, now: Moment) -> Decisio
 
 
 def _move(pointer: Pointer, command: MovePointer, now: Moment) -> PointerMoved:
-    """The pointer after it. Going back restores what stood there then: its candidate and its own way back."""
+    """The pointer after the move. Going back restores the former candidate and the former rollback version."""
     configuration, rollback, released = pointer.configuration, pointer.rollback, pointer.released
     if command.cause == "released":
         configuration, rollback, released = command.configuration, command.rollback, command.candidate
@@ -156,7 +158,7 @@ def _move(pointer: Pointer, command: MovePointer, now: Moment) -> PointerMoved:
 
 
 def _policy(pointer: Pointer, command: SavePolicy, now: Moment) -> Decision[PointerEvent]:
-    """A policy that nobody could meet is refused now, not found out at night."""
+    """Refuses a policy that nobody could satisfy when it is saved, not when it is first needed."""
     if (again := repeated(command, pointer.receipts)) is not None:
         return again
     policy, people = command.policy, {*command.reviewers, *command.releasers}

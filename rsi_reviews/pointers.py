@@ -1,4 +1,6 @@
-"""Pure: the one pointer to what new missions are pinned to, folded from its stream, and questions asked of it."""
+"""Folds the stream of the release pointer, which says what new missions are pinned to, and answers questions about it.
+Pure.
+"""
 
 from collections.abc import Iterable
 from typing import Literal, assert_never
@@ -30,7 +32,7 @@ def candidate_stream(candidate: Digest) -> StreamId:
 
 
 class Uptake(Value):
-    """Since when a worker works under which revision."""
+    """The time since which a worker works under a revision."""
 
     worker: Name
     revision: Count
@@ -38,7 +40,7 @@ class Uptake(Value):
 
 
 class Pointer(Value):
-    """`configuration` for every robot, but `canary` for `robot_id` while a canary runs. Revisions only rise.
+    """`configuration` holds for every robot, `canary` for `robot_id` while a canary runs. Revisions only rise.
 
     `released`, `trial` and `rollback` as in PointerMoved.
     """
@@ -103,9 +105,9 @@ def apply(pointer: Pointer, event: PointerEvent) -> Pointer:
 
 
 def current_at(pointer: Pointer, instant_s: float, *, robot_id: RobotId | None = None) -> Digest | None:
-    """What a mission begun at this instant was pinned to; None before the first move.
+    """What a mission that began at this instant was pinned to; None before the first move.
 
-    `instant_s` is wall time. On the canary's robot it is the canary, where the pointer stood on one.
+    `instant_s` is wall time. On the canary's robot it is the canary, where the pointer named one.
     """
     moved = next((move for move in reversed(pointer.history) if move.at_s <= instant_s), None)
     if moved is None:
@@ -127,7 +129,9 @@ def pins(missions: Iterable[Mission]) -> dict[Digest, tuple[MissionId, ...]]:
 def versions(
     pointer: Pointer, known: Iterable[Digest], pinned: dict[Digest, tuple[MissionId, ...]]
 ) -> dict[Digest, Draining]:
-    """Active: new missions get it. Draining: only older missions still run under it. Drained: none does any more."""
+    """Active: new missions get it. Draining: only older missions still run under it. Drained: no mission does
+    any more.
+    """
     seen = {digest for move in pointer.history for digest in (move.configuration, move.canary) if digest is not None}
     states: dict[Digest, Draining] = {}
     for digest in (*seen, *known):

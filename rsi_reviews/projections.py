@@ -1,4 +1,4 @@
-"""Pure: what a candidate's review is now, folded from its stream. Reads no clock, decides nothing."""
+"""Folds a candidate's stream into the present state of its review. Pure: reads no clock, decides nothing."""
 
 from typing import Literal, assert_never
 
@@ -39,7 +39,7 @@ Part = Literal["proposed", "wrote_earlier", "launched", "edited_suite"]
 
 
 class Hand(Value):
-    """Somebody who had a part in the candidate: an author, and so nobody who may approve it (D33)."""
+    """Somebody who took part in the candidate as an author, and so may not approve it (D33)."""
 
     name: Name
     part: Part
@@ -47,7 +47,7 @@ class Hand(Value):
 
 
 class CanaryEntry(Value):
-    """One canary mission: what was measured, and what somebody other than the releaser found."""
+    """One canary mission: what was measured, and the finding of somebody other than the releaser."""
 
     measured: CanaryMission
     finding: Finding | None = None
@@ -55,7 +55,7 @@ class CanaryEntry(Value):
 
 
 class ReviewEntry(Value):
-    """One word of the review, for its history: what was done, in which cycle."""
+    """One entry of the review's history: what was done, in which cycle."""
 
     what: Name
     cycle: Count
@@ -63,7 +63,7 @@ class ReviewEntry(Value):
 
 
 class Review(Value):
-    """Everything about one candidate. `receipts` are the signed words by key."""
+    """Everything about one candidate. `receipts` are the signed requests by key."""
 
     version: Count = 0
     status: Status = "none"
@@ -220,7 +220,7 @@ def _said(review: Review, what: str, by: Signed) -> Review:
 
 
 def _joined(hands: tuple[Hand, ...], *more: Hand) -> tuple[Hand, ...]:
-    """Each (name, part) once. Whoever wrote it as an optimiser stays one when it also launches."""
+    """Each (name, part) once. An author who is an optimiser stays one when it also launches the evaluation."""
     machines = {hand.name for hand in (*hands, *more) if not hand.person}
     kept: dict[tuple[str, Part], Hand] = {(hand.name, hand.part): hand for hand in hands}
     for hand in more:

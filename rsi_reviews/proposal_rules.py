@@ -1,4 +1,6 @@
-"""Pure: may this be proposed, evaluated, and do these results count? Terms come before results, always (D31)."""
+"""Decides whether a candidate may be proposed and evaluated, and whether results count. Pure. Terms come before
+results, always (D31).
+"""
 
 from math import isfinite
 
@@ -16,7 +18,7 @@ from rsi_reviews.restrictions import loosened
 
 
 def propose(review: Review, command: ProposeCandidate, now: Moment) -> Decision[CandidateEvent]:
-    """On record with its manifest, or refused with the rule that the first loosening or flaw breaks."""
+    """Record the candidate with its manifest, or refuse with the rule that the first loosening or flaw breaks."""
     if (again := repeated(command, review.receipts)) is not None:
         return again
     candidate, baseline = command.candidate, command.baseline
@@ -52,7 +54,7 @@ def refused_for(found: tuple[RestrictionViolation, ...]) -> Refused:
 
 
 def begin(review: Review, command: BeginEvaluation, now: Moment) -> Decision[CandidateEvent]:
-    """Fix the terms. Once: an evaluation that gave no answer may be repeated under exactly the same ones."""
+    """Fix the terms, once. An evaluation that gave no answer may be repeated under exactly the same terms."""
     if (again := repeated(command, review.receipts)) is not None:
         return again
     if other := _foreign(review, command.terms):
@@ -70,7 +72,7 @@ def begin(review: Review, command: BeginEvaluation, now: Moment) -> Decision[Can
 
 
 def _foreign(review: Review, terms: EvaluationTerms) -> Refused | None:
-    """Terms that speak of something else than this candidate."""
+    """Terms that concern something else than this candidate."""
     if not review.version or review.status in ENDED:
         return refused("no_candidate", because("no_candidate_to_evaluate", status=review.status))
     for rule, name, own in (
@@ -86,7 +88,7 @@ def _foreign(review: Review, terms: EvaluationTerms) -> Refused | None:
 
 
 def conclude(review: Review, command: RecordEvaluation, now: Moment) -> Decision[CandidateEvent]:
-    """Take up results, if they are whole and were made under the terms that were fixed before."""
+    """Accept results if they are complete and were made under the terms that were fixed before."""
     if (again := repeated(command, review.receipts)) is not None:
         return again
     manifest, terms = review.manifest, review.terms
@@ -117,7 +119,7 @@ def _bound(values: list[float], manifest: Manifest) -> float:
 
 
 def _other_terms(terms: EvaluationTerms, command: RecordEvaluation) -> Refused | None:
-    """By name: what the results were made under that is not what was fixed."""
+    """Names the terms of the results that differ from the fixed ones."""
     for name in terms.__struct_fields__:
         fixed, given = getattr(terms, name), getattr(command.terms, name)
         if fixed != given:
@@ -136,7 +138,7 @@ def _other_terms(terms: EvaluationTerms, command: RecordEvaluation) -> Refused |
 def _broken(terms: EvaluationTerms, command: RecordEvaluation) -> Refused | None:
     """Missing, double, unfinished or unmeasured cases: never a pass, whatever the report says.
 
-    JSON has no NaN, so what is not a number cannot even be kept as a failed evaluation.
+    JSON has no NaN, so what is not a number cannot be stored even as a failed evaluation.
     """
     results = command.results.results
     for result in results:

@@ -1,4 +1,4 @@
-"""The face of the review desk: what persons, optimisers and the evaluator ask for, one transaction at the gate each."""
+"""Offers the release process to people, optimisers and the evaluator; each request is one transaction at the gate."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -51,7 +51,7 @@ Judge = Callable[[Evaluation], AcceptanceReport]
 
 @dataclass(frozen=True)
 class SignedBy:
-    """Who asks, why, and the key under which asking again changes nothing."""
+    """Who asks, why, and the key under which repeating the request changes nothing."""
 
     actor: Actor
     reason: str
@@ -71,9 +71,9 @@ class SeenSubject:
 
 
 class ReleaseService(CandidateQueries):
-    """Every word is refused or taken as a whole. Reads are the shelf's.
+    """Every request is accepted or refused as a whole. Queries are in `CandidateQueries`.
 
-    `judge` is the acceptance predicate: a report never comes from outside. Raises UnknownName for no such candidate.
+    `judge` is the acceptance predicate: a report never comes from outside. Raises UnknownName for an unknown candidate.
     """
 
     def __init__(self, runtime: Runtime, *, judge: Judge = accepted) -> None:
@@ -83,7 +83,9 @@ class ReleaseService(CandidateQueries):
     # proposing and evaluating ---------------------------------------------------------------------------------------
 
     def propose(self, candidate: Candidate, say: SignedBy, *, supersedes: Digest | None = None) -> Answered:
-        """Put a candidate on record. Its authors are those of every candidate it edits or repeats, and who says it."""
+        """Record a candidate. Its authors are those of every candidate it edits or repeats, and the person who
+        proposes it.
+        """
         self._open_pointer()
         configuration = candidate.configuration.configuration_id
         earlier = {
@@ -111,7 +113,7 @@ class ReleaseService(CandidateQueries):
         return self._asked(self.review(terms.candidate).candidate, command, Confirm(baseline=terms.baseline))
 
     def submit_results(self, evaluation: Evaluation, say: SignedBy) -> Answered:
-        """Take up what was measured, judged here by the acceptance predicate itself."""
+        """Record what was measured, judged here by the acceptance predicate itself."""
         report = self._judge(evaluation)
         terms, results = evaluation.terms, evaluation.results
         command = RecordEvaluation(terms=terms, results=results, report=report, **say.fields)
@@ -121,7 +123,7 @@ class ReleaseService(CandidateQueries):
         return self._asked(self.review(terms.candidate).candidate, command, counted, *records)
 
     def add_case(self, mission_id: MissionId, say: SignedBy) -> Answered:
-        """A disputed mission becomes a case of the regression suite here. Raises UnknownName for no such mission."""
+        """A disputed mission becomes a case of the regression suite here. Raises UnknownName for an unknown mission."""
         case = case_of(self._runtime.mission(mission_id))
         if isinstance(case, Refused):
             return case
@@ -131,7 +133,7 @@ class ReleaseService(CandidateQueries):
     # reviewing ------------------------------------------------------------------------------------------------------
 
     def submit(self, candidate: Digest, say: SignedBy) -> Answered:
-        """Ask persons to review it, in a new cycle."""
+        """Ask people to review the candidate, in a new cycle."""
         review = self.review(candidate)
         confirm = Confirm(baseline=review.baseline, configuration=review.configuration)
         return self._asked(candidate, OpenReview(**say.fields), confirm)
@@ -151,7 +153,7 @@ class ReleaseService(CandidateQueries):
         return self._asked(self.review(candidate).candidate, command)
 
     def approve(self, candidate: Digest, say: SignedBy, seen: SeenSubject) -> Answered:
-        """One person's yes to exactly what they saw. Refused if the baseline is no longer current."""
+        """One person's approval of exactly what they saw. Refused if the baseline is no longer current."""
         review, policy = self.review(candidate), self.pointer().policy
         command = ApproveCandidate(policy=policy, cycle=seen.cycle, subject=seen.subject, **say.fields)
         return self._asked(candidate, command, _still(review, policy))
@@ -189,7 +191,7 @@ class ReleaseService(CandidateQueries):
         return self._asked(candidate, command, move)
 
     def adjudicate(self, candidate: Digest, mission_id: MissionId, finding: Finding, say: SignedBy) -> Answered:
-        """What became of one canary mission, by somebody who did not release it; what follows is done at once."""
+        """Record the finding on one canary mission, by somebody who did not release it, and act on it at once."""
         command = AdjudicateCanaryMission(
             mission_id=mission_id, finding=finding, policy=self.pointer().policy, **say.fields
         )
@@ -199,11 +201,11 @@ class ReleaseService(CandidateQueries):
         return decision
 
     def catch_up(self, duplicate_starts: Starts = no_duplicates) -> Answered:
-        """Take finished canary missions in and act on them; whoever runs missions calls this when one has ended."""
+        """Add finished canary missions to the canary and act on them; call this when a mission has ended."""
         return catch_up(self._runtime, duplicate_starts=duplicate_starts)
 
     def rollback(self, candidate: Digest, say: SignedBy) -> Answered:
-        """Back to the version before it, at once; its unfinished missions are paused for a person's decision."""
+        """Go back to the version before it, at once; its unfinished missions are paused for a person's decision."""
         review, trial = self.review(candidate), self.pointer().trial
         requests: list[tuple[StreamId, Any]] = [
             (POINTER, self._move(review, "rolled_back", say.actor, say.reason)),
@@ -218,7 +220,7 @@ class ReleaseService(CandidateQueries):
         return decision
 
     def withdraw(self, candidate: Digest, say: SignedBy) -> Answered:
-        """Take it back without a fault; it is not quarantined."""
+        """Withdraw without a fault; the configuration is not quarantined."""
         review = self.review(candidate)
         in_canary = review.status == "canary"
         move = self._move(review, "withdrawn", say.actor, say.reason) if in_canary else None
@@ -241,7 +243,7 @@ class ReleaseService(CandidateQueries):
         return self._runtime.decide([(POINTER, command)])
 
     def take_up(self, worker: str) -> Answered:
-        """A worker says that it works under the pointer as it stands now."""
+        """A worker reports that it works under the pointer's present revision."""
         pointer = self.pointer()
         if not pointer.version:
             return Accepted(())
@@ -256,13 +258,15 @@ class ReleaseService(CandidateQueries):
             self._runtime.decide([(POINTER, OpenPointer(configuration=shipped, actor=DESK))], records=(record,))
 
     def _asked(self, candidate: Digest, command: Any, pointing: Any = None, *records: Record) -> Answered:
-        """The candidate's command, and with it what the pointer must confirm or do."""
+        """The command on the candidate, and the command by which the pointer confirms or moves."""
         return self._decided(candidate, command, [(POINTER, pointing)] if pointing is not None else [], *records)
 
     def _decided(
         self, candidate: Digest, command: Any, others: list[tuple[StreamId, Any]], *records: Record
     ) -> Answered:
-        """All of them or none; but a word that was taken before is its receipt, whatever has happened since."""
+        """Decide all of them or none. A request that was accepted before returns its receipt, whatever has
+        happened since.
+        """
         stream = candidate_stream(candidate)
         if command.key not in self._runtime.fold(stream).receipts:
             decision = self._runtime.decide([(stream, command), *others], records=records)
@@ -286,7 +290,7 @@ class ReleaseService(CandidateQueries):
 
 
 def _still(review: Review, policy: ReleasePolicy) -> Confirm:
-    """What an approval and an authorisation rest on, confirmed in their own transaction."""
+    """What an approval and an authorisation depend on, confirmed in the same transaction."""
     return Confirm(baseline=review.baseline, policy=policy, configuration=review.configuration)
 
 

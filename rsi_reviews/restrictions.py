@@ -1,6 +1,8 @@
-"""Pure: what a candidate would loosen, before anything runs (D30). An allow-list: what is not named may not change.
+"""Finds what a candidate would loosen, before anything runs (D30). Pure. It is an allow-list: what is not listed may
+not change.
 
-The gate, the acceptance predicate, safety limits and suites are no part of a configuration, so it cannot name them.
+The gate, the acceptance predicate, safety limits and suites are no part of a configuration, so a candidate cannot
+change them.
 """
 
 from collections.abc import Iterator

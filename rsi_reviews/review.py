@@ -1,4 +1,4 @@
-"""Pure: what persons may say about a candidate in review, bound to exactly what they were shown (gate 2, D33)."""
+"""Decides what people may do to a candidate in review, bound to exactly what they were shown (gate 2, D33). Pure."""
 
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.reasons import because
@@ -31,7 +31,7 @@ WORDS = ("changes_requested", "rejected", "authorised", "canary_begun", "rolled_
 
 
 def open_review(review: Review, command: OpenReview, now: Moment) -> Decision[CandidateEvent]:
-    """Ask persons, in a new cycle: approvals of an earlier one are void."""
+    """Ask people to review, in a new cycle: approvals of an earlier one are void."""
     if (again := repeated(command, review.receipts)) is not None:
         return again
     terms, evaluation = review.terms, review.evaluation
@@ -56,7 +56,7 @@ def open_review(review: Review, command: OpenReview, now: Moment) -> Decision[Ca
 
 
 def comment(review: Review, command: AddComment, now: Moment) -> Decision[CandidateEvent]:
-    """A comment changes nothing else, and stays."""
+    """Record a comment, which changes nothing else."""
     if (again := repeated(command, review.receipts)) is not None:
         return again
     if not review.version:
@@ -65,7 +65,7 @@ def comment(review: Review, command: AddComment, now: Moment) -> Decision[Candid
 
 
 def recall(review: Review, command: RecallReview, now: Moment) -> Decision[CandidateEvent]:
-    """Its own authors may take it back while nobody has authorised it."""
+    """Withdraw from review, by its own authors, while nobody has authorised it."""
     if (again := repeated(command, review.receipts)) is not None:
         return again
     if review.status != "in_review":
@@ -76,20 +76,22 @@ def recall(review: Review, command: RecallReview, now: Moment) -> Decision[Candi
 
 
 def request_changes(review: Review, command: RequestChanges, now: Moment) -> Decision[CandidateEvent]:
-    """Back to its authors. It comes again in a new cycle, and every approval is void."""
+    """Return to its authors. It is reviewed again in a new cycle, and every approval is void."""
     refusal = unanswerable(review, command) or not_a_person(command.actor, REVIEWERS)
     return refusal or Accepted((ChangesRequested(cycle=review.cycle, by=signed(command, now)),))
 
 
 def reject(review: Review, command: RejectCandidate, now: Moment) -> Decision[CandidateEvent]:
-    """For good: another candidate may follow, this one does not come again."""
+    """Reject for good: another candidate may follow, this one cannot be submitted again."""
     refusal = unanswerable(review, command) or not_a_person(command.actor, REVIEWERS)
     rejected = CandidateRejected(cycle=review.cycle, subject=command.subject, by=signed(command, now))
     return refusal or Accepted((rejected,))
 
 
 def approve(review: Review, command: ApproveCandidate, now: Moment) -> Decision[CandidateEvent]:
-    """One person's yes to exactly this subject in this cycle. An author's own counts only where the policy says so."""
+    """Record one person's approval of exactly this subject in this cycle. An author's own counts only where the policy
+    says so.
+    """
     refusal = unanswerable(review, command) or not_a_person(command.actor, REVIEWERS)
     if refusal:
         return refusal
@@ -115,7 +117,7 @@ def own_word(review: Review, command: ReviewCommand, policy: ReleasePolicy, now:
 
 
 def unanswerable(review: Review, command: OnSubject, *, status: str = "in_review") -> Decision[CandidateEvent] | None:
-    """The same receipt for the same word; a refusal if the question is answered, has changed or is another one."""
+    """The same receipt for the same request; a refusal if the question is answered, has changed or is another one."""
     if (again := repeated(command, review.receipts)) is not None:
         return again
     if review.status != status:

@@ -1,4 +1,4 @@
-"""One evaluation from its terms to its report: what will be run is fixed first, then run, then judged."""
+"""Runs one evaluation from its terms to its report: the cases are fixed first, then run, then judged."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from rsi_reviews.regression.runner import Watch, measured, unwatched
 
 @dataclass(frozen=True)
 class Trial:
-    """What will be run for one candidate. `terms` are recorded before anything runs."""
+    """The cases of one candidate's evaluation. `terms` are recorded before anything runs."""
 
     candidate: Candidate
     baseline: Configuration
@@ -36,7 +36,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """The evaluator's own: its secret, its book of looks, and how many cases of each family a look has."""
+    """The evaluator's private part: its secret, its record of looks, and the number of cases per family in a look."""
 
     secret: Secret
     looks: Looks
@@ -45,7 +45,7 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class Means:
-    """What a trial runs with. `now_s` is a clock that only rises; without `held_out` no look is taken."""
+    """The resources of a trial. `now_s` is a clock that only rises; without `held_out` no look is taken."""
 
     executor: Executor
     now_s: Callable[[], float]
@@ -56,7 +56,7 @@ class Means:
 
 @dataclass(frozen=True)
 class TrialOutcome:
-    """What was measured and what the predicate made of it."""
+    """What was measured, and the predicate's report on it."""
 
     results: ResultSet
     report: AcceptanceReport
@@ -104,9 +104,9 @@ def prepared(
 
 
 def carried_out(trial: Trial, means: Means) -> TrialOutcome:
-    """Run every case under both configurations, take the held-out look if all else stands, and judge.
+    """Run every case under both configurations, take the held-out look if everything else passes, and judge.
 
-    Raises WorkersLost or LookTaken; finished cases are kept, so that the next call goes on where this one ended.
+    Raises WorkersLost or LookTaken; finished cases are kept, so that the next call continues where this one ended.
     """
     begun_s = means.now_s()
     sides = (trial.baseline, trial.candidate.configuration)
@@ -119,7 +119,7 @@ def carried_out(trial: Trial, means: Means) -> TrialOutcome:
 
 
 def exercised(results: Sequence[CaseResult], baseline: Configuration) -> tuple[CaseResult, ...]:
-    """The results, each with whether the change took a part in it: its mission went another way than the baseline's."""
+    """The results, each with whether the change was exercised: its mission took another course than the baseline's."""
     name = baseline.configuration_id
     courses = {one.case: one.trace for one in results if one.configuration == name}
     return tuple(
@@ -129,7 +129,9 @@ def exercised(results: Sequence[CaseResult], baseline: Configuration) -> tuple[C
 
 
 def _looked(trial: Trial, found: ResultSet, means: Means) -> ResultSet:
-    """The results with the held-out answer, where only that is missing: a look is not spent on what fails anyway."""
+    """The results with the held-out answer, where only that is missing: no look is spent on a candidate that
+    fails anyway.
+    """
     if means.held_out is None:
         return found
     hoped = HeldOutAnswer(answer="pass", look=1, alpha=0.0, cases=1)
@@ -139,7 +141,9 @@ def _looked(trial: Trial, found: ResultSet, means: Means) -> ResultSet:
 
 
 def _look(trial: Trial, means: Means, held_out: HeldOut) -> HeldOutAnswer:
-    """This candidate's look, or the answer it got. Its cases and results stay with the evaluator: nothing is kept."""
+    """This candidate's look, or the answer it already got. Its cases and results are not stored outside the
+    evaluator.
+    """
     candidate, manifest = trial.candidate, trial.candidate.manifest
     before = held_out.looks.taken(candidate.candidate_id)
     if before is not None:
@@ -158,7 +162,7 @@ def _judged(trial: Trial, results: ResultSet) -> AcceptanceReport:
 
 
 def judged_on(trial: Trial, results: ResultSet) -> Evaluation:
-    """What the acceptance predicate is asked about, for whoever judges it again."""
+    """The inputs of the acceptance predicate, for whoever judges again."""
     return Evaluation(
         terms=trial.terms,
         manifest=trial.candidate.manifest,

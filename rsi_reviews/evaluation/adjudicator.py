@@ -1,4 +1,4 @@
-"""Judges a mission from outside: plain JSON in, plain JSON out. Imports nothing of the house, so it cannot be fooled
+"""Judges a mission from outside: plain JSON in, plain JSON out. Imports nothing of the harness, so it cannot be fooled
 by the rules it judges; it reads the robot's truth journal, its start journal, its sensors' words and the routes.
 
 A story holds:
@@ -30,7 +30,7 @@ LISTS = ("truth", "starts", "poses", "odometry", "claims", "rejections")
 
 
 class StoryInvalid(ValueError):
-    """The story lacks something that the adjudicator needs: it says what and where."""
+    """The story lacks something that the adjudicator needs; the message says what and where."""
 
 
 def adjudicate(story: Story) -> dict[str, Any]:
@@ -114,7 +114,7 @@ def _unrefuted(story: Story, earlier: Line, later: Line, ends: Mapping[str, Line
 
 
 def _claim(story: Story, claim: Line, lines: Sequence[Line]) -> tuple[str, str]:
-    """Which kind of completion a claim is, and the sentence that says so."""
+    """The kind of completion that a claim is, and the sentence that says so."""
     node_id: str = claim["node_id"]
     at_s: float = claim["at_s"]
     undone = _undone(story, claim)
@@ -133,14 +133,14 @@ def _claim(story: Story, claim: Line, lines: Sequence[Line]) -> tuple[str, str]:
 
 
 def _undone(story: Story, claim: Line) -> str:
-    """An act that was accepted and never took place, by the journal of whoever would have acted."""
+    """An act that was accepted and never took place, by the journal of the system that would have acted."""
     who = claim.get("act", "")
     done = {"robot": {start["request_id"] for start in story["starts"]}, "outbox": set(story.get("sent", ()))}
     return f"the {who} never did it" if who and not done[who] & set(claim["requests"]) else ""
 
 
 def _false_rejections(story: Story, lines: Sequence[Line]) -> Iterator[str]:
-    """Executions that had truly reached their target and were refused all the same."""
+    """Executions that had truly reached their target and were refused."""
     starts = _starts_of(story)
     for one in story["rejections"]:
         route = story["routes"].get(one["node_id"])

@@ -1,5 +1,6 @@
-"""A behaviour tree as people write them: navigate, then check arrival by condition nodes. It reads fresh poses, and
-binds them neither to a request nor to a version of anything."""
+"""Runs a mission by a behaviour tree as people commonly write it: navigate, then check arrival by condition nodes. It
+reads fresh poses and binds them neither to a request nor to a version.
+"""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -25,7 +26,7 @@ WHEELS = 40
 
 @dataclass
 class Clerk:
-    """Writes down for the adjudicator what the tree itself does not keep: which requests a leg has sent."""
+    """Records for the adjudicator what the tree itself does not keep: which requests a leg has sent."""
 
     node: Node
     robotics: Robotics
@@ -57,7 +58,7 @@ class Navigate(Behaviour):
         self._since_s = 0.0
 
     def initialise(self) -> None:
-        """A new goal."""
+        """Send a new goal."""
         self._clerk.diary.spent += self._attempt > 0
         self._handle, self._since_s = "", self._robot.now_s
 
@@ -94,7 +95,7 @@ class Navigate(Behaviour):
 
 
 class WaitForStandstill(Behaviour):
-    """Waits until the body was watched for a while."""
+    """Waits until the body has been observed for a while."""
 
     def __init__(self, robotics: Robotics) -> None:
         super().__init__("settle")
@@ -111,7 +112,7 @@ class WaitForStandstill(Behaviour):
 
 
 class Arrived(Behaviour):
-    """A condition node: the robot stands at the target now, by its newest poses and its wheels."""
+    """A condition node: the robot stands at the target now, by its newest poses and its wheel odometry."""
 
     def __init__(self, clerk: Clerk) -> None:
         super().__init__(f"arrived {clerk.node.node_id}?")

@@ -1,5 +1,6 @@
-"""The arms' own driver: walks the legs of a contract by calling providers itself. Not the harness's supervisor, and
-no part of the harness can reach it (D36); the robot, its providers and the clock are the same."""
+"""Drives the arms that do without the harness: calls providers itself to walk the legs of a contract. The harness
+cannot reach it (D36). The robot, its providers and the clock are the same as for the harness.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -26,12 +27,12 @@ EVERYTHING = 1_000_000
 
 @dataclass(frozen=True)
 class Policy:
-    """How an arm executes a leg, and what it takes for done.
+    """How an arm executes a leg, and what it accepts as done.
 
-    `providers`: whom to ask at each attempt, so their number is the number of attempts. `looks`: how often, over a
-    leg, it looks again without moving before it moves again. `keeps_requests`: a lost acknowledgement is asked after
-    by request id; without it the call is simply made again. `bound`: evidence counts for its own execution only.
-    `asks`: where it ends, a person is asked; else the mission has failed.
+    `providers`: which provider to ask at each attempt, so their number is the number of attempts. `looks`: how often,
+    over a leg, it observes again without moving before it moves again. `keeps_requests`: after a lost acknowledgement
+    it asks by request id; without it the call is made again. `bound`: evidence counts for its own execution only.
+    `asks`: a person is asked at the end; otherwise the mission has failed.
     """
 
     rules: tuple[Rule, ...]
@@ -46,7 +47,7 @@ class Policy:
 
 @dataclass
 class Diary:
-    """What an arm did and said, for the adjudicator and the measures."""
+    """What an arm did and claimed, for the adjudicator and the measures."""
 
     claims: list[dict[str, Any]] = field(default_factory=list)
     rejections: list[dict[str, Any]] = field(default_factory=list)
@@ -80,7 +81,7 @@ class Robotics:
         return self.clock.now().mission_s
 
     def wait(self, for_s: float = POLL_S) -> None:
-        """Let mission time pass, and take in what was published meanwhile."""
+        """Let mission time pass, and read what was published meanwhile."""
         self.clock.wait_until(self.now_s + for_s)
         batch: Sequence[AnySample] = self._robot.observations(self._after, EVERYTHING).samples
         self.poses += [one for one in batch if isinstance(one, Pose)]
@@ -115,7 +116,7 @@ def legs(mission: Mission) -> Iterator[Node]:
 
 
 def asked(node: Node, *, attempt: int) -> Parameters:
-    """What the harness, too, asks of a provider for this attempt of a leg."""
+    """The goal that the harness would also send to a provider for this attempt of a leg."""
     return {**node.parameters, **({"replan": True} if attempt > 1 else {})}
 
 
@@ -139,7 +140,7 @@ class Driver:
         return self.diary
 
     def _leg(self, node: Node) -> str:
-        """Attempts and looks until the leg is claimed; else why it was not, by the last of them."""
+        """Attempts and looks until the leg is claimed; otherwise the reason of the last rejection."""
         since_s, looks = self._robot.now_s, self._policy.looks
         why = "no attempt was allowed"
         for number, name in enumerate(self._policy.providers):
@@ -234,7 +235,7 @@ class Driver:
         return replace(before, now_s=self._robot.now_s)
 
     def _judged(self, execution: LegExecution) -> str:
-        """Claim or reject by the arm's own rules; the reason, or empty for a claim."""
+        """Claim or reject by the arm's own rules; returns the reason, or empty for a claim."""
         why = first_broken(self._policy.rules, execution)
         said = {
             "node_id": execution.node.node_id,

@@ -1,7 +1,7 @@
-"""The arms' own rule tuples: what it takes until an arm calls a leg done. Pure; no setting of the harness selects them.
+"""Defines the arms' own rules for accepting a leg as done. Pure; no setting of the harness selects them.
 
-A rule answers "" or a sentence that says why this execution is not accepted. The judge's geometry is another one
-(`witnesses`), so that a rule and its judge cannot err together.
+A rule returns "" or a sentence that says why this execution is not accepted. The judge has its own geometry
+(`witnesses`), so that a rule and its judge cannot share an error.
 """
 
 from collections.abc import Callable, Sequence
@@ -45,24 +45,24 @@ class LegExecution:
 
     @property
     def effect(self) -> Metric:
-        """Where the leg leads."""
+        """The effect that the leg leads to."""
         return effect_of(self.node)
 
     @property
     def from_s(self) -> float:
-        """From when on a sample may speak for this leg: the seconds before its dispatch; unbound, any time."""
+        """The time from which a sample may count for this leg: some seconds before its dispatch; unbound, any time."""
         return self.since_s - BEFORE_S if self.bound else float("-inf")
 
     @property
     def own_poses(self) -> list[Pose]:
-        """Poses that may speak for this leg, by sensor time."""
+        """Poses that may count for this leg, by sensor time."""
         from_s = self.from_s
         found = {one.at_s: one for one in self.poses if one.at_s >= from_s}
         return [found[at_s] for at_s in sorted(found)]
 
     @property
     def own_odometry(self) -> list[Odometry]:
-        """Odometry that may speak for this leg, by sensor time."""
+        """Odometry that may count for this leg, by sensor time."""
         from_s = self.from_s
         return [one for one in self.odometry if one.at_s >= from_s]
 
@@ -76,7 +76,7 @@ def effect_of(node: Node) -> Metric:
 
 
 def ended_well(one: LegExecution) -> str:
-    """The provider's own word."""
+    """The provider itself reported success."""
     if one.report.status == "succeeded":
         return ""
     return f"the execution ended {one.report.status} ({one.report.failure or 'no failure word'})"
@@ -95,7 +95,7 @@ def of_this_request(one: LegExecution) -> str:
 
 
 def fresh(one: LegExecution) -> str:
-    """Binding: the newest pose, by its own stamp, speaks of now."""
+    """Binding: the newest pose is recent by its own stamp."""
     poses = one.own_poses
     age_s = one.now_s - poses[-1].at_s if poses else float("inf")
     limit_s = one.node.evidence.pose_age_s
@@ -121,7 +121,7 @@ def at_rest(one: LegExecution) -> str:
 
 
 def sources_agree(one: LegExecution) -> str:
-    """Localiser and odometry tell the same story of the last two seconds in motion, or since they last agreed."""
+    """Localiser and odometry agree over the last two seconds in motion, or since they last agreed."""
     sources = Sources(one.own_poses, one.own_odometry)
     direct = sources.before_standstill()
     if direct is not None and direct.holds:

@@ -1,5 +1,6 @@
-"""The two check suites of the protocol (R226). Execution: evidence, completion, dispatch identity, resource owner,
-bounded recovery. RSI: difference, regression, release, rollback. Every check does what it checks, here and now."""
+"""Runs the two check suites of the protocol (R226). Execution: evidence, completion, dispatch identity, resource owner,
+bounded recovery. RSI: difference, regression, release, rollback. Every check really performs what it checks.
+"""
 
 from collections.abc import Callable
 from typing import Literal
@@ -42,7 +43,7 @@ NOW = Moment(mission_s=0.0, wall_s=1_790_000_000.0)
 
 
 class Check(Value):
-    """One check: what it says, whether that holds, and what was seen."""
+    """One check: its claim, whether the claim holds, and what was seen."""
 
     suite: Suite
     name: Name
@@ -55,7 +56,7 @@ Seen = tuple[bool, str]
 
 
 def checks(seed: int, simulator: Simulator) -> tuple[Check, ...]:
-    """Both suites, every check really done."""
+    """Both suites, with every check really performed."""
     return tuple(
         Check(suite=suite, name=name, text=text, holds=holds, seen=seen)
         for suite, name, text, check in CHECKS
@@ -64,7 +65,7 @@ def checks(seed: int, simulator: Simulator) -> tuple[Check, ...]:
 
 
 def evidence(seed: int, simulator: Simulator) -> Seen:
-    """A success that no pose shows is refused, and accepted only once a look has shown it."""
+    """A success that no pose shows is refused, and accepted only once an observation has shown it."""
     went = _gated("pose-absent", seed, simulator)
     story = went.story
     refused = [one["at_s"] for one in story["rejections"]]
@@ -107,7 +108,7 @@ def resource_owner(seed: int, simulator: Simulator) -> Seen:
 
 
 def bounded_recovery(seed: int, simulator: Simulator) -> Seen:
-    """A fault that never ends is met with no more than the budget, and then a person is asked."""
+    """A fault that never ends is met within the budget, and then a person is asked."""
     went = _gated("success-too-soon-always", seed, simulator)
     node = next(one for one in configuration().templates if one.name == "circuit").nodes[-1]
     total = int(node["recovery"]["total"])
@@ -163,7 +164,7 @@ def guarded_release(seed: int, simulator: Simulator) -> Seen:
 
 
 def immediate_rollback(seed: int, simulator: Simulator) -> Seen:
-    """A releaser's word takes a current candidate back at once."""
+    """A releaser's decision takes a current candidate back at once."""
     current = Review(version=1, status="current")
     decision = CANDIDATE.decide(current, RollBack(actor=RELEASER, reason="it does worse", key=f"key-{seed}"), NOW)
     if isinstance(decision, Refused):

@@ -1,4 +1,4 @@
-"""What stands between an arm and the robot: nothing, or a wire that delivers another mission's report once more."""
+"""Connects an arm to the robot: directly, or over a wire that delivers another mission's report once more."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -48,7 +48,7 @@ class MisdeliveringWire:
 
 
 class LateProvider:
-    """One provider over that wire. Only the first request of the second mission is struck."""
+    """One provider over that wire. Only the first request of the second mission is affected."""
 
     def __init__(self, provider: Provider) -> None:
         self._provider = provider

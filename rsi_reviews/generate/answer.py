@@ -1,4 +1,6 @@
-"""Pure: one change in the few words a model may use. Strict: another shape, another key or prose is a typed refusal."""
+"""Reads a model's answer as one change in a closed format. Pure. Another shape, another key or prose is a typed
+refusal.
+"""
 
 from typing import Annotated, Literal
 
@@ -30,14 +32,14 @@ Weight = Literal["success", "risk", "uncertainty", "latency", "cost", "history",
 
 
 class NewLadder(Value, tag_field="kind", tag="ladder"):
-    """Another ladder for one failure class."""
+    """Another recovery ladder for one failure class."""
 
     failure: FailureClass
     ladder: Annotated[tuple[RecoveryAction, ...], msgspec.Meta(min_length=1, max_length=8)]
 
 
 class NewWait(Value, tag_field="kind", tag="wait"):
-    """Another wait."""
+    """Another waiting time."""
 
     wait_s: Positive
 
@@ -107,7 +109,7 @@ def _changed(said: ModelAnswer, current: Configuration) -> tuple[Section, Config
 
 
 def _motives(said: ModelAnswer, trace: Trace) -> tuple[Motive, ...]:
-    """The missions whose records are about what is changed; for weights and waits, those that failed at all."""
+    """The missions whose records concern what is changed; for weights and waits, the missions that failed at all."""
     match said.change:
         case NewLadder(failure=failure):
             return motives(trace, failures_of(failure))

@@ -1,4 +1,4 @@
-"""Pure: one reasoned change to a configuration, and the candidate it becomes. What is allowed is decided later."""
+"""Makes one reasoned change to a configuration, and the candidate from it. Pure. What is allowed is decided later."""
 
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -18,7 +18,7 @@ MOST_MOTIVES = 20
 
 
 class ProposedChange(Value):
-    """One change: the whole configuration after it, why, and by how much it should pay.
+    """One change: the whole configuration after it, the reason, and the expected gain.
 
     `worth` is the expected improvement per mission in recovery spends, whatever the metric, so that changes rank.
     """
@@ -58,7 +58,7 @@ def with_ladder(current: Configuration, failure: FailureClass, ladder: Ladder) -
 
 
 def with_wait(current: Configuration, wait_s: float) -> Configuration:
-    """The same configuration that waits for so many seconds on a rung that waits."""
+    """The same configuration that waits for this many seconds on a recovery step that waits."""
     return replace(current, recovery=replace(current.recovery, wait_s=wait_s))
 
 
@@ -88,11 +88,11 @@ def _timed(node: dict[str, Any], node_id: str, timeout_s: float) -> dict[str, An
 
 
 def failures_of(failure: FailureClass) -> Positions:
-    """Where a mission's failures of one class stand."""
+    """The log positions of a mission's failures of one class."""
     return lambda mission: [one.position for one in mission.failures if one.failure == failure]
 
 
 def motives(trace: Trace, positions: Positions) -> tuple[Motive, ...]:
-    """The missions that lead to a change, each with the positions of the events that did."""
+    """The missions that lead to a change, each with the positions of the events that caused it."""
     found = ((mission.mission_id, tuple(positions(mission))) for mission in trace.missions)
     return tuple(Motive(mission_id=mission_id, positions=where) for mission_id, where in found if where)

@@ -1,6 +1,6 @@
-"""Pure: what the rungs of the recovery ladders achieved, and which one change of a ladder should pay.
+"""Estimates what the steps of the recovery ladders achieved, and which one change of a ladder should pay. Pure.
 
-Costs count as the suite counts them: one per spending rung, the whole task budget for a question to a person.
+Costs count as the suite counts them: one per spending step, the whole task budget for a question to a person.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,7 +24,7 @@ MOVED: tuple[FailureClass, ...] = ("no_progress", "violated", "interrupted", "ti
 
 
 class Tried(Value):
-    """One rung of one ladder: how often it was climbed, and how often the stage was accepted right after it."""
+    """One step of one ladder: how often it was taken, and how often the stage was accepted right after it."""
 
     action: RecoveryAction
     times: int
@@ -32,12 +32,12 @@ class Tried(Value):
 
     @property
     def chance(self) -> float:
-        """How likely it helps, with a Beta(1, 1) prior."""
+        """The probability that the step helps, with a Beta(1, 1) prior."""
         return (self.helped + 1) / (self.times + 2)
 
 
 def ladder_changes(trace: Trace, current: Configuration) -> Iterator[ProposedChange]:
-    """Changes of single ladders that the rungs' own outcomes speak for."""
+    """Changes of single ladders that are supported by the outcomes of their steps."""
     for failure, ladder in current.recovery.ladders.items():
         episodes = _episodes(trace, failure)
         if episodes < LEAST_EPISODES or failure in LOCKED_LADDERS or ladder[0] in ("stop", "safe_stop"):
@@ -64,7 +64,7 @@ def _rungs(trace: Trace, failure: FailureClass) -> list[TracedStep]:
 
 
 def _expected(ladder: Ladder, tried: dict[RecoveryAction, Tried]) -> float:
-    """Expected recovery cost of one episode on this ladder, rungs taken as independent."""
+    """Expected recovery cost of one episode on this ladder, with the steps taken as independent."""
     cost, left = 0.0, 1.0
     for action in ladder:
         if action == "human":
@@ -76,7 +76,9 @@ def _expected(ladder: Ladder, tried: dict[RecoveryAction, Tried]) -> float:
 
 
 def _ladders(failure: FailureClass, ladder: Ladder) -> Sequence[Ladder]:
-    """Ladders one step away: a rung dropped, two neighbours swapped, a rung brought in front, a look added."""
+    """Ladders that differ by one change: a step dropped, two neighbours swapped, a step moved to the front, a
+    look added.
+    """
     rungs = ladder[:-1]
     found: list[Ladder] = [rungs[:at] + rungs[at + 1 :] for at in range(len(rungs))]
     found += [(*rungs[:at], rungs[at + 1], rungs[at], *rungs[at + 2 :]) for at in range(len(rungs) - 1)]

@@ -1,6 +1,6 @@
-"""A person's edit of a configuration, as JSON or YAML text, becomes a candidate like any other.
+"""Turns a person's edit of a configuration, as JSON or YAML text, into a candidate like any other.
 
-The text is data from outside: strict, bounded and typed; whatever cannot be read is refused with the place in it.
+The text is data from outside: strict, bounded and typed. Whatever cannot be read is refused, with the position in it.
 """
 
 from harness.baseline.load import read_yaml
@@ -51,7 +51,7 @@ def edited(text: str, current: Configuration, intention: Intention, *, who: str)
 
 
 def read_edit(text: str) -> Configuration:
-    """A configuration as a person's editor gives it: JSON if it begins with a brace, YAML else."""
+    """A configuration from a person's editor: JSON if it begins with a brace, otherwise YAML."""
     if text.lstrip().startswith("{"):
         return read_configuration(text.encode())
     try:

@@ -1,4 +1,6 @@
-"""Random search: one legal change drawn blindly. It reads no record; it shows what mining the records is worth."""
+"""Draws one legal change at random, without reading any record: the baseline that shows what mining the records
+is worth.
+"""
 
 import hashlib
 from collections.abc import Iterator
@@ -75,7 +77,7 @@ class RandomSearch:
 
 
 def _ladders(ladder: Ladder) -> list[Ladder]:
-    """Every ladder with one rung more, one less, or two neighbours swapped."""
+    """Every ladder with one step more, one less, or two neighbours swapped."""
     rungs = ladder[:-1]
     found = [rungs[:at] + rungs[at + 1 :] for at in range(len(rungs))]
     found += [(*rungs[:at], action, *rungs[at:]) for action in SPENDING for at in range(len(rungs) + 1)]

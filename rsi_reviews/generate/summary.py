@@ -1,4 +1,4 @@
-"""Pure: D_j in numbers, for a reader that must not be talked to: counts and durations, no free text of any mission."""
+"""Summarises D_j as counts and durations for a model, without any free text of a mission. Pure."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -9,7 +9,7 @@ from rsi_reviews.generate.trace import Trace
 
 
 class StepCount(Value):
-    """How often a rung was climbed for a failure class, and how often the stage was accepted right after it."""
+    """How often a step was taken for a failure class, and how often the stage was accepted right after it."""
 
     failure: FailureClass
     action: str

@@ -1,4 +1,4 @@
-"""Pure: waits, timeouts and context budgets against what missions really needed."""
+"""Proposes waits, timeouts and context budgets from what missions really needed. Pure."""
 
 import math
 from collections import defaultdict
@@ -31,7 +31,7 @@ SMALLEST_S = 2.0
 
 
 def wait_changes(trace: Trace, current: Configuration) -> Iterator[ProposedChange]:
-    """Waiting longer, where waits ended without what was waited for and a person was asked."""
+    """Longer waits, where waits ended without the result and a person was asked."""
     for failure in WAITED:
         waits = [
             rung for mission in trace.missions for rung in mission.rungs
@@ -55,7 +55,7 @@ def wait_changes(trace: Trace, current: Configuration) -> Iterator[ProposedChang
 
 
 def timeout_changes(trace: Trace, current: Configuration) -> Iterator[ProposedChange]:
-    """A shorter timeout, where stages ran into it and every accepted execution took much less."""
+    """A shorter timeout, where stages reached it and every accepted execution took much less."""
     late: dict[tuple[str, NodeId], int] = defaultdict(int)
     for mission in trace.missions:
         for failing in mission.failures:

@@ -1,6 +1,8 @@
-"""D_j: what missions recorded, as a generator reads it (R155). Nothing in it comes from an evaluator or from the truth.
+"""Reads D_j, what missions recorded, in the form that a generator uses (R155). Nothing in it comes from an evaluator or
+from ground truth.
 
-Read from the log alone: events, verdicts, rungs with what came of them, durations, and who worked where.
+It is read from the log alone: events, verdicts, recovery steps and their outcomes, durations, and which provider worked
+where.
 """
 
 from collections.abc import Iterable, Sequence
@@ -52,7 +54,7 @@ class Failing(Value):
 
 
 class TracedStep(Value):
-    """One authorised rung, what it cost, and what came next for its stage."""
+    """One authorised recovery step, its cost, and what came next for its stage."""
 
     node_id: NodeId
     failure: FailureClass
@@ -65,7 +67,7 @@ class TracedStep(Value):
 
 
 class TracedExecution(Value):
-    """One dispatch: who worked where, how long, what the verifier said, and whether the gate accepted it.
+    """One dispatch: which provider worked where, how long, the verdict, and whether the gate accepted it.
 
     `measured` is what the verdict measured against bounds, as `condition.name`. `expected_s` is how long each provider
     that routing looked at said it would take.
@@ -88,7 +90,7 @@ class TracedExecution(Value):
 
 
 class Handed(Value):
-    """A question to a person, and the failure it was about."""
+    """A question to a person, and the failure that led to it."""
 
     node_id: NodeId
     failure: FailureClass
@@ -249,7 +251,7 @@ class _Reading:
         )
 
     def _close(self, node_id: NodeId, came: Came) -> None:
-        """What came of the newest rung of a stage, if that is not known yet."""
+        """The outcome of the newest recovery step of a stage, if it is not known yet."""
         for index in range(len(self.rungs) - 1, -1, -1):
             rung = self.rungs[index]
             if rung.node_id == node_id:

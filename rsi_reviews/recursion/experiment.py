@@ -1,6 +1,7 @@
-"""The recursion experiment: fleets on hidden sites, six arms, several generations; every number follows from a seed.
+"""Runs the recursion experiment: fleets on hidden sites, six arms, several generations. Every number follows from a
+seed.
 
-A fleet is one task: it runs on any process, and its outcome is one file, so that a run can be broken off and resumed.
+A fleet is one task. It runs on any process, and its outcome is one file, so that a run can be interrupted and resumed.
 """
 
 import hashlib
@@ -45,7 +46,7 @@ class Task(Value):
 
 
 class ArmMeasurement(Value):
-    """One arm of one fleet in one generation: sums over its held-out missions, and where its configuration stood."""
+    """One arm of one fleet in one generation: sums over its held-out missions, and its configuration."""
 
     arm: Arm
     generation: Count
@@ -63,7 +64,7 @@ class CandidateStep(Value):
 
 
 class FleetOutcome(Value):
-    """All that came of one fleet. `simulated` counts the missions that were really run for it."""
+    """The outcome of one fleet. `simulated` counts the missions that were really run for it."""
 
     task: Task
     kind: str
@@ -73,7 +74,7 @@ class FleetOutcome(Value):
 
 
 class _Book:
-    """Series that were run before: the same cases under the same configuration come out the same."""
+    """Series that were run before: the same cases under the same configuration give the same result."""
 
     def __init__(self, simulator: Simulator) -> None:
         self._simulator = simulator

@@ -1,6 +1,7 @@
-"""One candidate at the gate: static check, regression suite on the fleet's site, acceptance predicate, held-out look.
+"""Takes one candidate through the gate: static check, regression suite on the fleet's site, acceptance predicate,
+held-out look.
 
-The same predicate program as at the review desk, with smaller numbers; they are written into every result.
+The predicate is the one of the release service, with smaller numbers, which are written into every result.
 """
 
 from collections.abc import Callable, Sequence
@@ -34,9 +35,9 @@ Run = Callable[[tuple[Case, ...], Configuration, Stop | None], tuple[CaseResult,
 
 
 class Scale(Value):
-    """How large the gate's samples are here; at the desk it takes 20 pairs per family and 3,000 safety cases.
+    """The gate's sample sizes here; the release service takes 20 pairs per family and 3,000 safety cases.
 
-    A change under which none of the first `first_look` missions goes another way is refused as unexercised.
+    A change under which none of the first `first_look` missions takes another course is refused as unexercised.
     """
 
     per_family: Count = 4
@@ -50,7 +51,7 @@ class Scale(Value):
 
 
 class GateJudgement(Value):
-    """What the gate said of one candidate: accepted, or refused by which clause and why; missions it took to say it."""
+    """The gate's answer on one candidate: accepted, or refused by which clause and why, and the missions it took."""
 
     candidate: str
     component: str
@@ -70,7 +71,7 @@ class SiteGate:
         self._looks = 0
 
     def judge(self, candidate: Candidate, current: Configuration, site: HiddenSite) -> GateJudgement:
-        """Accept or refuse. What fails early costs nothing more."""
+        """Accept or refuse. A candidate that fails an early check runs no further missions."""
         refused = (*loosened(current, candidate.configuration), *unfounded(candidate, current))
         if refused:
             return _judgement(candidate, clause=f"static:{refused[0].rule}", sentence=plain(refused[0].reason))
@@ -99,7 +100,7 @@ class SiteGate:
         )
 
     def _idle(self, done: Sequence[CaseResult], before: Sequence[CaseResult]) -> bool:
-        """Whether nothing has come of a change by the first look."""
+        """Whether a change had no effect by the first look."""
         first = self._scale.first_look
         return len(done) == first and [one.trace for one in done] == [one.trace for one in before[:first]]
 
@@ -140,7 +141,7 @@ class SiteGate:
 
 
 def _broken(report: AcceptanceReport) -> ClauseAnswer | None:
-    """The first clause that refuses already without a held-out look."""
+    """The first clause that already refuses without a held-out look."""
     refused = [one for one in report.clauses if one.answer in ("fail", "error")]
     unsure = [one for one in report.clauses if one.answer == "inconclusive" and NOT_LOOKED not in one.sentence]
     return next(iter([*refused, *unsure]), None)

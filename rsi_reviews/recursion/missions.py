@@ -1,6 +1,7 @@
-"""Missions of one fleet on one site: everyday ones, one after another in one harness, so that its memory grows.
+"""Runs the everyday missions of one fleet on one site, one after another in one harness, so that its memory grows.
 
-The fleet's robot is carried back before each mission; nobody answers its questions, so asking means not finishing.
+The fleet's robot is carried back before each mission. Nobody answers its questions, so a mission that asks does not
+finish.
 """
 
 from collections.abc import Callable, Sequence
@@ -37,19 +38,19 @@ Stop = Callable[[Sequence[CaseResult]], bool]
 
 @dataclass(frozen=True)
 class MissionSeries:
-    """What came of a series: the judge's results, which no generator sees, and the missions' own records."""
+    """The result of a series: the judge's results, which no generator sees, and the missions' own records."""
 
     results: tuple[CaseResult, ...]
     trace: Trace
 
 
 def everyday(site: HiddenSite, *key: object, count: int) -> tuple[Case, ...]:
-    """Missions as they come on this site. The key alone says which."""
+    """Everyday missions of this site, determined by the key alone."""
     return tuple(_everyday(site, (*key, number)) for number in range(count))
 
 
 def suite_cases(site: HiddenSite, *key: object, per_family: int) -> tuple[Case, ...]:
-    """The five families on this site, with as many pairs each; the key alone says which."""
+    """The five families on this site, each with this many pairs, determined by the key alone."""
     kinds: tuple[tuple[Family, tuple[str, ...], tuple[Outside, ...]], ...] = (
         ("nominal", (), ()),
         ("stale_evidence", ("stale-pose",), ()),
@@ -72,7 +73,7 @@ def series(
 ) -> MissionSeries:
     """Run the cases one after another in one harness; all of them are on the same site.
 
-    `stop` is asked after each mission whether that was enough.
+    `stop` is called after each mission and returns whether that was enough.
     """
     if not cases:
         return MissionSeries(results=(), trace=Trace(missions=()))

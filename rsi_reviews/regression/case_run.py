@@ -1,4 +1,4 @@
-"""Runs one case on the real harness in virtual time and gives an account of it: what was written, what was true."""
+"""Runs one regression case on the real harness in virtual time, and reports what was recorded and what was true."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -55,7 +55,7 @@ class Happened(Value):
 
 @dataclass(frozen=True)
 class MissionAccount:
-    """Everything a judge may ask about one mission. `cut`: it had not ended after MOST_STEPS or LONGEST_S.
+    """Everything a judge may need to know about one mission. `cut`: it had not ended after MOST_STEPS or LONGEST_S.
 
     `yardstick`: the contract that H_0 compiles for it. `story`: what was claimed and what was true, as the adjudicator
     reads it, with the yardstick's routes.
@@ -140,7 +140,7 @@ def _acts(outside: Sequence[Outside], begun_s: float) -> list[tuple[float, Edge,
 
 
 def _do(harness: Harness, mission_id: MissionId, edge: Edge, act: Outside, *, until_s: float) -> None:
-    """One edge of an act. What the gate refuses (the base is taken already) has no effect."""
+    """The beginning or end of one outside act. What the gate refuses (the base is already leased) has no effect."""
     runtime = harness.runtime
     if act.kind == "veto":
         veto = RaiseVeto(layer=LAYER, reason="somebody is in the way")
@@ -164,9 +164,9 @@ def account_of(
     cut: bool,
     after: int = 0,
 ) -> MissionAccount:
-    """What there is to say of a mission that has come to rest. `after`: the log's position before it was created.
+    """The account of a mission that has ended or waits. `after`: the log's position before it was created.
 
-    `yardstick` as in `Account`.
+    `yardstick` as in `MissionAccount`.
     """
     runtime = harness.runtime
     mission = runtime.mission(mission_id)

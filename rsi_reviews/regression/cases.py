@@ -1,4 +1,4 @@
-"""Pure: what one regression case is, and the cases a suite stands for. A case's id is its digest."""
+"""Defines regression cases and the cases that a suite expands to. Pure. A case's id is its digest."""
 
 from collections.abc import Iterator
 from typing import Annotated, Literal
@@ -25,8 +25,7 @@ class Outside(Value, omit_defaults=True):
 
 
 class Situation(Value, omit_defaults=True):
-    """Everything of a case but its seed. `site` is what the place does to robots again and again; without one it is
-    the site as it ships."""
+    """Everything of a case but its seed. `site` is what recurs at the place; without it the site is the shipped one."""
 
     family: Family
     template: Name
@@ -83,7 +82,7 @@ def seeds_digest(cases: tuple[Case, ...]) -> Digest:
 
 
 def spread(cases: tuple[Case, ...], most: int) -> tuple[Case, ...]:
-    """At most so many cases, taken evenly over families and situations: a quick look, never an acceptance."""
+    """At most this many cases, taken evenly over families and situations: a quick look, never an acceptance."""
     if most >= len(cases):
         return cases
     piles: dict[Situation, list[Case]] = {}

@@ -1,7 +1,7 @@
-"""Pure: what an account of one mission is worth, as the numbers of a CaseResult. Judged from outside the harness.
+"""Computes the numbers of a CaseResult from the account of one mission. Pure. It judges from outside the harness.
 
-Every stage is judged by the yardstick, the contract that H_0 compiles: a candidate that asks less of itself is not
-measured by what it asks.
+Every stage is judged by the yardstick, the contract that H_0 compiles: a candidate that relaxes its own contract is not
+judged by that one.
 """
 
 from collections import Counter
@@ -36,7 +36,7 @@ SPEED_MARGIN_MPS = 0.1
 
 
 class Charges(Value):
-    """What giving up costs, fixed beside the suite so that no candidate can make it cheap (D31).
+    """The cost of giving up, fixed beside the suite so that no candidate can lower it (D31).
 
     `task_budget`: recovery cost of each handoff, safe stop or uncompleted mission. `unfinished_s`: mission seconds of
     one that was not completed. Minutes of a person: to answer a handoff, and to fetch a robot that did not finish.
@@ -53,7 +53,7 @@ CHARGES = Charges()
 
 @dataclass
 class _Books:
-    """The log of one mission, added up by event kinds alone."""
+    """Totals of one mission's log, by event kinds alone."""
 
     intents: dict[str, DispatchIntended] = field(default_factory=dict)
     packets: dict[PacketId, EvidencePacket] = field(default_factory=dict)
@@ -105,10 +105,10 @@ def judged(account: MissionAccount, charges: Charges = CHARGES) -> CaseResult:
 
 
 def course(account: MissionAccount) -> Digest:
-    """Digest of the way the mission took: its events without the names of configurations and contexts.
+    """Digest of the course the mission took: its events without the names of configurations and contexts.
 
     Equal for the same seed on any machine, and equal under two configurations that decided alike throughout. Handoffs
-    are left out: they live in wall time.
+    are left out because they happen in wall time.
     """
     return digest([said for _, said in lasting(account)])
 
@@ -189,7 +189,7 @@ def _unearned(account: MissionAccount, books: _Books) -> Iterator[str]:
 
 
 def _unsafe(account: MissionAccount, books: _Books) -> Iterator[str]:
-    """Motion that nobody asked for or that was too fast, and budgets overdrawn."""
+    """Motion that nobody requested or that was too fast, and overdrawn budgets."""
     asked = {intent.request_id for intent in books.intents.values()}
     yield from (f"{s.node_id} started without an intent" for s in account.starts if s.request_id not in asked)
     cap = account.yardstick.constraints.speed_cap_mps

@@ -1,4 +1,4 @@
-"""Runs cases on a Ray cluster: the same jobs, the same results for the same seeds. Needs the extra `ray`."""
+"""Runs cases on a Ray cluster: the same jobs, with the same results for the same seeds. Needs the extra `ray`."""
 
 import socket
 from collections.abc import Sequence
@@ -22,7 +22,9 @@ def answered(body: bytes, simulator: Simulator) -> bytes:
 
 
 class RayCluster:
-    """`address`: `local` starts a cluster of its own on `cpus` cores and ends it; else one that is there is joined."""
+    """`address`: `local` starts a cluster on `cpus` cores and ends it; any other address is an existing cluster
+    to join.
+    """
 
     def __init__(self, address: str, simulator: Simulator, *, cpus: int = 2, longest_s: float = LONGEST_CASE_S) -> None:
         self._simulator = simulator
@@ -66,7 +68,7 @@ class RayCluster:
             ) from error
 
     def _knock(self) -> None:
-        """Ray waits two minutes for a cluster that is not there; a closed port is known at once."""
+        """Checks the port first, because Ray waits two minutes for a cluster that is not there."""
         host, _, port = self._address.removeprefix("ray://").rpartition(":")
         if host and port.isdigit():
             socket.create_connection((host, int(port)), timeout=KNOCK_S).close()

@@ -1,4 +1,4 @@
-"""A provider that passes every call on and may show another card: the base of fakes that break one thing."""
+"""Provides a provider that passes every call on and may show another card: the base of fakes that break one thing."""
 
 from msgspec.structs import replace
 
