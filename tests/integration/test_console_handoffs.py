@@ -35,7 +35,7 @@ def waiting(stand: Stand) -> tuple[Mission, HandoffId]:
 def shown(client: TestClient, handoff_id: str) -> dict[str, str]:
     """The binding that the person's page carries."""
     text = client.get(f"/handoffs/{handoff_id}").text
-    return {name: re.findall(rf'name="{name}" value="([^"]*)"', text)[0] for name in FIELDS}
+    return {name: re.findall(rf'name="{name}"\s+value="([^"]*)"', text)[0] for name in FIELDS}
 
 
 def starts(stand: Stand, mission: Mission) -> int:
@@ -203,7 +203,7 @@ def test_what_was_on_the_screen_is_kept_and_another_screen_is_refused(
     operator.post(f"/handoffs/{handoff_id}/look")
     form = {**shown(operator, handoff_id), "decision": "approve", "reason": "seen on camera"}
     seen = operator.get(f"/handoffs/{handoff_id}/shown").content
-    digest = re.findall(r'name="shown" value="([^"]*)"', operator.get(f"/handoffs/{handoff_id}").text)[0]
+    digest = re.findall(r'name="shown"\s+value="([^"]*)"', operator.get(f"/handoffs/{handoff_id}").text)[0]
     assert sha256(seen) == digest
     other = operator.post(f"/handoffs/{handoff_id}/decision", data={**form, "shown": "0" * 64})
     assert other.status_code == 409 and "on your screen" in other.text

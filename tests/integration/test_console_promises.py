@@ -122,7 +122,7 @@ def test_every_page_has_a_stop_for_each_robot_that_names_it_and_its_mission(
 def words_of(client: TestClient, handoff_id: HandoffId) -> dict[str, str]:
     """What binds a form of the question's page to it."""
     text = client.get(f"/handoffs/{handoff_id}").text
-    return {name: re.findall(rf'name="{name}" value="([^"]*)"', text)[0] for name in FIELDS}
+    return {name: re.findall(rf'name="{name}"\s+value="([^"]*)"', text)[0] for name in FIELDS}
 
 
 def handoff(stand: Stand, handoff_id: HandoffId) -> Handoff:

@@ -220,7 +220,7 @@ def test_a_release_runs_through_its_canary_and_back_again_by_two_clicks(house: H
     shows(text, "Roll back", "released to every robot", "canary began", "shipped with the program")
     second = house.page("releaser", f"/candidates/{name}/rollback")
     assert shipped[:8] in second
-    fields = {"key": re.findall(r'name="key" value="([^"]*)"', second)[0], "second-step": "yes"}
+    fields = {"key": re.findall(r'name="key"\s+value="([^"]*)"', second)[0], "second-step": "yes"}
     assert (
         house.people["releaser"].post(f"/candidates/{name}/rollback", data=fields | {"reason": ""}).status_code == 422
     )
