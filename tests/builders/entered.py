@@ -1,0 +1,35 @@
+"""Records which functions of the project are entered, in order and in every thread, while a test runs something."""
+
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+from tests.architecture.sources import ROOT
+
+_PLACES = tuple(f"{ROOT / folder}/" for folder in ("app", "harness"))
+
+
+@contextmanager
+def entered() -> Iterator[list[str]]:
+    """`path.py:Qualified.name` of each call of a function in `app` or `harness`, in the order of the calls.
+
+    Recorded are this thread and those that begin meanwhile. A function that another one made counts as a call of its
+    maker: `_route` for `_route.<locals>.act`.
+    """
+    found: list[str] = []
+
+    def note(frame: FrameType, event: str, _argument: object) -> None:
+        code = frame.f_code
+        if event == "call" and code.co_filename.startswith(_PLACES):
+            found.append(f"{code.co_filename[len(str(ROOT)) + 1 :]}:{code.co_qualname.partition('.<locals>')[0]}")
+
+    before, before_threads = sys.getprofile(), threading.getprofile()
+    threading.setprofile(note)
+    sys.setprofile(note)
+    try:
+        yield found
+    finally:
+        sys.setprofile(before)
+        threading.setprofile(before_threads)
