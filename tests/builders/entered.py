@@ -4,7 +4,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import FrameType
+from types import CodeType, FrameType
 
 from tests.architecture.sources import ROOT
 
@@ -19,17 +19,26 @@ def entered() -> Iterator[list[str]]:
     maker: `_route` for `_route.<locals>.act`.
     """
     found: list[str] = []
+    known: dict[CodeType, str] = {}
 
-    def note(frame: FrameType, event: str, _argument: object) -> None:
+    def note(frame: FrameType, _event: str, _argument: object) -> None:
         code = frame.f_code
-        if event == "call" and code.co_filename.startswith(_PLACES):
-            found.append(f"{code.co_filename[len(str(ROOT)) + 1 :]}:{code.co_qualname.partition('.<locals>')[0]}")
+        name = known.get(code)
+        if name is None:
+            ours = code.co_filename.startswith(_PLACES)
+            name = known[code] = _named(code) if ours else ""
+        if name:
+            found.append(name)
 
-    before, before_threads = sys.getprofile(), threading.getprofile()
-    threading.setprofile(note)
-    sys.setprofile(note)
+    before, before_threads = sys.gettrace(), threading.gettrace()
+    threading.settrace(note)
+    sys.settrace(note)
     try:
         yield found
     finally:
-        sys.setprofile(before)
-        threading.setprofile(before_threads)
+        sys.settrace(before)
+        threading.settrace(before_threads)
+
+
+def _named(code: CodeType) -> str:
+    return f"{code.co_filename[len(str(ROOT)) + 1 :]}:{code.co_qualname.partition('.<locals>')[0]}"
