@@ -32,7 +32,7 @@ class Idempotency:
         self._app, self._store, self._clock = app, store, clock
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        principal: Principal | None = scope.get("state", {}).get("visitor")
+        principal: Principal | None = scope.get("state", {}).get("principal")
         key = Headers(scope=scope).get("idempotency-key") if scope["type"] == "http" else None
         wanted = key is not None and principal is not None and str(scope["path"]).startswith("/api/")
         if not wanted or key is None or principal is None or scope["method"] in ("GET", "HEAD", "OPTIONS"):

@@ -55,7 +55,7 @@ class ResponseCache:
         await self._render(key, scope, receive, send)
 
     def _key(self, scope: Scope) -> Key | None:
-        path, principal = str(scope["path"]), scope.get("state", {}).get("visitor")
+        path, principal = str(scope["path"]), scope.get("state", {}).get("principal")
         if not isinstance(principal, Principal):
             return None
         if FOR_EVERYBODY.fullmatch(path):

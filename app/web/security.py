@@ -60,7 +60,7 @@ class RequestRefusal:
 
 
 class SecurityMiddleware:
-    """ASGI middleware, outermost. Sets `request.state.visitor` and the visitor of the commands within."""
+    """ASGI middleware, outermost. Sets `request.state.principal` and the principal of the commands within."""
 
     def __init__(self, app: ASGIApp, *, sessions: SessionService, policy: SecurityPolicy) -> None:
         self._app, self._sessions, self._policy = app, sessions, policy
@@ -71,7 +71,7 @@ class SecurityMiddleware:
             return
         connection = HTTPConnection(scope)
         principal = self._principal(connection)
-        scope.setdefault("state", {})["visitor"] = principal
+        scope.setdefault("state", {})["principal"] = principal
         refusal = self._refusal(connection, scope, principal)
         if refusal and scope["type"] == "websocket":
             await receive()
