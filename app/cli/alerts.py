@@ -80,7 +80,7 @@ def suppress(alert_id: AlertArgument, reason: Reason, data: Data = DEFAULT_DATA,
 
 @app.command()
 def restore(alert_id: AlertArgument, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
-    """Bring it back from the shelf or from suppression."""
+    """Unshelve or unsuppress an alert."""
     with api_without_robots(data) as api:
         _say(api, alert_id, "restore", acts.RestoreAlertAct.of(), as_json=as_json)
 

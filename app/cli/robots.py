@@ -49,7 +49,7 @@ def safe(
 ) -> None:
     """Stop what a robot does and send it to the safe place of its zone; without one it lies down where it stands.
 
-    With --all: every mission stops, every wheel is returned, every robot is sent. Exit 1 if one could not be.
+    With --all: every mission stops, all manual control is released, every robot is sent. Exit 1 if one could not be.
     """
     if every == bool(robot):
         raise typer.BadParameter("Name one robot, or --all for every one.")
@@ -69,7 +69,7 @@ def stand(robot: str, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json =
 def autonomy(
     level: Annotated[str, typer.Argument(help=f"One of {', '.join(LEVELS)}.")],
     reason: Reason,
-    mission: Annotated[str, typer.Option(help="One mission; without it the limit of the whole house.")] = "",
+    mission: Annotated[str, typer.Option(help="One mission; without it the limit of the whole fleet.")] = "",
     data: Data = DEFAULT_DATA,
     as_json: Json = False,
 ) -> None:

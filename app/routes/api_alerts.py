@@ -66,7 +66,7 @@ def suppress(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.Sup
 
 @router.post("/alerts/{alert_id}/restore", responses=answers(schemas.AlertResource))
 def restore(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.RestoreAlertAct) -> Any:
-    """Back from the shelf or from suppression."""
+    """Unshelve or unsuppress an alert."""
     return _said(console, alert_id, body.to_command(actor))
 
 

@@ -66,7 +66,8 @@ def limit(console: ConsoleDep, principal: PrincipalDep, body: LimitAutonomyAct) 
 
 @router.post("/robots/stop", responses=answers(schemas.StopsAsked))
 def stop_all(console: ConsoleDep, principal: PrincipalDep, body: StopBody) -> Any:
-    """Ask every open mission of every robot to stop, and return every wheel; `safe`: then send each to safety."""
+    """Ask every open mission of every robot to stop, and release all manual control; `safe`: then send each to "
+    "safety."""
     asked, refused = stopped_all(console, principal, body.reason)
     if body.safe:
         refused = (*refused, *all_made_safe(console, principal, body.reason))

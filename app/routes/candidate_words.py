@@ -39,7 +39,7 @@ def seen_of(typed: Typed) -> SeenSubject:
 def robot_of(typed: Typed) -> RobotId:
     """Raises ContractInvalid where none is named."""
     if not typed.get("robot_id", "").strip():
-        raise ContractInvalid(N_("No robot is named"), where="robot_id", do=N_("say which robot tries it first"))
+        raise ContractInvalid(N_("No robot is named"), where="robot_id", do=N_("choose the canary robot"))
     return RobotId(typed["robot_id"].strip())
 
 

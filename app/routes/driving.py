@@ -92,7 +92,7 @@ def turned(console: Console, principal: Principal, robot_id: RobotId, order: Tur
     if held is None or console.wheel is None:
         return refused("not_at_the_wheel", because("wheel_not_taken", robot_id=robot_id))
     if held.actor.name != actor.name:
-        raise NotPermitted(f"{held.actor.name} has the wheel", where=robot_id, do=N_("ask them to return it"))
+        raise NotPermitted(f"{held.actor.name} has control", where=robot_id, do=N_("ask them to release control"))
     try:
         return console.wheel.turn(robot_id, RequestId(order.session), v_mps=order.v_mps, w_radps=order.w_radps)
     except ProviderFailed as error:

@@ -53,7 +53,7 @@ def on_their_way(console: Console) -> tuple[RobotId, ...]:
 
 
 def wheels_returned(console: Console, principal: Principal, reason: str) -> list[tuple[RobotId, str]]:
-    """Return every wheel, whoever has it; the robots whose wheel could not be returned, and why."""
+    """Release manual control of every robot, whoever has it; the robots where this failed, and why."""
     left = []
     for robot_id in console.control().wheels:
         decision = wheel_returned(console, principal, robot_id, reason)
@@ -73,7 +73,7 @@ def wheel_returned(console: Console, principal: Principal, robot_id: RobotId, re
 
 
 def limited(console: Console, principal: Principal, said: LimitAutonomyAct) -> None:
-    """Set the limit of the whole house. Raises NotPermitted for a token that is bound to one robot."""
+    """Set the autonomy limit of the whole fleet. Raises NotPermitted for a token that is bound to one robot."""
     if principal.robot_id:
         raise NotPermitted(
             f"This token is for {principal.robot_id} alone",

@@ -26,8 +26,8 @@ from harness.projections.alerts import Alert, status
 PATH = "/alerts"
 SHOWN = 50
 GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
-    ("", N_("to look at"), ("unacknowledged", "returned")),
-    ("active", N_("not over"), ("unacknowledged", "acknowledged")),
+    ("", N_("Needs attention"), ("unacknowledged", "returned")),
+    ("active", N_("Active"), ("unacknowledged", "acknowledged")),
     ("shelved", "shelved", ("shelved",)),
     ("suppressed", "suppressed", ("suppressed",)),
     ("all", "history", ()),
@@ -36,7 +36,7 @@ GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
 TITLES = {
     "unacknowledged": "unacknowledged",
     "acknowledged": "acknowledged",
-    "returned": N_("over, unacknowledged"),
+    "returned": N_("Cleared, unacknowledged"),
     "normal": "normal",
     "shelved": "shelved",
     "suppressed": "suppressed",
@@ -228,7 +228,9 @@ def sentence(event: AlertEvent) -> str:
         case AlertRaised(occurrence=one):
             return lazy_gettext("{title}. {text}", title=one.title, text=one.text)
         case AlertCleared():
-            return lazy_gettext("Over: {condition}. {reason}", condition=lasting(event.condition), reason=event.reason)
+            return lazy_gettext(
+                "Cleared: {condition}. {reason}", condition=lasting(event.condition), reason=event.reason
+            )
         case AlertAcknowledged():
             return lazy_gettext("{actor} acknowledged it. {note}", actor=event.actor.name, note=event.note)
         case AlertShelved():
@@ -249,12 +251,12 @@ def sentence(event: AlertEvent) -> str:
         case AlertNotified():
             if event.outcome == "sent":
                 return lazy_gettext(
-                    "{service} took the message, by its own word (tries: {tries})",
+                    "{service} reports that it took the message (tries: {tries})",
                     service=event.service,
                     tries=event.tries,
                 )
             return lazy_gettext(
-                "{service} was not told: {reason} (tries: {tries})",
+                "{service} was not notified: {reason} (tries: {tries})",
                 service=event.service,
                 reason=event.reason,
                 tries=event.tries,

@@ -20,6 +20,8 @@ from harness.projections.missions_list import stage_sentence
 
 FRESH_S = 60.0
 REASONS = (N_("seen on camera"), N_("checked on site"), N_("path is clear now"), N_("not safe"))
+NOTIFIED = {"sound": N_("chime"), "next_person": N_("next on call"), "outside": N_("external")}
+"""Who or what was notified at each level of escalation."""
 NO_ANSWER = {
     "hold": N_("the robot stays where it is"),
     "lie_down": N_("the robot lies down where it is"),
@@ -172,7 +174,7 @@ def handoff_page(shell: Shell, handoff: Handoff, mission: Mission, surface: Hand
         marks=_marks(opened, surface.live_at),
         hold=_holding(handoff, surface),
         viewers=tuple(name for name in surface.viewers if name != surface.person),
-        escalated=tuple(word(level) for level in handoff.escalated),
+        escalated=tuple(NOTIFIED[level] for level in handoff.escalated),
         choices=_choices(opened),
         attestable=_attestable(opened, mission),
         steps=steps(handoff, mission, surface.told),

@@ -66,7 +66,7 @@ def _asked(status: str) -> Sequence[tuple[str, str, bool, bool]]:
                 ("approve", N_("Hold to approve"), True, False),
                 ("authorise", N_("Hold to authorise the release"), True, False),
                 ("request-changes", N_("Request changes"), False, False),
-                ("recall", N_("Take it back"), False, False),
+                ("recall", N_("Withdraw"), False, False),
                 ("reject", N_("Reject"), False, True),
             )
         case "authorised":

@@ -217,7 +217,7 @@ def _localisation(word: RobotReportSeen) -> str:
         return "lost"
     if status.pose_age_s is None:
         return N_("no pose")
-    return "old" if status.pose_age_s > OLD_POSE_S else N_("has a fix")
+    return "old" if status.pose_age_s > OLD_POSE_S else N_("localised")
 
 
 def camera_view(robot_id: str, shots: Shots, *, now_s: float) -> CameraView:

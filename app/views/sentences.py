@@ -133,6 +133,8 @@ def sentence(event: MissionEvent) -> str:
                 verdict=event.verdict.verdict,
                 reason=event.verdict.reason or N_("every condition was tested"),
             )
+        case NodeCommitted() if len(event.facts) == 1:
+            return lazy_gettext("Accepted: {node_id}, 1 fact, under every rule of the gate", node_id=event.node_id)
         case NodeCommitted():
             return lazy_gettext(
                 "Accepted: {node_id}, {count} facts, under every rule of the gate",

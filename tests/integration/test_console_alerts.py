@@ -293,7 +293,7 @@ def test_a_pressing_alert_is_told_once_without_words_of_people_and_without_secre
     ((name, alert),) = stand.app.state.alert_watch.alerts.all()
     assert [(one.service, one.outcome, one.tries) for one in alert.notified] == [("night-desk", "sent", 1)]
     page = stand.operator().get(f"/alerts/{name}").text
-    assert "took the message, by its own word" in page
+    assert "reports that it took the message" in page
     assert "s3cr3t-word" not in page + logged(stand)
 
 

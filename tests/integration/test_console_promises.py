@@ -151,7 +151,7 @@ def test_a_person_takes_over_drives_and_hands_back_and_the_harness_looks_for_its
             stand.harness.clock.wait_until(stand.harness.clock.now().mission_s + 0.4)
         stand.harness.clock.wait_until(stand.harness.clock.now().mission_s + 4.0)
         early = operator.post(f"{address}/hand-back", data={**words_of(operator, handoff_id), "reason": "drove it"})
-        assert early.status_code == 409 and "Return the wheel first" in early.text
+        assert early.status_code == 409 and "Release control first" in early.text
         said = {"claim": words_of(operator, handoff_id)["claim"], "key": "k-api", "reason": "drove it"}
         program = operator.post(f"/api/v1{address}/hand-back", json=said)
         assert (program.status_code, program.json()["code"]) == (409, "wheel_held")
@@ -188,7 +188,7 @@ def test_how_the_robot_is_stands_beside_stop_and_approve() -> None:
         for path in (f"/missions/{asking}/stop", f"/handoffs/{handoff_id}", f"/robots/{TWO}"):
             text = operator.get(path).text
             strip = text.partition('robot-word" data-link=')[2].partition("</p>")[0]
-            for word in (TWO, "battery", "localisation", "hardware stop", "link", "standing"):
+            for word in (TWO, "battery", "localised", "hardware stop", "link", "standing"):
                 assert word in strip, (path, word)
 
 

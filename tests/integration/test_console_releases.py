@@ -105,8 +105,8 @@ def test_the_review_page_tells_what_got_worse_first_and_everything_a_reviewer_ne
     name = house.bench.in_review(candidate())
     text = house.page("viewer", f"/candidates/{name}")
     shows(text, "Pass to fail", "Fail to pass", "Paired differences", "Held-out, apart", "clause by clause",
-          "The change, by component", "The raw difference", "Your word", "Because", "Counterfactual replay",
-          "Who is pinned to what", "Rollback target", "What a release changes", "Said so far")  # fmt: skip
+          "The change, by component", "The raw difference", "Your decision", "Because", "Counterfactual replay",
+          "Who is pinned to what", "Rollback target", "What a release changes", "Discussion")  # fmt: skip
     shows(text, "resource conflict", "<svg", "better by")
     assert "loaded just now and keeps its name" in text
     assert text.count('data-verdict="satisfied"') >= 4
