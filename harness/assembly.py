@@ -111,7 +111,7 @@ class Harness:
     supervisor: Supervisor
     robots: Mapping[RobotId, Robot]
     clock: Clock
-    wheel: Teleoperation
+    teleoperation: Teleoperation
     clocks: Mapping[RobotId, Clock]
     cameras: Mapping[RobotId, LiveCamera]
     token: str = ""
@@ -182,8 +182,8 @@ def joined(stack: ExitStack, settings: HarnessSettings, parts: Parts, members: S
     supervisor = Supervisor(runtime=runtime, connections=connections)
     supervisor.close_interrupted_replays()
     runtime.memory.catch_up()
-    wheel = Teleoperation(runtime=runtime, connections=connections)
-    wheel.return_abandoned()
+    teleoperation = Teleoperation(runtime=runtime, connections=connections)
+    teleoperation.return_abandoned()
     stack.callback(supervisor.close)
     return Harness(
         runtime=runtime,
@@ -192,7 +192,7 @@ def joined(stack: ExitStack, settings: HarnessSettings, parts: Parts, members: S
         clock=parts.clock,
         clocks=clocks,
         cameras={one.robot_id: one.camera for one in members if one.camera is not None},
-        wheel=wheel,
+        teleoperation=teleoperation,
     )
 
 

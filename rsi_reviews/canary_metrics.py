@@ -22,7 +22,7 @@ LOOKED_AT = 5_000
 _CODEC: Codec[MissionEvent] = Codec(MissionEvent)
 
 
-def course_of(runtime: Runtime, mission_id: MissionId, *, duplicate_starts: int = 0) -> CanaryMetrics:
+def metrics_of(runtime: Runtime, mission_id: MissionId, *, duplicate_starts: int = 0) -> CanaryMetrics:
     """The canary metrics of one mission, read from the log. `duplicate_starts` comes from the robot's own journal,
     which the log does not hold.
     """
@@ -63,7 +63,7 @@ def recent_values(runtime: Runtime, metric: Metric, configuration: Digest, robot
         and not mission.replay
     )
     newest = islice(found, MOST_RECENT)
-    return tuple(value_of(metric, mission, course_of(runtime, mission.mission_id)) for mission in newest)
+    return tuple(value_of(metric, mission, metrics_of(runtime, mission.mission_id)) for mission in newest)
 
 
 def canary_missions(runtime: Runtime, review: Review) -> Iterator[Mission]:

@@ -12,7 +12,7 @@ from harness.contracts.ids import MissionId, StreamId
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
 from rsi_reviews.canary import exercised, is_worse, outcome, value_of
-from rsi_reviews.canary_metrics import canary_missions, course_of, ran
+from rsi_reviews.canary_metrics import canary_missions, metrics_of, ran
 from rsi_reviews.commands import MovePointer, PromoteCandidate, RecordCanaryMission, RollBack, WithdrawCandidate
 from rsi_reviews.contracts import BETTER, CanaryMission, Manifest
 from rsi_reviews.pointers import POINTER, Pointer, candidate_stream
@@ -112,7 +112,7 @@ def _counts(mission: Mission) -> bool:
 
 
 def _measured(runtime: Runtime, review: Review, mission: Mission, duplicate_starts: int) -> CanaryMission:
-    course = course_of(runtime, mission.mission_id, duplicate_starts=duplicate_starts)
+    course = metrics_of(runtime, mission.mission_id, duplicate_starts=duplicate_starts)
     baseline = runtime.stored_configuration(review.baseline)
     manifest = _manifest(review)
     value = value_of(manifest.metric, mission, course)

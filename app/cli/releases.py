@@ -31,14 +31,14 @@ ReleaseStep = Callable[[ReleaseService, Review, SignedBy, SeenSubject], Accepted
 @app.command()
 def submit(candidate: CandidateName, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
     """Ask persons to review an accepted candidate, in a new cycle."""
-    _word("submit", candidate, lambda desk, review, say, seen: desk.submit(review.candidate, say),
+    _word("submit", candidate, lambda releases, review, say, seen: releases.submit(review.candidate, say),
           {"reason": reason}, data=data, as_json=as_json)  # fmt: skip
 
 
 @app.command()
 def comment(candidate: CandidateName, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
     """Say something about it; nothing else changes."""
-    _word("comment", candidate, lambda desk, review, say, seen: desk.comment(review.candidate, say),
+    _word("comment", candidate, lambda releases, review, say, seen: releases.comment(review.candidate, say),
           {"reason": reason}, data=data, as_json=as_json)  # fmt: skip
 
 
@@ -46,7 +46,7 @@ def comment(candidate: CandidateName, reason: Reason, data: Data = DEFAULT_DATA,
 def request_changes(candidate: CandidateName, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
     """Send it back to its authors: every approval is void."""
     _word("request_changes", candidate,
-          lambda desk, review, say, seen: desk.request_changes(review.candidate, say, seen),
+          lambda releases, review, say, seen: releases.request_changes(review.candidate, say, seen),
           {"reason": reason}, data=data, as_json=as_json)  # fmt: skip
 
 
@@ -55,14 +55,14 @@ def approve(
     candidate: CandidateName, digest: Shown, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False
 ) -> None:
     """Say yes to exactly what `show` printed. An author's own yes is refused."""
-    _word("approve", candidate, lambda desk, review, say, seen: desk.approve(review.candidate, say, seen),
+    _word("approve", candidate, lambda releases, review, say, seen: releases.approve(review.candidate, say, seen),
           {"reason": reason, "subject": digest}, data=data, as_json=as_json)  # fmt: skip
 
 
 @app.command()
 def reject(candidate: CandidateName, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
     """Refuse it for good."""
-    _word("reject", candidate, lambda desk, review, say, seen: desk.reject(review.candidate, say, seen),
+    _word("reject", candidate, lambda releases, review, say, seen: releases.reject(review.candidate, say, seen),
           {"reason": reason}, data=data, as_json=as_json)  # fmt: skip
 
 
@@ -71,7 +71,7 @@ def authorise(
     candidate: CandidateName, digest: Shown, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False
 ) -> None:
     """Authorise the release; the rollback target is loaded first and fixed with it."""
-    _word("authorise", candidate, lambda desk, review, say, seen: desk.authorise(review.candidate, say, seen),
+    _word("authorise", candidate, lambda releases, review, say, seen: releases.authorise(review.candidate, say, seen),
           {"reason": reason, "subject": digest}, data=data, as_json=as_json)  # fmt: skip
 
 
@@ -87,7 +87,7 @@ def release(
     """Release it to one robot, one mission at a time, until its canary is over."""
     robot_id = RobotId(robot)
     _word("release", candidate,
-          lambda desk, review, say, seen: desk.release(review.candidate, say, seen, robot_id=robot_id),
+          lambda releases, review, say, seen: releases.release(review.candidate, say, seen, robot_id=robot_id),
           {"reason": reason, "subject": digest, "robot_id": robot}, data=data, as_json=as_json)  # fmt: skip
 
 
@@ -103,21 +103,21 @@ def adjudicate(
     """Say what became of one canary mission. Whoever released it cannot."""
     found = _finding(finding)
     _word("adjudicate", candidate,
-          lambda desk, review, say, seen: desk.adjudicate(review.candidate, MissionId(mission), found, say),
+          lambda releases, review, say, seen: releases.adjudicate(review.candidate, MissionId(mission), found, say),
           {"reason": reason, "mission_id": mission, "finding": finding}, data=data, as_json=as_json)  # fmt: skip
 
 
 @app.command()
 def rollback(candidate: CandidateName, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
     """Back to the version before it, at once; its configuration is quarantined."""
-    _word("rollback", candidate, lambda desk, review, say, seen: desk.rollback(review.candidate, say),
+    _word("rollback", candidate, lambda releases, review, say, seen: releases.rollback(review.candidate, say),
           {"reason": reason}, data=data, as_json=as_json)  # fmt: skip
 
 
 @app.command()
 def withdraw(candidate: CandidateName, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
     """Take it back without a fault."""
-    _word("withdraw", candidate, lambda desk, review, say, seen: desk.withdraw(review.candidate, say),
+    _word("withdraw", candidate, lambda releases, review, say, seen: releases.withdraw(review.candidate, say),
           {"reason": reason}, data=data, as_json=as_json)  # fmt: skip
 
 
@@ -144,9 +144,9 @@ def policy(
         body = {"kind": kind, "quorum": quorum, "cooling_off_s": cooling_off_s, "reason": reason}
         show(api.post("/releases/policy", body), as_json=as_json, lines=[f"The policy is {kind}."])
         return
-    with deciding(settings(data_folder=data)) as desk:
+    with deciding(settings(data_folder=data)) as releases:
         say = SignedBy(me(), reason, _key("policy", f"{kind}:{quorum}:{cooling_off_s}", reason))
-        _taken(desk.save_policy(chosen, say, reviewers=people, releasers=people))
+        _taken(releases.save_policy(chosen, say, reviewers=people, releasers=people))
     show({"policy": kind, "quorum": quorum}, as_json=as_json, lines=[f"The policy is {kind}, quorum {quorum}."])
 
 
@@ -165,9 +165,9 @@ def _word(what: str, candidate: str, word: ReleaseStep, said: dict[str, str], *,
     else:
         seen = SeenSubject(cycle=review.cycle, subject=Digest(said.get("subject") or review.subject_digest))
         actor = replace(me(), role=ROLES.get(what, "reviewer"))
-        with deciding(settings(data_folder=data)) as desk:
-            _taken(word(desk, review, SignedBy(actor, said["reason"], key), seen))
-            answer = sheet(desk, review.candidate)
+        with deciding(settings(data_folder=data)) as releases:
+            _taken(word(releases, review, SignedBy(actor, said["reason"], key), seen))
+            answer = sheet(releases, review.candidate)
     show(answer, as_json=as_json, lines=sheet_lines(answer))
 
 

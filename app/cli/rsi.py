@@ -46,14 +46,14 @@ def propose(
         show(answer, as_json=as_json, lines=sheet_lines(answer))
         return
     candidate = read_candidate(*texts)
-    with deciding(settings(data_folder=data)) as desk:
-        earlier = desk.review(supersedes).candidate if supersedes else None
+    with deciding(settings(data_folder=data)) as releases:
+        earlier = releases.review(supersedes).candidate if supersedes else None
         key = f"propose:{candidate.candidate_id}"
-        decision = desk.propose(candidate, SignedBy(me(), candidate.manifest.reason, key), supersedes=earlier)
+        decision = releases.propose(candidate, SignedBy(me(), candidate.manifest.reason, key), supersedes=earlier)
         if isinstance(decision, Refused):
-            found = [f"{one.rule}: {one.path}: {sentence(one.reason)}" for one in desk.refusals(candidate)]
+            found = [f"{one.rule}: {one.path}: {sentence(one.reason)}" for one in releases.refusals(candidate)]
             raise ContractInvalid(f"{sentence(decision.reason)} ({decision.rule})", where="; ".join(found[:20]))
-        answer = sheet(desk, candidate.candidate_id)
+        answer = sheet(releases, candidate.candidate_id)
     show(answer, as_json=as_json, lines=sheet_lines(answer))
 
 

@@ -31,13 +31,13 @@ def case(
     if api is not None:
         added = msgspec.convert(api.post(f"/missions/{mission_id}/case", {"reason": reason})["case"], AddedCase)
     else:
-        with deciding(settings(data_folder=data)) as desk:
-            decision = desk.add_case(MissionId(mission_id), SignedBy(actor=me(), reason=reason, key=mission_id))
+        with deciding(settings(data_folder=data)) as releases:
+            decision = releases.add_case(MissionId(mission_id), SignedBy(actor=me(), reason=reason, key=mission_id))
             if isinstance(decision, Refused):
                 raise ContractInvalid(
                     f"{sentence(decision.reason)} ({decision.rule})", where=mission_id, do="see `regen rsi`"
                 )
-            added = next(one.case for one in desk.growth().added if one.mission_id == mission_id)
+            added = next(one.case for one in releases.growth().added if one.mission_id == mission_id)
     under = f" under {', '.join(added.faults)}" if added.faults else ""
     lines = [f"{mission_id} is a case of family {added.family}: {added.template}{under}, seed {added.seed}."]
     show({"mission_id": mission_id, "case": msgspec.to_builtins(added)}, as_json=as_json, lines=lines)

@@ -82,10 +82,12 @@ def evaluate(
         )
     trial = _trial(candidate, how)
     if cases is None:
-        _recorded(how, lambda desk: desk.begin(trial.terms, _say(trial, "begin")))
+        _recorded(how, lambda releases: releases.begin(trial.terms, _say(trial, "begin")))
     outcome = _run(trial, how, executor(ray, processes))
     if cases is None:
-        _recorded(how, lambda desk: desk.submit_results(judged_on(trial, outcome.results), _say(trial, "results")))
+        _recorded(
+            how, lambda releases: releases.submit_results(judged_on(trial, outcome.results), _say(trial, "results"))
+        )
     answer = told(trial, outcome, recorded=cases is None)
     show(answer, as_json=as_json, lines=_lines(answer))
     raise typer.Exit(0 if answer["answer"] == "pass" else 1)
@@ -157,8 +159,8 @@ def _run(trial: Trial, how: How, executor: Executor) -> TrialOutcome:
 
 def _recorded(how: How, word: Callable[[ReleaseService], Accepted[Any] | Refused]) -> None:
     """One word to the desk. Raises ContractInvalid with the rule that refused it."""
-    with deciding(settings(data_folder=how.data)) as desk:
-        decision = word(desk)
+    with deciding(settings(data_folder=how.data)) as releases:
+        decision = word(releases)
     if isinstance(decision, Refused):
         raise ContractInvalid(f"{sentence(decision.reason)} ({decision.rule})", do="see `regen rsi show`")
 

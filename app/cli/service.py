@@ -92,8 +92,8 @@ def up(
         )
         _begin(harness, start, seed=seed, faults=faults)
         harness.supervisor.serve()
-        harness.wheel.watch()
-        stack.callback(harness.wheel.close)
+        harness.teleoperation.watch()
+        stack.callback(harness.teleoperation.close)
         fleet = Fleet(harness.robots, harness.cameras, time.time)
         fleet.watch()
         app = create_app(
@@ -107,10 +107,10 @@ def up(
             cards=lambda: (one.card for robot in harness.robots.values() for one in robot.providers()),
             folder=chosen.data_folder,
             fleet=fleet,
-            wheel=harness.wheel,
+            teleoperation=harness.teleoperation,
         )
         app.state.alert_watch.watch()
-        _watch_desk(stack, harness, evaluator_folder(chosen.data_folder) if start is not None else None)
+        _watch_releases(stack, harness, evaluator_folder(chosen.data_folder) if start is not None else None)
         app.state.notices.watch()
         sessions = app.state.sessions
         link = "" if sessions.has_accounts else f"{console.address}{sessions.invite()}"
@@ -119,15 +119,15 @@ def up(
         serve(app, listener)
 
 
-def _watch_desk(stack: ExitStack, harness: Harness, evaluator: Path | None) -> None:
+def _watch_releases(stack: ExitStack, harness: Harness, evaluator: Path | None) -> None:
     """The review desk follows what ends. With an evaluator's folder, a new data folder is given a candidate to show."""
-    desk = ReleaseService(harness.runtime)
+    releases = ReleaseService(harness.runtime)
     watch = ReleaseWatch(
-        desk=desk,
+        releases=releases,
         head=harness.runtime.head,
         read=harness.runtime.log,
         duplicate_starts=lambda mission_id: duplicate_starts(harness, mission_id),
-        first=(lambda: put_in_review(desk, evaluator)) if evaluator is not None else None,
+        first=(lambda: put_in_review(releases, evaluator)) if evaluator is not None else None,
     )
     watch.watch()
     stack.callback(watch.close)

@@ -94,22 +94,22 @@ def listed(
 ) -> Any:
     """Newest first. `status` is a tab of the board."""
     asked = board.CandidateListParams(words=q, group=status)
-    return [row(one) for one in board.chosen(console.desk.reviews(), asked)][:limit]
+    return [row(one) for one in board.chosen(console.releases.reviews(), asked)][:limit]
 
 
 @router.post("/candidates", responses=answers(schemas.CandidateResource))
 def propose(console: ConsoleDep, actor: ActorDep, body: CandidateBody) -> Any:
     """Put a candidate on record. What loosens anything is refused with every rule it breaks, before anything runs."""
     candidate = read_candidate(body.configuration.encode(), body.manifest.encode())
-    desk = console.desk
-    supersedes = desk.review(body.supersedes).candidate if body.supersedes else None
+    releases = console.releases
+    supersedes = releases.review(body.supersedes).candidate if body.supersedes else None
     say = SignedBy(actor, candidate.manifest.reason, f"propose:{candidate.candidate_id}")
-    decision = desk.propose(candidate, say, supersedes=supersedes)
+    decision = releases.propose(candidate, say, supersedes=supersedes)
     if isinstance(decision, Refused):
         return _refused(
-            decision, [f"{one.rule}: {one.path}: {sentence(one.reason)}" for one in desk.refusals(candidate)]
+            decision, [f"{one.rule}: {one.path}: {sentence(one.reason)}" for one in releases.refusals(candidate)]
         )
-    return sheet(desk, candidate.candidate_id)
+    return sheet(releases, candidate.candidate_id)
 
 
 @router.post("/candidates/check", responses=answers(schemas.CandidateCheck))
@@ -131,28 +131,28 @@ def check(console: ConsoleDep, principal: PrincipalDep, body: CheckBody) -> Any:
 @router.post("/missions/{mission_id}/case", responses=answers(CaseAdded))
 def add_case(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: ReasonBody) -> Any:
     """A disputed mission becomes a case of the regression suite: every later candidate is run on it too."""
-    decision = console.desk.add_case(mission_id, SignedBy(actor, body.reason, mission_id))
+    decision = console.releases.add_case(mission_id, SignedBy(actor, body.reason, mission_id))
     if isinstance(decision, Refused):
         return refusal(decision)
-    return plain(next(one for one in console.desk.growth().added if one.mission_id == mission_id))
+    return plain(next(one for one in console.releases.growth().added if one.mission_id == mission_id))
 
 
 @router.get("/candidates/{candidate}", responses=answers(schemas.CandidateResource))
 def show(console: ConsoleDep, candidate: str) -> Any:
     """One candidate: manifest, clauses, what persons said, and the digest that a decision must name."""
-    return sheet(console.desk, _named(candidate))
+    return sheet(console.releases, _named(candidate))
 
 
 @router.get("/candidates/{candidate}/difference", responses=answers(schemas.ConfigurationDifference))
 def difference(console: ConsoleDep, candidate: str) -> Any:
     """What it changes against its baseline: by component, and raw."""
-    return plain(_difference(console.desk.diff(_named(candidate))))
+    return plain(_difference(console.releases.diff(_named(candidate))))
 
 
 @router.get("/candidates/{candidate}/results", responses=answers(schemas.Results))
 def results(console: ConsoleDep, candidate: str) -> Any:
     """Flips, paired differences with intervals, and the held-out answer with its look."""
-    name = console.desk.review(_named(candidate)).candidate
+    name = console.releases.review(_named(candidate)).candidate
     found = console.evaluated.of(name)
     if found is None:
         raise UnknownName("No case of this candidate was measured yet", do="wait for its evaluation")
@@ -186,12 +186,12 @@ def replay(console: ConsoleDep, actor: ActorDep, candidate: str) -> Any:
 @router.post("/candidates/{candidate}/{word}", responses=answers(schemas.CandidateResource))
 def say(console: ConsoleDep, actor: ActorDep, candidate: str, word: ReviewActName, body: WordBody) -> Any:
     """One word, with the reason kept; refused with 409 and why."""
-    name = console.desk.review(_named(candidate)).candidate
+    name = console.releases.review(_named(candidate)).candidate
     typed = {"robot_id": body.robot_id, "mission_id": body.mission_id, "finding": body.finding}
     spoken = WORDS[word.replace("_", "-")]
     seen = SeenSubject(cycle=body.cycle, subject=Digest(body.subject))
-    decision = spoken(console.desk, name, SignedBy(actor, body.reason, body.key), seen, typed)
-    return refusal(decision) if isinstance(decision, Refused) else sheet(console.desk, name)
+    decision = spoken(console.releases, name, SignedBy(actor, body.reason, body.key), seen, typed)
+    return refusal(decision) if isinstance(decision, Refused) else sheet(console.releases, name)
 
 
 @router.get("/releases", responses=answers(schemas.Releases))
@@ -201,22 +201,22 @@ def releases(
     robot: Text = "",
 ) -> Any:
     """The pointer: where it stands, its history, what is pinned to what, quarantine, looks, uptake and the policy."""
-    desk = console.desk
-    pointer = desk.pointer()
+    releases = console.releases
+    pointer = releases.pointer()
     instant_s = instant_of(at) if at else None
     if at and instant_s is None:
         raise ContractInvalid(f"{at!r} is no instant", where="at", do="write it as 2026-11-20T09:30:00Z")
-    then = desk.current_at(instant_s, robot_id=RobotId(robot) if robot else None) if instant_s is not None else None
+    then = releases.current_at(instant_s, robot_id=RobotId(robot) if robot else None) if instant_s is not None else None
     return plain(
         schemas.Releases(
             revision=pointer.revision,
-            configuration=desk.current(),
+            configuration=releases.current(),
             canary=pointer.canary,
             canary_robot=pointer.robot_id,
             current_at=then,
             history=pointer.history,
-            versions=desk.versions(),
-            pins=desk.pins(),
+            versions=releases.versions(),
+            pins=releases.pins(),
             quarantined=tuple(pointer.quarantined.values()),
             looks=pointer.looks,
             uptakes=pointer.uptakes,
@@ -230,7 +230,7 @@ def policy(console: ConsoleDep, actor: ActorDep, body: PolicyBody) -> Any:
     """Say who must agree before a release. One that nobody could meet is refused now."""
     chosen = ReleasePolicy(kind=body.kind, quorum=body.quorum, cooling_off_s=body.cooling_off_s)
     decision = saved(console, chosen, SignedBy(actor, body.reason, f"policy:{console.sessions.key()}"))
-    return refusal(decision) if isinstance(decision, Refused) else plain(console.desk.pointer().policy)
+    return refusal(decision) if isinstance(decision, Refused) else plain(console.releases.pointer().policy)
 
 
 def _named(candidate: str) -> str:

@@ -51,13 +51,13 @@ def robots(console: ConsoleDep) -> Any:
     return [_row(console, name) for name in console.fleet.names]
 
 
-@router.get("/control", responses=answers(schemas.HouseControl))
+@router.get("/control", responses=answers(schemas.SiteControlResource))
 def control(console: ConsoleDep) -> Any:
     """The limit of autonomy that holds for every mission."""
     return _control(console)
 
 
-@router.post("/control/autonomy", responses=answers(schemas.HouseControl))
+@router.post("/control/autonomy", responses=answers(schemas.SiteControlResource))
 def limit(console: ConsoleDep, principal: PrincipalDep, body: LimitAutonomyAct) -> Any:
     """Set the limit: it binds every mission from its next dispatch on."""
     limited(console, principal, body)
@@ -113,7 +113,7 @@ def take(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body
         console,
         principal,
         ("drive", "TakeWheel", robot_id),
-        lambda wheel, actor: wheel.take(robot_id, actor=actor, device=device, reason=body.reason),
+        lambda teleoperation, actor: teleoperation.take(robot_id, actor=actor, device=device, reason=body.reason),
     )
     if isinstance(decision, Refused):
         return refusal(decision)
@@ -143,7 +143,9 @@ def _answered(console: Console, robot_id: RobotId, decision: Decision[AnyEvent])
 def _control(console: Console) -> Any:
     stands = console.control()
     limited_by = stands.limited_by.name if stands.limited_by else None
-    return plain(schemas.HouseControl(autonomy=stands.autonomy, limited_by=limited_by, reason=stands.limit_reason))
+    return plain(
+        schemas.SiteControlResource(autonomy=stands.autonomy, limited_by=limited_by, reason=stands.limit_reason)
+    )
 
 
 def _row(console: Console, robot_id: RobotId) -> Any:

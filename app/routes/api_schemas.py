@@ -247,7 +247,7 @@ class RobotResource(Value):
     watchers: tuple[str, ...]
 
 
-class HouseControl(Value):
+class SiteControlResource(Value):
     """The limit of autonomy that holds for every mission."""
 
     autonomy: Autonomy

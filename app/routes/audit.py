@@ -7,7 +7,7 @@ from starlette.responses import HTMLResponse, PlainTextResponse
 
 from app.console import Console, ConsoleDep
 from app.i18n.messages import lazy_gettext
-from app.views.audit import AccessPage, AuditEvent, AuditPage, AuditRow, Sum, Wanted, deed
+from app.views.audit import AccessPage, AuditEvent, AuditPage, AuditRow, Sum, Wanted, entry
 from app.web.rendering import render
 from app.web.security import PrincipalDep
 from harness.contracts.errors import LogDamaged
@@ -84,7 +84,7 @@ def newest_first(console: Console, wanted: Wanted, *, before: int, shown: int = 
     while upto > floor and len(found) < shown:
         after = max(floor, upto - WINDOW)
         for stored in reversed(console.runtime.log(after, upto - after)):
-            one = deed(stored)
+            one = entry(stored)
             if wanted.fits(one):
                 found.append(one)
                 if len(found) == shown:

@@ -53,7 +53,9 @@ def save_policy(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Respons
 def saved(console: Console, policy: ReleasePolicy, say: SignedBy) -> Accepted[object] | Refused:
     """Asked with the people who hold the roles now."""
     around = around_of(console)
-    return console.desk.save_policy(policy, say, reviewers=tuple(around.reviewers), releasers=tuple(around.releasers))
+    return console.releases.save_policy(
+        policy, say, reviewers=tuple(around.reviewers), releasers=tuple(around.releasers)
+    )
 
 
 def policy_in(typed: Mapping[str, str]) -> ReleasePolicy:
@@ -90,9 +92,9 @@ def around_of(console: Console) -> Around:
     accounts = [one for one in console.sessions.accounts.store.accounts() if not one.disabled]
     alone = () if console.sessions.has_accounts else (console.settings.operator,)
     return Around(
-        reviews=console.desk.reviews(),
-        pins=console.desk.pins(),
-        versions=console.desk.versions(),
+        reviews=console.releases.reviews(),
+        pins=console.releases.pins(),
+        versions=console.releases.versions(),
         robots=console.settings.robots,
         reviewers=(*(one.name for one in accounts if "reviewer" in one.roles), *alone),
         releasers=(*(one.name for one in accounts if "releaser" in one.roles), *alone),
@@ -102,7 +104,7 @@ def around_of(console: Console) -> Around:
 def page_of(
     console: Console, actor: Actor, *, at: str = "", typed: Mapping[str, str] = NOBODY, refused: str = ""
 ) -> ReleasesPage:
-    pointer, around = console.desk.pointer(), around_of(console)
+    pointer, around = console.releases.pointer(), around_of(console)
     asked = at[:40].strip()
     return releases_page(
         console.shell("Releases", "releases", actor),

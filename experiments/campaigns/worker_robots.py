@@ -78,7 +78,7 @@ class Robots:
             supervisor=Supervisor(runtime=runtime, connections=self.connections),
             robots={robot_id: connection.robot for robot_id, connection in self.connections.items()},
             clock=clock,
-            wheel=Teleoperation(runtime=runtime, connections=self.connections),
+            teleoperation=Teleoperation(runtime=runtime, connections=self.connections),
             clocks=clocks,
             cameras={},
         )

@@ -205,17 +205,17 @@ def _proposal(paid: RecoveryAuthorised) -> RecoveryProposal:
 
 def _recovered(tail: Tail) -> MissionCommand | None:
     match tail:
-        case [RecoveryAuthorised() as rung, InvocationStopRequested() as requested, *_]:
+        case [RecoveryAuthorised() as step, InvocationStopRequested() as requested, *_]:
             return StopInvocation(
                 invocation_id=requested.invocation_id,
                 reason=requested.reason,
-                recovery=_proposal(rung),
-                recovery_context=rung.context,
+                recovery=_proposal(step),
+                recovery_context=step.context,
             )
         case [InvocationStopRequested() as requested, *_]:
             return StopInvocation(invocation_id=requested.invocation_id, reason=requested.reason)
-        case [RecoveryAuthorised(until_s=float() as until_s) as rung, *_]:
-            return AuthoriseWait(node_id=rung.node_id, proposal=_proposal(rung), context=rung.context, until_s=until_s)
+        case [RecoveryAuthorised(until_s=float() as until_s) as step, *_]:
+            return AuthoriseWait(node_id=step.node_id, proposal=_proposal(step), context=step.context, until_s=until_s)
         case [NodeFailed() as failed, *_]:
             return FailNode(node_id=failed.node_id, reason=failed.reason, context=failed.context)
         case [GraphRevised(contract=None), *_]:

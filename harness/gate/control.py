@@ -114,8 +114,8 @@ def _take(control: SiteControl, command: BeginTeleoperation) -> Decision[Control
 
 
 def _return(control: SiteControl, command: EndTeleoperation) -> Decision[ControlEvent]:
-    wheel = control.wheels.get(command.robot_id)
-    if wheel is None or wheel.session != command.session:
+    teleoperation = control.wheels.get(command.robot_id)
+    if teleoperation is None or teleoperation.session != command.session:
         return refused("not_at_the_wheel", because("session_not_driving", robot_id=command.robot_id))
     returned = WheelReturned(
         robot_id=command.robot_id,
@@ -129,17 +129,17 @@ def _return(control: SiteControl, command: EndTeleoperation) -> Decision[Control
 
 def _still_held(control: SiteControl, robot_id: RobotId) -> Refused | None:
     """Nobody teleoperates a robot that the harness judges."""
-    wheel = control.wheels.get(robot_id)
-    if wheel is None:
+    teleoperation = control.wheels.get(robot_id)
+    if teleoperation is None:
         return None
-    return refused("wheel_held", actor=wheel.actor.name, robot_id=robot_id, device=wheel.device)
+    return refused("wheel_held", actor=teleoperation.actor.name, robot_id=robot_id, device=teleoperation.device)
 
 
 def _busy(control: SiteControl, robot_id: RobotId) -> Refused | None:
     """Who moves the robot outside every mission now, if anybody does."""
-    wheel, retreat = control.wheels.get(robot_id), control.retreating(robot_id)
-    if wheel is not None:
-        return refused("wheel_taken", actor=wheel.actor.name, robot_id=robot_id, device=wheel.device)
+    teleoperation, retreat = control.wheels.get(robot_id), control.retreating(robot_id)
+    if teleoperation is not None:
+        return refused("wheel_taken", actor=teleoperation.actor.name, robot_id=robot_id, device=teleoperation.device)
     if retreat is not None:
         return refused(
             "retreat_under_way", because("stop_retreat_first", robot_id=robot_id, place=retreat.intent.place)

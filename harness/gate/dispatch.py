@@ -62,8 +62,8 @@ def wait(mission: Mission, command: AuthoriseWait) -> Decision[MissionEvent]:
         return broken
     latest = node.failure.at_s + required_contract(mission).node(command.node_id).timeout_s
     until_s = min(command.until_s, latest)
-    rung = spend(node, command.proposal, attempt=node.attempt, context=command.context, until_s=until_s)
-    return Accepted((accounted(mission, rung),))
+    step = spend(node, command.proposal, attempt=node.attempt, context=command.context, until_s=until_s)
+    return Accepted((accounted(mission, step),))
 
 
 def _unready(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
@@ -168,15 +168,15 @@ def _unpaid(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
 
 def _beyond(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
     """A person may choose any action that the budget pays for, or one retry outside it; a hand-back only looks."""
-    rung = command.recovery
-    if command.handed_back and (rung is None or rung.action != "verify_again"):
+    step = command.recovery
+    if command.handed_back and (step is None or step.action != "verify_again"):
         return refused("not_a_look", because("hand_back_not_a_look"))
-    if rung is None or (rung.action == "retry" and rung.cost == 0):
+    if step is None or (step.action == "retry" and step.cost == 0):
         return None
-    if rung.cost != cost_of(rung.action):
-        return refused("wrong_cost", because("only_retry_is_free", action=rung.action, cost=cost_of(rung.action)))
-    why = over_budget(mission, command.intent.node_id, rung.action)
-    return refused(why.code, because("action_unpaid", action=rung.action, why=why)) if why else None
+    if step.cost != cost_of(step.action):
+        return refused("wrong_cost", because("only_retry_is_free", action=step.action, cost=cost_of(step.action)))
+    why = over_budget(mission, command.intent.node_id, step.action)
+    return refused(why.code, because("action_unpaid", action=step.action, why=why)) if why else None
 
 
 def waited(node: NodeState) -> bool:
@@ -241,10 +241,10 @@ def spend(
     )
 
 
-def accounted(mission: Mission, rung: RecoveryAuthorised) -> RecoveryAuthorised:
+def accounted(mission: Mission, step: RecoveryAuthorised) -> RecoveryAuthorised:
     """The step with both total budgets after it (R128)."""
-    left_node, left_mission = left_now(mission, rung.node_id)
-    return replace(rung, left_node=left_node - rung.cost, left_mission=left_mission - rung.cost)
+    left_node, left_mission = left_now(mission, step.node_id)
+    return replace(step, left_node=left_node - step.cost, left_mission=left_mission - step.cost)
 
 
 def _bumps(event: MissionEvent) -> int:

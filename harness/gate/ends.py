@@ -98,14 +98,14 @@ def stop_invocation(mission: Mission, command: StopInvocation) -> Decision[Missi
     if command.recovery is None:
         return Accepted((requested,))
     node = mission.of(invocation.intent.node_id)
-    rung = spend(
+    step = spend(
         node,
         command.recovery,
         attempt=node.attempt,
         context=command.recovery_context or invocation.intent.context,
         until_s=None,
     )
-    return Accepted((accounted(mission, replace(rung, cost=0)), requested))
+    return Accepted((accounted(mission, replace(step, cost=0)), requested))
 
 
 def ask(mission: Mission, command: AskPerson) -> Decision[MissionEvent]:

@@ -201,7 +201,7 @@ def duplicate_starts(about: About, starts: Sequence[PhysicalStart]) -> tuple[Occ
     )
 
 
-def of_house(
+def of_site(
     kind: AlertKind, priority: Priority, title: Explanation, *, cause: str, text: Explanation, link: str = ""
 ) -> Occurrence:
     """Something wrong with the installation itself; it lasts until it is cleared."""

@@ -20,19 +20,19 @@ def recover(context: Context) -> RecoveryProposal:
     """
     node, standing = failed_node(context), standing_in(context)
     other = next((card.provider_id for card in alternatives_of(context)), None)
-    rung = next_rung(standing, ladder=rungs_of(context), other=other)
-    provider = other if rung.action == "switch_skill" else node.provider_id if rung.action in SAME_PROVIDER else None
+    step = next_step(standing, ladder=rungs_of(context), other=other)
+    provider = other if step.action == "switch_skill" else node.provider_id if step.action in SAME_PROVIDER else None
     return RecoveryProposal(
-        action=rung.action,
+        action=step.action,
         failure=standing.failure,
         provider_id=provider,
-        cost=cost_of(rung.action),
-        reason=_reason(rung, standing, said=failure_of(context).reason, provider=provider),
-        refused=rung.refused,
+        cost=cost_of(step.action),
+        reason=_reason(step, standing, said=failure_of(context).reason, provider=provider),
+        refused=step.refused,
     )
 
 
-def next_rung(standing: RecoveryState, *, ladder: tuple[RecoveryAction, ...], other: ProviderId | None) -> LadderStep:
+def next_step(standing: RecoveryState, *, ladder: tuple[RecoveryAction, ...], other: ProviderId | None) -> LadderStep:
     """The first permitted step above the last authorised one. `other`: who could take over, if anyone."""
     refused: list[Reason] = []
     for action in ladder[climbed(ladder, standing.tried()) :]:
@@ -56,22 +56,22 @@ def _impossible(action: RecoveryAction, standing: RecoveryState, other: Provider
     return repeated(action, standing, provider_id=other if action == "switch_skill" else None)
 
 
-def _reason(rung: LadderStep, standing: RecoveryState, *, said: Explanation, provider: ProviderId | None) -> Reason:
+def _reason(step: LadderStep, standing: RecoveryState, *, said: Explanation, provider: ProviderId | None) -> Reason:
     """For a person: what failed, what was tried, what is next, what is left."""
     failure = because("failure", failure=standing.failure)
     return because(
         "next_step",
         failure=because("failure_explained", failure=standing.failure, why=said) if said else failure,
         tried=standing.tried() or ("nothing",),
-        following=_following(rung, provider),
+        following=_following(step, provider),
         left_node=standing.left_node,
         left_mission=standing.left_mission,
     )
 
 
-def _following(rung: LadderStep, provider: ProviderId | None) -> Reason:
-    if rung.action == "human":
+def _following(step: LadderStep, provider: ProviderId | None) -> Reason:
+    if step.action == "human":
         return because("person_is_asked")
     if provider:
-        return because("action_by_provider", action=rung.action, provider_id=provider)
-    return because("action", action=rung.action)
+        return because("action_by_provider", action=step.action, provider_id=provider)
+    return because("action", action=step.action)

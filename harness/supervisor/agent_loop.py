@@ -43,11 +43,11 @@ class AgentLoop:
         self._observations = ObservationBuffer(runtime=runtime, connection=connection)
         self._roles = RoleContexts(runtime=runtime, connection=connection, observations=self._observations)
         self._dispatcher = Dispatcher(self._roles)
-        self.desk = HandoffService(self._roles, self._dispatcher)
+        self.handoff_service = HandoffService(self._roles, self._dispatcher)
         self.handoff_timeouts = HandoffTimeouts(self._roles)
         self._monitor = InvocationMonitor(self._roles, found=runtime.mission(mission_id).invocation)
         self._watchdog = Watchdog(self._roles)
-        self._recovery = Recovery(self._roles, dispatcher=self._dispatcher, desk=self.desk)
+        self._recovery = Recovery(self._roles, dispatcher=self._dispatcher, handoff_service=self.handoff_service)
         self._explorer = Explorer(self._roles)
         self._prepared = False
         self._stopping_since: float | None = None
@@ -156,9 +156,9 @@ class AgentLoop:
 
     def _waited(self, mission: Mission, node: NodeState, now_s: float) -> float:
         """A free step: the wait is checked until it ends; then the node goes on, or escalates to the next step."""
-        rung, last = node.spends[-1], node.failures[-1]
-        if rung.action != "wait":
-            self._again(mission, node, because("failed_after", action=rung.action, reason=last.reason), now_s)
+        step, last = node.spends[-1], node.failures[-1]
+        if step.action != "wait":
+            self._again(mission, node, because("failed_after", action=step.action, reason=last.reason), now_s)
             return now_s
         obstacle = self._obstacle(mission, node)
         if not obstacle:

@@ -121,8 +121,8 @@ def _vetoed(roles: RoleContexts, order: Order) -> Reason | None:
         for layer, why in sorted(mission.vetoes.items()):
             return because("motion_vetoed", layer=layer, why=why)
     control: SiteControl = roles.runtime.fold(CONTROL)
-    wheel = control.wheels.get(roles.connection.robot_id)
-    return because("driven_by_hand", actor=wheel.actor.name) if wheel else None
+    teleoperation = control.wheels.get(roles.connection.robot_id)
+    return because("driven_by_hand", actor=teleoperation.actor.name) if teleoperation else None
 
 
 def _able(roles: RoleContexts, way: ApproachPath) -> CapabilityCard | None:

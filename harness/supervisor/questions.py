@@ -46,12 +46,12 @@ class Questions:
         if action == "switch_skill":
             provider = self._other(mission, node_id)
         failure = state.failures[-1].failure
-        rung = RecoveryProposal(
+        step = RecoveryProposal(
             action=action, failure=failure, provider_id=provider, cost=cost, reason=because("chosen_by_person")
         )
         paid = cost and state.failure is not None
         c4 = recovery_context(self._roles.view(mission), node_id, self._connection.cards) if paid else None
-        return DispatchAttempt(node_id=node_id, recovery=rung, c4=c4)
+        return DispatchAttempt(node_id=node_id, recovery=step, c4=c4)
 
     def proposal(self, mission: Mission, node_id: NodeId, action: RecoveryAction = "retry") -> ProposedAction | None:
         """Exactly what an approval would let run, once; None where no provider can do it now."""

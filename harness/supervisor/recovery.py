@@ -22,12 +22,12 @@ IMPOSSIBLE = ("approval_required", "provider_unavailable", "repeated_without_new
 class Recovery:
     """Handles the open failure of one node."""
 
-    def __init__(self, roles: RoleContexts, *, dispatcher: Dispatcher, desk: HandoffService) -> None:
+    def __init__(self, roles: RoleContexts, *, dispatcher: Dispatcher, handoff_service: HandoffService) -> None:
         self._roles = roles
         self._runtime = roles.runtime
         self._connection = roles.connection
         self._dispatcher = dispatcher
-        self._desk = desk
+        self._handoff_service = handoff_service
 
     def answer(self, mission: Mission, failure: Failure) -> float:
         """Carry out one step; returns when to look again, in mission time."""
@@ -127,7 +127,7 @@ class Recovery:
             return now_s
         if settling:
             return now_s + POLL_S
-        self._desk.open(mission, failure, reason, c4)
+        self._handoff_service.open(mission, failure, reason, c4)
         return now_s
 
     def give_up(self, mission: Mission) -> None:

@@ -112,7 +112,7 @@ class Supervisor:
             return refused("no_robot", because("handoff_robot_away"))
         with self._turn_of(opened.robot_id):
             loop = self._loop(self._runtime.mission(opened.mission_id))
-            decision = loop.desk.answer(handoff_id, command)
+            decision = loop.handoff_service.answer(handoff_id, command)
             if isinstance(decision, Accepted):
                 self._begin(loop, opened.robot_id)
             return decision

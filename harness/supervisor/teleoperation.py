@@ -93,35 +93,39 @@ class Teleoperation:
 
     def turn(self, robot_id: RobotId, session: RequestId, *, v_mps: float, w_radps: float) -> DriveReport:
         """One drive order. Raises ProviderFailed for a session without control, or as the robot does."""
-        connection, wheel = self._connection(robot_id), self.holder(robot_id)
+        connection, teleoperation = self._connection(robot_id), self.holder(robot_id)
         lease = self._runtime.lease(leased(robot_id, BASE))
         held = lease.status == "held" and lease.invocation_id == InvocationId(session)
-        if connection.hand is None or wheel is None or wheel.session != session or not held:
+        if connection.hand is None or teleoperation is None or teleoperation.session != session or not held:
             raise ProviderFailed("This session does not drive the robot", where=robot_id, do="take the wheel again")
         if connection.clock.now().mission_s > lease.expires_s - SETTLE_WITHIN_S:
             raise ProviderFailed("The time for driving by hand is over", where=robot_id, do="take the wheel again")
         order = DriveOrder(
-            session=session, token=wheel.token, v_mps=v_mps, w_radps=w_radps, until_s=lease.expires_s - SETTLE_WITHIN_S
+            session=session,
+            token=teleoperation.token,
+            v_mps=v_mps,
+            w_radps=w_radps,
+            until_s=lease.expires_s - SETTLE_WITHIN_S,
         )
         self._turned_s[session] = connection.clock.now().wall_s
         return connection.hand.drive(order)
 
     def give_back(self, robot_id: RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
         """Brake, wait for standstill, then release the base; quarantined if nothing shows it at rest."""
-        connection, wheel = self._connection(robot_id), self.holder(robot_id)
-        if wheel is None:
+        connection, teleoperation = self._connection(robot_id), self.holder(robot_id)
+        if teleoperation is None:
             return refused("not_at_the_wheel", because("nobody_drives", robot_id=robot_id))
         rest = (
-            self._settled(connection, wheel)
+            self._settled(connection, teleoperation)
             if connection.hand is not None
             else Rest(static=False, reason=None, measured={})
         )
         returned = EndTeleoperation(
-            robot_id=robot_id, session=wheel.session, actor=actor, reason=reason, measured=rest.measured
+            robot_id=robot_id, session=teleoperation.session, actor=actor, reason=reason, measured=rest.measured
         )
         requests = [CommandEnvelope(CONTROL, returned, robot_id)]
         lease = self._runtime.lease(leased(robot_id, BASE))
-        if lease.status == "held" and lease.invocation_id == InvocationId(wheel.session):
+        if lease.status == "held" and lease.invocation_id == InvocationId(teleoperation.session):
             holder = lease.invocation_id
             end: LeaseCommand = (
                 ReleaseLease(invocation_id=holder, reason=because("wheel_returned_at_rest"))
@@ -203,16 +207,16 @@ class Teleoperation:
 
     def _look(self) -> None:
         control: SiteControl = self._runtime.fold(CONTROL)
-        for robot_id, wheel in control.wheels.items():
+        for robot_id, teleoperation in control.wheels.items():
             connection = self._connections.get(robot_id)
-            if connection is not None and self._silent(connection, wheel):
-                self.give_back(robot_id, actor=SUPERVISOR, reason=f"no sign from {wheel.device} for a while")
+            if connection is not None and self._silent(connection, teleoperation):
+                self.give_back(robot_id, actor=SUPERVISOR, reason=f"no sign from {teleoperation.device} for a while")
 
-    def _silent(self, connection: RobotConnection, wheel: TeleoperationSession) -> bool:
+    def _silent(self, connection: RobotConnection, teleoperation: TeleoperationSession) -> bool:
         """No order for IDLE_S, or the lease is about to end."""
         now = connection.clock.now()
-        lease = self._runtime.lease(leased(wheel.robot_id, BASE))
-        last_s = self._turned_s.setdefault(wheel.session, now.wall_s)
+        lease = self._runtime.lease(leased(teleoperation.robot_id, BASE))
+        last_s = self._turned_s.setdefault(teleoperation.session, now.wall_s)
         return now.wall_s - last_s > IDLE_S or now.mission_s > lease.expires_s - 2 * SETTLE_WITHIN_S
 
     def return_abandoned(self) -> None:
@@ -252,13 +256,13 @@ class Teleoperation:
         taken_by = handoff.taken_by
         return handoff.status == "taken_over" and taken_by is not None and taken_by.name == actor.name
 
-    def _settled(self, connection: RobotConnection, wheel: TeleoperationSession) -> Rest:
+    def _settled(self, connection: RobotConnection, teleoperation: TeleoperationSession) -> Rest:
         """Ask for standstill, then look until odometry shows it or SETTLE_WITHIN_S of mission time have passed."""
         hand, until_s = connection.hand, connection.clock.now().mission_s + SETTLE_WITHIN_S
         rest = Rest(static=False, reason=because("robot_did_not_answer"), measured={})
         while connection.clock.now().mission_s < until_s:
             try:
-                report = _released(hand, wheel.session)
+                report = _released(hand, teleoperation.session)
                 connection.clock.wait_until(connection.clock.now().mission_s + WINDOW_S + LOOK_S)
                 rest = at_rest(_seen(connection), connection.clock.now().mission_s)
             except ProviderFailed as error:

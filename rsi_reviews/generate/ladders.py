@@ -60,7 +60,7 @@ def _tried(trace: Trace, failure: FailureClass, action: RecoveryAction) -> Tried
 
 
 def _rungs(trace: Trace, failure: FailureClass) -> list[TracedStep]:
-    return [rung for mission in trace.missions for rung in mission.rungs if rung.failure == failure]
+    return [step for mission in trace.missions for step in mission.rungs if step.failure == failure]
 
 
 def _expected(ladder: Ladder, tried: dict[RecoveryAction, Tried]) -> float:

@@ -62,9 +62,9 @@ def _counted(names: Iterable[str]) -> dict[str, int]:
 
 
 def _rungs(trace: Trace) -> tuple[StepCount, ...]:
-    rungs = [rung for mission in trace.missions for rung in mission.rungs]
-    times = Counter((rung.failure, rung.action) for rung in rungs)
-    helped = Counter((rung.failure, rung.action) for rung in rungs if rung.came == "committed")
+    rungs = [step for mission in trace.missions for step in mission.rungs]
+    times = Counter((step.failure, step.action) for step in rungs)
+    helped = Counter((step.failure, step.action) for step in rungs if step.came == "committed")
     return tuple(
         StepCount(failure=key[0], action=key[1], times=count, helped=helped[key])
         for key, count in sorted(times.items())

@@ -34,10 +34,10 @@ def wait_changes(trace: Trace, current: Configuration) -> Iterator[ProposedChang
     """Longer waits, where waits ended without the result and a person was asked."""
     for failure in WAITED:
         waits = [
-            rung for mission in trace.missions for rung in mission.rungs
-            if rung.failure == failure and rung.action == "wait"
+            step for mission in trace.missions for step in mission.rungs
+            if step.failure == failure and step.action == "wait"
         ]  # fmt: skip
-        in_vain = sum(1 for rung in waits if rung.came in ("failed_again", "handed_off"))
+        in_vain = sum(1 for step in waits if step.came in ("failed_again", "handed_off"))
         asked = sum(1 for mission in trace.missions for one in mission.handoffs if one.failure == failure)
         longer = min(2.0 * current.recovery.wait_s, WAIT_CEILING_S)
         if min(in_vain, asked) < LEAST or longer <= current.recovery.wait_s:

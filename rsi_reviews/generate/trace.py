@@ -113,7 +113,7 @@ class MissionTrace(Value):
     @property
     def spent(self) -> int:
         """Recovery actions paid for."""
-        return sum(rung.cost for rung in self.rungs)
+        return sum(step.cost for step in self.rungs)
 
 
 class Trace(Value):
@@ -224,8 +224,8 @@ class _Reading:
         return {card.provider_id: card.latency.base_s + card.latency.per_metre_s * length_m for card in able}
 
     def _failed(self, position: int, event: FailureClassified) -> None:
-        rung = next((one for one in reversed(self.rungs) if one.node_id == event.node_id), None)
-        again = rung is not None and rung.failure == event.failure
+        step = next((one for one in reversed(self.rungs) if one.node_id == event.node_id), None)
+        again = step is not None and step.failure == event.failure
         self._close(event.node_id, "failed_again" if again else "failed_otherwise")
         self.failures.append(
             Failing(
@@ -253,10 +253,10 @@ class _Reading:
     def _close(self, node_id: NodeId, came: Came) -> None:
         """The outcome of the newest recovery step of a stage, if it is not known yet."""
         for index in range(len(self.rungs) - 1, -1, -1):
-            rung = self.rungs[index]
-            if rung.node_id == node_id:
-                if rung.came == "open":
-                    self.rungs[index] = msgspec.structs.replace(rung, came=came)
+            step = self.rungs[index]
+            if step.node_id == node_id:
+                if step.came == "open":
+                    self.rungs[index] = msgspec.structs.replace(step, came=came)
                 return
 
     def _change(self, invocation: InvocationId, **changes: object) -> None:

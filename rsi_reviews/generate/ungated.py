@@ -54,7 +54,7 @@ def loosening(trace: Trace, current: Configuration) -> Iterator[ProposedChange]:
 
 
 def _paid(mission: MissionTrace, failure: FailureClass) -> float:
-    spent = sum(rung.cost for rung in mission.rungs if rung.failure == failure)
+    spent = sum(step.cost for step in mission.rungs if step.failure == failure)
     return spent + TASK_BUDGET * sum(1 for one in mission.handoffs if one.failure == failure)
 
 

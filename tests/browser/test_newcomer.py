@@ -42,7 +42,7 @@ def served() -> Iterator[Served]:
             accounts=open_accounts(settings),
             answer=made.supervisor.answer,
             fleet=fleet,
-            wheel=made.harness.wheel,
+            teleoperation=made.harness.teleoperation,
         )
         server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1))
         thread = Thread(target=server.run, kwargs={"sockets": [listener]})

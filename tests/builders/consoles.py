@@ -115,7 +115,7 @@ def console_stand(*, seed: int = 1, settings: ConsoleSettings | None = None) -> 
                     answer=harness.supervisor.answer,
                     starts=harness.starts,
                     fleet=Fleet(harness.robots, harness.cameras, lambda: harness.clock.now().wall_s),
-                    wheel=harness.wheel,
+                    teleoperation=harness.teleoperation,
                 ),
             )
         finally:

@@ -56,7 +56,7 @@ def fleet_stand(seed: int = 3, *, port: int = 8000) -> Iterator[Stand]:
             answer=harness.supervisor.answer,
             starts=harness.starts,
             fleet=fleet,
-            wheel=harness.wheel,
+            teleoperation=harness.teleoperation,
         )
         try:
             yield Stand(harness, app)

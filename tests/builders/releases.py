@@ -145,52 +145,52 @@ class Bench:
     """A harness with its release service, and shortcuts for the steps of a candidate."""
 
     harness: Harness
-    desk: ReleaseService
+    releases: ReleaseService
     seeds: Iterator[int] = field(default_factory=lambda: count(1))
 
     def proposed(self, made: Candidate) -> Digest:
-        expect(self.desk.propose(made, say(LAUNCHER)))
+        expect(self.releases.propose(made, say(LAUNCHER)))
         return made.candidate_id
 
     def evaluated(self, made: Candidate, *, look: int = 1, **measured: Any) -> Digest:
         name = self.proposed(made)
-        expect(self.desk.begin(terms_of(made), say(LAUNCHER)))
-        expect(self.desk.submit_results(evaluation(made, look=look, **measured), say(LAUNCHER)))
+        expect(self.releases.begin(terms_of(made), say(LAUNCHER)))
+        expect(self.releases.submit_results(evaluation(made, look=look, **measured), say(LAUNCHER)))
         return name
 
     def in_review(self, made: Candidate, *, look: int = 1) -> Digest:
         name = self.evaluated(made, look=look)
-        expect(self.desk.submit(name, say(LAUNCHER)))
+        expect(self.releases.submit(name, say(LAUNCHER)))
         return name
 
     def authorised(self, made: Candidate, *, look: int = 1) -> Digest:
         name = self.in_review(made, look=look)
-        expect(self.desk.approve(name, say(REVIEWER), self.seen(name)))
-        expect(self.desk.authorise(name, say(RELEASER), self.seen(name)))
+        expect(self.releases.approve(name, say(REVIEWER), self.seen(name)))
+        expect(self.releases.authorise(name, say(RELEASER), self.seen(name)))
         return name
 
     def in_canary(self, made: Candidate, *, look: int = 1) -> Digest:
         name = self.authorised(made, look=look)
-        expect(self.desk.release(name, say(RELEASER), self.seen(name), robot_id=ROBOT))
+        expect(self.releases.release(name, say(RELEASER), self.seen(name), robot_id=ROBOT))
         return name
 
     def current(self, made: Candidate, *, look: int = 1) -> Digest:
         """Take it through its canary: five missions that exercise the change, each found sound."""
         name = self.in_canary(made, look=look)
         for _ in range(5):
-            expect(self.desk.adjudicate(name, self.mission(), "sound", say(REVIEWER)))
-        assert self.desk.review(name).status == "current", self.desk.review(name).canary
+            expect(self.releases.adjudicate(name, self.mission(), "sound", say(REVIEWER)))
+        assert self.releases.review(name).status == "current", self.releases.review(name).canary
         return name
 
     def seen(self, name: Digest) -> SeenSubject:
-        review = self.desk.review(name)
+        review = self.releases.review(name)
         return SeenSubject(cycle=review.cycle, subject=review.subject_digest)
 
     def mission(self, *faults: str, template: str = "circuit") -> MissionId:
         """Run a whole mission and report its end to the release service."""
         mission_id = self.begun(*faults, template=template)
         self.harness.supervisor.run(mission_id)
-        expect(self.desk.catch_up())
+        expect(self.releases.catch_up())
         return mission_id
 
     def called_off(self, mission_id: MissionId) -> None:
@@ -198,7 +198,7 @@ class Bench:
         stop = StopMission(actor=LAUNCHER, reason="called off")
         expect(self.harness.runtime.submit(mission_id, stop))
         self.harness.supervisor.run(mission_id)
-        expect(self.desk.catch_up())
+        expect(self.releases.catch_up())
 
     def begun(self, *faults: str, template: str = "circuit") -> MissionId:
         """A mission that is created and not run."""
@@ -219,7 +219,9 @@ def bench(*, seed: int = 3, store: EventStore | None = None, watched: bool = Fal
     with simulated(
         settings, simulator=SIMULATOR, seed=seed, store=store, deciders=DECIDERS, select=selected, trial=trial
     ) as harness:
-        yield Bench(harness=harness, desk=ReleaseService(harness.runtime, judge=partial(accepted, predicate=PREDICATE)))
+        yield Bench(
+            harness=harness, releases=ReleaseService(harness.runtime, judge=partial(accepted, predicate=PREDICATE))
+        )
 
 
 def expect(decision: Any) -> Accepted[Any]:

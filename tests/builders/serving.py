@@ -96,7 +96,7 @@ def serving(*, finished: bool = False, waits: bool = True, wire: Wire | None = N
             answer=made.supervisor.answer,
             starts=made.harness.starts,
             fleet=fleet,
-            wheel=made.harness.wheel,
+            teleoperation=made.harness.teleoperation,
         )
         server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1))
         thread = Thread(target=server.run, kwargs={"sockets": [listener]})

@@ -139,8 +139,8 @@ def test_a_person_takes_over_drives_and_hands_back_and_the_harness_looks_for_its
         assert operator.post(f"{address}/take-over", data=by_hand).status_code == 303
         page = operator.get(address).text
         assert "You drive vbot-1 from tablet" in page and 'value="round the pallet"' in page
-        wheel = {"device": "tablet", "reason": "round the pallet"}
-        assert operator.post("/robots/vbot-1/drive", data=wheel).status_code == 303
+        teleoperation = {"device": "tablet", "reason": "round the pallet"}
+        assert operator.post("/robots/vbot-1/drive", data=teleoperation).status_code == 303
         pad = operator.get("/robots/vbot-1/drive").text
         assert f'action="/handoffs/{handoff_id}/claim" data-keep=' in pad
         assert "Its deadline is paused" in pad
@@ -171,9 +171,9 @@ def test_a_person_takes_over_drives_and_hands_back_and_the_harness_looks_for_its
 def test_a_robot_nobody_took_over_goes_back_to_its_own_page() -> None:
     with console_stand() as stand:
         operator = stand.operator()
-        wheel = {"device": "tablet", "reason": "out of the way"}
-        assert operator.post("/robots/vbot-1/drive", data=wheel).status_code == 303
-        again = operator.post("/robots/vbot-1/drive", data=wheel)
+        teleoperation = {"device": "tablet", "reason": "out of the way"}
+        assert operator.post("/robots/vbot-1/drive", data=teleoperation).status_code == 303
+        again = operator.post("/robots/vbot-1/drive", data=teleoperation)
         assert (again.status_code, again.headers["location"]) == (303, "/robots/vbot-1/drive")
         assert "data-keep" not in sentence(operator.get("/robots/vbot-1/drive").text)
         assert operator.post("/robots/vbot-1/drive/return").headers["location"] == "/robots/vbot-1"

@@ -356,9 +356,9 @@ def test_a_person_sends_a_robot_without_a_mission_to_its_safe_place() -> None:
     with unanswered() as asked:
         stopped(asked)
         asked.restart()
-        decision = asked.harness.wheel.to_safety(ROBOT, actor=BOB, reason="the hall is needed")
+        decision = asked.harness.teleoperation.to_safety(ROBOT, actor=BOB, reason="the hall is needed")
         assert isinstance(decision, Accepted), decision
-        again = asked.harness.wheel.to_safety(ROBOT, actor=BOB, reason="once more")
+        again = asked.harness.teleoperation.to_safety(ROBOT, actor=BOB, reason="once more")
         assert isinstance(again, Refused) and again.rule == "retreat_under_way"
         for _ in range(200):
             if newest(asked).ended is None:
@@ -374,7 +374,7 @@ def test_where_the_zone_has_no_safe_place_it_lies_down_and_the_log_says_why() ->
     zones = tuple(replace(zone, no_answer="hold", retreat=None) for zone in bare.zones)
     with unanswered(site=replace(bare, zones=zones)) as asked:
         stopped(asked)
-        assert isinstance(asked.harness.wheel.to_safety(ROBOT, actor=BOB, reason="enough"), Accepted)
+        assert isinstance(asked.harness.teleoperation.to_safety(ROBOT, actor=BOB, reason="enough"), Accepted)
         assert sent(asked) == [] and asked.robot.status().posture == "lying"
         told = [HOUSE.codec.decode(one) for one in asked.runtime.stream(CONTROL)]
         assert isinstance(told[-1], PostureOrdered) and isinstance(told[-1].reason, Reason)

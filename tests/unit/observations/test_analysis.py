@@ -81,9 +81,9 @@ def test_boxes_in_the_passage_become_a_saved_report_that_the_delivery_uses(boxed
 
 
 def test_frames_that_do_not_show_the_passage_cannot_call_it_clear() -> None:
-    desk = desk_for(Room())
+    releases = desk_for(Room())
     away = tuple((float(index), math.pi) for index in range(len(HEADINGS)))
-    ended = desk.ended(yaws_rad=away)
+    ended = releases.ended(yaws_rad=away)
     assert (ended.status, ended.failure, ended.receipts) == ("failed", "passage_not_seen", ())
 
 
