@@ -108,7 +108,7 @@ def create_app(
 
     `fleet` shows what robots say of themselves, `wheel` lets people drive them; both are ended with the console.
 
-    Sign-in links come from `app.state.doors`. Its lists are kept in `folder`, or in memory without one, and have
+    Sign-in links come from `app.state.sessions`. Its lists are kept in `folder`, or in memory without one, and have
     caught up with the log on return.
     """
     lists = Lists(runtime, open_lists(folder))

@@ -21,26 +21,13 @@ from harness.adapters.stores.configurations import StoredConfigurations
 from harness.adapters.stores.memory_index import VolatileMemoryIndex
 from harness.baseline.load import baseline
 from harness.baseline.load import site as shipped_site
+from harness.contracts import ports
 from harness.contracts.configuration import Configuration
 from harness.contracts.decider import Decider
 from harness.contracts.decisions import Authority, unquestioned
 from harness.contracts.ids import Digest, MissionId, ProviderId, RobotId
 from harness.contracts.observations import Camera
 from harness.contracts.places import Site
-from harness.contracts.ports import (
-    BlobStore,
-    Clock,
-    EventStore,
-    Ids,
-    LiveCamera,
-    MemoryIndex,
-    Provider,
-    Robot,
-    Signals,
-    Snapshots,
-    Spool,
-    Teleoperable,
-)
 from harness.contracts.protocol import PhysicalStart
 from harness.exploration.targets import NEAREST_EDGE, Proposer
 from harness.gate.alerts import DECIDER as ALERT
@@ -88,7 +75,7 @@ def nothing_selected(runtime: Runtime, robot_id: RobotId) -> Digest | None:
     return None
 
 
-def directly(robot: Robot) -> Robot:
+def directly(robot: ports.Robot) -> ports.Robot:
     """The robot unchanged: the harness calls it directly."""
     return robot
 
@@ -109,11 +96,11 @@ class Harness:
 
     runtime: Runtime
     supervisor: Supervisor
-    robots: Mapping[RobotId, Robot]
-    clock: Clock
+    robots: Mapping[RobotId, ports.Robot]
+    clock: ports.Clock
     teleoperation: Teleoperation
-    clocks: Mapping[RobotId, Clock]
-    cameras: Mapping[RobotId, LiveCamera]
+    clocks: Mapping[RobotId, ports.Clock]
+    cameras: Mapping[RobotId, ports.LiveCamera]
     token: str = ""
 
     def starts(self, mission_id: MissionId) -> tuple[PhysicalStart, ...]:
@@ -126,14 +113,14 @@ class Harness:
 class Parts:
     """The ports that one harness is built on, its settings, and further deciders on its log."""
 
-    store: EventStore
-    blobs: BlobStore
-    spool: Spool
-    ids: Ids
-    clock: Clock
-    signals: Signals
-    index: MemoryIndex = field(default_factory=VolatileMemoryIndex)
-    snapshots: Snapshots | None = None
+    store: ports.EventStore
+    blobs: ports.BlobStore
+    spool: ports.Spool
+    ids: ports.Ids
+    clock: ports.Clock
+    signals: ports.Signals
+    index: ports.MemoryIndex = field(default_factory=VolatileMemoryIndex)
+    snapshots: ports.Snapshots | None = None
     verifier: Verifier = verify
     planner: Planner = GRAPH_ORDER
     proposer: Proposer = NEAREST_EDGE
@@ -150,13 +137,13 @@ class Member:
     """One robot to be connected: its port, its clock, the providers beside it, and what people may use of it."""
 
     robot_id: RobotId
-    robot: Robot
-    clock: Clock
-    local: Sequence[Provider]
+    robot: ports.Robot
+    clock: ports.Clock
+    local: Sequence[ports.Provider]
     configure: Callable[[Mission], None]
     revive: Callable[[], bool] = lambda: False
-    camera: LiveCamera | None = None
-    hand: Teleoperable | None = None
+    camera: ports.LiveCamera | None = None
+    hand: ports.Teleoperable | None = None
 
 
 def assemble(
@@ -164,8 +151,8 @@ def assemble(
     settings: HarnessSettings,
     parts: Parts,
     *,
-    robot: Robot,
-    local: Sequence[Provider],
+    robot: ports.Robot,
+    local: Sequence[ports.Provider],
     configure: Callable[[Mission], None],
     revive: Callable[[], bool] = lambda: False,
 ) -> Harness:
@@ -217,7 +204,7 @@ def _connection(settings: HarnessSettings, parts: Parts, member: Member) -> Robo
     )
 
 
-def runtime_on(parts: Parts, clocks: Mapping[RobotId, Clock] = MappingProxyType({})) -> Runtime:
+def runtime_on(parts: Parts, clocks: Mapping[RobotId, ports.Clock] = MappingProxyType({})) -> Runtime:
     """A runtime on these ports, without a robot or a supervisor. `clocks`: mission time per robot."""
 
     def selected(robot_id: RobotId) -> Digest | None:
@@ -248,7 +235,9 @@ def runtime_on(parts: Parts, clocks: Mapping[RobotId, Clock] = MappingProxyType(
     return runtime
 
 
-def local_providers(parts: Parts, *, camera: Camera, folder: Path | None, robot_id: str = "") -> Sequence[Provider]:
+def local_providers(
+    parts: Parts, *, camera: Camera, folder: Path | None, robot_id: str = ""
+) -> Sequence[ports.Provider]:
     """Providers that run beside the harness for one robot: intake, analysis, delivery, voice, archive, description."""
 
     def journal(name: str) -> Path | None:

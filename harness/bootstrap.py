@@ -42,13 +42,13 @@ from harness.assembly import (
 )
 from harness.baseline.load import baseline
 from harness.baseline.load import site as shipped_site
+from harness.contracts import ports
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Authority, unquestioned
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import RobotId
 from harness.contracts.observations import Camera
 from harness.contracts.places import Site
-from harness.contracts.ports import Clock, EventStore, LogHead, ReadModels, Robot, Signals, Snapshots
 from harness.contracts.regularities import HiddenSite
 from harness.contracts.simulation import InProcessRobot, Simulator
 from harness.projections.mission import Mission
@@ -85,7 +85,7 @@ __all__ = [
 def open_harness(
     settings: HarnessSettings,
     *,
-    signals: Signals | None = None,
+    signals: ports.Signals | None = None,
     url: str = "",
     deciders: Deciders = MappingProxyType({}),
     authority: Authority = unquestioned,
@@ -185,11 +185,11 @@ def simulated(
     *,
     simulator: Simulator,
     seed: int,
-    store: EventStore | None = None,
+    store: ports.EventStore | None = None,
     configuration: Configuration | None = None,
     site: Site | None = None,
     hidden: HiddenSite | None = None,
-    wire: Callable[[Robot], Robot] = directly,
+    wire: Callable[[ports.Robot], ports.Robot] = directly,
     deciders: Deciders = MappingProxyType({}),
     authority: Authority = unquestioned,
     select: Select = nothing_selected,
@@ -227,7 +227,7 @@ def simulated(
         yield joined(stack, settings, parts, members)
 
 
-def _simulated_member(parts: Parts, simulated_robot: InProcessRobot, clock: Clock) -> Member:
+def _simulated_member(parts: Parts, simulated_robot: InProcessRobot, clock: ports.Clock) -> Member:
     def configure(mission: Mission) -> None:
         simulated_robot.configure(mission.mission_id, mission.seed, _faults(mission))
 
@@ -264,7 +264,7 @@ def _faults(mission: Mission) -> list[str]:
     return [name for name in mission.labels.get("faults", "").split(",") if name]
 
 
-def camera_of(robot: Robot) -> Camera:
+def camera_of(robot: ports.Robot) -> Camera:
     """The camera that the robot declares. Raises ContractInvalid for a robot without one."""
     camera = robot.status().camera
     if camera is None:
@@ -279,18 +279,18 @@ def owner_of(data: Path) -> Owner | None:
     return read_owner(data.absolute()) if data.exists() else None
 
 
-def open_lists(folder: Path | None) -> ReadModels:
+def open_lists(folder: Path | None) -> ports.ReadModels:
     """The console's lists, stored beside the log; in memory where there is no folder."""
     return SqlReadModels(f"sqlite:///{folder / 'lists.db'}") if folder else SqlReadModels()
 
 
-def move_log(source: str, target: str) -> LogHead:
+def move_log(source: str, target: str) -> ports.LogHead:
     """Copy the event log into an empty one elsewhere, verified at both ends; blobs stay. Raises as `moving` says."""
     return moved(source, target)
 
 
 @contextmanager
-def _store(folder: DataFolder, settings: HarnessSettings) -> Iterator[tuple[EventStore, Snapshots]]:
+def _store(folder: DataFolder, settings: HarnessSettings) -> Iterator[tuple[ports.EventStore, ports.Snapshots]]:
     log = open_log(settings.database or folder.log_url)
     with closing(log), closing(StoredSnapshots(log)) as snapshots:
         yield with_failpoint(log, parse(settings.failpoint) if settings.failpoint else None), snapshots

@@ -10,6 +10,7 @@ from typing import Any
 
 from cachetools import LRUCache
 
+from harness.contracts import ports
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import CreateMission, MissionCommand, PauseMission
@@ -33,17 +34,6 @@ from harness.contracts.observations import AnySample
 from harness.contracts.person_commands import PersonCommand
 from harness.contracts.place_events import place_stream
 from harness.contracts.places import Place, Site
-from harness.contracts.ports import (
-    MISSION_STREAMS,
-    BlobStore,
-    Configurations,
-    EventStore,
-    Ids,
-    LogHead,
-    Record,
-    Signals,
-    StoredEvent,
-)
 from harness.contracts.protocol import InvocationReport, RobotStatus
 from harness.contracts.reasons import because
 from harness.contracts.tasks import TaskContract, TaskTemplate
@@ -117,11 +107,11 @@ class Runtime:
         self,
         *,
         gate: Gate,
-        store: EventStore,
-        blobs: BlobStore,
-        ids: Ids,
-        signals: Signals,
-        configurations: Configurations,
+        store: ports.EventStore,
+        blobs: ports.BlobStore,
+        ids: ports.Ids,
+        signals: ports.Signals,
+        configurations: ports.Configurations,
         site: Site,
         memory: MemoryFabric,
     ) -> None:
@@ -220,14 +210,14 @@ class Runtime:
         return known
 
     def submit(
-        self, mission_id: MissionId, command: MissionCommand, *, records: Sequence[Record] = ()
+        self, mission_id: MissionId, command: MissionCommand, *, records: Sequence[ports.Record] = ()
     ) -> Accepted[AnyEvent] | Refused:
         """One command for one mission. Raises UnknownName for a mission that does not exist."""
         robot_id = self.mission(mission_id).robot_id
         return self.commit([CommandEnvelope(mission_stream(mission_id), command, robot_id)], records=records)
 
     def commit(
-        self, requests: Sequence[CommandEnvelope], *, records: Sequence[Record] = ()
+        self, requests: Sequence[CommandEnvelope], *, records: Sequence[ports.Record] = ()
     ) -> Accepted[AnyEvent] | Refused:
         """Append all requests or none, then signal what changed."""
         decision = self._gate.commit(requests, records=records)
@@ -237,7 +227,7 @@ class Runtime:
         return decision
 
     def decide(
-        self, requests: Sequence[tuple[StreamId, Any]], records: Sequence[Record] = ()
+        self, requests: Sequence[tuple[StreamId, Any]], records: Sequence[ports.Record] = ()
     ) -> Accepted[Any] | Refused:
         """Commands about no robot, for streams of any family that has a decider: all or none."""
         return self.commit([CommandEnvelope(stream, command, None) for stream, command in requests], records=records)
@@ -264,7 +254,7 @@ class Runtime:
         """Any version by its id. Raises ConfigurationMissing."""
         return self._configurations.get(configuration_id)
 
-    def configuration_record(self, configuration_id: Digest) -> Record:
+    def configuration_record(self, configuration_id: Digest) -> ports.Record:
         """The version's bytes, to be stored with a decision that names it. Raises ConfigurationMissing."""
         return self._configurations.record(configuration_id)
 
@@ -318,7 +308,7 @@ class Runtime:
 
     def newest_missions(self) -> Iterator[Mission]:
         """All missions, newest first, one by one: reading the newest few does not load the others."""
-        return map(self._gate.state, reversed(self._store.streams(MISSION_STREAMS)))
+        return map(self._gate.state, reversed(self._store.streams(ports.MISSION_STREAMS)))
 
     def open_missions(self, robot_id: RobotId | None = None) -> list[Mission]:
         """Open missions, newest first, of one robot or of all; ended missions cost nothing."""
@@ -345,26 +335,26 @@ class Runtime:
 
     # history and evidence -------------------------------------------------------------------------------------------
 
-    def events(self, mission_id: MissionId, after: int = 0) -> list[StoredEvent]:
+    def events(self, mission_id: MissionId, after: int = 0) -> list[ports.StoredEvent]:
         return self._store.load(mission_stream(mission_id), after)
 
-    def log(self, after: int = 0, limit: int = 1000) -> list[StoredEvent]:
+    def log(self, after: int = 0, limit: int = 1000) -> list[ports.StoredEvent]:
         return self._store.read(after, limit)
 
-    def stream(self, stream: StreamId, after: int = 0) -> list[StoredEvent]:
+    def stream(self, stream: StreamId, after: int = 0) -> list[ports.StoredEvent]:
         """The events of one stream after a version, in order."""
         return self._store.load(stream, after)
 
     def streams(self, prefix: str) -> list[StreamId]:
         return self._store.streams(prefix)
 
-    def head(self) -> LogHead:
+    def head(self) -> ports.LogHead:
         return self._store.head()
 
-    def verify(self) -> LogHead:
+    def verify(self) -> ports.LogHead:
         return self._store.verify()
 
-    def record(self, digest: Digest) -> Record:
+    def record(self, digest: Digest) -> ports.Record:
         return self._store.record(digest)
 
     def blob(self, digest: Digest) -> bytes:

@@ -11,9 +11,9 @@ from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.ids import MissionId, StreamId
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
+from rsi_reviews import commands
 from rsi_reviews.canary import exercised, is_worse, outcome, value_of
 from rsi_reviews.canary_metrics import canary_missions, metrics_of, ran
-from rsi_reviews.commands import MovePointer, PromoteCandidate, RecordCanaryMission, RollBack, WithdrawCandidate
 from rsi_reviews.contracts import BETTER, CanaryMission, Manifest
 from rsi_reviews.pointers import POINTER, Pointer, candidate_stream
 from rsi_reviews.projections import Review
@@ -38,7 +38,9 @@ def mission_ended(runtime: Runtime, mission_id: MissionId, *, duplicate_starts: 
         return Accepted(())
     if review.entry(mission_id) is None:
         measured = _measured(runtime, review, mission, duplicate_starts)
-        decision = runtime.decide([(candidate_stream(review.candidate), RecordCanaryMission(measured=measured))])
+        decision = runtime.decide(
+            [(candidate_stream(review.candidate), commands.RecordCanaryMission(measured=measured))]
+        )
         if isinstance(decision, Refused):
             return decision
     return settle(runtime)
@@ -64,10 +66,12 @@ def settle(runtime: Runtime) -> Answered:
         case "go_on":
             return Accepted(())
         case "passed":
-            return _act(runtime, review, PromoteCandidate(), "released", "its canary missions were found sound")
+            return _act(
+                runtime, review, commands.PromoteCandidate(), "released", "its canary missions were found sound"
+            )
         case "not_exercised":
             reason = f"not exercised enough in {len(review.canary)} missions"
-            withdrawn = WithdrawCandidate(actor=DESK, reason=reason, key="canary:not_exercised")
+            withdrawn = commands.WithdrawCandidate(actor=DESK, reason=reason, key="canary:not_exercised")
             return _act(runtime, review, withdrawn, "withdrawn", reason)
         case "hard_fault" as found:
             rolled_back = _act(runtime, review, _back(review, found), "rolled_back", why(review))
@@ -78,12 +82,12 @@ def settle(runtime: Runtime) -> Answered:
             return _act(runtime, review, _back(review, found), "rolled_back", why(review))
 
 
-def _back(review: Review, found: str) -> RollBack:
-    return RollBack(actor=DESK, reason=why(review), key=f"canary:{found}")
+def _back(review: Review, found: str) -> commands.RollBack:
+    return commands.RollBack(actor=DESK, reason=why(review), key=f"canary:{found}")
 
 
 def _act(runtime: Runtime, review: Review, command: Any, cause: Any, reason: str) -> Answered:
-    move = MovePointer(
+    move = commands.MovePointer(
         cause=cause,
         candidate=review.candidate,
         configuration=review.configuration,

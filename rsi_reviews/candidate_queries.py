@@ -10,12 +10,11 @@ from harness.contracts.ids import Digest, MissionId, RobotId
 from harness.contracts.ports import StoredEvent
 from harness.contracts.values import digest
 from harness.runtime import Runtime
+from rsi_reviews import contracts, pointers
 from rsi_reviews.canary import Outcome, outcome
 from rsi_reviews.canary_metrics import canary_missions, ran
-from rsi_reviews.contracts import AcceptanceReport, Candidate, ClauseAnswer, RestrictionViolation, ResultSet
 from rsi_reviews.difference import CandidateDifference, difference
 from rsi_reviews.manifest import unfounded
-from rsi_reviews.pointers import POINTER, Draining, Pointer, candidate_stream, current_at, pins, versions
 from rsi_reviews.projections import Review
 from rsi_reviews.release import release_clause
 from rsi_reviews.restrictions import loosened
@@ -49,27 +48,27 @@ class CandidateQueries:
         review: Review = self._runtime.fold(found[0])
         return review
 
-    def candidate(self, candidate: str) -> Candidate:
+    def candidate(self, candidate: str) -> contracts.Candidate:
         """The candidate itself, its configuration read from the log."""
         review = self.review(candidate)
         if review.manifest is None:
             raise UnknownName(f"There is no candidate {candidate}", do="list them with `regen rsi list`")
         configuration = self._runtime.stored_configuration(review.configuration)
-        return Candidate(configuration=configuration, manifest=review.manifest, baseline=review.baseline)
+        return contracts.Candidate(configuration=configuration, manifest=review.manifest, baseline=review.baseline)
 
-    def results(self, candidate: str) -> ResultSet | None:
+    def results(self, candidate: str) -> contracts.ResultSet | None:
         """What was measured, as it was recorded; None before that."""
         review = self.review(candidate)
         if review.evaluation is None:
             return None
-        return msgspec.json.decode(self._runtime.record(review.evaluation.result_set).body, type=ResultSet)
+        return msgspec.json.decode(self._runtime.record(review.evaluation.result_set).body, type=contracts.ResultSet)
 
-    def report(self, candidate: str) -> AcceptanceReport | None:
+    def report(self, candidate: str) -> contracts.AcceptanceReport | None:
         """Clauses 1 to 3 as they were answered; None before that."""
         evaluation = self.review(candidate).evaluation
         return evaluation.report if evaluation else None
 
-    def clauses(self, candidate: str) -> tuple[ClauseAnswer, ...]:
+    def clauses(self, candidate: str) -> tuple[contracts.ClauseAnswer, ...]:
         """All four clauses as they stand now (R160)."""
         review = self.review(candidate)
         first = review.evaluation.report.clauses if review.evaluation else ()
@@ -83,7 +82,7 @@ class CandidateQueries:
             self._runtime.stored_configuration(review.configuration),
         )
 
-    def refusals(self, candidate: Candidate) -> tuple[RestrictionViolation, ...]:
+    def refusals(self, candidate: contracts.Candidate) -> tuple[contracts.RestrictionViolation, ...]:
         """Every reason for which this proposal would be refused now, without proposing it. Raises
         ConfigurationMissing.
         """
@@ -92,7 +91,7 @@ class CandidateQueries:
 
     def events(self, candidate: str) -> list[StoredEvent]:
         """The candidate's whole history, as stored (R161, R167)."""
-        return self._runtime.stream(candidate_stream(self.review(candidate).candidate))
+        return self._runtime.stream(pointers.candidate_stream(self.review(candidate).candidate))
 
     def canary_outcome(self, candidate: str) -> Outcome:
         """The present result of the candidate's canary."""
@@ -105,9 +104,9 @@ class CandidateQueries:
         growth: Growth = self._runtime.fold(GROWTH)
         return growth
 
-    def pointer(self) -> Pointer:
+    def pointer(self) -> pointers.Pointer:
         """The pointer's position, history, policy, held-out looks and quarantine."""
-        pointer: Pointer = self._runtime.fold(POINTER)
+        pointer: pointers.Pointer = self._runtime.fold(pointers.POINTER)
         return pointer
 
     def current(self, robot_id: RobotId = ANY_ROBOT) -> Digest:
@@ -116,17 +115,17 @@ class CandidateQueries:
 
     def current_at(self, instant_s: float, *, robot_id: RobotId | None = None) -> Digest | None:
         """The version that was current at this wall time; None before the pointer was first written."""
-        return current_at(self.pointer(), instant_s, robot_id=robot_id)
+        return pointers.current_at(self.pointer(), instant_s, robot_id=robot_id)
 
     def pins(self) -> dict[Digest, tuple[MissionId, ...]]:
         """Unfinished missions by the version they are pinned to."""
-        return pins(self._runtime.open_missions())
+        return pointers.pins(self._runtime.open_missions())
 
-    def versions(self) -> dict[Digest, Draining]:
+    def versions(self) -> dict[Digest, pointers.Draining]:
         """Every known version, and whether anything runs under it."""
         pinned = self.pins()
         known = {self.current(), *(review.configuration for review in self.reviews()), *pinned}
-        return versions(self.pointer(), sorted(known), pinned)
+        return pointers.versions(self.pointer(), sorted(known), pinned)
 
     def loads(self, configuration: Digest) -> Digest:
         """Load a version and encode it again: the result is its own id if a rollback to it is possible. Raises
@@ -138,7 +137,7 @@ class CandidateQueries:
 
 def on_trial(runtime: Runtime, configuration_id: Digest) -> bool:
     """Whether a version is in canary (D28, D34). For `open_harness(trial=...)`."""
-    pointer: Pointer = runtime.fold(POINTER)
+    pointer: pointers.Pointer = runtime.fold(pointers.POINTER)
     return bool(pointer.version) and pointer.canary == configuration_id
 
 
@@ -148,12 +147,12 @@ def selected(runtime: Runtime, robot_id: RobotId) -> Digest | None:
     For `open_harness(select=...)`. A canary runs one mission at a time. The next one begins only when the one before is
     over and adjudicated, and none begins once the canary's own rule has reached a result.
     """
-    pointer: Pointer = runtime.fold(POINTER)
+    pointer: pointers.Pointer = runtime.fold(pointers.POINTER)
     if not pointer.version:
         return None
     if pointer.canary is None or pointer.trial is None or robot_id != pointer.robot_id:
         return pointer.configuration
-    review: Review = runtime.fold(candidate_stream(pointer.trial))
+    review: Review = runtime.fold(pointers.candidate_stream(pointer.trial))
     free = outcome(review) == "go_on" and not _occupied(runtime, review)
     return pointer.canary if free else pointer.configuration
 

@@ -6,24 +6,14 @@ from harness.contracts.actors import Actor, Command
 from harness.contracts.configuration import Configuration
 from harness.contracts.ids import Digest, MissionId, RobotId
 from harness.contracts.values import Count, Name
-from rsi_reviews.contracts import (
-    AcceptanceReport,
-    CanaryMission,
-    Candidate,
-    EvaluationTerms,
-    Finding,
-    HeldOutAnswer,
-    ReleasePolicy,
-    ResultSet,
-    Sentence,
-)
+from rsi_reviews import contracts
 
 
 class ReviewCommand(Command):
     """A command with its author, its reason, and the key under which repeating it changes nothing."""
 
     actor: Actor
-    reason: Sentence
+    reason: contracts.Sentence
     key: Name
 
 
@@ -44,22 +34,22 @@ class ProposeCandidate(ReviewCommand, tag=True):
     `earlier`: authors of the candidates that this one edits or repeats; they stay its authors (D33).
     """
 
-    candidate: Candidate
+    candidate: contracts.Candidate
     baseline: Configuration
     supersedes: Digest | None = None
     earlier: tuple[Name, ...] = ()
 
 
 class BeginEvaluation(ReviewCommand, tag=True):
-    terms: EvaluationTerms
+    terms: contracts.EvaluationTerms
 
 
 class RecordEvaluation(ReviewCommand, tag=True):
     """Record results and the acceptance predicate's report; `terms` are those the results were made under."""
 
-    terms: EvaluationTerms
-    results: ResultSet
-    report: AcceptanceReport
+    terms: contracts.EvaluationTerms
+    results: contracts.ResultSet
+    report: contracts.AcceptanceReport
 
 
 class OpenReview(ReviewCommand, tag=True):
@@ -79,7 +69,7 @@ class AddComment(ReviewCommand, tag=True):
 
 
 class ApproveCandidate(OnSubject, tag=True):
-    policy: ReleasePolicy
+    policy: contracts.ReleasePolicy
 
 
 class RejectCandidate(OnSubject, tag=True):
@@ -89,7 +79,7 @@ class RejectCandidate(OnSubject, tag=True):
 class AuthoriseRelease(OnSubject, tag=True):
     """`proven`: the digest of the rollback target as it was loaded and encoded again just now."""
 
-    policy: ReleasePolicy
+    policy: contracts.ReleasePolicy
     rollback: Digest
     proven: Digest
 
@@ -107,18 +97,18 @@ class BeginCanary(OnSubject, tag=True):
     """
 
     robot_id: RobotId
-    policy: ReleasePolicy
+    policy: contracts.ReleasePolicy
     recent: tuple[float, ...] = ()
 
 
 class RecordCanaryMission(Command, tag=True):
-    measured: CanaryMission
+    measured: contracts.CanaryMission
 
 
 class AdjudicateCanaryMission(ReviewCommand, tag=True):
     mission_id: MissionId
-    finding: Finding
-    policy: ReleasePolicy
+    finding: contracts.Finding
+    policy: contracts.ReleasePolicy
 
 
 class PromoteCandidate(Command, tag=True):
@@ -168,7 +158,7 @@ class Confirm(Command, tag=True):
     """Changes nothing. Refuses unless the state that the other command of this transaction relies on still holds."""
 
     baseline: Digest | None = None
-    policy: ReleasePolicy | None = None
+    policy: contracts.ReleasePolicy | None = None
     configuration: Digest | None = None
 
 
@@ -183,14 +173,14 @@ class MovePointer(Command, tag=True):
     configuration: Digest
     rollback: Digest
     actor: Actor
-    reason: Sentence
+    reason: contracts.Sentence
     robot_id: RobotId | None = None
 
 
 class SavePolicy(ReviewCommand, tag=True):
     """`reviewers` and `releasers`: the people who hold these roles now. A policy nobody can meet is refused."""
 
-    policy: ReleasePolicy
+    policy: contracts.ReleasePolicy
     reviewers: tuple[Name, ...]
     releasers: tuple[Name, ...]
 
@@ -200,7 +190,7 @@ class CountLook(Command, tag=True):
 
     candidate: Digest
     terms: Digest
-    answer: HeldOutAnswer
+    answer: contracts.HeldOutAnswer
 
 
 class RecordUptake(Command, tag=True):

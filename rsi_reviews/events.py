@@ -5,18 +5,7 @@ from typing import Literal
 from harness.contracts.actors import Actor, Event
 from harness.contracts.ids import Digest, MissionId, RobotId
 from harness.contracts.values import Count, Name, Share, Value
-from rsi_reviews.contracts import (
-    AcceptanceReport,
-    Answer,
-    CanaryMission,
-    EvaluationTerms,
-    Finding,
-    Manifest,
-    ReleasePolicy,
-    Section,
-    Sentence,
-    Subject,
-)
+from rsi_reviews import contracts
 
 
 class Signed(Value):
@@ -26,7 +15,7 @@ class Signed(Value):
     """
 
     actor: Actor
-    reason: Sentence
+    reason: contracts.Sentence
     key: Name
     body: Digest
     at_s: float
@@ -41,10 +30,10 @@ class CandidateProposed(Event, tag=True):
 
     candidate: Digest
     configuration: Digest
-    manifest: Manifest
+    manifest: contracts.Manifest
     manifest_digest: Digest
     baseline: Digest
-    sections: tuple[Section, ...]
+    sections: tuple[contracts.Section, ...]
     by: Signed
     supersedes: Digest | None = None
     earlier: tuple[Name, ...] = ()
@@ -53,7 +42,7 @@ class CandidateProposed(Event, tag=True):
 class EvaluationBegun(Event, tag=True):
     """Predicate, suite, seeds and evaluator are fixed here; results under other terms are refused."""
 
-    terms: EvaluationTerms
+    terms: contracts.EvaluationTerms
     terms_digest: Digest
     by: Signed
 
@@ -63,9 +52,9 @@ class EvaluationRecorded(Event, tag=True):
 
     terms: Digest
     result_set: Digest
-    report: AcceptanceReport
+    report: contracts.AcceptanceReport
     report_digest: Digest
-    answer: Answer
+    answer: contracts.Answer
     bound: float
     bound_missions: Count
     by: Signed
@@ -75,7 +64,7 @@ class ReviewOpened(Event, tag=True):
     """People are asked to review exactly this subject, in this cycle."""
 
     cycle: Count
-    subject: Subject
+    subject: contracts.Subject
     subject_digest: Digest
     by: Signed
 
@@ -139,7 +128,7 @@ class CanaryBegun(Event, tag=True):
 
 
 class CanaryMissionRecorded(Event, tag=True):
-    measured: CanaryMission
+    measured: contracts.CanaryMission
     at_s: float
 
 
@@ -147,28 +136,28 @@ class CanaryMissionAdjudicated(Event, tag=True):
     """Somebody who did not release the candidate judged this mission (D34)."""
 
     mission_id: MissionId
-    finding: Finding
+    finding: contracts.Finding
     by: Signed
 
 
 class CandidateReleased(Event, tag=True):
     """The canary passed: the candidate is current for every robot."""
 
-    reason: Sentence
+    reason: contracts.Sentence
     at_s: float
 
 
 class CandidateRolledBack(Event, tag=True):
     """Quarantined: nothing selects this configuration again."""
 
-    reason: Sentence
+    reason: contracts.Sentence
     by: Signed
 
 
 class CandidateWithdrawn(Event, tag=True):
     """Withdrawn without a fault: not quarantined."""
 
-    reason: Sentence
+    reason: contracts.Sentence
     by: Signed
 
 
@@ -226,7 +215,7 @@ class ConfigurationQuarantined(Event, tag=True):
 
 
 class PolicySaved(Event, tag=True):
-    policy: ReleasePolicy
+    policy: contracts.ReleasePolicy
     by: Signed
 
 

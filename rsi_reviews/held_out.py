@@ -19,8 +19,8 @@ from harness.contracts.errors import StoreUnavailable
 from harness.contracts.ids import Digest
 from harness.contracts.regularities import HiddenSite
 from harness.contracts.values import Value, encode
+from rsi_reviews import contracts
 from rsi_reviews.bounds import paired
-from rsi_reviews.contracts import BETTER, FAMILIES, CaseResult, Family, HeldOutAnswer, Manifest
 from rsi_reviews.regression.cases import Case, Outside, Situation
 from rsi_reviews.regression.errors import LookTaken, ResultsDamaged
 
@@ -71,7 +71,7 @@ class Look(Value):
     candidate: Digest
     manifest: Digest
     look: int
-    answer: HeldOutAnswer | None = None
+    answer: contracts.HeldOutAnswer | None = None
 
 
 class Looks:
@@ -92,7 +92,7 @@ class Looks:
     def __len__(self) -> int:
         return len(self._book)
 
-    def taken(self, candidate: Digest) -> HeldOutAnswer | None:
+    def taken(self, candidate: Digest) -> contracts.HeldOutAnswer | None:
         """The answer that this candidate got."""
         look = self._book.get(candidate)
         return look.answer if look else None
@@ -109,7 +109,7 @@ class Looks:
             )
         return look or self._write(Look(candidate=candidate, manifest=manifest, look=len(self._book) + 1))
 
-    def close(self, look: Look, answer: HeldOutAnswer) -> None:
+    def close(self, look: Look, answer: contracts.HeldOutAnswer) -> None:
         """Store the answer of the look."""
         self._write(msgspec.structs.replace(look, answer=answer))
 
@@ -136,14 +136,18 @@ def held_out_cases(
             situation=_situation(secret, candidate, family, number, site),
             seed=int(secret.uniform(candidate, family, number, "seed") * 2**31),
         )
-        for family in FAMILIES
+        for family in contracts.FAMILIES
         for number in range(per_family)
     )
 
 
 def answered(
-    look: Look, manifest: Manifest, cases: Sequence[Case], results: Sequence[CaseResult], configuration: Digest
-) -> HeldOutAnswer:
+    look: Look,
+    manifest: contracts.Manifest,
+    cases: Sequence[Case],
+    results: Sequence[contracts.CaseResult],
+    configuration: Digest,
+) -> contracts.HeldOutAnswer:
     """Pass if the declared metric's lower bound at this look's alpha lies above 0 and nothing hard was broken.
 
     `results` hold every case under baseline and candidate; one that is missing or no measurement is a fail.
@@ -158,16 +162,18 @@ def answered(
             sound = False
             continue
         gain = getattr(after, manifest.metric) - getattr(before, manifest.metric)
-        gains.setdefault(after.family, []).append(gain if BETTER[manifest.metric] == "higher" else -gain)
+        gains.setdefault(after.family, []).append(gain if contracts.BETTER[manifest.metric] == "higher" else -gain)
     better = sound and paired(gains, key=f"held-out\n{look.candidate}", alpha=alpha).low > 0.0
-    return HeldOutAnswer(answer="pass" if better else "fail", look=look.look, alpha=alpha, cases=len(cases))
+    return contracts.HeldOutAnswer(answer="pass" if better else "fail", look=look.look, alpha=alpha, cases=len(cases))
 
 
-def _broken(result: CaseResult) -> bool:
+def _broken(result: contracts.CaseResult) -> bool:
     return bool(result.contract_false_completion or result.duplicate_starts or result.safety_violations)
 
 
-def _situation(secret: Secret, candidate: Digest, family: Family, number: int, site: HiddenSite | None) -> Situation:
+def _situation(
+    secret: Secret, candidate: Digest, family: contracts.Family, number: int, site: HiddenSite | None
+) -> Situation:
     def draw(name: str) -> float:
         return secret.uniform(candidate, family, number, name)
 

@@ -13,38 +13,38 @@ import msgspec
 from msgspec.structs import replace
 
 from harness.baseline.load import read_yaml
+from harness.contracts import values
 from harness.contracts.configuration import FailureClass, RecoveryAction
 from harness.contracts.errors import UnknownName
 from harness.contracts.regularities import HiddenSite, Regularity
-from harness.contracts.values import Count, Name, NonNegative, Positive, Value
 
 FOLDER = "rsi_reviews"
 SHARE_JITTER, TIME_JITTER = 0.15, 0.05
 
 
-class Expert(Value):
+class Expert(values.Value):
     """What a person who knows the site would change in H: single parameters, and the reason."""
 
-    why: Name
+    why: values.Name
     ladders: dict[FailureClass, tuple[RecoveryAction, ...]] = msgspec.field(default_factory=dict)
-    wait_s: Positive | None = None
-    routing: dict[str, NonNegative] = msgspec.field(default_factory=dict)
-    timeouts_s: dict[str, dict[str, Positive]] = msgspec.field(default_factory=dict)
+    wait_s: values.Positive | None = None
+    routing: dict[str, values.NonNegative] = msgspec.field(default_factory=dict)
+    timeouts_s: dict[str, dict[str, values.Positive]] = msgspec.field(default_factory=dict)
 
 
-class Phase(Value):
+class Phase(values.Value):
     """The site from one generation on."""
 
-    from_generation: Count
+    from_generation: values.Count
     regularities: tuple[Regularity, ...]
     expert: Expert | None = None
 
 
-class SiteFile(Value):
+class SiteFile(values.Value):
     """One site. `kind`: regular, none (nothing recurs), or drifting (what recurs changes)."""
 
-    name: Name
-    title: Name
+    name: values.Name
+    title: values.Name
     kind: Literal["regular", "none", "drifting"]
     phases: Annotated[tuple[Phase, ...], msgspec.Meta(min_length=1)]
 

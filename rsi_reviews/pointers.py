@@ -11,17 +11,8 @@ from msgspec.structs import replace
 from harness.contracts.ids import Digest, MissionId, RobotId, StreamId
 from harness.contracts.values import Count, Name, Value
 from harness.projections.mission import Mission
+from rsi_reviews import events
 from rsi_reviews.contracts import ReleasePolicy
-from rsi_reviews.events import (
-    ConfigurationQuarantined,
-    HeldOutLooked,
-    PointerEvent,
-    PointerMoved,
-    PolicySaved,
-    Signed,
-    UptakeRecorded,
-    VersionRetired,
-)
 
 POINTER = StreamId("release/pointer")
 Draining = Literal["inactive", "active", "draining", "drained"]
@@ -54,26 +45,26 @@ class Pointer(Value):
     trial: Digest | None = None
     robot_id: RobotId | None = None
     policy: ReleasePolicy = ReleasePolicy()
-    history: tuple[PointerMoved, ...] = ()
-    quarantined: dict[Digest, ConfigurationQuarantined] = msgspec.field(default_factory=dict)
+    history: tuple[events.PointerMoved, ...] = ()
+    quarantined: dict[Digest, events.ConfigurationQuarantined] = msgspec.field(default_factory=dict)
     retired: frozenset[Digest] = frozenset()
-    looks: tuple[HeldOutLooked, ...] = ()
+    looks: tuple[events.HeldOutLooked, ...] = ()
     uptakes: tuple[Uptake, ...] = ()
-    receipts: dict[str, Signed] = msgspec.field(default_factory=dict)
+    receipts: dict[str, events.Signed] = msgspec.field(default_factory=dict)
 
-    def standing(self, configuration: Digest) -> PointerMoved | None:
+    def standing(self, configuration: Digest) -> events.PointerMoved | None:
         """The latest move after which this configuration was current everywhere."""
         return next((move for move in reversed(self.history) if move.configuration == configuration), None)
 
-    def look_of(self, candidate: Digest) -> HeldOutLooked | None:
+    def look_of(self, candidate: Digest) -> events.HeldOutLooked | None:
         return next((look for look in self.looks if look.candidate == candidate), None)
 
 
-def apply(pointer: Pointer, event: PointerEvent) -> Pointer:
+def apply(pointer: Pointer, event: events.PointerEvent) -> Pointer:
     """The pointer after one event."""
     pointer = replace(pointer, version=pointer.version + 1)
     match event:
-        case PointerMoved():
+        case events.PointerMoved():
             return replace(
                 pointer,
                 revision=event.revision,
@@ -85,16 +76,16 @@ def apply(pointer: Pointer, event: PointerEvent) -> Pointer:
                 robot_id=event.robot_id,
                 history=(*pointer.history, event),
             )
-        case ConfigurationQuarantined():
+        case events.ConfigurationQuarantined():
             return replace(pointer, quarantined={**pointer.quarantined, event.configuration: event})
-        case PolicySaved():
+        case events.PolicySaved():
             return replace(pointer, policy=event.policy, receipts={**pointer.receipts, event.by.key: event.by})
-        case HeldOutLooked():
+        case events.HeldOutLooked():
             return replace(pointer, looks=(*pointer.looks, event))
-        case UptakeRecorded():
+        case events.UptakeRecorded():
             uptake = Uptake(worker=event.worker, revision=event.revision, at_s=event.at_s)
             return replace(pointer, uptakes=(*pointer.uptakes, uptake))
-        case VersionRetired():
+        case events.VersionRetired():
             return replace(
                 pointer,
                 retired=pointer.retired | {event.configuration},

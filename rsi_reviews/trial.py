@@ -9,8 +9,8 @@ from harness.contracts.configuration import Configuration
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.simulation import Simulator
 from harness.contracts.values import digest
+from rsi_reviews import contracts
 from rsi_reviews.acceptance import Evaluation, accepted, predicate_digest
-from rsi_reviews.contracts import AcceptanceReport, Candidate, CaseResult, EvaluationTerms, HeldOutAnswer, ResultSet
 from rsi_reviews.held_out import PER_FAMILY, Looks, Secret, answered, held_out_cases
 from rsi_reviews.regression.cases import Case, Suite, cases_of, seeds_digest, spread
 from rsi_reviews.regression.executors import Executor
@@ -22,11 +22,11 @@ from rsi_reviews.regression.runner import Watch, measured, unwatched
 class Trial:
     """The cases of one candidate's evaluation. `terms` are recorded before anything runs."""
 
-    candidate: Candidate
+    candidate: contracts.Candidate
     baseline: Configuration
     regression: tuple[Case, ...]
     safety: tuple[Case, ...]
-    terms: EvaluationTerms
+    terms: contracts.EvaluationTerms
 
     @property
     def cases(self) -> tuple[Case, ...]:
@@ -58,12 +58,12 @@ class Means:
 class TrialOutcome:
     """What was measured, and the predicate's report on it."""
 
-    results: ResultSet
-    report: AcceptanceReport
+    results: contracts.ResultSet
+    report: contracts.AcceptanceReport
 
 
 def prepared(
-    candidate: Candidate,
+    candidate: contracts.Candidate,
     baseline: Configuration,
     suites: tuple[Suite, Suite],
     *,
@@ -86,7 +86,7 @@ def prepared(
     if most is not None:
         regression, safety = spread(regression, most), spread(safety, most)
     cases = tuple(dict.fromkeys((*regression, *safety)))
-    terms = EvaluationTerms(
+    terms = contracts.EvaluationTerms(
         candidate=candidate.candidate_id,
         configuration=candidate.configuration.configuration_id,
         manifest=digest(candidate.manifest),
@@ -111,14 +111,14 @@ def carried_out(trial: Trial, means: Means) -> TrialOutcome:
     begun_s = means.now_s()
     sides = (trial.baseline, trial.candidate.configuration)
     results = measured(trial.cases, sides, executor=means.executor, kept=means.kept, watch=means.watch)
-    found = ResultSet(
+    found = contracts.ResultSet(
         terms=digest(trial.terms), results=exercised(results, trial.baseline), seconds=means.now_s() - begun_s
     )
     whole = _looked(trial, found, means)
     return TrialOutcome(results=whole, report=_judged(trial, whole))
 
 
-def exercised(results: Sequence[CaseResult], baseline: Configuration) -> tuple[CaseResult, ...]:
+def exercised(results: Sequence[contracts.CaseResult], baseline: Configuration) -> tuple[contracts.CaseResult, ...]:
     """The results, each with whether the change was exercised: its mission took another course than the baseline's."""
     name = baseline.configuration_id
     courses = {one.case: one.trace for one in results if one.configuration == name}
@@ -128,19 +128,19 @@ def exercised(results: Sequence[CaseResult], baseline: Configuration) -> tuple[C
     )
 
 
-def _looked(trial: Trial, found: ResultSet, means: Means) -> ResultSet:
+def _looked(trial: Trial, found: contracts.ResultSet, means: Means) -> contracts.ResultSet:
     """The results with the held-out answer, where only that is missing: no look is spent on a candidate that
     fails anyway.
     """
     if means.held_out is None:
         return found
-    hoped = HeldOutAnswer(answer="pass", look=1, alpha=0.0, cases=1)
+    hoped = contracts.HeldOutAnswer(answer="pass", look=1, alpha=0.0, cases=1)
     if _judged(trial, msgspec.structs.replace(found, held_out=hoped)).answer != "pass":
         return found
     return msgspec.structs.replace(found, held_out=_look(trial, means, means.held_out))
 
 
-def _look(trial: Trial, means: Means, held_out: HeldOut) -> HeldOutAnswer:
+def _look(trial: Trial, means: Means, held_out: HeldOut) -> contracts.HeldOutAnswer:
     """This candidate's look, or the answer it already got. Its cases and results are not stored outside the
     evaluator.
     """
@@ -157,11 +157,11 @@ def _look(trial: Trial, means: Means, held_out: HeldOut) -> HeldOutAnswer:
     return answer
 
 
-def _judged(trial: Trial, results: ResultSet) -> AcceptanceReport:
+def _judged(trial: Trial, results: contracts.ResultSet) -> contracts.AcceptanceReport:
     return accepted(judged_on(trial, results))
 
 
-def judged_on(trial: Trial, results: ResultSet) -> Evaluation:
+def judged_on(trial: Trial, results: contracts.ResultSet) -> Evaluation:
     """The inputs of the acceptance predicate, for whoever judges again."""
     return Evaluation(
         terms=trial.terms,

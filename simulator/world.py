@@ -10,7 +10,7 @@ from harness.contracts.observations import Image
 from harness.contracts.regularities import HiddenSite, Regularity
 from harness.contracts.simulation import Fidelity
 from harness.contracts.values import Point, Value
-from simulator.bodies import TICK_S, BodyState, KinematicBody, MujocoBody, SimulatedBody, Velocity
+from simulator import bodies
 from simulator.camera import CAMERA
 from simulator.disturbances import Disturbances
 from simulator.faults import Fault, FaultPlan
@@ -57,8 +57,10 @@ class World:
         pose = saved.pose if saved else START
         self._home: SiteModel = storage_site()
         self.site: SiteModel = self._home
-        state = BodyState(x_m=pose[0], y_m=pose[1], yaw_rad=pose[2])
-        self.body: SimulatedBody = (MujocoBody if settings.fidelity == "mujoco" else KinematicBody)(self.site, state)
+        state = bodies.BodyState(x_m=pose[0], y_m=pose[1], yaw_rad=pose[2])
+        self.body: bodies.SimulatedBody = (
+            bodies.MujocoBody if settings.fidelity == "mujoco" else bodies.KinematicBody
+        )(self.site, state)
         self.ring = SampleRing(saved.seq if saved else 0)
         self.blobs = SensorBlobs(folder and folder / "blobs")
         self.truth = TruthLog(folder and folder / "truth")
@@ -72,7 +74,7 @@ class World:
         self.reached_m: dict[str, float] = dict(saved.reached_m) if saved else {}
         self._epoch_s = max(saved.at_s, settings.epoch_s) if saved else settings.epoch_s
         self._ticks = 0
-        self._command = Velocity()
+        self._command = bodies.Velocity()
         self.at_s = self._epoch_s
         """Mission time, seconds since the Unix epoch."""
         if saved:
@@ -144,9 +146,9 @@ class World:
         coarse = self._settings.fidelity == "kinematic" and self._ticks % 2 == 1
         if not (coarse and invocations and all(one.cruising for one in invocations)):
             self._command = self._decided(invocations)
-        self.body.step(Velocity() if self.hardware_stop else self._command)
+        self.body.step(bodies.Velocity() if self.hardware_stop else self._command)
         self._ticks += 1
-        at_s = self.at_s = self._epoch_s + self._ticks * TICK_S
+        at_s = self.at_s = self._epoch_s + self._ticks * bodies.TICK_S
         state = self.body.state
         sensors.sample(state, at_s)
         if sensors.scan_due:
@@ -161,9 +163,9 @@ class World:
             if not still:
                 self.save(durable=False)
 
-    def _decided(self, invocations: Sequence[RunningSkill]) -> Velocity:
+    def _decided(self, invocations: Sequence[RunningSkill]) -> bodies.Velocity:
         """The velocity that the skills want now. At kinematic fidelity a cruising skill is run every second tick."""
-        command = Velocity()
+        command = bodies.Velocity()
         if not invocations:
             return command
         perception = self._perception()
@@ -173,7 +175,7 @@ class World:
                 command = wanted
             self._strike(invocation)
             if self._disturbances is not None and self._hindered(self._disturbances, invocation):
-                command = Velocity()
+                command = bodies.Velocity()
         return command
 
     def note(self, kind: Literal["pose", "start", "terminal", "struck", "mission"], **facts: str) -> None:
@@ -259,7 +261,7 @@ class World:
         state = self.body.state
         state.x_m, state.y_m, state.yaw_rad = START
         state.v_mps = state.w_radps = state.sway_mps = 0.0
-        self._command, self._standing = Velocity(), ()
+        self._command, self._standing = bodies.Velocity(), ()
         self.body.furnish(self.site)
         self.sensors.put_down()
         self._estimate = Estimate(START)

@@ -17,10 +17,10 @@ from app.background.evaluations import evaluator_folder
 from app.background.release_watch import ReleaseWatch
 from app.background.robot_reports import Fleet
 from app.background.signals import SignalBroker
+from app.cli import output
 from app.cli.accounts import opened
 from app.cli.data_folder import duplicate_starts
 from app.cli.identity import examine_issuer
-from app.cli.output import DEFAULT_DATA, Data, Json, settings, show
 from app.cli.rsi_shipped import put_in_review
 from app.i18n.reasons.rendering import sentence
 from app.main import bind, create_app, open_accounts, serve
@@ -40,7 +40,7 @@ from simulator.in_process import SIMULATOR
 
 
 def up(
-    data: Data = DEFAULT_DATA,
+    data: output.Data = output.DEFAULT_DATA,
     port: Annotated[int | None, typer.Option(help="Loopback port of the console.", min=0, max=65535)] = None,
     speed: Annotated[float | None, typer.Option(help="Mission seconds per second.")] = None,
     start: Annotated[str | None, typer.Option(help="Begin with this task template.")] = None,
@@ -57,7 +57,7 @@ def up(
     """
     console = ConsoleSettings() if port is None else ConsoleSettings(port=port)
     named = tuple(name.strip() for name in robots.split(",") if name.strip()) if robots else None
-    chosen = settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity, robots=named)
+    chosen = output.settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity, robots=named)
     faults = _faults(fault or [], chosen.fleet)
     if chosen.speed == 0:
         raise typer.BadParameter("a console shows missions at a speed above 0", param_hint="--speed")
@@ -165,7 +165,7 @@ def _faults(given: Sequence[str], fleet: Sequence[str]) -> dict[str, str]:
     return {robot_id: ",".join(names) for robot_id, names in found.items()}
 
 
-def doctor(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+def doctor(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """Look at a data folder: owner, log, blobs; and at the identity provider, if one is set up. Exit 1 for problems."""
     found: dict[str, Any] = {"data": str(data), "problems": []}
     owner = owner_of(data)
@@ -179,12 +179,14 @@ def doctor(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
         found["identity_provider"] = issuer
         found["problems"] += wrong
     lines = [f"{name}: {value}" for name, value in found.items() if name != "problems"]
-    show(found, as_json=as_json, lines=[*lines, *found["problems"], "" if found["problems"] else "No damage found."])
+    output.show(
+        found, as_json=as_json, lines=[*lines, *found["problems"], "" if found["problems"] else "No damage found."]
+    )
     raise typer.Exit(1 if found["problems"] else 0)
 
 
 def _examine(data: Path, found: dict[str, Any]) -> None:
-    with read_harness(settings(data_folder=data)) as runtime:
+    with read_harness(output.settings(data_folder=data)) as runtime:
         head = runtime.verify()
         found["events"], found["head"] = head.position, head.digest
         missions = runtime.missions()

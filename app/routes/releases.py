@@ -11,8 +11,7 @@ from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
 from app.i18n.messages import reasoned
 from app.routes.candidate_words import say_of
-from app.views import forms
-from app.views.releases import Around, ReleasesPage, at_instant, policy_form, releases_page
+from app.views import forms, releases
 from app.web.rendering import render
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted, Refused
@@ -87,11 +86,11 @@ def instant_of(text: str) -> float | None:
         return None
 
 
-def around_of(console: Console) -> Around:
+def around_of(console: Console) -> releases.Around:
     """Candidates, pins, versions, and who may review and release now."""
     accounts = [one for one in console.sessions.accounts.store.accounts() if not one.disabled]
     alone = () if console.sessions.has_accounts else (console.settings.operator,)
-    return Around(
+    return releases.Around(
         reviews=console.releases.reviews(),
         pins=console.releases.pins(),
         versions=console.releases.versions(),
@@ -103,17 +102,17 @@ def around_of(console: Console) -> Around:
 
 def page_of(
     console: Console, actor: Actor, *, at: str = "", typed: Mapping[str, str] = NOBODY, refused: str = ""
-) -> ReleasesPage:
+) -> releases.ReleasesPage:
     pointer, around = console.releases.pointer(), around_of(console)
     asked = at[:40].strip()
-    return releases_page(
+    return releases.releases_page(
         console.shell("Releases", "releases", actor),
         pointer,
         around,
         actor,
         key=console.sessions.key(),
-        at=at_instant(pointer, asked, instant_of(asked), console.settings.robots) if asked else None,
-        policy=policy_form(
+        at=releases.at_instant(pointer, asked, instant_of(asked), console.settings.robots) if asked else None,
+        policy=releases.policy_form(
             pointer, around, may="people" in permissions_of(actor.role.split("+")), typed=typed, refused=refused
         ),
     )

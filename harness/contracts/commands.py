@@ -4,6 +4,7 @@ from typing import Literal
 
 import msgspec
 
+from harness.contracts import ids, revision_commands
 from harness.contracts.actors import Actor, Command
 from harness.contracts.alert_commands import AlertCommand
 from harness.contracts.capabilities import Risk
@@ -13,41 +14,24 @@ from harness.contracts.events import DispatchIntended, NodePlanned
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
 from harness.contracts.handoff_commands import HandoffTurn
 from harness.contracts.handoff_events import NoAnswer, ProposedAction, Snapshot
-from harness.contracts.ids import (
-    ConditionId,
-    Digest,
-    HandoffId,
-    InvocationId,
-    MissionId,
-    NodeId,
-    ResourceId,
-    RobotId,
-)
 from harness.contracts.maps import AttachCloud
 from harness.contracts.place_events import PlaceCommand
 from harness.contracts.places import Otherwise
 from harness.contracts.proposals import RecoveryProposal, Signature
 from harness.contracts.protocol import InvocationStatus
 from harness.contracts.reasons import Explanation
-from harness.contracts.revision_commands import (
-    DisputeCompletion,
-    RecordAttestation,
-    ReviseContract,
-    TightenConstraints,
-    WithdrawMission,
-)
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Count, Name
 from harness.contracts.verdicts import GoalVerdict, NodeVerdict
 
 
 class CreateMission(Command, tag=True):
-    mission_id: MissionId
-    robot_id: RobotId
+    mission_id: ids.MissionId
+    robot_id: ids.RobotId
     goal: Name
     template: Name
     requested_by: Actor
-    configuration: Digest
+    configuration: ids.Digest
     contract: TaskContract
     policy: RecoveryPolicy
     seed: int = 0
@@ -60,7 +44,7 @@ class CreateMission(Command, tag=True):
 class RecompileContract(Command, tag=True):
     """Compile the goal again under the current configuration; allowed only before the mission is active (D35)."""
 
-    configuration: Digest
+    configuration: ids.Digest
     contract: TaskContract
     policy: RecoveryPolicy
     trial: bool = False
@@ -81,43 +65,43 @@ class AuthoriseDispatch(Command, tag=True):
     planned: NodePlanned | None = None
     recovery: RecoveryProposal | None = None
     signature: Signature | None = None
-    recovery_context: Digest | None = None
-    approval: HandoffId | None = None
+    recovery_context: ids.Digest | None = None
+    approval: ids.HandoffId | None = None
     approver: Actor | None = None
-    attestation: RecordAttestation | None = None
+    attestation: revision_commands.RecordAttestation | None = None
     handed_back: bool = False
     reason: Explanation = ""
 
 
 class RefusePrecondition(Command, tag=True):
-    node_id: NodeId
+    node_id: ids.NodeId
     precondition: Name
     reason: Explanation
     at_s: float
 
 
 class AcceptInvocation(Command, tag=True):
-    invocation_id: InvocationId
+    invocation_id: ids.InvocationId
     handle: Name
 
 
 class StopInvocation(Command, tag=True):
     """Stop an invocation on the supervisor's behalf: a deadline, a recovery step or a person's stop."""
 
-    invocation_id: InvocationId
+    invocation_id: ids.InvocationId
     reason: Explanation
     recovery: RecoveryProposal | None = None
-    recovery_context: Digest | None = None
+    recovery_context: ids.Digest | None = None
 
 
 class ResumeInvocation(Command, tag=True):
-    invocation_id: InvocationId
+    invocation_id: ids.InvocationId
 
 
 class EndInvocation(Command, tag=True):
     """End an invocation without a packet: the request never arrived, or the outcome is unknown."""
 
-    invocation_id: InvocationId
+    invocation_id: ids.InvocationId
     status: InvocationStatus
     failure: str
     reason: Explanation
@@ -134,8 +118,8 @@ class CompleteNode(Command, tag=True):
 class ReportFailure(Command, tag=True):
     """Report a failure without a packet: no provider, no lease, a precondition that never held, or a timeout."""
 
-    node_id: NodeId
-    invocation_id: InvocationId | None
+    node_id: ids.NodeId
+    invocation_id: ids.InvocationId | None
     failure: FailureClass
     reason: Explanation
     at_s: float
@@ -144,30 +128,30 @@ class ReportFailure(Command, tag=True):
 class AuthoriseWait(Command, tag=True):
     """Authorise a free recovery step: wait, reattach or verify again until `until_s`."""
 
-    node_id: NodeId
+    node_id: ids.NodeId
     proposal: RecoveryProposal
-    context: Digest
+    context: ids.Digest
     until_s: float
 
 
 class FailNode(Command, tag=True):
-    node_id: NodeId
+    node_id: ids.NodeId
     reason: Explanation
-    context: Digest | None = None
+    context: ids.Digest | None = None
 
 
 class AskPerson(Command, tag=True):
-    handoff_id: HandoffId
-    node_id: NodeId
+    handoff_id: ids.HandoffId
+    node_id: ids.NodeId
     failure: FailureClass
     reason: Explanation
-    context: Digest | None = None
+    context: ids.Digest | None = None
 
 
 class AnswerMission(Command, tag=True):
     """Apply a handoff's decision to the mission; approvals use AuthoriseDispatch instead."""
 
-    handoff_id: HandoffId
+    handoff_id: ids.HandoffId
     decision: Literal["rejected", "expired", "superseded", "closed"]
     actor: Actor
     reason: Explanation
@@ -206,9 +190,9 @@ class EndMission(Command, tag=True):
 
 
 class RecordObservation(Command, tag=True):
-    node_id: NodeId | None
+    node_id: ids.NodeId | None
     reference: EvidenceReference
-    contradicts: tuple[ConditionId, ...] = ()
+    contradicts: tuple[ids.ConditionId, ...] = ()
 
 
 class ChangeEpoch(Command, tag=True):
@@ -240,16 +224,16 @@ MissionCommand = (
     | ReportFailure
     | AuthoriseWait
     | FailNode
-    | ReviseContract
-    | TightenConstraints
+    | revision_commands.ReviseContract
+    | revision_commands.TightenConstraints
     | AskPerson
-    | DisputeCompletion
+    | revision_commands.DisputeCompletion
     | AnswerMission
     | SetAutonomy
     | PauseMission
     | ResumeMission
     | StopMission
-    | WithdrawMission
+    | revision_commands.WithdrawMission
     | AcknowledgeStop
     | JudgeGoal
     | EndMission
@@ -261,9 +245,9 @@ MissionCommand = (
 
 
 class AcquireLease(Command, tag=True):
-    resource: ResourceId
-    mission_id: MissionId
-    invocation_id: InvocationId
+    resource: ids.ResourceId
+    mission_id: ids.MissionId
+    invocation_id: ids.InvocationId
     token: Count
     expires_s: float
 
@@ -274,12 +258,12 @@ class ReleaseLease(Command, tag=True):
     `static` is the displacement measured by a source outside the localiser.
     """
 
-    invocation_id: InvocationId
+    invocation_id: ids.InvocationId
     reason: Explanation
 
 
 class QuarantineLease(Command, tag=True):
-    invocation_id: InvocationId
+    invocation_id: ids.InvocationId
     reason: Explanation
 
 
@@ -293,17 +277,17 @@ LeaseCommand = AcquireLease | ReleaseLease | QuarantineLease | FreeLease
 
 
 class OpenHandoff(Command, tag=True):
-    handoff_id: HandoffId
-    mission_id: MissionId
-    robot_id: RobotId
-    node_id: NodeId
+    handoff_id: ids.HandoffId
+    mission_id: ids.MissionId
+    robot_id: ids.RobotId
+    node_id: ids.NodeId
     k: Count
     failure: FailureClass
     reason: Explanation
     risk: Risk
     proposal: ProposedAction | None
     snapshot: Snapshot
-    evidence: Digest
+    evidence: ids.Digest
     no_answer: NoAnswer
     deadline_at_s: float
     limit_at_s: float | None = None
@@ -316,7 +300,7 @@ class RefreshHandoff(Command, tag=True):
     k: Count
     proposal: ProposedAction | None
     snapshot: Snapshot
-    evidence: Digest
+    evidence: ids.Digest
     choices: tuple[RecoveryAction, ...] = ()
     actor: Actor | None = None
 
@@ -332,11 +316,11 @@ class ApproveHandoff(Command, tag=True):
     reason: Name
     key: Name
     cycle: Count
-    subject: Digest
-    evidence: Digest
+    subject: ids.Digest
+    evidence: ids.Digest
     k: Count | None = None
     fresh: Snapshot | None = None
-    shown: Digest | None = None
+    shown: ids.Digest | None = None
     claim: str = ""
 
 
@@ -345,7 +329,7 @@ class RejectHandoff(Command, tag=True):
     reason: Name
     key: Name
     cycle: Count
-    subject: Digest
+    subject: ids.Digest
     claim: str = ""
 
 
@@ -356,7 +340,7 @@ class AttestHandoff(Command, tag=True):
     reason: str
     key: Name
     cycle: Count
-    condition_id: ConditionId
+    condition_id: ids.ConditionId
     claim: str = ""
 
 
@@ -371,7 +355,7 @@ class SupersedeHandoff(Command, tag=True):
 class MarkDispatched(Command, tag=True):
     """Mark an invocation as about to be sent. `actor` is the person who authorised it; their role is checked again."""
 
-    invocation_id: InvocationId
+    invocation_id: ids.InvocationId
     actor: Actor | None = None
 
 

@@ -2,10 +2,10 @@
 
 from typing import Literal
 
+from harness.contracts import ids
 from harness.contracts.actors import Actor, Event
 from harness.contracts.capabilities import Risk
 from harness.contracts.configuration import FailureClass, RecoveryAction
-from harness.contracts.ids import ConditionId, Digest, HandoffId, InvocationId, MissionId, NodeId, ProviderId, RobotId
 from harness.contracts.places import Otherwise
 from harness.contracts.protocol import Parameters
 from harness.contracts.reasons import Explanation, Reason
@@ -18,14 +18,14 @@ EscalationLevel = Literal["sound", "next_person", "outside"]
 class ProposedAction(Value):
     """Exactly what an approval would let run, once. Its canonical bytes are what the person sees and digests."""
 
-    mission_id: MissionId
-    node_id: NodeId
+    mission_id: ids.MissionId
+    node_id: ids.NodeId
     attempt: Count
     action: RecoveryAction
-    provider_id: ProviderId
+    provider_id: ids.ProviderId
     provider_version: str
     parameters: Parameters
-    configuration: Digest
+    configuration: ids.Digest
     graph_revision: Count
     limits: dict[str, float]
     spends: Count
@@ -40,8 +40,8 @@ class Snapshot(Value):
     y_m: float
     yaw_rad: float
     static: bool
-    results: Digest
-    image: Digest | None
+    results: ids.Digest
+    image: ids.Digest | None
 
 
 class HandoffOpened(Event, tag=True):
@@ -51,19 +51,19 @@ class HandoffOpened(Event, tag=True):
     would go to, and `otherwise` what the robot does where it cannot go there; both empty without one.
     """
 
-    handoff_id: HandoffId
-    mission_id: MissionId
-    robot_id: RobotId
-    node_id: NodeId
+    handoff_id: ids.HandoffId
+    mission_id: ids.MissionId
+    robot_id: ids.RobotId
+    node_id: ids.NodeId
     k: Count
     cycle: Count
     failure: FailureClass
     reason: Explanation
     risk: Risk
     proposal: ProposedAction | None
-    subject: Digest
+    subject: ids.Digest
     snapshot: Snapshot
-    evidence: Digest
+    evidence: ids.Digest
     no_answer: NoAnswer
     opened_at_s: float
     deadline_at_s: float
@@ -79,9 +79,9 @@ class HandoffRefreshed(Event, tag=True):
     cycle: Count
     k: Count
     proposal: ProposedAction | None
-    subject: Digest
+    subject: ids.Digest
     snapshot: Snapshot
-    evidence: Digest
+    evidence: ids.Digest
     choices: tuple[RecoveryAction, ...] = ()
     actor: Actor | None = None
 
@@ -160,11 +160,11 @@ class HandoffApproved(Event, tag=True):
     reason: str
     key: Name
     cycle: Count
-    subject: Digest
-    evidence: Digest
+    subject: ids.Digest
+    evidence: ids.Digest
     at_s: float
     fresh: Snapshot | None = None
-    shown: Digest | None = None
+    shown: ids.Digest | None = None
 
 
 class HandoffRejected(Event, tag=True):
@@ -172,7 +172,7 @@ class HandoffRejected(Event, tag=True):
     reason: str
     key: Name
     cycle: Count
-    subject: Digest
+    subject: ids.Digest
     at_s: float
 
 
@@ -183,7 +183,7 @@ class HandoffAttested(Event, tag=True):
     reason: str
     key: Name
     cycle: Count
-    condition_id: ConditionId
+    condition_id: ids.ConditionId
     at_s: float
 
 
@@ -213,7 +213,7 @@ class HandoffSuperseded(Event, tag=True):
 
 
 class HandoffDispatched(Event, tag=True):
-    invocation_id: InvocationId
+    invocation_id: ids.InvocationId
 
 
 class HandoffEffectObserved(Event, tag=True):

@@ -9,7 +9,7 @@ from typing import Literal
 
 import msgspec
 
-from harness.contracts.ids import Digest, MissionId, NodeId, ProviderId, RequestId
+from harness.contracts import ids
 from harness.contracts.observations import AnySample, Camera
 from harness.contracts.values import Count, Name, Point, Value
 
@@ -35,20 +35,20 @@ class Receipt(Value):
     ]
     at_s: float
     source: Name
-    request_id: RequestId
+    request_id: ids.RequestId
     text: str = ""
-    blob: Digest | None = None
+    blob: ids.Digest | None = None
     values: dict[str, float] = msgspec.field(default_factory=dict)
 
 
 class InvocationIdentity(Value):
     """Whose report this is. The provider echoes it; the gate compares it (R94)."""
 
-    mission_id: MissionId
-    node_id: NodeId
+    mission_id: ids.MissionId
+    node_id: ids.NodeId
     attempt: Count
-    request_id: RequestId
-    provider_id: ProviderId
+    request_id: ids.RequestId
+    provider_id: ids.ProviderId
 
 
 class StartRequest(Value):
@@ -58,10 +58,10 @@ class StartRequest(Value):
     capability: Name
     parameters: Parameters
     k_ctx: Count
-    configuration: Digest
+    configuration: ids.Digest
     deadline_s: float
     fencing: dict[str, int]
-    blobs: tuple[Digest, ...] = ()
+    blobs: tuple[ids.Digest, ...] = ()
 
 
 class Progress(Value):
@@ -85,7 +85,7 @@ class InvocationReport(Value):
     declared: dict[str, float] = msgspec.field(default_factory=dict)
     receipts: tuple[Receipt, ...] = ()
     samples: tuple[int, ...] = ()
-    blobs: tuple[Digest, ...] = ()
+    blobs: tuple[ids.Digest, ...] = ()
 
 
 class RobotStatus(Value):
@@ -125,7 +125,7 @@ class DriveOrder(Value):
     `session` is who drives, `token` the fencing token of the base. The robot caps both velocities.
     """
 
-    session: RequestId
+    session: ids.RequestId
     token: Count
     v_mps: float = 0.0
     w_radps: float = 0.0
@@ -135,7 +135,7 @@ class DriveOrder(Value):
 class DriveReport(Value):
     """The robot's answer to a drive order: whether it may move, and what it does. Declared by the robot."""
 
-    session: RequestId
+    session: ids.RequestId
     at_s: float
     status: Literal["driving", "standing", "ended"]
     v_mps: float = 0.0
@@ -161,10 +161,10 @@ class Observations(Value):
 class PhysicalStart(Value):
     """One line of the robot's start journal: the only place where physical starts are counted (D10)."""
 
-    request_id: RequestId
-    mission_id: MissionId
-    node_id: NodeId
+    request_id: ids.RequestId
+    mission_id: ids.MissionId
+    node_id: ids.NodeId
     attempt: Count
-    provider_id: ProviderId
+    provider_id: ids.ProviderId
     at_s: float
     moves: bool

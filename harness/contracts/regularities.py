@@ -2,14 +2,14 @@
 
 from typing import Literal
 
-from harness.contracts.values import Name, Point, Positive, Share, Value
+from harness.contracts import values
 
 RegularityKind = Literal[
     "obstructed", "closed", "unlocalised", "lagging", "unready", "giving_up", "stalling", "claiming"
 ]  # fmt: skip
 
 
-class Regularity(Value):
+class Regularity(values.Value):
     """One recurring disturbance: in `share` of the missions, drawn from the mission's own seed, it occurs near `at_m`.
 
     obstructed: boxes across the path with a gap for the careful; closed: from wall to wall. Both are gone `lasts_s`
@@ -20,17 +20,17 @@ class Regularity(Value):
     map frame, seconds.
     """
 
-    name: Name
+    name: values.Name
     kind: RegularityKind
-    share: Share
-    at_m: Point = (0.0, 0.0)
-    radius_m: Positive = 1.0
-    lasts_s: Positive | None = None
+    share: values.Share
+    at_m: values.Point = (0.0, 0.0)
+    radius_m: values.Positive = 1.0
+    lasts_s: values.Positive | None = None
     provider_id: str = ""
 
 
-class HiddenSite(Value):
+class HiddenSite(values.Value):
     """The regularities of one site. Before each mission a person carries the robot back to its start."""
 
-    name: Name
+    name: values.Name
     regularities: tuple[Regularity, ...] = ()

@@ -9,12 +9,12 @@ from weakref import WeakValueDictionary
 
 from cachetools import LRUCache
 
+from harness.contracts import ports
 from harness.contracts.actors import Command
 from harness.contracts.decider import Decider
 from harness.contracts.decisions import Accepted, Authority, Refused, unquestioned
 from harness.contracts.errors import ConcurrencyConflict
 from harness.contracts.ids import RobotId, StreamId
-from harness.contracts.ports import Batch, Clock, EventStore, Record, Snapshots
 from harness.contracts.stored_commands import command_record
 from harness.contracts.values import Moment
 from harness.gate.aggregate_cache import KEPT_STREAMS, AggregateCache
@@ -54,11 +54,11 @@ class Gate:
     def __init__(
         self,
         *,
-        store: EventStore,
-        clock: Clock,
+        store: ports.EventStore,
+        clock: ports.Clock,
         deciders: dict[str, Decider[Any, Any, Any]],
-        snapshots: Snapshots | None = None,
-        clocks: Mapping[RobotId, Clock] | None = None,
+        snapshots: ports.Snapshots | None = None,
+        clocks: Mapping[RobotId, ports.Clock] | None = None,
         folds: AggregateCache | None = None,
         authority: Authority = unquestioned,
     ) -> None:
@@ -90,7 +90,9 @@ class Gate:
             self._advance(stream, state, version + len(tail))
         return state, version + len(tail)
 
-    def commit(self, requests: Sequence[CommandEnvelope], *, records: Sequence[Record] = ()) -> Accepted[Any] | Refused:
+    def commit(
+        self, requests: Sequence[CommandEnvelope], *, records: Sequence[ports.Record] = ()
+    ) -> Accepted[Any] | Refused:
         """Decide every request on the newest state and append all their events atomically.
 
         Returns the first refusal, in which case nothing was appended. If somebody else appended in between, everything
@@ -115,12 +117,12 @@ class Gate:
                     continue
                 return Accepted(tuple(event for one in decided for event in one.events))
 
-    def _clock_of(self, requests: Sequence[CommandEnvelope]) -> Clock:
+    def _clock_of(self, requests: Sequence[CommandEnvelope]) -> ports.Clock:
         """The mission time of the robot that these commands are about; the site's own where they are about none."""
         named = (request.robot_id for request in requests if request.robot_id is not None)
         return next((self._clocks[robot_id] for robot_id in named if robot_id in self._clocks), self._clock)
 
-    def _append(self, decided: Sequence[_Decided], records: Sequence[Record], now: Moment) -> None:
+    def _append(self, decided: Sequence[_Decided], records: Sequence[ports.Record], now: Moment) -> None:
         changes = [one for one in decided if one.events]
         if not changes:
             return
@@ -132,12 +134,12 @@ class Gate:
                 state = self._decider(one.stream).fold(one.state, one.events)
                 self._advance(one.stream, state, one.version + len(one.events))
 
-    def _batch(self, one: _Decided, command: Record) -> Batch:
+    def _batch(self, one: _Decided, command: ports.Record) -> ports.Batch:
         """The events as they are stored: the first one names the record of the command it answers."""
         codec = self._decider(one.stream).codec
         first, *others = one.events
         events = (codec.encode(first, command=command.digest), *(codec.encode(event) for event in others))
-        return Batch(stream=one.stream, expected_version=one.version, events=events)
+        return ports.Batch(stream=one.stream, expected_version=one.version, events=events)
 
     @contextmanager
     def _holding(self, streams: Iterable[StreamId]) -> Iterator[None]:

@@ -5,6 +5,7 @@ The lease of the base is decided separately, in the same commit.
 
 from typing import assert_never
 
+from harness.contracts import retreat_events
 from harness.contracts.control import (
     AutonomyLimited,
     BeginTeleoperation,
@@ -22,15 +23,6 @@ from harness.contracts.decider import Codec, Decider
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.ids import RobotId, invocation_id, request_id
 from harness.contracts.reasons import because
-from harness.contracts.retreat_events import (
-    RETREAT,
-    EndRetreat,
-    RetreatCommand,
-    RetreatIntended,
-    RetreatStopping,
-    SendRetreat,
-    StopRetreat,
-)
 from harness.contracts.values import Moment
 from harness.projections.control import SiteControl, apply
 
@@ -54,29 +46,29 @@ def decide(control: SiteControl, command: ControlCommand, now: Moment) -> Decisi
                 robot_id=command.robot_id, posture=command.posture, actor=command.actor, reason=command.reason
             )
             return Accepted((ordered,))
-        case SendRetreat() | StopRetreat() | EndRetreat():
+        case retreat_events.SendRetreat() | retreat_events.StopRetreat() | retreat_events.EndRetreat():
             return _retreat(control, command)
         case _:
             assert_never(command)
 
 
-def _retreat(control: SiteControl, command: RetreatCommand) -> Decision[ControlEvent]:
+def _retreat(control: SiteControl, command: retreat_events.RetreatCommand) -> Decision[ControlEvent]:
     """One open return per robot. A stop of one that has ended, and a second end, are refused and change nothing."""
     match command:
-        case SendRetreat(intent=intent):
+        case retreat_events.SendRetreat(intent=intent):
             return _busy(control, intent.robot_id) or _misbound(control, intent) or Accepted((intent,))
-        case StopRetreat():
+        case retreat_events.StopRetreat():
             under_way = control.retreating(command.robot_id)
             if under_way is None:
                 return refused("no_retreat", because("not_retreating", robot_id=command.robot_id))
-            stopping = RetreatStopping(
+            stopping = retreat_events.RetreatStopping(
                 robot_id=command.robot_id,
                 invocation_id=under_way.intent.invocation_id,
                 actor=command.actor,
                 reason=command.reason,
             )
             return Accepted((stopping,) if under_way.stop is None else ())
-        case EndRetreat(ended=ended):
+        case retreat_events.EndRetreat(ended=ended):
             under_way = control.retreating(ended.robot_id)
             if under_way is None or under_way.intent.invocation_id != ended.invocation_id:
                 return refused("no_retreat", because("retreat_not_open", invocation_id=ended.invocation_id))
@@ -85,9 +77,9 @@ def _retreat(control: SiteControl, command: RetreatCommand) -> Decision[ControlE
             assert_never(command)
 
 
-def _misbound(control: SiteControl, intent: RetreatIntended) -> Refused | None:
+def _misbound(control: SiteControl, intent: retreat_events.RetreatIntended) -> Refused | None:
     """Its ids are derived, so that the same return can be sent only once; its time is bounded."""
-    if intent.request_id != request_id(intent.task_id, RETREAT, intent.attempt):
+    if intent.request_id != request_id(intent.task_id, retreat_events.RETREAT, intent.attempt):
         return refused("wrong_request_id", because("request_id_not_of_retreat"))
     if intent.invocation_id != invocation_id(intent.request_id):
         return refused("wrong_invocation_id")

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from threading import RLock
 
+from harness.contracts import memory
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.contexts import ContextRecord
 from harness.contracts.errors import ConcurrencyConflict, UnknownName
 from harness.contracts.ids import Digest, ProviderId
-from harness.contracts.memory import FloorBox, FollowPosition, MemoryQuery, MemoryRecord, ProviderOutcome, Remembered
 from harness.contracts.ports import EventStore, MemoryIndex, StoredEvent
 from harness.followers import Follower
 from harness.memory.examples import as_example
@@ -30,9 +30,9 @@ SEMANTIC = ("card", "rules")
 class Behind:
     """What was folded between two marks and is not in the index yet."""
 
-    after: FollowPosition
-    upto: FollowPosition
-    records: list[MemoryRecord] = field(default_factory=list)
+    after: memory.FollowPosition
+    upto: memory.FollowPosition
+    records: list[memory.MemoryRecord] = field(default_factory=list)
 
     def touches(self, kind: str, subject: str) -> bool:
         """Whether these records may change what the index holds of a subject.
@@ -51,10 +51,10 @@ class MemoryFabric:
         self._following = RLock()
         self._follower = Follower(self, head=store.head, read=store.read, fold=FOLD)
         self._recent = Recent()
-        self._idle: list[tuple[FollowPosition, Fold]] = []
+        self._idle: list[tuple[memory.FollowPosition, Fold]] = []
         self._behind: Behind | None = None
 
-    def catch_up(self) -> FollowPosition:
+    def catch_up(self) -> memory.FollowPosition:
         """Follow the log to its head, index and all. Raises LogDamaged for an event that cannot be read."""
         with self._following:
             mark = self._followed()
@@ -62,12 +62,12 @@ class MemoryFabric:
                 mark = self._followed()
             return mark
 
-    def _followed(self) -> FollowPosition:
+    def _followed(self) -> memory.FollowPosition:
         """The mark at the head of the log, up to which everything is folded."""
         with self._following:
             return self._follower.catch_up()
 
-    def mark(self) -> FollowPosition:
+    def mark(self) -> memory.FollowPosition:
         """How far the log is folded: in the index, or behind it."""
         return self._behind.upto if self._behind else self._index.mark()
 
@@ -76,21 +76,21 @@ class MemoryFabric:
         self._behind = None
         self._index.clear()
 
-    def find(self, query: MemoryQuery) -> list[Remembered]:
+    def find(self, query: memory.MemoryQuery) -> list[memory.Remembered]:
         """Records that answer the query, newest first."""
         self.catch_up()
         return self._index.find(query)
 
-    def get(self, record_id: str) -> Remembered:
+    def get(self, record_id: str) -> memory.Remembered:
         """One record and its standing; raises UnknownName."""
         self.catch_up()
         return self._index.get(record_id)
 
     def outcomes(
         self, provider_id: ProviderId, *, capability: str, place: str, configuration: Digest, limit: int
-    ) -> list[MemoryRecord]:
+    ) -> list[memory.MemoryRecord]:
         """The newest verified outcomes of a provider in one setting, oldest first (R60)."""
-        query = MemoryQuery(
+        query = memory.MemoryQuery(
             kinds=("outcome",),
             provider_id=provider_id,
             capability=capability,
@@ -105,7 +105,7 @@ class MemoryFabric:
         self, card: CapabilityCard, *, place: str, configuration: Digest, limit: int
     ) -> tuple[ContextRecord, ...]:
         """The newest executions by this provider, in this setting, whose effect was verified: for C2."""
-        query = MemoryQuery(
+        query = memory.MemoryQuery(
             kinds=("outcome",),
             provider_id=card.provider_id,
             capability=card.capability,
@@ -116,17 +116,19 @@ class MemoryFabric:
             limit=limit,
         )
         said = ((one.record, one.record.knowledge) for one in self._recently(query))
-        return tuple(as_example(record, outcome) for record, outcome in said if isinstance(outcome, ProviderOutcome))
+        return tuple(
+            as_example(record, outcome) for record, outcome in said if isinstance(outcome, memory.ProviderOutcome)
+        )
 
-    def spatial(self, region: FloorBox, *, at_s: float, limit: int = 100) -> list[Remembered]:
+    def spatial(self, region: memory.FloorBox, *, at_s: float, limit: int = 100) -> list[memory.Remembered]:
         """What is known of a region at one instant of mission time, conflicts and expired records withheld (R69)."""
-        return self.find(MemoryQuery(kinds=SPATIAL, region=region, valid_at_s=at_s, limit=limit))
+        return self.find(memory.MemoryQuery(kinds=SPATIAL, region=region, valid_at_s=at_s, limit=limit))
 
-    def semantic(self, *, limit: int = 100) -> list[Remembered]:
+    def semantic(self, *, limit: int = 100) -> list[memory.Remembered]:
         """The capability contracts and rules that hold now."""
-        return self.find(MemoryQuery(kinds=SEMANTIC, limit=limit))
+        return self.find(memory.MemoryQuery(kinds=SEMANTIC, limit=limit))
 
-    def _recently(self, query: MemoryQuery) -> list[Remembered]:
+    def _recently(self, query: memory.MemoryQuery) -> list[memory.Remembered]:
         """`find` for questions about outcomes, which are asked at every dispatch."""
         known = self._recent.answer(query, at=self._followed())
         if known is None:
@@ -135,7 +137,7 @@ class MemoryFabric:
             self._recent.keep(query, known, at=mark)
         return known
 
-    def take(self, fresh: Sequence[StoredEvent], *, after: FollowPosition, upto: FollowPosition) -> None:
+    def take(self, fresh: Sequence[StoredEvent], *, after: memory.FollowPosition, upto: memory.FollowPosition) -> None:
         """Fold one stretch of the log. Raises ConcurrencyConflict if another process advanced the index."""
         fold = self._fold(after)
         records = list(fold.advance(fresh))
@@ -162,7 +164,7 @@ class MemoryFabric:
                 raise
         return True
 
-    def _fold(self, mark: FollowPosition) -> Fold:
+    def _fold(self, mark: memory.FollowPosition) -> Fold:
         """The fold that wrote up to this mark, if it is free; else a new one that loads from the log and the index."""
         try:
             at, fold = self._idle.pop()
@@ -173,7 +175,7 @@ class MemoryFabric:
     def _new_fold(self) -> Fold:
         return Fold(stream=self._store.load, current=self._current, read=self._artefact)
 
-    def _current(self, kind: str, subject: str) -> list[Remembered]:
+    def _current(self, kind: str, subject: str) -> list[memory.Remembered]:
         """What is known of a subject. Raises ConcurrencyConflict if another process advanced the index."""
         if self._behind and self._behind.touches(kind, subject) and not self._written():
             raise ConcurrencyConflict("The memory index was taken elsewhere", where="memory index", do="follow it")

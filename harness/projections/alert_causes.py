@@ -3,19 +3,9 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from harness.contracts import events
 from harness.contracts.alert_commands import ClearAlert, RaiseAlert
 from harness.contracts.alert_events import AlertKind, Occurrence, Priority
-from harness.contracts.events import (
-    FailureClassified,
-    HandoffAnswered,
-    HandoffRequested,
-    MissionEnded,
-    MissionEvent,
-    StopAcknowledged,
-    VerdictRecorded,
-    VetoCleared,
-    VetoRaised,
-)
 from harness.contracts.handoff_events import HandoffEscalated, HandoffEvent, NoAnswerTaken
 from harness.contracts.protocol import PhysicalStart, RobotStatus
 from harness.contracts.reasons import Explanation, Reason, because
@@ -76,26 +66,26 @@ def mission_cause(about: About) -> str:
     return f"mission/{about.mission_id}/{about.node or 'goal'}"
 
 
-def of_mission(event: MissionEvent, about: About) -> tuple[AlertChange, ...]:
+def of_mission(event: events.MissionEvent, about: About) -> tuple[AlertChange, ...]:
     """What a mission's event raises or clears."""
     match event:
-        case VetoRaised():
+        case events.VetoRaised():
             raised = _raise(
                 about, "veto", "critical", because("alert_veto", layer=event.layer), event.reason, event.layer
             )
             return (raised,)
-        case VetoCleared():
+        case events.VetoCleared():
             return _clear(about, f"veto {event.layer}", event.reason)
-        case VerdictRecorded() if event.verdict.verdict == "unsafe":
+        case events.VerdictRecorded() if event.verdict.verdict == "unsafe":
             return (
                 _raise(
                     about, "unsafe", "critical", because("alert_unsafe", stage=_stage(about.node)), event.verdict.reason
                 ),
             )
-        case HandoffRequested():
+        case events.HandoffRequested():
             title = because("alert_handoff", stage=_stage(event.node_id))
             return (_raise(about, "handoff", "high", title, event.reason, event.handoff_id),)
-        case HandoffAnswered():
+        case events.HandoffAnswered():
             said = because(
                 "alert_answered", actor=event.actor.name, channel=event.actor.channel, decision=event.decision
             )
@@ -105,7 +95,7 @@ def of_mission(event: MissionEvent, about: About) -> tuple[AlertChange, ...]:
                 for one in (asked, *(f"{asked} {level}" for level in UNCLAIMED))
                 for told in _clear(about, one, said)
             )
-        case StopAcknowledged() if not event.static:
+        case events.StopAcknowledged() if not event.static:
             return (_raise(about, "body_not_static", "critical", because("alert_not_at_rest"), event.reason),)
         case CompletionDisputed():
             title = because("alert_disputed", stage=_stage(event.node_id))
@@ -115,7 +105,7 @@ def of_mission(event: MissionEvent, about: About) -> tuple[AlertChange, ...]:
                     disputed, "disputed", "high", title, because("said_by", actor=event.actor.name, reason=event.reason)
                 ),
             )
-        case MissionEnded():
+        case events.MissionEnded():
             return _ended(event, about)
         case _:
             return ()
@@ -135,12 +125,12 @@ def of_handoff(event: HandoffEvent, about: About, handoff_id: str) -> tuple[Aler
     return (_raise(about, "handoff", "critical", title, UNCLAIMED[event.level], f"{handoff_id} {event.level}"),)
 
 
-def troubled(event: MissionEvent, about: About) -> tuple[str, str]:
+def troubled(event: events.MissionEvent, about: About) -> tuple[str, str]:
     """(stage, failure class) of the newest trouble, after this event."""
     match event:
-        case FailureClassified():
+        case events.FailureClassified():
             return event.node_id, event.failure
-        case HandoffRequested():
+        case events.HandoffRequested():
             return event.node_id, event.failure
         case _:
             return about.node, about.failure
@@ -245,7 +235,7 @@ def _raise(
     return cause, RaiseAlert(occurrence=occurrence, at_s=about.at_s)
 
 
-def _ended(event: MissionEnded, about: About) -> tuple[AlertChange, ...]:
+def _ended(event: events.MissionEnded, about: About) -> tuple[AlertChange, ...]:
     """A bad end is trouble of its own; after any end, this mission's vetoes no longer hold."""
     title = because("alert_mission_ended", status=event.status)
     bad = event.status in ("failed", "safe_stopped", "handed_off")

@@ -5,6 +5,7 @@ from typing import Literal, assert_never
 import msgspec
 from msgspec.structs import replace
 
+from harness.contracts import retreat_events
 from harness.contracts.actors import Actor
 from harness.contracts.control import (
     Autonomy,
@@ -15,13 +16,6 @@ from harness.contracts.control import (
     WheelTaken,
 )
 from harness.contracts.ids import RequestId, RobotId
-from harness.contracts.retreat_events import (
-    RetreatEnded,
-    RetreatEvent,
-    RetreatIntended,
-    RetreatOutcome,
-    RetreatStopping,
-)
 from harness.contracts.values import Count, Value
 
 
@@ -43,10 +37,10 @@ class Retreating(Value):
     `version` is that of the newest event about it in the site's control stream.
     """
 
-    intent: RetreatIntended
-    status: Literal["sent", "stopping"] | RetreatOutcome = "sent"
-    stop: RetreatStopping | None = None
-    ended: RetreatEnded | None = None
+    intent: retreat_events.RetreatIntended
+    status: Literal["sent", "stopping"] | retreat_events.RetreatOutcome = "sent"
+    stop: retreat_events.RetreatStopping | None = None
+    ended: retreat_events.RetreatEnded | None = None
     version: Count = 0
 
     @property
@@ -90,19 +84,19 @@ def apply(control: SiteControl, event: ControlEvent) -> SiteControl:
             return replace(nxt, wheels={name: one for name, one in nxt.wheels.items() if name != event.robot_id})
         case PostureOrdered():
             return nxt
-        case RetreatIntended() | RetreatStopping() | RetreatEnded():
+        case retreat_events.RetreatIntended() | retreat_events.RetreatStopping() | retreat_events.RetreatEnded():
             return replace(nxt, retreats=nxt.retreats | {event.robot_id: _retreat(nxt, event)})
         case _:
             assert_never(event)
 
 
-def _retreat(control: SiteControl, event: RetreatEvent) -> Retreating:
+def _retreat(control: SiteControl, event: retreat_events.RetreatEvent) -> Retreating:
     match event:
-        case RetreatIntended():
+        case retreat_events.RetreatIntended():
             return Retreating(intent=event, version=control.version)
-        case RetreatStopping():
+        case retreat_events.RetreatStopping():
             return replace(control.retreats[event.robot_id], status="stopping", stop=event, version=control.version)
-        case RetreatEnded():
+        case retreat_events.RetreatEnded():
             known = control.retreats[event.robot_id]
             return replace(known, status=event.outcome, ended=event, version=control.version)
         case _:

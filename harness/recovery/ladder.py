@@ -5,8 +5,7 @@ from harness.contracts.contexts import Context
 from harness.contracts.ids import ProviderId
 from harness.contracts.proposals import RecoveryProposal
 from harness.contracts.reasons import Explanation, Reason, because
-from harness.recovery.inputs import alternatives_of, failed_node, failure_of, rungs_of, standing_in
-from harness.recovery.state import LadderStep, RecoveryState, climbed, cost_of, repeated, unaffordable
+from harness.recovery import inputs, state
 
 SAME_PROVIDER: tuple[RecoveryAction, ...] = ("retry", "local_replan")
 
@@ -18,29 +17,31 @@ def recover(context: Context) -> RecoveryProposal:
     without another provider are skipped and listed in `refused`. Every ladder ends in `human`.
     Raises ContractInvalid if C4 lacks the failure, the node, the attempts or the budget.
     """
-    node, standing = failed_node(context), standing_in(context)
-    other = next((card.provider_id for card in alternatives_of(context)), None)
-    step = next_step(standing, ladder=rungs_of(context), other=other)
+    node, standing = inputs.failed_node(context), inputs.standing_in(context)
+    other = next((card.provider_id for card in inputs.alternatives_of(context)), None)
+    step = next_step(standing, ladder=inputs.rungs_of(context), other=other)
     provider = other if step.action == "switch_skill" else node.provider_id if step.action in SAME_PROVIDER else None
     return RecoveryProposal(
         action=step.action,
         failure=standing.failure,
         provider_id=provider,
-        cost=cost_of(step.action),
-        reason=_reason(step, standing, said=failure_of(context).reason, provider=provider),
+        cost=state.cost_of(step.action),
+        reason=_reason(step, standing, said=inputs.failure_of(context).reason, provider=provider),
         refused=step.refused,
     )
 
 
-def next_step(standing: RecoveryState, *, ladder: tuple[RecoveryAction, ...], other: ProviderId | None) -> LadderStep:
+def next_step(
+    standing: state.RecoveryState, *, ladder: tuple[RecoveryAction, ...], other: ProviderId | None
+) -> state.LadderStep:
     """The first permitted step above the last authorised one. `other`: who could take over, if anyone."""
     refused: list[Reason] = []
-    for action in ladder[climbed(ladder, standing.tried()) :]:
-        why = unaffordable(action, standing) or _impossible(action, standing, other)
+    for action in ladder[state.climbed(ladder, standing.tried()) :]:
+        why = state.unaffordable(action, standing) or _impossible(action, standing, other)
         if why is None:
-            return LadderStep(action=action, refused=tuple(refused))
+            return state.LadderStep(action=action, refused=tuple(refused))
         refused.append(because("step_passed_over", action=action, why=why))
-    return LadderStep(action="human", refused=tuple(refused))
+    return state.LadderStep(action="human", refused=tuple(refused))
 
 
 def exhausted(proposal: RecoveryProposal) -> bool:
@@ -50,13 +51,15 @@ def exhausted(proposal: RecoveryProposal) -> bool:
     return proposal.action == "human" and any(isinstance(why, Reason) and why.code in spent for why in passed)
 
 
-def _impossible(action: RecoveryAction, standing: RecoveryState, other: ProviderId | None) -> Reason | None:
+def _impossible(action: RecoveryAction, standing: state.RecoveryState, other: ProviderId | None) -> Reason | None:
     if action == "switch_skill" and other is None:
         return because("no_alternative")
-    return repeated(action, standing, provider_id=other if action == "switch_skill" else None)
+    return state.repeated(action, standing, provider_id=other if action == "switch_skill" else None)
 
 
-def _reason(step: LadderStep, standing: RecoveryState, *, said: Explanation, provider: ProviderId | None) -> Reason:
+def _reason(
+    step: state.LadderStep, standing: state.RecoveryState, *, said: Explanation, provider: ProviderId | None
+) -> Reason:
     """For a person: what failed, what was tried, what is next, what is left."""
     failure = because("failure", failure=standing.failure)
     return because(
@@ -69,7 +72,7 @@ def _reason(step: LadderStep, standing: RecoveryState, *, said: Explanation, pro
     )
 
 
-def _following(step: LadderStep, provider: ProviderId | None) -> Reason:
+def _following(step: state.LadderStep, provider: ProviderId | None) -> Reason:
     if step.action == "human":
         return because("person_is_asked")
     if provider:

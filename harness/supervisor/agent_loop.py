@@ -5,7 +5,7 @@ time needs no event loop. None means that nothing will change until a person ans
 """
 
 from harness.contexts.verifier import goal_context
-from harness.contracts.commands import AcknowledgeStop, EndMission, JudgeGoal, ReportFailure, StopMission
+from harness.contracts import commands
 from harness.contracts.contexts import Context
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContextOverflow, ContractInvalid
@@ -82,7 +82,7 @@ class AgentLoop:
                 try:
                     return self._working(mission, now_s)
                 except ContextOverflow as error:
-                    self._runtime.submit(mission.mission_id, StopMission(actor=SUPERVISOR, reason=str(error)))
+                    self._runtime.submit(mission.mission_id, commands.StopMission(actor=SUPERVISOR, reason=str(error)))
                     return now_s
 
     def _working(self, mission: Mission, now_s: float) -> float | None:
@@ -120,7 +120,9 @@ class AgentLoop:
         if failed(mission):
             self._recovery.give_up(mission)
             return None
-        self._runtime.submit(mission.mission_id, EndMission(status="failed", reason=because("no_stage_can_go_on")))
+        self._runtime.submit(
+            mission.mission_id, commands.EndMission(status="failed", reason=because("no_stage_can_go_on"))
+        )
         return None
 
     def _dispatch(self, mission: Mission, now_s: float) -> float:
@@ -149,7 +151,7 @@ class AgentLoop:
         return now_s
 
     def _report(self, mission: Mission, node_id: NodeId, reason: Explanation, now_s: float) -> None:
-        failure = ReportFailure(
+        failure = commands.ReportFailure(
             node_id=node_id, invocation_id=None, failure="precondition_unmet", reason=reason, at_s=now_s
         )
         self._runtime.submit(mission.mission_id, failure)
@@ -181,7 +183,7 @@ class AgentLoop:
 
     def _again(self, mission: Mission, node: NodeState, reason: Explanation, now_s: float) -> None:
         """The same failure again: it escalates to the next step."""
-        again = ReportFailure(
+        again = commands.ReportFailure(
             node_id=node.node_id, invocation_id=None, failure=node.failures[-1].failure, reason=reason, at_s=now_s
         )
         self._runtime.submit(mission.mission_id, again)
@@ -194,7 +196,9 @@ class AgentLoop:
                 return min(now_s + POLL_S, self._relook_s)
         context = goal_context(self._roles.view(mission))
         verdict = verify_goal(context, self._runtime.blob)
-        self._runtime.submit(mission.mission_id, JudgeGoal(verdict=verdict), records=(context_record(context),))
+        self._runtime.submit(
+            mission.mission_id, commands.JudgeGoal(verdict=verdict), records=(context_record(context),)
+        )
         return now_s
 
     def _stopping(self, mission: Mission, now_s: float) -> float | None:
@@ -213,7 +217,7 @@ class AgentLoop:
         rest = at_rest(self._observations.recent, now_s)
         if not rest.static and now_s < self._stopping_since + STATIC_WITHIN_S:
             return now_s + POLL_S
-        done = AcknowledgeStop(
+        done = commands.AcknowledgeStop(
             static=rest.static, measured=rest.measured, reason=rest.reason or because("at_rest_by_odometry")
         )
         self._runtime.submit(mission.mission_id, done)

@@ -1,12 +1,12 @@
 """Expires claims and raises escalation levels while a handoff waits, then runs the no-answer action (D27)."""
 
+from harness.contracts import ids
 from harness.contracts.actors import Actor
 from harness.contracts.commands import AnswerMission, ExpireHandoff, SupersedeHandoff
 from harness.contracts.control import CONTROL
 from harness.contracts.decisions import Accepted, Refused, refused
 from harness.contracts.handoff_commands import DropClaim, Escalate, RecordNoAnswer
 from harness.contracts.handoff_events import HandoffExpired
-from harness.contracts.ids import HandoffId, RobotId, handoff_stream, leased, mission_stream
 from harness.contracts.places import Otherwise
 from harness.contracts.reasons import Explanation, because
 from harness.contracts.retreat_events import RetreatIntended
@@ -47,11 +47,11 @@ class HandoffTimeouts:
         now_s = self._connection.clock.now().wall_s
         if handoff.claim is not None and live_claim(handoff, now_s) is None:
             lapsed = DropClaim(actor=TIMEOUT, claim=handoff.claim.claim, reason=because("claim_not_renewed"))
-            self._runtime.commit([CommandEnvelope(handoff_stream(handoff.handoff_id), lapsed, mission.robot_id)])
+            self._runtime.commit([CommandEnvelope(ids.handoff_stream(handoff.handoff_id), lapsed, mission.robot_id)])
             handoff = self._runtime.handoff(mission.handoff_id)
         for level in due_levels(handoff, now_s):
             self._runtime.commit(
-                [CommandEnvelope(handoff_stream(handoff.handoff_id), Escalate(level=level), mission.robot_id)]
+                [CommandEnvelope(ids.handoff_stream(handoff.handoff_id), Escalate(level=level), mission.robot_id)]
             )
         if handoff.answerable and handoff.opened is not None and now_s >= handoff.opened.deadline_at_s:
             self._expire(mission, handoff)
@@ -63,8 +63,10 @@ class HandoffTimeouts:
         answered = AnswerMission(handoff_id=mission.handoff_id, decision="superseded", actor=TIMEOUT, reason=reason)
         self._runtime.commit(
             [
-                CommandEnvelope(handoff_stream(mission.handoff_id), SupersedeHandoff(reason=reason), mission.robot_id),
-                CommandEnvelope(mission_stream(mission.mission_id), answered, mission.robot_id),
+                CommandEnvelope(
+                    ids.handoff_stream(mission.handoff_id), SupersedeHandoff(reason=reason), mission.robot_id
+                ),
+                CommandEnvelope(ids.mission_stream(mission.mission_id), answered, mission.robot_id),
             ]
         )
 
@@ -78,8 +80,8 @@ class HandoffTimeouts:
             reason=MEANT[no_answer],
         )
         expiring = [
-            CommandEnvelope(handoff_stream(handoff.handoff_id), ExpireHandoff(), mission.robot_id),
-            CommandEnvelope(mission_stream(mission.mission_id), unanswered, mission.robot_id),
+            CommandEnvelope(ids.handoff_stream(handoff.handoff_id), ExpireHandoff(), mission.robot_id),
+            CommandEnvelope(ids.mission_stream(mission.mission_id), unanswered, mission.robot_id),
         ]
         retreat = self._retreat(mission, handoff) if no_answer == "retreat" else None
         if isinstance(retreat, RetreatIntended):
@@ -120,7 +122,7 @@ class HandoffTimeouts:
             return
         self._roles.observations.collect(None)
         done = told(retreat) if retreat is not None else self._acted(handoff, instead)
-        self._runtime.commit([CommandEnvelope(handoff_stream(handoff.handoff_id), done, self._connection.robot_id)])
+        self._runtime.commit([CommandEnvelope(ids.handoff_stream(handoff.handoff_id), done, self._connection.robot_id)])
 
     def _sent(self, handoff: Handoff) -> Retreating | None:
         control: SiteControl = self._runtime.fold(CONTROL)
@@ -145,7 +147,7 @@ class HandoffTimeouts:
     def _newest_token(self) -> int:
         """The newest fencing token of the base, so that a posture order is not refused as outdated."""
         bases = {resource for card in self._connection.cards if card.moves for resource in card.resources}
-        return max(self._runtime.lease(leased(self._connection.robot_id, one)).token for one in bases)
+        return max(self._runtime.lease(ids.leased(self._connection.robot_id, one)).token for one in bases)
 
 
 def told(retreat: Retreating) -> RecordNoAnswer:
@@ -159,10 +161,10 @@ def told(retreat: Retreating) -> RecordNoAnswer:
     return RecordNoAnswer(action=action, done=done, measured=ended.measured, reason=reason)
 
 
-def overlooked(runtime: Runtime, robot_id: RobotId) -> list[Handoff]:
+def overlooked(runtime: Runtime, robot_id: ids.RobotId) -> list[Handoff]:
     """Questions of this robot that expired just before the harness stopped: their no-answer action is still due."""
     handoffs = [
-        runtime.handoff(HandoffId(stream.partition("/")[2])) for stream in runtime.streams("handoff/")[-RECENT:]
+        runtime.handoff(ids.HandoffId(stream.partition("/")[2])) for stream in runtime.streams("handoff/")[-RECENT:]
     ]
     return [
         one

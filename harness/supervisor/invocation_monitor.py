@@ -2,20 +2,11 @@
 
 from typing import Literal
 
-from harness.contracts.commands import (
-    AcceptInvocation,
-    CompleteNode,
-    EndInvocation,
-    RecordEffect,
-    ReportFailure,
-    ResumeInvocation,
-    StopInvocation,
-)
+from harness.contracts import commands, protocol
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ContextOverflow, ProviderFailed, ProviderUnreachable
 from harness.contracts.events import DispatchIntended, NodeCommitted
 from harness.contracts.ids import InvocationId, handoff_stream, mission_stream
-from harness.contracts.protocol import KEEPALIVE_LOST, TERMINAL, InvocationIdentity, InvocationReport, StartRequest
 from harness.contracts.reasons import Explanation, Reason, because
 from harness.gate.commit import CommandEnvelope
 from harness.projections.mission import Invocation, Mission
@@ -72,7 +63,7 @@ class InvocationMonitor:
                 withdraw(self._runtime, self._connection, mission, intent=invocation.intent, reason=report.reason)
                 return now_s
             self._publish(mission, report)
-            if report.status in TERMINAL:
+            if report.status in protocol.TERMINAL:
                 return self._finish(mission, invocation, report, now_s)
             return self._supervise(mission, invocation, report, now_s)
         except ProviderUnreachable as error:
@@ -88,7 +79,7 @@ class InvocationMonitor:
         askable = self._connection.provider(intent.provider_id).card.reattach == "by_request"
         return intent.invocation_id in self._sent and known is None and not askable
 
-    def _report(self, mission: Mission, invocation: Invocation) -> InvocationReport | Refused:
+    def _report(self, mission: Mission, invocation: Invocation) -> protocol.InvocationReport | Refused:
         """The provider's report; reattach by handle, else by request id, else send the request (D13).
 
         Refused where its authorisation no longer holds: then nothing was sent. Raises ProviderUnreachable if the answer
@@ -109,17 +100,19 @@ class InvocationMonitor:
         self._accepted(mission, intent, report)
         return report
 
-    def _accepted(self, mission: Mission, intent: DispatchIntended, report: InvocationReport) -> None:
+    def _accepted(self, mission: Mission, intent: DispatchIntended, report: protocol.InvocationReport) -> None:
         self._handles[intent.invocation_id] = report.handle
         self._resumed = False
         self._stopping_since = self._ended_since = None
         provider = self._connection.provider(intent.provider_id)
         if provider.card.reattach == "by_handle":
             self._runtime.submit(
-                mission.mission_id, AcceptInvocation(invocation_id=intent.invocation_id, handle=report.handle)
+                mission.mission_id, commands.AcceptInvocation(invocation_id=intent.invocation_id, handle=report.handle)
             )
 
-    def _supervise(self, mission: Mission, invocation: Invocation, report: InvocationReport, now_s: float) -> float:
+    def _supervise(
+        self, mission: Mission, invocation: Invocation, report: protocol.InvocationReport, now_s: float
+    ) -> float:
         intent = invocation.intent
         provider = self._connection.provider(intent.provider_id)
         if invocation.stop_requested:
@@ -133,7 +126,7 @@ class InvocationMonitor:
                 provider.stop(report.handle)
         elif now_s > intent.deadline_s:
             self._late(mission, invocation, now_s)
-        elif report.failure == KEEPALIVE_LOST:
+        elif report.failure == protocol.KEEPALIVE_LOST:
             self._reawaken(mission, invocation, report)
         else:
             self._resumed = False
@@ -144,7 +137,7 @@ class InvocationMonitor:
     def _late(self, mission: Mission, invocation: Invocation, now_s: float) -> None:
         """The deadline passed: a timeout is a failure of its own; C4's first step is to stop."""
         if mission.of(invocation.intent.node_id).failure is None:
-            late = ReportFailure(
+            late = commands.ReportFailure(
                 node_id=invocation.intent.node_id,
                 invocation_id=invocation.intent.invocation_id,
                 failure="timeout",
@@ -153,14 +146,14 @@ class InvocationMonitor:
             )
             self._runtime.submit(mission.mission_id, late)
 
-    def _reawaken(self, mission: Mission, invocation: Invocation, report: InvocationReport) -> None:
+    def _reawaken(self, mission: Mission, invocation: Invocation, report: protocol.InvocationReport) -> None:
         """The heartbeat watchdog stopped the robot: resume where card and leases allow, else stop (D12)."""
         intent = invocation.intent
         provider = self._connection.provider(intent.provider_id)
         if not holds(self._runtime, self._connection.robot_id, intent):
             self.stop(mission, invocation, reason=because("lease_was_quarantined"))
         elif provider.card.resumable and not self._resumed:
-            self._runtime.submit(mission.mission_id, ResumeInvocation(invocation_id=intent.invocation_id))
+            self._runtime.submit(mission.mission_id, commands.ResumeInvocation(invocation_id=intent.invocation_id))
             provider.resume(report.handle)
             self._resumed = True
         elif not provider.card.resumable:
@@ -169,10 +162,12 @@ class InvocationMonitor:
     def stop(self, mission: Mission, invocation: Invocation, *, reason: Explanation) -> None:
         """Ask for a stop; the invocation stays open until the provider acknowledges it."""
         self._runtime.submit(
-            mission.mission_id, StopInvocation(invocation_id=invocation.intent.invocation_id, reason=reason)
+            mission.mission_id, commands.StopInvocation(invocation_id=invocation.intent.invocation_id, reason=reason)
         )
 
-    def _finish(self, mission: Mission, invocation: Invocation, report: InvocationReport, now_s: float) -> float:
+    def _finish(
+        self, mission: Mission, invocation: Invocation, report: protocol.InvocationReport, now_s: float
+    ) -> float:
         """Seal the evidence once the body was observed long enough, judge it, and let the gate decide: one commit."""
         intent = invocation.intent
         self._ended_since = now_s if self._ended_since is None else self._ended_since
@@ -201,7 +196,9 @@ class InvocationMonitor:
             return now_s
         requests = [
             CommandEnvelope(
-                mission_stream(mission.mission_id), CompleteNode(packet=packet, verdict=verdict), mission.robot_id
+                mission_stream(mission.mission_id),
+                commands.CompleteNode(packet=packet, verdict=verdict),
+                mission.robot_id,
             ),
             *give_back(
                 self._runtime,
@@ -225,7 +222,7 @@ class InvocationMonitor:
             self._handles.pop(intent.invocation_id, None)
         self._stopping_since = self._ended_since = None
         if intent.handoff_id is not None:
-            said = RecordEffect(outcome=effect, reason=EFFECTS[effect])
+            said = commands.RecordEffect(outcome=effect, reason=EFFECTS[effect])
             self._runtime.commit([CommandEnvelope(handoff_stream(intent.handoff_id), said, self._connection.robot_id)])
 
     def _silence(
@@ -248,7 +245,7 @@ class InvocationMonitor:
         intent = invocation.intent
         unknown = failure == "outcome_unknown"
         rest = at_rest(self._roles.observations.recent, self._connection.clock.now().mission_s)
-        ended = EndInvocation(
+        ended = commands.EndInvocation(
             invocation_id=intent.invocation_id,
             status="outcome_unknown" if unknown else "stopping" if failure == "cancel_unacknowledged" else "failed",
             failure=failure,
@@ -264,7 +261,7 @@ class InvocationMonitor:
         )
         self._close(intent, "unknown" if unknown else "failed")
 
-    def _publish(self, mission: Mission, report: InvocationReport) -> None:
+    def _publish(self, mission: Mission, report: protocol.InvocationReport) -> None:
         live = Live(
             mission_id=mission.mission_id,
             at_s=self._connection.clock.now().mission_s,
@@ -275,7 +272,7 @@ class InvocationMonitor:
         self._runtime.publish(live)
 
 
-def own(report: InvocationReport, intent: Sent) -> InvocationReport:
+def own(report: protocol.InvocationReport, intent: Sent) -> protocol.InvocationReport:
     """The report, if it is about this request. Raises ProviderUnreachable otherwise."""
     if report.identity.request_id != intent.request_id:
         raise ProviderUnreachable(
@@ -286,15 +283,15 @@ def own(report: InvocationReport, intent: Sent) -> InvocationReport:
     return report
 
 
-def _request(mission: Mission, intent: DispatchIntended) -> StartRequest:
-    identity = InvocationIdentity(
+def _request(mission: Mission, intent: DispatchIntended) -> protocol.StartRequest:
+    identity = protocol.InvocationIdentity(
         mission_id=mission.mission_id,
         node_id=intent.node_id,
         attempt=intent.attempt,
         request_id=intent.request_id,
         provider_id=intent.provider_id,
     )
-    return StartRequest(
+    return protocol.StartRequest(
         identity=identity,
         capability=intent.capability,
         parameters=intent.parameters,

@@ -3,10 +3,10 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from harness.contracts import ports
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import ProviderId, RobotId
-from harness.contracts.ports import Clock, Ids, LiveCamera, Provider, Robot, Spool, Teleoperable
 from harness.exploration.targets import NEAREST_EDGE, Proposer
 from harness.planning.planner import GRAPH_ORDER, Planner
 from harness.projections.mission import Mission
@@ -24,11 +24,11 @@ class RobotConnection:
     """
 
     robot_id: RobotId
-    robot: Robot
-    providers: Mapping[ProviderId, Provider]
-    clock: Clock
-    ids: Ids
-    spool: Spool
+    robot: ports.Robot
+    providers: Mapping[ProviderId, ports.Provider]
+    clock: ports.Clock
+    ids: ports.Ids
+    spool: ports.Spool
     prepare: Callable[[Mission], None]
     revive: Callable[[], bool]
     embodiment: str = "quadruped"
@@ -36,10 +36,10 @@ class RobotConnection:
     verifier: Verifier = verify
     planner: Planner = GRAPH_ORDER
     proposer: Proposer = NEAREST_EDGE
-    camera: LiveCamera | None = None
-    hand: Teleoperable | None = None
+    camera: ports.LiveCamera | None = None
+    hand: ports.Teleoperable | None = None
 
-    def provider(self, provider_id: ProviderId) -> Provider:
+    def provider(self, provider_id: ProviderId) -> ports.Provider:
         """Raises UnknownName for a provider that is no longer there."""
         try:
             return self.providers[provider_id]

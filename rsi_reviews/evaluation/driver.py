@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from harness.bootstrap import Harness
+from harness.contracts import protocol
 from harness.contracts.errors import ProviderFailed, ProviderUnreachable
 from harness.contracts.ids import NodeId, request_id
 from harness.contracts.observations import AnySample, Odometry, Pose
 from harness.contracts.ports import Provider
-from harness.contracts.protocol import TERMINAL, InvocationIdentity, InvocationReport, Parameters, StartRequest
 from harness.contracts.tasks import Node, order
 from harness.projections.mission import Mission, required_contract
 from rsi_reviews.evaluation.rules import LegExecution, Rule, first_broken, of_this_request
@@ -88,12 +88,14 @@ class Robotics:
         self.odometry += [one for one in batch if isinstance(one, Odometry)]
         self._after = max((one.seq for one in batch), default=self._after)
 
-    def request(self, node: Node, *, attempt: int, provider: Provider, parameters: Parameters) -> StartRequest:
+    def request(
+        self, node: Node, *, attempt: int, provider: Provider, parameters: protocol.Parameters
+    ) -> protocol.StartRequest:
         """A request for one attempt of a node; every request takes a fencing token above the last."""
         self._token += 1
         card = provider.card
-        return StartRequest(
-            identity=InvocationIdentity(
+        return protocol.StartRequest(
+            identity=protocol.InvocationIdentity(
                 mission_id=self.mission.mission_id,
                 node_id=node.node_id,
                 attempt=attempt,
@@ -115,7 +117,7 @@ def legs(mission: Mission) -> Iterator[Node]:
     yield from (node for name in order(contract) if "navigate" in (node := contract.node(name)).capabilities)
 
 
-def asked(node: Node, *, attempt: int) -> Parameters:
+def asked(node: Node, *, attempt: int) -> protocol.Parameters:
     """The goal that the harness would also send to a provider for this attempt of a leg."""
     return {**node.parameters, **({"replan": True} if attempt > 1 else {})}
 
@@ -182,8 +184,8 @@ class Driver:
         )
 
     def _started(
-        self, provider: Provider, request: StartRequest, node: Node
-    ) -> tuple[StartRequest, InvocationReport] | None:
+        self, provider: Provider, request: protocol.StartRequest, node: Node
+    ) -> tuple[protocol.StartRequest, protocol.InvocationReport] | None:
         """The request that was taken, and the first report on it.
 
         A lost acknowledgement is asked after, or the call is made again until patience ends.
@@ -206,8 +208,8 @@ class Driver:
                 )
 
     def _watched(
-        self, provider: Provider, report: InvocationReport, node: Node, dispatched_s: float
-    ) -> InvocationReport:
+        self, provider: Provider, report: protocol.InvocationReport, node: Node, dispatched_s: float
+    ) -> protocol.InvocationReport:
         """Keeps the execution alive until it ends; past a deadline, where there is one, it is stopped.
 
         An arm that binds reports to requests takes no notice of a report on another one.
@@ -215,7 +217,7 @@ class Driver:
         limit_s = dispatched_s + (node.timeout_s if self._policy.deadlines else LONGEST_S)
         handle, own = report.handle, report.identity.request_id
         binds = of_this_request in self._policy.rules
-        while report.status not in TERMINAL or (binds and report.identity.request_id != own):
+        while report.status not in protocol.TERMINAL or (binds and report.identity.request_id != own):
             if self._robot.now_s > limit_s:
                 provider.stop(handle)
             provider.keepalive(handle)
@@ -230,7 +232,7 @@ class Driver:
             node, attempt=self._next(node), provider=observer, parameters={"duration_s": LOOK_S, "frames": 0.0}
         )
         handle = observer.start(request).handle
-        while observer.report(handle).status not in TERMINAL:
+        while observer.report(handle).status not in protocol.TERMINAL:
             self._robot.wait()
         return replace(before, now_s=self._robot.now_s)
 

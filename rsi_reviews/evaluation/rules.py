@@ -11,14 +11,8 @@ from harness.contracts.effects import Metric
 from harness.contracts.observations import Odometry, Pose
 from harness.contracts.protocol import InvocationReport
 from harness.contracts.tasks import Node
+from harness.verification import geometry
 from harness.verification.bridging import bridged
-from harness.verification.geometry import (
-    Fix,
-    departed_s,
-    distance,
-    route_progress,
-    window_displacement,
-)
 from harness.verification.sources import Sources
 
 SAMPLES = 3
@@ -104,7 +98,9 @@ def fresh(one: LegExecution) -> str:
 
 def arrived(one: LegExecution) -> str:
     """Three poses with distinct sensor times within the tolerance: the newest, or unbound any three in a row."""
-    near = [distance((pose.x_m, pose.y_m), one.effect.target_m) <= one.effect.tolerance_m for pose in one.own_poses]
+    near = [
+        geometry.distance((pose.x_m, pose.y_m), one.effect.target_m) <= one.effect.tolerance_m for pose in one.own_poses
+    ]
     if len(near) < SAMPLES:
         return f"{len(near)} of {SAMPLES} poses"
     runs = [near[-SAMPLES:]] if one.bound else [near[at : at + SAMPLES] for at in range(len(near) - SAMPLES + 1)]
@@ -113,8 +109,8 @@ def arrived(one: LegExecution) -> str:
 
 def at_rest(one: LegExecution) -> str:
     """Less than 2 cm by odometry in the last second."""
-    fixes = [Fix(sample.at_s, sample.x_m, sample.y_m) for sample in one.own_odometry]
-    moved_m = window_displacement(fixes, until_s=fixes[-1].at_s) if fixes else None
+    fixes = [geometry.Fix(sample.at_s, sample.x_m, sample.y_m) for sample in one.own_odometry]
+    moved_m = geometry.window_displacement(fixes, until_s=fixes[-1].at_s) if fixes else None
     if moved_m is None:
         return "odometry shows less than a second"
     return f"the body moved {moved_m:.3f} m in its last second" if moved_m >= REST_M else ""
@@ -139,10 +135,10 @@ def walked(one: LegExecution) -> str:
         return ""
     track = list(bridged(one.own_poses, one.own_odometry).track)
     after_s = one.since_s if one.bound else one.from_s
-    left_s = departed_s(track, origin=effect.target_m, after_s=after_s, radius_m=effect.bounds["departure_m"])
+    left_s = geometry.departed_s(track, origin=effect.target_m, after_s=after_s, radius_m=effect.bounds["departure_m"])
     if left_s is None:
         return "no pose shows that the body left"
-    progress = route_progress(effect.route_m, [fix.point for fix in track])
+    progress = geometry.route_progress(effect.route_m, [fix.point for fix in track])
     if progress.share < effect.bounds["progress"] or progress.waypoints < progress.of_waypoints:
         return f"{progress.share:.1%} of the route, {progress.waypoints} of {progress.of_waypoints} waypoints"
     return ""

@@ -12,16 +12,8 @@ from harness.contracts.configuration import Configuration
 from harness.contracts.reasons import plain
 from harness.contracts.regularities import HiddenSite
 from harness.contracts.values import Count, Value, digest
+from rsi_reviews import contracts
 from rsi_reviews.acceptance import Evaluation, Predicate, accepted, predicate_digest
-from rsi_reviews.contracts import (
-    AcceptanceReport,
-    Candidate,
-    CaseResult,
-    ClauseAnswer,
-    EvaluationTerms,
-    HeldOutAnswer,
-    ResultSet,
-)
 from rsi_reviews.held_out import Look, Secret, answered, held_out_cases
 from rsi_reviews.manifest import unfounded
 from rsi_reviews.recursion.missions import TEMPLATE, Stop, suite_cases
@@ -30,7 +22,7 @@ from rsi_reviews.restrictions import loosened
 
 EVALUATOR = "recursion-1"
 NOT_LOOKED = "the held-out look was not taken"
-Run = Callable[[tuple[Case, ...], Configuration, Stop | None], tuple[CaseResult, ...]]
+Run = Callable[[tuple[Case, ...], Configuration, Stop | None], tuple[contracts.CaseResult, ...]]
 """Runs a series of cases under a configuration, or knows what came of it before; a stop may cut it short."""
 
 
@@ -70,7 +62,7 @@ class SiteGate:
         self._run, self._secret, self._scale, self._key = run, secret, scale, key
         self._looks = 0
 
-    def judge(self, candidate: Candidate, current: Configuration, site: HiddenSite) -> GateJudgement:
+    def judge(self, candidate: contracts.Candidate, current: Configuration, site: HiddenSite) -> GateJudgement:
         """Accept or refuse. A candidate that fails an early check runs no further missions."""
         refused = (*loosened(current, candidate.configuration), *unfounded(candidate, current))
         if refused:
@@ -99,20 +91,20 @@ class SiteGate:
             missions=taken + looked,
         )
 
-    def _idle(self, done: Sequence[CaseResult], before: Sequence[CaseResult]) -> bool:
+    def _idle(self, done: Sequence[contracts.CaseResult], before: Sequence[contracts.CaseResult]) -> bool:
         """Whether a change had no effect by the first look."""
         first = self._scale.first_look
         return len(done) == first and [one.trace for one in done] == [one.trace for one in before[:first]]
 
     def _evaluation(
         self,
-        candidate: Candidate,
+        candidate: contracts.Candidate,
         cases: tuple[Case, ...],
-        results: tuple[CaseResult, ...],
+        results: tuple[contracts.CaseResult, ...],
         *,
-        held_out: HeldOutAnswer | None,
+        held_out: contracts.HeldOutAnswer | None,
     ) -> Evaluation:
-        terms = EvaluationTerms(
+        terms = contracts.EvaluationTerms(
             candidate=candidate.candidate_id,
             configuration=candidate.configuration.configuration_id,
             manifest=digest(candidate.manifest),
@@ -125,10 +117,12 @@ class SiteGate:
             cases=len(cases),
             launched_by=(EVALUATOR,),
         )
-        found = ResultSet(terms=digest(terms), results=results, held_out=held_out)
+        found = contracts.ResultSet(terms=digest(terms), results=results, held_out=held_out)
         return Evaluation(terms=terms, manifest=candidate.manifest, regression=cases, safety=(), results=found)
 
-    def _look(self, candidate: Candidate, current: Configuration, site: HiddenSite) -> tuple[HeldOutAnswer, int]:
+    def _look(
+        self, candidate: contracts.Candidate, current: Configuration, site: HiddenSite
+    ) -> tuple[contracts.HeldOutAnswer, int]:
         """One look on cases that are drawn only now, from the secret and the candidate's digest."""
         self._looks += 1
         identity, manifest = candidate.candidate_id, candidate.manifest
@@ -140,14 +134,14 @@ class SiteGate:
         return answer, 2 * len(cases)
 
 
-def _broken(report: AcceptanceReport) -> ClauseAnswer | None:
+def _broken(report: contracts.AcceptanceReport) -> contracts.ClauseAnswer | None:
     """The first clause that already refuses without a held-out look."""
     refused = [one for one in report.clauses if one.answer in ("fail", "error")]
     unsure = [one for one in report.clauses if one.answer == "inconclusive" and NOT_LOOKED not in one.sentence]
     return next(iter([*refused, *unsure]), None)
 
 
-def _judgement(candidate: Candidate, *, clause: str, sentence: str, missions: int = 0) -> GateJudgement:
+def _judgement(candidate: contracts.Candidate, *, clause: str, sentence: str, missions: int = 0) -> GateJudgement:
     return GateJudgement(
         candidate=candidate.candidate_id,
         component=candidate.manifest.component,

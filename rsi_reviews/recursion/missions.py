@@ -16,7 +16,7 @@ from harness.settings import HarnessSettings
 from rsi_reviews.contracts import CaseResult, Family
 from rsi_reviews.generate.trace import MissionTrace, Trace, mission_trace
 from rsi_reviews.recursion.random_draws import seed_of, uniform
-from rsi_reviews.regression.case_run import ASKING, ROBOT, account_of, begun, stepped, yardstick
+from rsi_reviews.regression import case_run
 from rsi_reviews.regression.cases import Case, Outside, Situation
 from rsi_reviews.regression.judge import judged
 
@@ -77,7 +77,7 @@ def series(
     """
     if not cases:
         return MissionSeries(results=(), trace=Trace(missions=()))
-    settings = HarnessSettings(speed=0, fidelity="kinematic", robot_id=ROBOT)
+    settings = HarnessSettings(speed=0, fidelity="kinematic", robot_id=case_run.ROBOT)
     results: list[CaseResult] = []
     traces: list[MissionTrace] = []
     site = cases[0].situation.site
@@ -87,17 +87,19 @@ def series(
         runtime = harness.runtime
         for case in cases:
             after = runtime.head().position
-            mission_id = begun(harness, case.situation, case.seed)
+            mission_id = case_run.begun(harness, case.situation, case.seed)
             begun_s = harness.clock.now().mission_s
-            cut = stepped(harness, mission_id, case.situation.outside)
+            cut = case_run.stepped(harness, mission_id, case.situation.outside)
             traces.append(mission_trace(runtime, mission_id))
-            wanted = yardstick(case.situation, simulator)
-            account = account_of(harness, mission_id, case, yardstick=wanted, begun_s=begun_s, cut=cut, after=after)
+            wanted = case_run.yardstick(case.situation, simulator)
+            account = case_run.account_of(
+                harness, mission_id, case, yardstick=wanted, begun_s=begun_s, cut=cut, after=after
+            )
             results.append(judged(account))
             if stop is not None and stop(results):
                 break
             if not runtime.mission(mission_id).ended:
-                runtime.submit(mission_id, StopMission(actor=ASKING, reason="the robot is fetched"))
+                runtime.submit(mission_id, StopMission(actor=case_run.ASKING, reason="the robot is fetched"))
                 harness.supervisor.run(mission_id)
     return MissionSeries(results=tuple(results), trace=Trace(missions=tuple(traces)))
 

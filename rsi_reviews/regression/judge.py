@@ -11,17 +11,7 @@ from typing import Any
 
 import msgspec
 
-from harness.contracts.events import (
-    DispatchIntended,
-    GoalVerified,
-    HandoffRequested,
-    NodeCommitted,
-    PacketRetained,
-    RecoveryAuthorised,
-    VerdictRecorded,
-    VetoCleared,
-    VetoRaised,
-)
+from harness.contracts import events
 from harness.contracts.evidence import EvidencePacket
 from harness.contracts.ids import Digest, NodeId, PacketId
 from harness.contracts.lease_events import LeaseAcquired, LeaseFreed, LeaseReleased
@@ -55,10 +45,10 @@ CHARGES = Charges()
 class _Books:
     """Totals of one mission's log, by event kinds alone."""
 
-    intents: dict[str, DispatchIntended] = field(default_factory=dict)
+    intents: dict[str, events.DispatchIntended] = field(default_factory=dict)
     packets: dict[PacketId, EvidencePacket] = field(default_factory=dict)
     verdicts: dict[str, str] = field(default_factory=dict)
-    commits: list[NodeCommitted] = field(default_factory=list)
+    commits: list[events.NodeCommitted] = field(default_factory=list)
     spent: Counter[NodeId] = field(default_factory=Counter)
     handoffs: int = 0
     relooks: int = 0
@@ -143,29 +133,29 @@ def _read(account: MissionAccount) -> _Books:
     books = _Books()
     for happened in account.log:
         match happened.event:
-            case DispatchIntended() as intent:
+            case events.DispatchIntended() as intent:
                 books.intents[intent.invocation_id] = intent
                 if books.vetoes:
                     books.unsafe.append(f"{intent.node_id} was dispatched under a veto")
-            case PacketRetained(packet=packet):
+            case events.PacketRetained(packet=packet):
                 books.packets[packet.identity.packet_id] = packet
-            case VerdictRecorded(invocation_id=invocation, verdict=verdict):
+            case events.VerdictRecorded(invocation_id=invocation, verdict=verdict):
                 books.verdicts[invocation] = verdict.verdict
-            case NodeCommitted() as event:
+            case events.NodeCommitted() as event:
                 books.commits.append(event)
                 books.standing.add(event.node_id)
-            case RecoveryAuthorised(node_id=node, cost=cost):
+            case events.RecoveryAuthorised(node_id=node, cost=cost):
                 books.spent[node] += cost
             case GraphRevised() as event:
                 books.spent[event.responsible] += 1
                 books.standing -= set(event.reopened)
-            case GoalVerified(relook=True):
+            case events.GoalVerified(relook=True):
                 books.relooks += 1
-            case HandoffRequested():
+            case events.HandoffRequested():
                 books.handoffs += 1
-            case VetoRaised(layer=layer):
+            case events.VetoRaised(layer=layer):
                 books.vetoes.add(layer)
-            case VetoCleared(layer=layer):
+            case events.VetoCleared(layer=layer):
                 books.vetoes.discard(layer)
             case LeaseAcquired() as lease:
                 if happened.stream in books.holders:
