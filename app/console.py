@@ -105,7 +105,7 @@ class Console:
     lists: Lists
     measurements: Measurements
     alerts: Alerts
-    desk: GuardedReleaseService
+    releases: GuardedReleaseService
     evaluated: Evaluated
     clock: Callable[[], float]
     starts: Starts = no_journal
@@ -113,7 +113,7 @@ class Console:
     keys: OneUse = field(default_factory=OneUse)
     fleet: Fleet = field(default_factory=no_fleet)
     presence: Presence = field(default_factory=Presence)
-    wheel: TeleoperationPort | None = None
+    teleoperation: TeleoperationPort | None = None
     dossier: Dossier | None = None
     issuer: OidcLogin | None = None
 
@@ -130,7 +130,7 @@ class Console:
             now_s=self.clock(),
             present=self.presence.people(),
             alerts=self.alerts.waiting(self.clock()),
-            reviewing=sum(one.status in ("in_review", "authorised") for one in self.desk.reviews()),
+            reviewing=sum(one.status in ("in_review", "authorised") for one in self.releases.reviews()),
         )
 
     def control(self) -> SiteControl:

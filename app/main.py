@@ -99,7 +99,7 @@ def create_app(
     cards: Cards = no_cards,
     folder: Path | None = None,
     fleet: Fleet | None = None,
-    wheel: TeleoperationPort | None = None,
+    teleoperation: TeleoperationPort | None = None,
 ) -> FastAPI:
     """The console over a runtime. `starts` reads the robots' journals, `cards` what they can do.
 
@@ -108,14 +108,14 @@ def create_app(
 
     `fleet` shows what robots say of themselves, `wheel` lets people drive them; both are ended with the console.
 
-    Sign-in links come from `app.state.doors`. Its lists are kept in `folder`, or in memory without one, and have
+    Sign-in links come from `app.state.sessions`. Its lists are kept in `folder`, or in memory without one, and have
     caught up with the log on return.
     """
     lists = Lists(runtime, open_lists(folder))
     lists.catch_up()
     sessions = _sessions(accounts, settings)
     inbox = Alerts(runtime)
-    desk = GuardedReleaseService(runtime, accounts.told)
+    release_service = GuardedReleaseService(runtime, accounts.told)
     watched = Watched(fleet=fleet or no_fleet(), starts=starts, free_bytes=_free(folder), clock=time.time)
     services = AppriseNotifier({name: address.get_secret_value() for name, address in settings.notify.items()})
     notices = Notices(runtime, services, time.time, settings.address)
@@ -147,13 +147,13 @@ def create_app(
         lists=lists,
         measurements=Measurements(runtime),
         alerts=inbox,
-        desk=desk,
-        evaluated=Evaluated(desk, evaluator_folder(folder) if folder else None),
+        releases=release_service,
+        evaluated=Evaluated(release_service, evaluator_folder(folder) if folder else None),
         clock=time.time,
         starts=starts,
         cards=cards,
         fleet=fleet or no_fleet(),
-        wheel=wheel,
+        teleoperation=teleoperation,
         dossier=_dossiers(runtime, folder),
         issuer=issuer_door(settings, sessions, clock=time.time, fresh=_fresh),
     )

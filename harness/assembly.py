@@ -1,4 +1,4 @@
-"""One house from its ports: runtime, gate, crews and supervisor joined; which adapters they are is not decided here."""
+"""Joins runtime, gate, robot connections and supervisor from given ports; it does not choose the adapters."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
@@ -21,26 +21,13 @@ from harness.adapters.stores.configurations import StoredConfigurations
 from harness.adapters.stores.memory_index import VolatileMemoryIndex
 from harness.baseline.load import baseline
 from harness.baseline.load import site as shipped_site
+from harness.contracts import ports
 from harness.contracts.configuration import Configuration
 from harness.contracts.decider import Decider
 from harness.contracts.decisions import Authority, unquestioned
 from harness.contracts.ids import Digest, MissionId, ProviderId, RobotId
 from harness.contracts.observations import Camera
 from harness.contracts.places import Site
-from harness.contracts.ports import (
-    BlobStore,
-    Clock,
-    EventStore,
-    Ids,
-    LiveCamera,
-    MemoryIndex,
-    Provider,
-    Robot,
-    Signals,
-    Snapshots,
-    Spool,
-    Teleoperable,
-)
 from harness.contracts.protocol import PhysicalStart
 from harness.exploration.targets import NEAREST_EDGE, Proposer
 from harness.gate.alerts import DECIDER as ALERT
@@ -62,7 +49,7 @@ from harness.supervisor.teleoperation import Teleoperation
 from harness.verification.verdict import Verifier, verify
 
 Deciders = Mapping[str, Decider[Any, Any, Any]]
-"""A decider for every family of streams: `release` decides on `release/...`."""
+"""Deciders by family of streams: `release` decides on `release/...`."""
 Select = Callable[[Runtime, RobotId], Digest | None]
 Trial = Callable[[Runtime, Digest], bool]
 """Which configuration version a new mission of a robot is pinned to; None: the one the harness was opened with."""
@@ -79,22 +66,22 @@ DECIDERS: dict[str, Decider[Any, Any, Any]] = {
 
 
 def nothing_on_trial(runtime: Runtime, configuration_id: Digest) -> bool:
-    """No release desk, or a suite or experiment: no version is in canary."""
+    """No version is in canary; used without a release service, or in a suite or experiment."""
     return False
 
 
 def nothing_selected(runtime: Runtime, robot_id: RobotId) -> Digest | None:
-    """No release desk: H_0."""
+    """Every robot uses H_0; used without a release service."""
     return None
 
 
-def directly(robot: Robot) -> Robot:
-    """No wire: the harness calls the robot itself."""
+def directly(robot: ports.Robot) -> ports.Robot:
+    """The robot unchanged: the harness calls it directly."""
     return robot
 
 
 class NullSignals:
-    """Signals that nobody listens to."""
+    """Signals without listeners."""
 
     def changed(self, name: str) -> None:
         return None
@@ -102,18 +89,18 @@ class NullSignals:
 
 @dataclass(frozen=True)
 class Harness:
-    """What runs: the face of the building, the supervisor and the robots it may command. `token` is the owner's.
+    """The running harness: runtime, supervisor and the robots it may command. `token` is the owner's.
 
     Every robot has a mission time of its own: `clock` is the first one's, `clocks` has all of them.
     """
 
     runtime: Runtime
     supervisor: Supervisor
-    robots: Mapping[RobotId, Robot]
-    clock: Clock
-    wheel: Teleoperation
-    clocks: Mapping[RobotId, Clock]
-    cameras: Mapping[RobotId, LiveCamera]
+    robots: Mapping[RobotId, ports.Robot]
+    clock: ports.Clock
+    teleoperation: Teleoperation
+    clocks: Mapping[RobotId, ports.Clock]
+    cameras: Mapping[RobotId, ports.LiveCamera]
     token: str = ""
 
     def starts(self, mission_id: MissionId) -> tuple[PhysicalStart, ...]:
@@ -124,16 +111,16 @@ class Harness:
 
 @dataclass(frozen=True)
 class Parts:
-    """The ports that one harness is built on, what it works under, and who else decides on its log."""
+    """The ports that one harness is built on, its settings, and further deciders on its log."""
 
-    store: EventStore
-    blobs: BlobStore
-    spool: Spool
-    ids: Ids
-    clock: Clock
-    signals: Signals
-    index: MemoryIndex = field(default_factory=VolatileMemoryIndex)
-    snapshots: Snapshots | None = None
+    store: ports.EventStore
+    blobs: ports.BlobStore
+    spool: ports.Spool
+    ids: ports.Ids
+    clock: ports.Clock
+    signals: ports.Signals
+    index: ports.MemoryIndex = field(default_factory=VolatileMemoryIndex)
+    snapshots: ports.Snapshots | None = None
     verifier: Verifier = verify
     planner: Planner = GRAPH_ORDER
     proposer: Proposer = NEAREST_EDGE
@@ -147,16 +134,16 @@ class Parts:
 
 @dataclass(frozen=True)
 class Member:
-    """One robot as it joins the house: its port, its clock, the providers beside it, and what people may use of it."""
+    """One robot to be connected: its port, its clock, the providers beside it, and what people may use of it."""
 
     robot_id: RobotId
-    robot: Robot
-    clock: Clock
-    local: Sequence[Provider]
+    robot: ports.Robot
+    clock: ports.Clock
+    local: Sequence[ports.Provider]
     configure: Callable[[Mission], None]
     revive: Callable[[], bool] = lambda: False
-    camera: LiveCamera | None = None
-    hand: Teleoperable | None = None
+    camera: ports.LiveCamera | None = None
+    hand: ports.Teleoperable | None = None
 
 
 def assemble(
@@ -164,26 +151,26 @@ def assemble(
     settings: HarnessSettings,
     parts: Parts,
     *,
-    robot: Robot,
-    local: Sequence[Provider],
+    robot: ports.Robot,
+    local: Sequence[ports.Provider],
     configure: Callable[[Mission], None],
     revive: Callable[[], bool] = lambda: False,
 ) -> Harness:
-    """One robot with its crew under one supervisor. The stack closes the supervisor."""
+    """One connected robot under one supervisor. The stack closes the supervisor."""
     member = Member(RobotId(settings.robot_id), robot, parts.clock, local, configure, revive)
     return joined(stack, settings, parts, [member])
 
 
 def joined(stack: ExitStack, settings: HarnessSettings, parts: Parts, members: Sequence[Member]) -> Harness:
-    """Every robot with a crew and a clock of its own under one supervisor. The stack closes the supervisor."""
+    """Every robot with a connection and a clock of its own under one supervisor. The stack closes the supervisor."""
     clocks = {one.robot_id: one.clock for one in members}
     runtime = runtime_on(parts, clocks)
     connections = {one.robot_id: _connection(settings, parts, one) for one in members}
     supervisor = Supervisor(runtime=runtime, connections=connections)
     supervisor.close_interrupted_replays()
     runtime.memory.catch_up()
-    wheel = Teleoperation(runtime=runtime, connections=connections)
-    wheel.return_abandoned()
+    teleoperation = Teleoperation(runtime=runtime, connections=connections)
+    teleoperation.return_abandoned()
     stack.callback(supervisor.close)
     return Harness(
         runtime=runtime,
@@ -192,7 +179,7 @@ def joined(stack: ExitStack, settings: HarnessSettings, parts: Parts, members: S
         clock=parts.clock,
         clocks=clocks,
         cameras={one.robot_id: one.camera for one in members if one.camera is not None},
-        wheel=wheel,
+        teleoperation=teleoperation,
     )
 
 
@@ -217,8 +204,8 @@ def _connection(settings: HarnessSettings, parts: Parts, member: Member) -> Robo
     )
 
 
-def runtime_on(parts: Parts, clocks: Mapping[RobotId, Clock] = MappingProxyType({})) -> Runtime:
-    """The face of the building on these ports, without a robot or a supervisor. `clocks`: mission time per robot."""
+def runtime_on(parts: Parts, clocks: Mapping[RobotId, ports.Clock] = MappingProxyType({})) -> Runtime:
+    """A runtime on these ports, without a robot or a supervisor. `clocks`: mission time per robot."""
 
     def selected(robot_id: RobotId) -> Digest | None:
         return parts.select(runtime, robot_id)
@@ -248,8 +235,10 @@ def runtime_on(parts: Parts, clocks: Mapping[RobotId, Clock] = MappingProxyType(
     return runtime
 
 
-def local_providers(parts: Parts, *, camera: Camera, folder: Path | None, robot_id: str = "") -> Sequence[Provider]:
-    """Providers that run beside the harness for one robot: intake, analysis, delivery, voice, keeping, description."""
+def local_providers(
+    parts: Parts, *, camera: Camera, folder: Path | None, robot_id: str = ""
+) -> Sequence[ports.Provider]:
+    """Providers that run beside the harness for one robot: intake, analysis, delivery, voice, archive, description."""
 
     def journal(name: str) -> Path | None:
         return folder / "providers" / robot_id / f"{name}.jsonl" if folder else None

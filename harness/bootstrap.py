@@ -1,4 +1,4 @@
-"""Builds the house: picks the adapters, hands them to the gate and the supervisor, and takes them down again."""
+"""Builds the harness: chooses the adapters, passes them to the gate and the supervisor, and closes them again."""
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -42,13 +42,13 @@ from harness.assembly import (
 )
 from harness.baseline.load import baseline
 from harness.baseline.load import site as shipped_site
+from harness.contracts import ports
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Authority, unquestioned
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import RobotId
 from harness.contracts.observations import Camera
 from harness.contracts.places import Site
-from harness.contracts.ports import Clock, EventStore, LogHead, ReadModels, Robot, Signals, Snapshots
 from harness.contracts.regularities import HiddenSite
 from harness.contracts.simulation import InProcessRobot, Simulator
 from harness.projections.mission import Mission
@@ -78,14 +78,14 @@ __all__ = [
     "runtime_on",
     "simulated",
 ]  # fmt: skip
-"""What the house is built with: here, and from the words of `assembly`."""
+"""The names that callers import from this module, including those of `assembly`."""
 
 
 @contextmanager
 def open_harness(
     settings: HarnessSettings,
     *,
-    signals: Signals | None = None,
+    signals: ports.Signals | None = None,
     url: str = "",
     deciders: Deciders = MappingProxyType({}),
     authority: Authority = unquestioned,
@@ -131,7 +131,7 @@ def open_harness(
 def read_harness(
     settings: HarnessSettings, *, deciders: Deciders = MappingProxyType({}), select: Select = nothing_selected
 ) -> Iterator[Runtime]:
-    """Only reading: no robot, no ownership. Raises StoreUnavailable where there is nothing to read."""
+    """Open a data folder for reading: no robot, no ownership. Raises StoreUnavailable if there is nothing to read."""
     folder = prepare(settings.data_folder) if settings.database else existing(settings.data_folder)
     with _without_robots(settings, folder, deciders=deciders, select=select) as runtime:
         yield runtime
@@ -145,7 +145,7 @@ def edit_harness(
     authority: Authority = unquestioned,
     select: Select = nothing_selected,
 ) -> Iterator[Runtime]:
-    """Reading and deciding without a robot, as the folder's one owner. Raises StoreOwned if another process is it."""
+    """Read and decide without a robot, as the folder's one owner. Raises StoreOwned if another process owns it."""
     folder = prepare(settings.data_folder)
     with OwnerLock(folder.root) as lock:
         lock.take(token=SystemIds().token(), url="")
@@ -185,11 +185,11 @@ def simulated(
     *,
     simulator: Simulator,
     seed: int,
-    store: EventStore | None = None,
+    store: ports.EventStore | None = None,
     configuration: Configuration | None = None,
     site: Site | None = None,
     hidden: HiddenSite | None = None,
-    wire: Callable[[Robot], Robot] = directly,
+    wire: Callable[[ports.Robot], ports.Robot] = directly,
     deciders: Deciders = MappingProxyType({}),
     authority: Authority = unquestioned,
     select: Select = nothing_selected,
@@ -198,7 +198,7 @@ def simulated(
     """Everything in this process and in virtual time: robots of `simulator`, stores in memory. For suites and tests.
 
     `configuration` is what missions are pinned to, H_0 without one; `site` the places they name, the shipped ones
-    without one; `hidden` what the simulated site does to the robot again and again; `wire` stands between the
+    without one; `hidden` the recurring disturbances of the simulated site; `wire` wraps the connection between the
     harness and the robot; `deciders`, `authority`, `select` and `trial` as in `open_harness`.
     """
     with ExitStack() as stack:
@@ -227,7 +227,7 @@ def simulated(
         yield joined(stack, settings, parts, members)
 
 
-def _simulated_member(parts: Parts, simulated_robot: InProcessRobot, clock: Clock) -> Member:
+def _simulated_member(parts: Parts, simulated_robot: InProcessRobot, clock: ports.Clock) -> Member:
     def configure(mission: Mission) -> None:
         simulated_robot.configure(mission.mission_id, mission.seed, _faults(mission))
 
@@ -264,8 +264,8 @@ def _faults(mission: Mission) -> list[str]:
     return [name for name in mission.labels.get("faults", "").split(",") if name]
 
 
-def camera_of(robot: Robot) -> Camera:
-    """The camera that the robot says it has. Raises ContractInvalid for a robot without one."""
+def camera_of(robot: ports.Robot) -> Camera:
+    """The camera that the robot declares. Raises ContractInvalid for a robot without one."""
     camera = robot.status().camera
     if camera is None:
         raise ContractInvalid(
@@ -279,18 +279,18 @@ def owner_of(data: Path) -> Owner | None:
     return read_owner(data.absolute()) if data.exists() else None
 
 
-def open_lists(folder: Path | None) -> ReadModels:
-    """The console's lists, kept beside the log; in memory where there is no folder."""
+def open_lists(folder: Path | None) -> ports.ReadModels:
+    """The console's lists, stored beside the log; in memory where there is no folder."""
     return SqlReadModels(f"sqlite:///{folder / 'lists.db'}") if folder else SqlReadModels()
 
 
-def move_log(source: str, target: str) -> LogHead:
+def move_log(source: str, target: str) -> ports.LogHead:
     """Copy the event log into an empty one elsewhere, verified at both ends; blobs stay. Raises as `moving` says."""
     return moved(source, target)
 
 
 @contextmanager
-def _store(folder: DataFolder, settings: HarnessSettings) -> Iterator[tuple[EventStore, Snapshots]]:
+def _store(folder: DataFolder, settings: HarnessSettings) -> Iterator[tuple[ports.EventStore, ports.Snapshots]]:
     log = open_log(settings.database or folder.log_url)
     with closing(log), closing(StoredSnapshots(log)) as snapshots:
         yield with_failpoint(log, parse(settings.failpoint) if settings.failpoint else None), snapshots

@@ -1,4 +1,4 @@
-"""Dossiers: one mission written to one signed file, and such a file checked with nothing else at hand."""
+"""Exports one mission to one signed file (a dossier), and verifies such a file without a data folder or network."""
 
 import zipfile
 from pathlib import Path
@@ -31,7 +31,7 @@ def export_dossier(
 def verify_dossier(file: Path, *, key: str = "") -> DossierVerdict:
     """Signature, digests, chain, and every decision derived again. `key`: the public key that must have signed it.
 
-    Raises DossierInvalid or LogDamaged that say what does not hold. Needs no data folder and no network.
+    Raises DossierInvalid or LogDamaged that name what does not hold. Needs no data folder and no network.
     """
     try:
         archive = zipfile.ZipFile(file)

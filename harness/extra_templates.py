@@ -1,7 +1,7 @@
-"""Missions whose templates ship beside H_0: offered by name or goal, taken apart by a planner, started like any other.
+"""Starts missions whose templates ship beside H_0: offered by name or goal, decomposed by a planner.
 
-They run under their robot's current configuration, are pinned to it and end at the same gate. The contract that was
-compiled stands in the log; a candidate cannot change their templates.
+They run under their robot's current configuration, are pinned to it and end at the same gate. The compiled contract
+is stored in the log; a candidate cannot change their templates.
 """
 
 from dataclasses import replace
@@ -48,7 +48,7 @@ def begin(
 ) -> Accepted[AnyEvent] | Refused:
     """Start a mission of any offered template. Raises as `Runtime.start` does; nothing is written then.
 
-    The plan of a template beside H_0 is kept as a blob; the mission's labels name it, its planner, and why the
+    The plan of a template beside H_0 is stored as a blob; the mission's labels name it, its planner, and why the
     harness took its own plan instead, if it did.
     """
     found = _found(runtime, start)

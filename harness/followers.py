@@ -1,4 +1,4 @@
-"""One catch-up loop over the log for everything that is made from it: lists, memory, alerts, the release service."""
+"""The one catch-up loop over the log for everything derived from it: lists, memory, alerts, the release service."""
 
 from collections.abc import Callable, Sequence
 from typing import Protocol
@@ -12,29 +12,29 @@ BATCH = 1000
 
 
 class CatchUpTarget(Protocol):
-    """What is made from the log, and how far."""
+    """Something derived from the log, and how far it has followed it."""
 
     def mark(self) -> FollowPosition:
-        """How far this has followed the log, and by which fold."""
+        """How far it has followed the log, and with which fold."""
         ...
 
     def take(self, fresh: Sequence[StoredEvent], *, after: FollowPosition, upto: FollowPosition) -> None:
-        """Take in the events between two marks, and stand at `upto` afterwards.
+        """Apply the events between two marks, and move the mark to `upto`.
 
-        Raises ConcurrencyConflict if it no longer stands at `after`: the follower then asks for the mark again.
+        Raises ConcurrencyConflict if the mark is no longer `after`: the follower then reads the mark again.
         """
         ...
 
     def clear(self) -> None:
-        """Forget everything: it was made of another log or by another fold."""
+        """Delete everything: it was derived from another log or by another fold."""
         ...
 
 
 class Follower:
-    """Brings one thing to the head of the log, a stretch at a time, from where its own mark stands.
+    """Brings one target to the head of the log, in batches, starting at the target's own mark.
 
-    The event at the mark is read again with each stretch: if it is not the one the mark names, everything is made anew.
-    The follower itself holds nothing, so it is as safe between threads and processes as what it brings along.
+    The event at the mark is read again with each batch: if it is not the one the mark names, everything is rebuilt. The
+    follower itself holds no state, so it is as safe between threads and processes as its target.
     """
 
     def __init__(
@@ -46,11 +46,11 @@ class Follower:
         fold: str,
         batch: int = BATCH,
     ) -> None:
-        """`read` gives at most so many events behind a position; `fold` names what is made of them, and how."""
+        """`read` returns at most so many events after a position; `fold` names the fold and its version."""
         self._target, self._head, self._read, self._fold, self._batch = target, head, read, fold, batch
 
     def catch_up(self) -> FollowPosition:
-        """Follow to the head of the log as it is now; the mark there. Raises what reading and taking in raise."""
+        """Follow to the current head of the log; returns the mark there. Raises what reading and applying raise."""
         while True:
             mark = self._target.mark()
             if mark.position and mark == self.mark_at(self._head()):
@@ -72,10 +72,10 @@ class Follower:
         return FollowPosition(fold=self._fold, position=place.position, digest=place.digest)
 
     def _anchored(self, mark: FollowPosition, events: Sequence[StoredEvent]) -> bool:
-        """Whether what was made so far is of this fold and of the log as it is now."""
+        """Whether the target was derived with this fold and from the current log."""
         return bool(events) and mark == self.mark_at(events[0])
 
 
 def beginning(fold: str) -> FollowPosition:
-    """The mark of what has followed nothing yet."""
+    """The mark of a target that has followed nothing yet."""
     return FollowPosition(fold=fold, position=0, digest=Digest(""))

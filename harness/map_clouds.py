@@ -1,4 +1,4 @@
-"""Takes a point cloud file into the blob store, split into levels. Attaching it is the gate's decision."""
+"""Imports a point cloud file into the blob store, split into levels. The gate decides on attaching it."""
 
 from pathlib import Path
 

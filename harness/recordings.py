@@ -1,4 +1,4 @@
-"""Recordings at the top floor: run the ordinary agent loop on one, and write a mission as one."""
+"""Runs the ordinary agent loop on a recording, and writes a mission as a recording."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager

@@ -1,6 +1,6 @@
-"""The face of the building: submit commands, read states, observations, records and blobs.
+"""The entry point of the harness: submit commands; read states, observations, records and blobs.
 
-Persons and the supervisor enter here; every change goes on to the gate, which alone appends.
+People and the supervisor use it; every change goes on to the gate, which alone appends.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -10,6 +10,7 @@ from typing import Any
 
 from cachetools import LRUCache
 
+from harness.contracts import ports
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import CreateMission, MissionCommand, PauseMission
@@ -33,17 +34,6 @@ from harness.contracts.observations import AnySample
 from harness.contracts.person_commands import PersonCommand
 from harness.contracts.place_events import place_stream
 from harness.contracts.places import Place, Site
-from harness.contracts.ports import (
-    MISSION_STREAMS,
-    BlobStore,
-    Configurations,
-    EventStore,
-    Ids,
-    LogHead,
-    Record,
-    Signals,
-    StoredEvent,
-)
 from harness.contracts.protocol import InvocationReport, RobotStatus
 from harness.contracts.reasons import because
 from harness.contracts.tasks import TaskContract, TaskTemplate
@@ -61,23 +51,23 @@ from harness.projections.mission import Mission
 from harness.projections.places import Places, changed_site
 
 KEPT_CONTRACTS = 16
-"""The same request under the same template and site gives the same contract: so many are not compiled again."""
+"""How many compiled contracts are cached: equal request, template and site give an equal contract."""
 KEPT_LIVE = 64
-"""Of so many missions what was observed last is kept, and the places they were compiled with."""
+"""For how many missions the latest observations are kept, and the places they were compiled with."""
 COMPILED = ("ContractCompiled", "ContractRecompiled")
 
 
 AnswerHandoff = Callable[[HandoffId, PersonCommand], Decision[AnyEvent]]
-"""Takes a person's answer at a handoff: whoever can observe the robot again before it counts."""
+"""Applies a person's answer at a handoff, by a component that can observe the robot again first."""
 
 
 def unsupervised(handoff_id: HandoffId, command: PersonCommand) -> Decision[AnyEvent]:
-    """The answer where no supervisor runs."""
+    """Refuse an answer because no supervisor runs."""
     return refused("no_supervisor", because("no_supervisor_observes"))
 
 
 class Live(Value):
-    """What is observed of a running mission and not stored as an event: progress, condition, latest samples."""
+    """Current observations of a running mission that are not stored as events: progress, condition, latest samples."""
 
     mission_id: MissionId
     at_s: float
@@ -97,7 +87,7 @@ class Unreadable(Value):
 
 @dataclass(frozen=True)
 class Start:
-    """What a person asks for when starting a mission: a template by name, or a goal that one matches."""
+    """A person's request to start a mission: a template by name, or a goal that one matches."""
 
     actor: Actor
     robot_id: RobotId
@@ -117,11 +107,11 @@ class Runtime:
         self,
         *,
         gate: Gate,
-        store: EventStore,
-        blobs: BlobStore,
-        ids: Ids,
-        signals: Signals,
-        configurations: Configurations,
+        store: ports.EventStore,
+        blobs: ports.BlobStore,
+        ids: ports.Ids,
+        signals: ports.Signals,
+        configurations: ports.Configurations,
         site: Site,
         memory: MemoryFabric,
     ) -> None:
@@ -142,11 +132,11 @@ class Runtime:
 
     @property
     def site(self) -> Site:
-        """The places as people have changed them: what new missions are compiled with (R193)."""
+        """The places with people's changes: what new missions are compiled with (R193)."""
         return changed_site(self._shipped, self.places())
 
     def site_of(self, mission: Mission) -> Site:
-        """The places that a mission was compiled with: what people changed since is not its own."""
+        """The places that a mission was compiled with; later changes do not affect it."""
         key = (mission.mission_id, mission.configuration)
         with self._caching:
             site = self._sites.get(key)
@@ -168,7 +158,7 @@ class Runtime:
         return places
 
     def shipped_place(self, place_id: PlaceId) -> Place | None:
-        """A place as it shipped, whatever people made of it since."""
+        """A place as it shipped, without people's changes."""
         return next((one for one in self._shipped.places if one.place_id == place_id), None)
 
     # commands -------------------------------------------------------------------------------------------------------
@@ -220,16 +210,16 @@ class Runtime:
         return known
 
     def submit(
-        self, mission_id: MissionId, command: MissionCommand, *, records: Sequence[Record] = ()
+        self, mission_id: MissionId, command: MissionCommand, *, records: Sequence[ports.Record] = ()
     ) -> Accepted[AnyEvent] | Refused:
         """One command for one mission. Raises UnknownName for a mission that does not exist."""
         robot_id = self.mission(mission_id).robot_id
         return self.commit([CommandEnvelope(mission_stream(mission_id), command, robot_id)], records=records)
 
     def commit(
-        self, requests: Sequence[CommandEnvelope], *, records: Sequence[Record] = ()
+        self, requests: Sequence[CommandEnvelope], *, records: Sequence[ports.Record] = ()
     ) -> Accepted[AnyEvent] | Refused:
-        """All requests or none, then wake whoever watches."""
+        """Append all requests or none, then signal what changed."""
         decision = self._gate.commit(requests, records=records)
         if isinstance(decision, Accepted) and decision.events:
             for request in requests:
@@ -237,9 +227,9 @@ class Runtime:
         return decision
 
     def decide(
-        self, requests: Sequence[tuple[StreamId, Any]], records: Sequence[Record] = ()
+        self, requests: Sequence[tuple[StreamId, Any]], records: Sequence[ports.Record] = ()
     ) -> Accepted[Any] | Refused:
-        """Commands about no robot, for streams of any family that a decider was given for: all or none."""
+        """Commands about no robot, for streams of any family that has a decider: all or none."""
         return self.commit([CommandEnvelope(stream, command, None) for stream, command in requests], records=records)
 
     # configurations -------------------------------------------------------------------------------------------------
@@ -264,7 +254,7 @@ class Runtime:
         """Any version by its id. Raises ConfigurationMissing."""
         return self._configurations.get(configuration_id)
 
-    def configuration_record(self, configuration_id: Digest) -> Record:
+    def configuration_record(self, configuration_id: Digest) -> ports.Record:
         """The version's bytes, to be stored with a decision that names it. Raises ConfigurationMissing."""
         return self._configurations.record(configuration_id)
 
@@ -290,7 +280,7 @@ class Runtime:
         return (mission for mission in self.newest_missions() if mission.configuration == configuration_id)
 
     def pause_pinned(self, configuration_id: Digest, *, actor: Actor, reason: str) -> tuple[MissionId, ...]:
-        """Pause what runs under a version that was revoked for safety; a person decides on each, nothing is swapped.
+        """Pause what runs under a version that was revoked for safety; a person decides on each mission.
 
         A mission that has not begun is not paused: it is compiled again under the current version when it begins (D35).
         """
@@ -302,7 +292,8 @@ class Runtime:
     # states ---------------------------------------------------------------------------------------------------------
 
     def fold(self, stream: StreamId) -> Any:
-        """The state of any stream, of the type its family's decider folds to; its initial one if nothing is there."""
+        """The state of any stream, of the type its family's decider folds to; the initial one if the stream is
+        empty."""
         return self._gate.state(stream)
 
     def mission(self, mission_id: MissionId) -> Mission:
@@ -316,16 +307,16 @@ class Runtime:
         return list(self.newest_missions())
 
     def newest_missions(self) -> Iterator[Mission]:
-        """The same one by one: whoever wants the newest few does not pay for the others."""
-        return map(self._gate.state, reversed(self._store.streams(MISSION_STREAMS)))
+        """All missions, newest first, one by one: reading the newest few does not load the others."""
+        return map(self._gate.state, reversed(self._store.streams(ports.MISSION_STREAMS)))
 
     def open_missions(self, robot_id: RobotId | None = None) -> list[Mission]:
-        """Those that are not over, newest first, of one robot or of all; costs nothing for those that are."""
+        """Open missions, newest first, of one robot or of all; ended missions cost nothing."""
         found: Iterator[Mission] = map(self._gate.state, reversed(self._open_missions.streams()))
         return [one for one in found if not one.ended and robot_id in (None, one.robot_id)]
 
     def ended_under(self, configuration_id: Digest, *, after: int) -> Iterator[Mission]:
-        """Missions under this version whose end stands behind position `after`, in the order of their ends."""
+        """Missions under this version that ended after position `after`, in the order of their ends."""
         return map(self._gate.state, self._ended_missions.under(configuration_id, after=after))
 
     def handoff(self, handoff_id: HandoffId) -> Handoff:
@@ -344,26 +335,26 @@ class Runtime:
 
     # history and evidence -------------------------------------------------------------------------------------------
 
-    def events(self, mission_id: MissionId, after: int = 0) -> list[StoredEvent]:
+    def events(self, mission_id: MissionId, after: int = 0) -> list[ports.StoredEvent]:
         return self._store.load(mission_stream(mission_id), after)
 
-    def log(self, after: int = 0, limit: int = 1000) -> list[StoredEvent]:
+    def log(self, after: int = 0, limit: int = 1000) -> list[ports.StoredEvent]:
         return self._store.read(after, limit)
 
-    def stream(self, stream: StreamId, after: int = 0) -> list[StoredEvent]:
-        """The events of one stream beyond a version, in order."""
+    def stream(self, stream: StreamId, after: int = 0) -> list[ports.StoredEvent]:
+        """The events of one stream after a version, in order."""
         return self._store.load(stream, after)
 
     def streams(self, prefix: str) -> list[StreamId]:
         return self._store.streams(prefix)
 
-    def head(self) -> LogHead:
+    def head(self) -> ports.LogHead:
         return self._store.head()
 
-    def verify(self) -> LogHead:
+    def verify(self) -> ports.LogHead:
         return self._store.verify()
 
-    def record(self, digest: Digest) -> Record:
+    def record(self, digest: Digest) -> ports.Record:
         return self._store.record(digest)
 
     def blob(self, digest: Digest) -> bytes:
@@ -382,7 +373,7 @@ class Runtime:
     # observations ---------------------------------------------------------------------------------------------------
 
     def publish(self, live: Live) -> None:
-        """Replace what is observed of a mission now; nothing durable."""
+        """Replace the current observations of a mission; nothing durable."""
         with self._caching:
             self._live[live.mission_id] = live
         self._signals.changed(f"live/{live.mission_id}")
@@ -393,6 +384,6 @@ class Runtime:
 
 
 def _chosen(start: Start, configuration: Configuration) -> TaskTemplate:
-    """The template that is named, else the one that the goal's words match."""
+    """The named template, else the one that the goal's text matches."""
     templates = configuration.templates
     return by_name(start.template, templates) if start.template else select(start.goal, templates)

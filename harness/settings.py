@@ -1,4 +1,4 @@
-"""Settings of the runtime, read once and passed down. Nothing else reads the environment."""
+"""Settings of the runtime, read from the environment once and passed down."""
 
 import sys
 from pathlib import Path
@@ -12,16 +12,15 @@ from harness.contracts.simulation import Fidelity
 RobotName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]{0,30}$")]
 
 ROBOT_COMMAND = (sys.executable, "-m", "simulator")
-"""Starts a simulated robot as a program of its own."""
+"""The command that starts a simulated robot as a separate program."""
 
 
 class HarnessSettings(BaseSettings):
     """From `REGEN_*` variables or by constructor. `speed` is mission seconds per second; 0 is as fast as possible.
 
-    `robots` names every robot of the house; without it there is one, `robot_id`.
-    `robot_command` starts a robot program, which serves the HTTP provider protocol; its robot's name, folder, speed and
-    seed follow as options.
-    `database` is where the event log lies: empty is SQLite in the data folder, else postgresql://USER:PASSWORD@HOST/NAME.
+    `robots` names every robot of the site; without it there is one, `robot_id`. `robot_command` starts a robot program,
+    which serves the HTTP provider protocol; its robot's name, folder, speed and seed follow as options. `database` is
+    where the event log is: empty is SQLite in the data folder, else postgresql://USER:PASSWORD@HOST/NAME.
     """
 
     model_config = SettingsConfigDict(env_prefix="REGEN_", frozen=True, extra="ignore")

@@ -1,4 +1,4 @@
-"""A thread that takes one step again and again, with a pause before each, until it is closed."""
+"""A worker thread that repeats one step, with a pause before each, until it is closed."""
 
 from collections.abc import Callable
 from logging import getLogger
@@ -30,17 +30,17 @@ class Worker:
         return self._halt.is_set()
 
     def start(self) -> None:
-        """From now on, in the background. Without effect the second time."""
+        """Run in the background from now on. No effect the second time."""
         if self._thread is None:
             self._thread = Thread(target=self._run, name=self._name, daemon=True)
             self._thread.start()
 
     def wait(self, seconds: float) -> bool:
-        """A pause within a step; True as soon as the worker is closed. Works without the thread."""
+        """Pause within a step; True as soon as the worker is closed. Works without the thread."""
         return self._halt.wait(seconds)
 
     def close(self) -> None:
-        """End the thread after the step under way. Without effect the second time."""
+        """End the thread after the current step. No effect the second time."""
         self._halt.set()
         if self._thread is not None:
             self._thread.join(timeout=self._close_within_s)

@@ -1,4 +1,6 @@
-"""Pure: whose word counts, once. The same key and body again is the same receipt; another body is refused by name."""
+"""Checks who may decide in a review and makes repeated requests idempotent. Pure. The same key with the same body
+returns the same receipt; the same key with another body is refused.
+"""
 
 from collections.abc import Mapping
 from datetime import UTC, datetime
@@ -21,14 +23,16 @@ STANDING = ("policy", "proven", "recent", "earlier", "pinned", "reviewers", "rel
 
 
 def body_of(command: ReviewCommand) -> Digest:
-    """SHA-256 over everything the person said: kind, name, reason and subject; not the key, not the present state."""
+    """SHA-256 over the whole request: kind, name, reason and subject. The key and the present state are not
+    part of it.
+    """
     said: dict[str, Any] = msgspec.to_builtins(command)
     kept = {name: value for name, value in said.items() if name not in (*STANDING, "key", "actor")}
     return digest({**kept, "who": command.actor.name})
 
 
 def signed(command: ReviewCommand, now: Moment, *, override: bool = False) -> Signed:
-    """The word as it is stored, dated by wall time."""
+    """The signature of a request as it is stored, dated by wall time."""
     return Signed(
         actor=command.actor,
         reason=command.reason,
@@ -40,7 +44,7 @@ def signed(command: ReviewCommand, now: Moment, *, override: bool = False) -> Si
 
 
 def repeated(command: ReviewCommand, receipts: Mapping[str, Signed]) -> Accepted[Any] | Refused | None:
-    """The answer to a key that was used before, or None for a new one."""
+    """The answer to a key that was used before, or None for a new key."""
     first = receipts.get(command.key)
     if first is None:
         return None
@@ -50,7 +54,7 @@ def repeated(command: ReviewCommand, receipts: Mapping[str, Signed]) -> Accepted
 
 
 def not_a_person(actor: Actor, roles: tuple[str, ...]) -> Refused | None:
-    """Only a person in one of these roles decides here: no policy, no timeout, no model (D33)."""
+    """Refuses everybody but a person in one of these roles: no policy, timeout or model decides here (D33)."""
     if actor.channel != "human":
         return refused("not_a_person", because("decision_needs_person", actor=actor.name, roles=tuple(roles)))
     if not set(actor.role.split("+")) & set(roles):
@@ -59,5 +63,5 @@ def not_a_person(actor: Actor, roles: tuple[str, ...]) -> Refused | None:
 
 
 def instant(at_s: float) -> str:
-    """Wall time as people read it: UTC, to the second."""
+    """Wall time as text: UTC, to the second."""
     return datetime.fromtimestamp(at_s, tz=UTC).strftime("%Y-%m-%d %H:%M:%S UTC")

@@ -1,4 +1,6 @@
-"""Pure: what a canary mission showed, and when a canary has shown enough (D34). A mean of five decides nothing."""
+"""Evaluates a canary: the metric of each canary mission, and whether the sequential test has reached a result (D34).
+Pure. A mean of five missions decides nothing.
+"""
 
 from collections.abc import Mapping, Sequence
 from math import floor, isfinite, log
@@ -19,7 +21,9 @@ Outcome = Literal["go_on", "hard_fault", "metric_worse", "not_exercised", "passe
 
 
 class CanaryMetrics(Value):
-    """What a mission's record says beside its state: handoffs, seconds on the robot's clock, persons' minutes."""
+    """What a mission's record says beside its state: handoffs, seconds on the robot's clock, minutes of
+    people's time.
+    """
 
     handoffs: int = 0
     mission_s: float = 0.0
@@ -29,11 +33,11 @@ class CanaryMetrics(Value):
 
 
 def value_of(metric: Metric, mission: Mission, course: CanaryMetrics) -> float:
-    """The declared metric of one finished mission, as far as its own record tells it.
+    """The declared metric of one finished mission, as far as its own record shows it.
 
-    `recovery_cost` as in the evaluation (D31): spends, and the whole task budget for each handoff, safe stop or
-    uncompleted mission. What only an adjudicator can see (epistemic, safety, false rejections) is 0 here: a hard
-    fault is his finding, not a mean.
+    `recovery_cost` is counted as in the evaluation (D31): spends, plus the whole task budget for each handoff, safe
+    stop or uncompleted mission. What only an adjudicator can see (epistemic, safety, false rejections) is 0 here: the
+    adjudicator reports it as a hard fault, not as part of a mean.
     """
     completed = mission.status == "succeeded"
     budget = mission.contract.recovery_total if mission.contract else 0
@@ -94,12 +98,12 @@ def bound_of(values: Sequence[float], test: CanaryTest, direction: Direction) ->
 
 
 def is_worse(value: float, bound: float, direction: Direction) -> bool:
-    """Strictly beyond the bound. A value that is not a number is worse than any."""
+    """Whether the value lies strictly beyond the bound. A value that is not a number counts as worse."""
     return not (value >= bound if direction == "higher" else value <= bound)
 
 
 def harmful(worse: Sequence[bool], test: CanaryTest) -> bool:
-    """Whether the likelihood ratio ever reached 1 / alpha, mission by mission, in order."""
+    """Whether the likelihood ratio ever reached 1 / alpha, taking the missions in order."""
     harmless = 1.0 - test.quantile
     evidence = 0.0
     for one in worse:
@@ -110,7 +114,7 @@ def harmful(worse: Sequence[bool], test: CanaryTest) -> bool:
 
 
 def outcome(review: Review) -> Outcome:
-    """Where the canary stands. Every mission must be adjudicated before it can pass."""
+    """The present result of the canary. Every mission must be adjudicated before the canary can pass."""
     if review.manifest is None:
         return "go_on"
     test = review.manifest.canary
@@ -126,7 +130,7 @@ def outcome(review: Review) -> Outcome:
 
 
 def fault_in(entries: Sequence[CanaryEntry]) -> str:
-    """The first hard fault, measured or found, with its mission; empty if there is none."""
+    """The first hard fault, measured or found by an adjudicator, with its mission; empty if there is none."""
     for entry in entries:
         found = entry.measured.hard or (entry.finding if entry.finding not in (None, "sound") else "")
         if found:
@@ -135,7 +139,7 @@ def fault_in(entries: Sequence[CanaryEntry]) -> str:
 
 
 def record(review: Review, command: RecordCanaryMission, now: Moment) -> Decision[CandidateEvent]:
-    """Each mission counts once."""
+    """Adds a mission to the canary. Each mission counts once."""
     if review.status != "canary":
         return refused("not_in_canary", because("candidate_is", status=review.status))
     if review.entry(command.measured.mission_id) is not None:
@@ -144,7 +148,7 @@ def record(review: Review, command: RecordCanaryMission, now: Moment) -> Decisio
 
 
 def adjudicate(review: Review, command: AdjudicateCanaryMission, now: Moment) -> Decision[CandidateEvent]:
-    """Somebody other than the releaser says what became of the mission, once."""
+    """Records, once per mission, the finding of somebody other than the releaser."""
     if (again := repeated(command, review.receipts)) is not None:
         return again
     if review.status != "canary":

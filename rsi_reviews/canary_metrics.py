@@ -1,4 +1,4 @@
-"""What a mission's stored events say beside its state: for the canary, and for the baseline it is compared with."""
+"""Reads the metrics of missions from their stored events, for the canary and for the baseline it is compared with."""
 
 from collections.abc import Iterator
 from itertools import islice
@@ -22,8 +22,10 @@ LOOKED_AT = 5_000
 _CODEC: Codec[MissionEvent] = Codec(MissionEvent)
 
 
-def course_of(runtime: Runtime, mission_id: MissionId, *, duplicate_starts: int = 0) -> CanaryMetrics:
-    """Read from the log. `duplicate_starts` comes from the robot's own journal, which the log does not hold."""
+def metrics_of(runtime: Runtime, mission_id: MissionId, *, duplicate_starts: int = 0) -> CanaryMetrics:
+    """The canary metrics of one mission, read from the log. `duplicate_starts` comes from the robot's own journal,
+    which the log does not hold.
+    """
     stored = runtime.events(mission_id)
     asked: dict[str, float] = {}
     handoffs = choices = 0
@@ -49,9 +51,9 @@ def course_of(runtime: Runtime, mission_id: MissionId, *, duplicate_starts: int 
 
 
 def recent_values(runtime: Runtime, metric: Metric, configuration: Digest, robot_id: RobotId) -> tuple[float, ...]:
-    """The metric in the newest finished missions of one robot under one configuration, replays apart.
+    """The metric in the newest finished missions of one robot under one configuration, without replays.
 
-    At most MOST_RECENT, found among the LOOKED_AT newest of all.
+    At most MOST_RECENT missions, found among the LOOKED_AT newest of all.
     """
     found = (
         mission
@@ -61,11 +63,11 @@ def recent_values(runtime: Runtime, metric: Metric, configuration: Digest, robot
         and not mission.replay
     )
     newest = islice(found, MOST_RECENT)
-    return tuple(value_of(metric, mission, course_of(runtime, mission.mission_id)) for mission in newest)
+    return tuple(value_of(metric, mission, metrics_of(runtime, mission.mission_id)) for mission in newest)
 
 
 def canary_missions(runtime: Runtime, review: Review) -> Iterator[Mission]:
-    """Those that ended under the candidate since its canary began, in the order of their ends; replays apart."""
+    """Missions that ended under the candidate since its canary began, in the order of their ends, without replays."""
     stored = runtime.stream(candidate_stream(review.candidate))
     began = max((one.position for one in stored if one.kind == "CanaryBegun"), default=0)
     ended = runtime.ended_under(review.configuration, after=began)
@@ -73,7 +75,7 @@ def canary_missions(runtime: Runtime, review: Review) -> Iterator[Mission]:
 
 
 def ran(mission: Mission) -> bool:
-    """Whether it began: one that was called off before anything was dispatched shows nothing."""
+    """Whether the mission began. One that was cancelled before anything was dispatched shows nothing."""
     return any(state.attempt for state in mission.nodes.values())
 
 

@@ -1,7 +1,7 @@
-"""What follows from a canary mission's end and from its adjudication: recorded once, and acted on by the fixed rule.
+"""Records the end and the adjudication of each canary mission once, and acts on them by the fixed canary rule.
 
-Losing a call costs nothing: `catch_up` finds what was missed, and `selected` gives no further mission to a canary whose
-rule has already spoken.
+Losing a call is harmless: `catch_up` finds missions that were missed, and `selected` assigns no further mission to a
+canary whose rule has already reached a result.
 """
 
 from collections.abc import Callable
@@ -11,9 +11,9 @@ from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.ids import MissionId, StreamId
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
+from rsi_reviews import commands
 from rsi_reviews.canary import exercised, is_worse, outcome, value_of
-from rsi_reviews.canary_metrics import canary_missions, course_of, ran
-from rsi_reviews.commands import MovePointer, PromoteCandidate, RecordCanaryMission, RollBack, WithdrawCandidate
+from rsi_reviews.canary_metrics import canary_missions, metrics_of, ran
 from rsi_reviews.contracts import BETTER, CanaryMission, Manifest
 from rsi_reviews.pointers import POINTER, Pointer, candidate_stream
 from rsi_reviews.projections import Review
@@ -24,12 +24,12 @@ Starts = Callable[[MissionId], int]
 
 
 def no_duplicates(mission_id: MissionId) -> int:
-    """For a runtime without a robot's journal: duplicate starts are then found by whoever adjudicates."""
+    """For a runtime without a robot's journal: whoever adjudicates then finds duplicate starts."""
     return 0
 
 
 def mission_ended(runtime: Runtime, mission_id: MissionId, *, duplicate_starts: int = 0) -> Answered:
-    """Take a finished mission into the canary it belongs to, and act on what it shows. No-op for any other mission.
+    """Add a finished mission to the canary it belongs to, and act on the result. No-op for any other mission.
 
     `duplicate_starts`: physical starts beyond the first of one request, from the robot's journal.
     """
@@ -38,14 +38,16 @@ def mission_ended(runtime: Runtime, mission_id: MissionId, *, duplicate_starts: 
         return Accepted(())
     if review.entry(mission_id) is None:
         measured = _measured(runtime, review, mission, duplicate_starts)
-        decision = runtime.decide([(candidate_stream(review.candidate), RecordCanaryMission(measured=measured))])
+        decision = runtime.decide(
+            [(candidate_stream(review.candidate), commands.RecordCanaryMission(measured=measured))]
+        )
         if isinstance(decision, Refused):
             return decision
     return settle(runtime)
 
 
 def catch_up(runtime: Runtime, *, duplicate_starts: Starts = no_duplicates) -> Answered:
-    """Record every canary mission that ended unrecorded, in the order of their ends, and act on what they show."""
+    """Record every canary mission that ended unrecorded, in the order of their ends, and act on the results."""
     review = _trial(runtime)
     if review is None:
         return Accepted(())
@@ -56,7 +58,7 @@ def catch_up(runtime: Runtime, *, duplicate_starts: Starts = no_duplicates) -> A
 
 
 def settle(runtime: Runtime) -> Answered:
-    """Do what the canary's rule says now: go on, go back, take it back, or make it current everywhere."""
+    """Do what the canary's rule now requires: continue, roll back, withdraw, or promote to every robot."""
     review = _trial(runtime)
     if review is None:
         return Accepted(())
@@ -64,10 +66,12 @@ def settle(runtime: Runtime) -> Answered:
         case "go_on":
             return Accepted(())
         case "passed":
-            return _act(runtime, review, PromoteCandidate(), "released", "its canary missions were found sound")
+            return _act(
+                runtime, review, commands.PromoteCandidate(), "released", "its canary missions were found sound"
+            )
         case "not_exercised":
             reason = f"not exercised enough in {len(review.canary)} missions"
-            withdrawn = WithdrawCandidate(actor=DESK, reason=reason, key="canary:not_exercised")
+            withdrawn = commands.WithdrawCandidate(actor=DESK, reason=reason, key="canary:not_exercised")
             return _act(runtime, review, withdrawn, "withdrawn", reason)
         case "hard_fault" as found:
             rolled_back = _act(runtime, review, _back(review, found), "rolled_back", why(review))
@@ -78,12 +82,12 @@ def settle(runtime: Runtime) -> Answered:
             return _act(runtime, review, _back(review, found), "rolled_back", why(review))
 
 
-def _back(review: Review, found: str) -> RollBack:
-    return RollBack(actor=DESK, reason=why(review), key=f"canary:{found}")
+def _back(review: Review, found: str) -> commands.RollBack:
+    return commands.RollBack(actor=DESK, reason=why(review), key=f"canary:{found}")
 
 
 def _act(runtime: Runtime, review: Review, command: Any, cause: Any, reason: str) -> Answered:
-    move = MovePointer(
+    move = commands.MovePointer(
         cause=cause,
         candidate=review.candidate,
         configuration=review.configuration,
@@ -105,12 +109,14 @@ def _trial(runtime: Runtime) -> Review | None:
 
 
 def _counts(mission: Mission) -> bool:
-    """Over, on the robot itself, and begun: one that was called off before anything ran shows nothing."""
+    """Whether the mission is over, ran on the robot itself, and began. One that was cancelled before anything ran shows
+    nothing.
+    """
     return mission.ended and not mission.replay and ran(mission)
 
 
 def _measured(runtime: Runtime, review: Review, mission: Mission, duplicate_starts: int) -> CanaryMission:
-    course = course_of(runtime, mission.mission_id, duplicate_starts=duplicate_starts)
+    course = metrics_of(runtime, mission.mission_id, duplicate_starts=duplicate_starts)
     baseline = runtime.stored_configuration(review.baseline)
     manifest = _manifest(review)
     value = value_of(manifest.metric, mission, course)

@@ -1,4 +1,6 @@
-"""Reading the review desk: candidates, results, pointer and pins as the log has them. Writes nothing."""
+"""Answers questions about candidates: results, clauses, pointer and pinned missions, as the log has them.
+Writes nothing.
+"""
 
 import msgspec
 
@@ -8,12 +10,11 @@ from harness.contracts.ids import Digest, MissionId, RobotId
 from harness.contracts.ports import StoredEvent
 from harness.contracts.values import digest
 from harness.runtime import Runtime
+from rsi_reviews import contracts, pointers
 from rsi_reviews.canary import Outcome, outcome
 from rsi_reviews.canary_metrics import canary_missions, ran
-from rsi_reviews.contracts import AcceptanceReport, Candidate, ClauseAnswer, RestrictionViolation, ResultSet
 from rsi_reviews.difference import CandidateDifference, difference
 from rsi_reviews.manifest import unfounded
-from rsi_reviews.pointers import POINTER, Draining, Pointer, candidate_stream, current_at, pins, versions
 from rsi_reviews.projections import Review
 from rsi_reviews.release import release_clause
 from rsi_reviews.restrictions import loosened
@@ -23,7 +24,9 @@ ANY_ROBOT = RobotId("any")
 
 
 class CandidateQueries:
-    """Questions about candidates, versions and the pointer. Raises UnknownName for a candidate that is not there."""
+    """Read-only questions about candidates, versions and the pointer. Raises UnknownName for a candidate that
+    does not exist.
+    """
 
     def __init__(self, runtime: Runtime) -> None:
         self._runtime = runtime
@@ -35,7 +38,7 @@ class CandidateQueries:
         return [self._runtime.fold(stream) for stream in reversed(self._runtime.streams("candidate/"))]
 
     def review(self, candidate: str) -> Review:
-        """By its digest or by a beginning of it that only one candidate has."""
+        """The candidate by its digest, or by a prefix of the digest that is unique."""
         found = [
             stream for stream in self._runtime.streams("candidate/") if stream.startswith(f"candidate/{candidate}")
         ]
@@ -45,107 +48,111 @@ class CandidateQueries:
         review: Review = self._runtime.fold(found[0])
         return review
 
-    def candidate(self, candidate: str) -> Candidate:
+    def candidate(self, candidate: str) -> contracts.Candidate:
         """The candidate itself, its configuration read from the log."""
         review = self.review(candidate)
         if review.manifest is None:
             raise UnknownName(f"There is no candidate {candidate}", do="list them with `regen rsi list`")
         configuration = self._runtime.stored_configuration(review.configuration)
-        return Candidate(configuration=configuration, manifest=review.manifest, baseline=review.baseline)
+        return contracts.Candidate(configuration=configuration, manifest=review.manifest, baseline=review.baseline)
 
-    def results(self, candidate: str) -> ResultSet | None:
-        """What was measured, as it was taken up; None before."""
+    def results(self, candidate: str) -> contracts.ResultSet | None:
+        """What was measured, as it was recorded; None before that."""
         review = self.review(candidate)
         if review.evaluation is None:
             return None
-        return msgspec.json.decode(self._runtime.record(review.evaluation.result_set).body, type=ResultSet)
+        return msgspec.json.decode(self._runtime.record(review.evaluation.result_set).body, type=contracts.ResultSet)
 
-    def report(self, candidate: str) -> AcceptanceReport | None:
-        """Clauses 1 to 3 as they were answered; None before."""
+    def report(self, candidate: str) -> contracts.AcceptanceReport | None:
+        """Clauses 1 to 3 as they were answered; None before that."""
         evaluation = self.review(candidate).evaluation
         return evaluation.report if evaluation else None
 
-    def clauses(self, candidate: str) -> tuple[ClauseAnswer, ...]:
+    def clauses(self, candidate: str) -> tuple[contracts.ClauseAnswer, ...]:
         """All four clauses as they stand now (R160)."""
         review = self.review(candidate)
         first = review.evaluation.report.clauses if review.evaluation else ()
         return (*first, release_clause(review))
 
     def diff(self, candidate: str) -> CandidateDifference:
-        """What it changes against its baseline, by component and raw."""
+        """The candidate's changes against its baseline, by component and raw."""
         review = self.review(candidate)
         return difference(
             self._runtime.stored_configuration(review.baseline),
             self._runtime.stored_configuration(review.configuration),
         )
 
-    def refusals(self, candidate: Candidate) -> tuple[RestrictionViolation, ...]:
-        """Everything that would refuse this proposal now, without proposing it. Raises ConfigurationMissing."""
+    def refusals(self, candidate: contracts.Candidate) -> tuple[contracts.RestrictionViolation, ...]:
+        """Every reason for which this proposal would be refused now, without proposing it. Raises
+        ConfigurationMissing.
+        """
         baseline = self._runtime.stored_configuration(self.current(ANY_ROBOT))
         return (*unfounded(candidate, baseline), *loosened(baseline, candidate.configuration))
 
     def events(self, candidate: str) -> list[StoredEvent]:
         """The candidate's whole history, as stored (R161, R167)."""
-        return self._runtime.stream(candidate_stream(self.review(candidate).candidate))
+        return self._runtime.stream(pointers.candidate_stream(self.review(candidate).candidate))
 
     def canary_outcome(self, candidate: str) -> Outcome:
-        """Where its canary stands."""
+        """The present result of the candidate's canary."""
         return outcome(self.review(candidate))
 
     # pointer --------------------------------------------------------------------------------------------------------
 
     def growth(self) -> Growth:
-        """What persons added to the shipped regression suite here."""
+        """The cases that people added to the shipped regression suite on this site."""
         growth: Growth = self._runtime.fold(GROWTH)
         return growth
 
-    def pointer(self) -> Pointer:
-        """Where the pointer stands, its history, policy, looks and quarantine."""
-        pointer: Pointer = self._runtime.fold(POINTER)
+    def pointer(self) -> pointers.Pointer:
+        """The pointer's position, history, policy, held-out looks and quarantine."""
+        pointer: pointers.Pointer = self._runtime.fold(pointers.POINTER)
         return pointer
 
     def current(self, robot_id: RobotId = ANY_ROBOT) -> Digest:
-        """What a mission of this robot that begins now is pinned to."""
+        """The version that a mission of this robot would be pinned to if it began now."""
         return self._runtime.current_configuration_id(robot_id)
 
     def current_at(self, instant_s: float, *, robot_id: RobotId | None = None) -> Digest | None:
-        """What was current at this wall time; None before the pointer was first written."""
-        return current_at(self.pointer(), instant_s, robot_id=robot_id)
+        """The version that was current at this wall time; None before the pointer was first written."""
+        return pointers.current_at(self.pointer(), instant_s, robot_id=robot_id)
 
     def pins(self) -> dict[Digest, tuple[MissionId, ...]]:
         """Unfinished missions by the version they are pinned to."""
-        return pins(self._runtime.open_missions())
+        return pointers.pins(self._runtime.open_missions())
 
-    def versions(self) -> dict[Digest, Draining]:
-        """Every version that is known, and whether anything runs under it."""
+    def versions(self) -> dict[Digest, pointers.Draining]:
+        """Every known version, and whether anything runs under it."""
         pinned = self.pins()
         known = {self.current(), *(review.configuration for review in self.reviews()), *pinned}
-        return versions(self.pointer(), sorted(known), pinned)
+        return pointers.versions(self.pointer(), sorted(known), pinned)
 
     def loads(self, configuration: Digest) -> Digest:
-        """Load a version and encode it again: its own name if one can go back to it. Raises ConfigurationMissing."""
+        """Load a version and encode it again: the result is its own id if a rollback to it is possible. Raises
+        ConfigurationMissing.
+        """
         loaded: Configuration = self._runtime.stored_configuration(configuration)
         return digest(loaded)
 
 
 def on_trial(runtime: Runtime, configuration_id: Digest) -> bool:
     """Whether a version is in canary (D28, D34). For `open_harness(trial=...)`."""
-    pointer: Pointer = runtime.fold(POINTER)
+    pointer: pointers.Pointer = runtime.fold(pointers.POINTER)
     return bool(pointer.version) and pointer.canary == configuration_id
 
 
 def selected(runtime: Runtime, robot_id: RobotId) -> Digest | None:
-    """What the pointer says for a robot's next mission; None while nothing was ever proposed here.
+    """The version that the pointer gives a robot's next mission; None while no candidate was ever proposed here.
 
-    For `open_harness(select=...)`. A canary takes one mission at a time: the next begins under it only when the one
-    before is over and adjudicated, and none does once the canary's own rule has spoken.
+    For `open_harness(select=...)`. A canary runs one mission at a time. The next one begins only when the one before is
+    over and adjudicated, and none begins once the canary's own rule has reached a result.
     """
-    pointer: Pointer = runtime.fold(POINTER)
+    pointer: pointers.Pointer = runtime.fold(pointers.POINTER)
     if not pointer.version:
         return None
     if pointer.canary is None or pointer.trial is None or robot_id != pointer.robot_id:
         return pointer.configuration
-    review: Review = runtime.fold(candidate_stream(pointer.trial))
+    review: Review = runtime.fold(pointers.candidate_stream(pointer.trial))
     free = outcome(review) == "go_on" and not _occupied(runtime, review)
     return pointer.canary if free else pointer.configuration
 

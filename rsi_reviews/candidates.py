@@ -1,6 +1,6 @@
-"""Candidates and manifests as they come from outside: a file, a person's editor, a model. Strict, bounded, typed.
+"""Reads candidates and manifests that come from outside (a file, a person's editor, a model): strict, bounded, typed.
 
-Text from outside is data: nothing in it is ever an instruction to anybody, and no model's word approves anything.
+Text from outside is data. It is never an instruction, and no model's answer approves anything.
 """
 
 from typing import Any, TypeVar
@@ -83,7 +83,7 @@ def _tree(body: bytes, where: str) -> Any:
 
 
 def _depth(body: bytes) -> int:
-    """How deep brackets open, those in texts included: only ever too strict."""
+    """How deep brackets nest, brackets inside strings included, so that the check can only be too strict."""
     deepest = depth = 0
     for byte in body:
         if byte in b"[{":

@@ -1,4 +1,4 @@
-"""What is asked of the review desk, in the imperative. Data: asking is not deciding."""
+"""Defines the commands of the release service. They are data: a command is a request, not a decision."""
 
 from typing import Literal
 
@@ -6,29 +6,19 @@ from harness.contracts.actors import Actor, Command
 from harness.contracts.configuration import Configuration
 from harness.contracts.ids import Digest, MissionId, RobotId
 from harness.contracts.values import Count, Name
-from rsi_reviews.contracts import (
-    AcceptanceReport,
-    CanaryMission,
-    Candidate,
-    EvaluationTerms,
-    Finding,
-    HeldOutAnswer,
-    ReleasePolicy,
-    ResultSet,
-    Sentence,
-)
+from rsi_reviews import contracts
 
 
 class ReviewCommand(Command):
-    """A command of somebody: who, why, and the key under which repeating it changes nothing."""
+    """A command with its author, its reason, and the key under which repeating it changes nothing."""
 
     actor: Actor
-    reason: Sentence
+    reason: contracts.Sentence
     key: Name
 
 
 class OnSubject(ReviewCommand):
-    """A decision on exactly what was shown: the subject's digest and the cycle it was asked in."""
+    """A decision on exactly what was shown: the subject's digest and the review cycle."""
 
     cycle: Count
     subject: Digest
@@ -38,27 +28,28 @@ class OnSubject(ReviewCommand):
 
 
 class ProposeCandidate(ReviewCommand, tag=True):
-    """`baseline` is the configuration itself, so that the decider compares; nothing that loosens gets past it.
+    """Propose a candidate. `baseline` is the configuration itself, so that the decider can compare and refuse what
+    loosens.
 
     `earlier`: authors of the candidates that this one edits or repeats; they stay its authors (D33).
     """
 
-    candidate: Candidate
+    candidate: contracts.Candidate
     baseline: Configuration
     supersedes: Digest | None = None
     earlier: tuple[Name, ...] = ()
 
 
 class BeginEvaluation(ReviewCommand, tag=True):
-    terms: EvaluationTerms
+    terms: contracts.EvaluationTerms
 
 
 class RecordEvaluation(ReviewCommand, tag=True):
-    """Results and what the acceptance predicate made of them; `terms` are those they were made under."""
+    """Record results and the acceptance predicate's report; `terms` are those the results were made under."""
 
-    terms: EvaluationTerms
-    results: ResultSet
-    report: AcceptanceReport
+    terms: contracts.EvaluationTerms
+    results: contracts.ResultSet
+    report: contracts.AcceptanceReport
 
 
 class OpenReview(ReviewCommand, tag=True):
@@ -78,7 +69,7 @@ class AddComment(ReviewCommand, tag=True):
 
 
 class ApproveCandidate(OnSubject, tag=True):
-    policy: ReleasePolicy
+    policy: contracts.ReleasePolicy
 
 
 class RejectCandidate(OnSubject, tag=True):
@@ -88,7 +79,7 @@ class RejectCandidate(OnSubject, tag=True):
 class AuthoriseRelease(OnSubject, tag=True):
     """`proven`: the digest of the rollback target as it was loaded and encoded again just now."""
 
-    policy: ReleasePolicy
+    policy: contracts.ReleasePolicy
     rollback: Digest
     proven: Digest
 
@@ -98,30 +89,30 @@ class ExpireAuthorisation(Command, tag=True):
 
 
 class BeginCanary(OnSubject, tag=True):
-    """The release itself: new missions of one robot, one at a time, are pinned to it.
+    """Release to one robot: new missions of this robot, one at a time, are pinned to the candidate.
 
-    `policy` is the one that holds now; an authorisation under another one still has to satisfy it.
+    `policy` is the approval policy in force now; an authorisation made under another one still has to satisfy it.
 
     `recent`: the metric in the baseline's own latest missions on that robot; the canary is compared with them.
     """
 
     robot_id: RobotId
-    policy: ReleasePolicy
+    policy: contracts.ReleasePolicy
     recent: tuple[float, ...] = ()
 
 
 class RecordCanaryMission(Command, tag=True):
-    measured: CanaryMission
+    measured: contracts.CanaryMission
 
 
 class AdjudicateCanaryMission(ReviewCommand, tag=True):
     mission_id: MissionId
-    finding: Finding
-    policy: ReleasePolicy
+    finding: contracts.Finding
+    policy: contracts.ReleasePolicy
 
 
 class PromoteCandidate(Command, tag=True):
-    """The canary is over and did not speak against it."""
+    """Make the candidate current on every robot, once the canary is over and did not find against it."""
 
 
 class RollBack(ReviewCommand, tag=True):
@@ -157,17 +148,17 @@ CandidateCommand = (
 
 
 class OpenPointer(Command, tag=True):
-    """The first version is what the program ships."""
+    """Write the first position of the pointer: the version that the program ships."""
 
     configuration: Digest
     actor: Actor
 
 
 class Confirm(Command, tag=True):
-    """Changes nothing: refuses unless what the other command of this transaction rests on still holds."""
+    """Changes nothing. Refuses unless the state that the other command of this transaction relies on still holds."""
 
     baseline: Digest | None = None
-    policy: ReleasePolicy | None = None
+    policy: contracts.ReleasePolicy | None = None
     configuration: Digest | None = None
 
 
@@ -182,24 +173,24 @@ class MovePointer(Command, tag=True):
     configuration: Digest
     rollback: Digest
     actor: Actor
-    reason: Sentence
+    reason: contracts.Sentence
     robot_id: RobotId | None = None
 
 
 class SavePolicy(ReviewCommand, tag=True):
     """`reviewers` and `releasers`: the people who hold these roles now. A policy nobody can meet is refused."""
 
-    policy: ReleasePolicy
+    policy: contracts.ReleasePolicy
     reviewers: tuple[Name, ...]
     releasers: tuple[Name, ...]
 
 
 class CountLook(Command, tag=True):
-    """A held-out look that an evaluation took, with what it spent."""
+    """Count a held-out look of an evaluation, with the alpha it spent."""
 
     candidate: Digest
     terms: Digest
-    answer: HeldOutAnswer
+    answer: contracts.HeldOutAnswer
 
 
 class RecordUptake(Command, tag=True):
@@ -208,7 +199,7 @@ class RecordUptake(Command, tag=True):
 
 
 class RetireVersion(ReviewCommand, tag=True):
-    """`pinned`: unfinished missions that run under it."""
+    """Retire a version. `pinned`: unfinished missions that run under it."""
 
     configuration: Digest
     pinned: tuple[MissionId, ...]

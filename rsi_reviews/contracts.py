@@ -1,17 +1,17 @@
-"""The words of the review desk: manifests, candidates, results and answers. Data: nothing here decides.
+"""Defines the data types of the release process: manifests, candidates, results and answers. Nothing here decides.
 
-Lower is better or higher is better is not said here: it is `Direction`, fixed in the manifest before anything runs.
-JSON has no NaN: a measure that is not a number cannot be decoded, so it can never be read back as a pass.
+Whether lower or higher is better is given by `Direction`, which the manifest fixes before anything runs. JSON has no
+NaN: a measure that is not a number cannot be decoded, so it can never be read back as a pass.
 """
 
 from typing import Annotated, Literal
 
 import msgspec
 
+from harness.contracts import values
 from harness.contracts.configuration import Configuration
 from harness.contracts.ids import Digest, MissionId
 from harness.contracts.reasons import Reason
-from harness.contracts.values import Count, Name, NonNegative, Positive, Share, Value, digest
 
 Section = Literal["context_rules", "templates", "routing", "recovery"]
 SECTIONS: tuple[Section, ...] = ("context_rules", "templates", "routing", "recovery")
@@ -35,21 +35,21 @@ FAMILIES: tuple[Family, ...] = (
 Sentence = Annotated[str, msgspec.Meta(min_length=1, max_length=2000)]
 
 
-class Author(Value):
-    """Who proposed: a person by account name, or an optimiser by its own name and version."""
+class Author(values.Value):
+    """Who proposed a candidate: a person by account name, or an optimiser by its own name and version."""
 
-    name: Name
+    name: values.Name
     kind: Literal["person", "optimiser"]
 
 
-class Motive(Value):
+class Motive(values.Value):
     """A stored mission that led to the change, and the positions of its events in the log (R156)."""
 
     mission_id: MissionId
-    positions: tuple[Count, ...] = ()
+    positions: tuple[values.Count, ...] = ()
 
 
-class CanaryTest(Value):
+class CanaryTest(values.Value):
     """The sequential test of the declared metric in canary, fixed beforehand (D34).
 
     A canary mission is `worse` if its metric lies beyond the `quantile` of the baseline's own missions. The likelihood
@@ -59,14 +59,14 @@ class CanaryTest(Value):
     `window`: how many there may be in all before an unexercised change is withdrawn.
     """
 
-    quantile: Share = 0.75
-    harmful_share: Share = 0.9
+    quantile: values.Share = 0.75
+    harmful_share: values.Share = 0.9
     alpha: Annotated[float, msgspec.Meta(gt=0, lt=0.5)] = 0.05
     missions: Annotated[int, msgspec.Meta(ge=5, le=50)] = 5
     window: Annotated[int, msgspec.Meta(ge=5, le=500)] = 50
 
 
-class Manifest(Value):
+class Manifest(values.Value):
     """What a change is for (R156). Its digest is recorded before anything runs; nothing in it changes afterwards."""
 
     component: Section
@@ -74,7 +74,7 @@ class Manifest(Value):
     intended_effect: Sentence
     metric: Metric
     direction: Direction
-    smallest_effect: Positive
+    smallest_effect: values.Positive
     baseline: Digest
     rollback: Digest
     author: Author
@@ -82,7 +82,7 @@ class Manifest(Value):
     canary: CanaryTest = msgspec.field(default_factory=CanaryTest)
 
 
-class Candidate(Value):
+class Candidate(values.Value):
     """A proposed configuration with its manifest, against one baseline. Its id is the digest of the three."""
 
     configuration: Configuration
@@ -92,16 +92,18 @@ class Candidate(Value):
     @property
     def candidate_id(self) -> Digest:
         return candidate_id(
-            configuration=self.configuration.configuration_id, manifest=digest(self.manifest), baseline=self.baseline
+            configuration=self.configuration.configuration_id,
+            manifest=values.digest(self.manifest),
+            baseline=self.baseline,
         )
 
 
 def candidate_id(*, configuration: Digest, manifest: Digest, baseline: Digest) -> Digest:
     """SHA-256 over the three digests, so the id is known without the configuration itself."""
-    return digest({"baseline": baseline, "configuration": configuration, "manifest": manifest})
+    return values.digest({"baseline": baseline, "configuration": configuration, "manifest": manifest})
 
 
-class EvaluationTerms(Value):
+class EvaluationTerms(values.Value):
     """What an evaluation will be, recorded before it begins: results under other terms are refused by name.
 
     `predicate`, `suite` and `seeds` are digests of the acceptance predicate, of the regression suite and of the exact
@@ -115,15 +117,15 @@ class EvaluationTerms(Value):
     baseline: Digest
     predicate: Digest
     suite: Digest
-    suite_version: Name
+    suite_version: values.Name
     seeds: Digest
-    evaluator: Name
+    evaluator: values.Name
     cases: Annotated[int, msgspec.Meta(ge=1)]
-    launched_by: Annotated[tuple[Name, ...], msgspec.Meta(min_length=1)]
-    suite_edited_by: tuple[Name, ...] = ()
+    launched_by: Annotated[tuple[values.Name, ...], msgspec.Meta(min_length=1)]
+    suite_edited_by: tuple[values.Name, ...] = ()
 
 
-class CaseResult(Value, omit_defaults=True):
+class CaseResult(values.Value, omit_defaults=True):
     """One case run under one configuration. Counts and costs are per mission; 0 or 1 for yes and no.
 
     `outcome`: only `finished` is a result; the others make their clause an error. `recovery_cost` counts spends, and
@@ -152,16 +154,16 @@ class CaseResult(Value, omit_defaults=True):
     note: str = ""
 
 
-class HeldOutAnswer(Value):
-    """All that comes back of a held-out look (D32): pass or fail, which look it was, and the alpha it spent."""
+class HeldOutAnswer(values.Value):
+    """The whole answer of a held-out look (D32): pass or fail, the number of the look, and the alpha it spent."""
 
     answer: Literal["pass", "fail"]
     look: Annotated[int, msgspec.Meta(ge=1)]
-    alpha: Share
+    alpha: values.Share
     cases: Annotated[int, msgspec.Meta(ge=1)]
 
 
-class ResultSet(Value):
+class ResultSet(values.Value):
     """Everything that was measured under `terms`: one result per (case, configuration), both configurations."""
 
     terms: Digest
@@ -177,8 +179,10 @@ CLAUSES: tuple[ClauseName, ...] = (
 )  # fmt: skip
 
 
-class ClauseAnswer(Value):
-    """One clause of the acceptance predicate: its answer, its numbers by name with units, and why in a sentence."""
+class ClauseAnswer(values.Value):
+    """One clause of the acceptance predicate: its answer, its numbers by name with units, and the reason in a
+    sentence.
+    """
 
     clause: ClauseName
     answer: Answer
@@ -186,8 +190,10 @@ class ClauseAnswer(Value):
     numbers: dict[str, float] = msgspec.field(default_factory=dict)
 
 
-class AcceptanceReport(Value):
-    """Clauses 1 to 3 over one result set; the fourth, the authorised release, is the desk's own (D33)."""
+class AcceptanceReport(values.Value):
+    """Clauses 1 to 3 over one result set. The fourth, the authorised release, is decided by the release service
+    (D33).
+    """
 
     terms: Digest
     result_set: Digest
@@ -196,7 +202,9 @@ class AcceptanceReport(Value):
 
     @property
     def answer(self) -> Answer:
-        """Pass only if clauses 1 to 3 are each there once and pass; the worst of error, fail, inconclusive else."""
+        """Pass only if clauses 1 to 3 are each present once and pass; otherwise the worst of error, fail,
+        inconclusive.
+        """
         if [clause.clause for clause in self.clauses] != list(CLAUSES[:3]):
             return "error"
         answers = {clause.answer for clause in self.clauses}
@@ -204,7 +212,7 @@ class AcceptanceReport(Value):
         return next((answer for answer in order if answer in answers), "pass")
 
 
-class Subject(Value):
+class Subject(values.Value):
     """Exactly what a person approves: what will run and what it was judged by (gate 2). Its digest is the subject."""
 
     candidate: Digest
@@ -214,24 +222,24 @@ class Subject(Value):
     predicate: Digest
     suite: Digest
     seeds: Digest
-    evaluator: Name
+    evaluator: values.Name
     result_set: Digest
     report: Digest
 
 
-class ReleasePolicy(Value):
+class ReleasePolicy(values.Value):
     """Who must agree before a release (D33). `cooling_off_s`: what a single operator waits after the evaluation."""
 
     kind: Literal["two_person", "single_operator"] = "two_person"
     quorum: Annotated[int, msgspec.Meta(ge=1, le=10)] = 1
-    cooling_off_s: NonNegative = 0.0
-    authorisation_s: Positive = 86_400.0
+    cooling_off_s: values.NonNegative = 0.0
+    authorisation_s: values.Positive = 86_400.0
 
 
-class RestrictionViolation(Value):
-    """One thing a candidate may not do: the rule, where it stands, what it was and would become, and why not."""
+class RestrictionViolation(values.Value):
+    """One change that a candidate may not make: the rule, the path, the old and the new value, and the reason."""
 
-    rule: Name
+    rule: values.Name
     path: str
     reason: Reason
     old: str = ""
@@ -241,8 +249,8 @@ class RestrictionViolation(Value):
 Finding = Literal["sound", "false_completion", "duplicate_start", "safety_violation"]
 
 
-class CanaryMission(Value):
-    """What was measured of one mission under a candidate: whether the change took a part, its metric, and faults.
+class CanaryMission(values.Value):
+    """What was measured of one mission under a candidate: whether the change was exercised, its metric, and faults.
 
     `hard` names a hard fault that the record itself shows. `worse`: the metric lies beyond the declared bound.
     """

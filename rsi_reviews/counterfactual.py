@@ -1,7 +1,8 @@
-"""Which stored decisions would have come out otherwise under a candidate. Touches no robot; starts nothing.
+"""Finds stored decisions that would have come out differently under a candidate. Commands no robot and starts nothing.
 
 Every decision is derived again from what was stored with it: the routing question, the contexts, the failures. Up to a
-mission's first difference this is what would have happened; after it, the mission would have gone another way.
+mission's first difference, the result is what would have happened. After it, the mission would have taken another
+course.
 """
 
 from collections.abc import Iterable, Iterator
@@ -42,7 +43,7 @@ _CODEC: Codec[MissionEvent] = Codec(MissionEvent)
 
 
 class MissionRecords(Protocol):
-    """What is read of the log here."""
+    """The records of the log that this module reads."""
 
     def streams(self, prefix: str) -> list[StreamId]: ...
 
@@ -54,7 +55,7 @@ class MissionRecords(Protocol):
 
 
 class DecisionDifference(Value):
-    """One decision that would differ: where it stands in the log, and what it was and would be."""
+    """One decision that would differ: its position in the log, what it was and what it would be."""
 
     position: Count
     kind: Kind
@@ -126,7 +127,7 @@ def _mission(runtime: MissionRecords, configuration: Configuration, mission_id: 
 
 @dataclass
 class _Again:
-    """One mission's decisions under the other configuration."""
+    """Derives one mission's decisions again under the other configuration."""
 
     runtime: MissionRecords
     configuration: Configuration
@@ -165,7 +166,7 @@ class _Again:
             yield _difference(stored, "plan", event.node_id, before=before or "nothing", after=after or "nothing")
 
     def _routing(self, stored: StoredEvent, event: DispatchIntended) -> Iterator[DecisionDifference]:
-        """The same question under other weights, and under the other timeout that latency is measured by."""
+        """The same routing question under the other weights, and the other timeout that latency is measured against."""
         if event.question is None:
             return
         question = self._stored(event.question, RoutingQuestion)
@@ -210,7 +211,7 @@ class _Again:
             yield _difference(stored, "wait", node_id, before=f"{before:g} s", after=f"{after:g} s")
 
     def _shown(self, stored: StoredEvent, name: Digest, *, node_id: NodeId | None) -> Iterator[DecisionDifference]:
-        """Which records the role would have been shown; those withheld for the budget are known by kind only."""
+        """The records that the role would have been shown; those withheld for the budget are known by kind only."""
         context = self._stored(name, Context)
         other = self._narrowed(context)
         self.derived["context"] += 1
@@ -227,7 +228,7 @@ class _Again:
             )
 
     def _narrowed(self, context: Context) -> Context:
-        """The context under the candidate's context rules, as far as they take something away."""
+        """The context under the candidate's context rules, as far as these rules remove something."""
         least = self.configuration.context_rules.minimum_confidence
         records = [one for one in context.records if one.confidence >= least]
         excess = len(records) - self._budget(context)

@@ -1,31 +1,14 @@
-"""Pure: the decider of a candidate's stream, one arm per command, and the deciders the harness is opened with."""
+"""Dispatches each command on a candidate's stream to its rule, and lists the deciders the harness is opened
+with. Pure.
+"""
 
 from typing import Any, assert_never
 
 from harness.contracts.decider import Codec, Decider
 from harness.contracts.decisions import Decision
 from harness.contracts.values import Moment
+from rsi_reviews import commands
 from rsi_reviews.canary import adjudicate, record
-from rsi_reviews.commands import (
-    AddComment,
-    AdjudicateCanaryMission,
-    ApproveCandidate,
-    AuthoriseRelease,
-    BeginCanary,
-    BeginEvaluation,
-    CandidateCommand,
-    ExpireAuthorisation,
-    OpenReview,
-    PromoteCandidate,
-    ProposeCandidate,
-    RecallReview,
-    RecordCanaryMission,
-    RecordEvaluation,
-    RejectCandidate,
-    RequestChanges,
-    RollBack,
-    WithdrawCandidate,
-)
 from rsi_reviews.events import CandidateEvent
 from rsi_reviews.pointer_rules import DECIDER as RELEASE
 from rsi_reviews.projections import Review, apply
@@ -36,26 +19,26 @@ from rsi_reviews.rollback import roll_back, withdraw
 from rsi_reviews.suite_growth import DECIDER as SUITE
 
 
-def decide(review: Review, command: CandidateCommand, now: Moment) -> Decision[CandidateEvent]:
-    """Accept or refuse one request about one candidate."""
+def decide(review: Review, command: commands.CandidateCommand, now: Moment) -> Decision[CandidateEvent]:
+    """Accept or refuse one command about one candidate."""
     match command:
-        case ProposeCandidate():
+        case commands.ProposeCandidate():
             return propose(review, command, now)
-        case BeginEvaluation():
+        case commands.BeginEvaluation():
             return begin(review, command, now)
-        case RecordEvaluation():
+        case commands.RecordEvaluation():
             return conclude(review, command, now)
-        case OpenReview():
+        case commands.OpenReview():
             return open_review(review, command, now)
-        case RequestChanges():
+        case commands.RequestChanges():
             return request_changes(review, command, now)
-        case RecallReview():
+        case commands.RecallReview():
             return recall(review, command, now)
-        case AddComment():
+        case commands.AddComment():
             return comment(review, command, now)
-        case ApproveCandidate():
+        case commands.ApproveCandidate():
             return approve(review, command, now)
-        case RejectCandidate():
+        case commands.RejectCandidate():
             return reject(review, command, now)
         case _:
             return _released(review, command, now)
@@ -63,38 +46,38 @@ def decide(review: Review, command: CandidateCommand, now: Moment) -> Decision[C
 
 def _released(
     review: Review,
-    command: AuthoriseRelease
-    | ExpireAuthorisation
-    | BeginCanary
-    | RecordCanaryMission
-    | AdjudicateCanaryMission
-    | PromoteCandidate
-    | RollBack
-    | WithdrawCandidate,
+    command: commands.AuthoriseRelease
+    | commands.ExpireAuthorisation
+    | commands.BeginCanary
+    | commands.RecordCanaryMission
+    | commands.AdjudicateCanaryMission
+    | commands.PromoteCandidate
+    | commands.RollBack
+    | commands.WithdrawCandidate,
     now: Moment,
 ) -> Decision[CandidateEvent]:
     match command:
-        case AuthoriseRelease():
+        case commands.AuthoriseRelease():
             return authorise(review, command, now)
-        case ExpireAuthorisation():
+        case commands.ExpireAuthorisation():
             return expire(review, command, now)
-        case BeginCanary():
+        case commands.BeginCanary():
             return begin_canary(review, command, now)
-        case RecordCanaryMission():
+        case commands.RecordCanaryMission():
             return record(review, command, now)
-        case AdjudicateCanaryMission():
+        case commands.AdjudicateCanaryMission():
             return adjudicate(review, command, now)
-        case PromoteCandidate():
+        case commands.PromoteCandidate():
             return promote(review, command, now)
-        case RollBack():
+        case commands.RollBack():
             return roll_back(review, command, now)
-        case WithdrawCandidate():
+        case commands.WithdrawCandidate():
             return withdraw(review, command, now)
         case _:
             assert_never(command)
 
 
-CANDIDATE: Decider[Review, CandidateCommand, CandidateEvent] = Decider(
+CANDIDATE: Decider[Review, commands.CandidateCommand, CandidateEvent] = Decider(
     initial=Review(), apply=apply, decide=decide, codec=Codec(CandidateEvent)
 )
 DECIDERS: dict[str, Decider[Any, Any, Any]] = {"candidate": CANDIDATE, "release": RELEASE, "suite": SUITE}

@@ -1,4 +1,4 @@
-"""Pure: what a candidate changes, as people read it: by component, with unit and meaning, beside the raw difference."""
+"""Describes what a candidate changes, by component with unit and meaning, and as a raw difference. Pure."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence

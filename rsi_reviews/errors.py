@@ -1,4 +1,4 @@
-"""What goes wrong at the review desk, as one branch of the harness's tree.
+"""Defines the errors of the release service, as one branch of the harness's error tree.
 
 HarnessError
 └── CandidateInvalid     a candidate or manifest from outside cannot be read, or is no configuration

@@ -1,32 +1,21 @@
-"""What happens to a candidate and to the pointer, in the past tense. One stream per candidate, one for the pointer."""
+"""Defines the events of a candidate and of the pointer. Each candidate has one stream; the pointer has one."""
 
 from typing import Literal
 
 from harness.contracts.actors import Actor, Event
 from harness.contracts.ids import Digest, MissionId, RobotId
 from harness.contracts.values import Count, Name, Share, Value
-from rsi_reviews.contracts import (
-    AcceptanceReport,
-    Answer,
-    CanaryMission,
-    EvaluationTerms,
-    Finding,
-    Manifest,
-    ReleasePolicy,
-    Section,
-    Sentence,
-    Subject,
-)
+from rsi_reviews import contracts
 
 
 class Signed(Value):
-    """Whose word it was, why, and the key under which the same words again are the same receipt.
+    """Who decided, why, and the key under which the same request again returns the same receipt.
 
-    `body` is the digest of all that was asked. `override`: it counted only because of the single-operator policy.
+    `body` is the digest of the whole request. `override`: it counted only because of the single-operator policy.
     """
 
     actor: Actor
-    reason: Sentence
+    reason: contracts.Sentence
     key: Name
     body: Digest
     at_s: float
@@ -37,14 +26,14 @@ class Signed(Value):
 
 
 class CandidateProposed(Event, tag=True):
-    """The manifest and its digest are on record before anything runs (R156, D31)."""
+    """The manifest and its digest are recorded before anything runs (R156, D31)."""
 
     candidate: Digest
     configuration: Digest
-    manifest: Manifest
+    manifest: contracts.Manifest
     manifest_digest: Digest
     baseline: Digest
-    sections: tuple[Section, ...]
+    sections: tuple[contracts.Section, ...]
     by: Signed
     supersedes: Digest | None = None
     earlier: tuple[Name, ...] = ()
@@ -53,29 +42,29 @@ class CandidateProposed(Event, tag=True):
 class EvaluationBegun(Event, tag=True):
     """Predicate, suite, seeds and evaluator are fixed here; results under other terms are refused."""
 
-    terms: EvaluationTerms
+    terms: contracts.EvaluationTerms
     terms_digest: Digest
     by: Signed
 
 
 class EvaluationRecorded(Event, tag=True):
-    """What the evaluation answered (R161). `bound`: the metric's quantile over the `bound_missions` of the baseline."""
+    """The evaluation's answer (R161). `bound`: the metric's quantile over the `bound_missions` of the baseline."""
 
     terms: Digest
     result_set: Digest
-    report: AcceptanceReport
+    report: contracts.AcceptanceReport
     report_digest: Digest
-    answer: Answer
+    answer: contracts.Answer
     bound: float
     bound_missions: Count
     by: Signed
 
 
 class ReviewOpened(Event, tag=True):
-    """Persons are asked about exactly this subject, in this cycle."""
+    """People are asked to review exactly this subject, in this cycle."""
 
     cycle: Count
-    subject: Subject
+    subject: contracts.Subject
     subject_digest: Digest
     by: Signed
 
@@ -88,7 +77,7 @@ class ChangesRequested(Event, tag=True):
 
 
 class ReviewRecalled(Event, tag=True):
-    """Its own authors took it back; approvals are void."""
+    """The candidate's own authors withdrew it from review; approvals are void."""
 
     cycle: Count
     by: Signed
@@ -128,7 +117,9 @@ class AuthorisationExpired(Event, tag=True):
 
 
 class CanaryBegun(Event, tag=True):
-    """`bound`: beyond it a mission counts as worse; a quantile over `bound_missions` of the baseline's own."""
+    """The canary began. Beyond `bound` a mission counts as worse; it is a quantile over `bound_missions` of the
+    baseline's own.
+    """
 
     robot_id: RobotId
     bound: float
@@ -137,36 +128,36 @@ class CanaryBegun(Event, tag=True):
 
 
 class CanaryMissionRecorded(Event, tag=True):
-    measured: CanaryMission
+    measured: contracts.CanaryMission
     at_s: float
 
 
 class CanaryMissionAdjudicated(Event, tag=True):
-    """Somebody who did not release it says what became of this mission (D34)."""
+    """Somebody who did not release the candidate judged this mission (D34)."""
 
     mission_id: MissionId
-    finding: Finding
+    finding: contracts.Finding
     by: Signed
 
 
 class CandidateReleased(Event, tag=True):
-    """The canary ended well: it is current for every robot."""
+    """The canary passed: the candidate is current for every robot."""
 
-    reason: Sentence
+    reason: contracts.Sentence
     at_s: float
 
 
 class CandidateRolledBack(Event, tag=True):
     """Quarantined: nothing selects this configuration again."""
 
-    reason: Sentence
+    reason: contracts.Sentence
     by: Signed
 
 
 class CandidateWithdrawn(Event, tag=True):
-    """Taken back without a fault: not quarantined."""
+    """Withdrawn without a fault: not quarantined."""
 
-    reason: Sentence
+    reason: contracts.Sentence
     by: Signed
 
 
@@ -197,10 +188,10 @@ Cause = Literal["shipped", "canary", "released", "rolled_back", "withdrawn"]
 
 
 class PointerMoved(Event, tag=True):
-    """What new missions are pinned to from here on: `canary` on `robot_id` alone, `configuration` everywhere else.
+    """What new missions are pinned to from now on: `canary` on `robot_id` alone, `configuration` everywhere else.
 
-    `released` is the candidate whose configuration is current (none: what the program ships), `rollback` where it goes
-    back to, `trial` the candidate in canary.
+    `released` is the candidate whose configuration is current (none: what the program ships), `rollback` the version to
+    go back to, `trial` the candidate in canary.
     """
 
     revision: Count
@@ -224,7 +215,7 @@ class ConfigurationQuarantined(Event, tag=True):
 
 
 class PolicySaved(Event, tag=True):
-    policy: ReleasePolicy
+    policy: contracts.ReleasePolicy
     by: Signed
 
 
@@ -239,7 +230,7 @@ class HeldOutLooked(Event, tag=True):
 
 
 class UptakeRecorded(Event, tag=True):
-    """A worker works under this revision from here on."""
+    """A worker works under this revision from now on."""
 
     worker: Name
     revision: Count

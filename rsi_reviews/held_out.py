@@ -1,6 +1,8 @@
-"""Held-out looks (D32): cases that follow from a secret and the candidate's digest, drawn after it is fixed.
+"""Takes held-out looks (D32): the cases follow from a secret and the candidate's digest, and are drawn after it is
+fixed.
 
-One look per candidate; alpha is spent over all looks, so that trying often does not pay. Only pass or fail comes back.
+A candidate gets one look. Alpha is spent over all looks, so that frequent trying does not pay. Only pass or fail is
+returned.
 """
 
 import hashlib
@@ -17,8 +19,8 @@ from harness.contracts.errors import StoreUnavailable
 from harness.contracts.ids import Digest
 from harness.contracts.regularities import HiddenSite
 from harness.contracts.values import Value, encode
+from rsi_reviews import contracts
 from rsi_reviews.bounds import paired
-from rsi_reviews.contracts import BETTER, FAMILIES, CaseResult, Family, HeldOutAnswer, Manifest
 from rsi_reviews.regression.cases import Case, Outside, Situation
 from rsi_reviews.regression.errors import LookTaken, ResultsDamaged
 
@@ -32,7 +34,7 @@ INTERRUPTED = ("interrupted", "early-success", "blocked-passage")
 
 
 class Secret:
-    """What the cases follow from. It lies in the evaluator's own folder, readable by its owner alone."""
+    """The secret that the cases follow from. It lies in the evaluator's own folder, readable by its owner alone."""
 
     def __init__(self, body: bytes) -> None:
         self._body = body
@@ -41,7 +43,7 @@ class Secret:
         return "Secret(...)"
 
     def uniform(self, candidate: Digest, *name: object) -> float:
-        """A number in [0, 1) that nobody can tell without the secret."""
+        """A number in [0, 1) that cannot be computed without the secret."""
         text = "\n".join((candidate, *map(str, name))).encode()
         return int.from_bytes(hmac.new(self._body, text, hashlib.sha256).digest()[:7]) / 2**56
 
@@ -64,16 +66,16 @@ def secret_in(folder: Path, fresh: Callable[[int], bytes]) -> Secret:
 
 
 class Look(Value):
-    """One line of the book of looks: written before the look is taken, and again with its answer."""
+    """One line of the record of looks: written before the look is taken, and again with its answer."""
 
     candidate: Digest
     manifest: Digest
     look: int
-    answer: HeldOutAnswer | None = None
+    answer: contracts.HeldOutAnswer | None = None
 
 
 class Looks:
-    """How often was looked, over all candidates of this evaluator. A crash in the middle of a look costs the look."""
+    """The number of looks over all candidates of this evaluator. A crash in the middle of a look uses the look up."""
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / LOOKS
@@ -90,7 +92,7 @@ class Looks:
     def __len__(self) -> int:
         return len(self._book)
 
-    def taken(self, candidate: Digest) -> HeldOutAnswer | None:
+    def taken(self, candidate: Digest) -> contracts.HeldOutAnswer | None:
         """The answer that this candidate got."""
         look = self._book.get(candidate)
         return look.answer if look else None
@@ -107,8 +109,8 @@ class Looks:
             )
         return look or self._write(Look(candidate=candidate, manifest=manifest, look=len(self._book) + 1))
 
-    def close(self, look: Look, answer: HeldOutAnswer) -> None:
-        """Keep what came of it."""
+    def close(self, look: Look, answer: contracts.HeldOutAnswer) -> None:
+        """Store the answer of the look."""
         self._write(msgspec.structs.replace(look, answer=answer))
 
     def _write(self, look: Look) -> Look:
@@ -121,7 +123,7 @@ class Looks:
 
 
 def alpha_of(look: int) -> float:
-    """What look number `look` may spend: the sum over all looks that will ever be is ALPHA."""
+    """The alpha that look number `look` may spend: the sum over all future looks is ALPHA."""
     return ALPHA / (look * (look + 1))
 
 
@@ -134,14 +136,18 @@ def held_out_cases(
             situation=_situation(secret, candidate, family, number, site),
             seed=int(secret.uniform(candidate, family, number, "seed") * 2**31),
         )
-        for family in FAMILIES
+        for family in contracts.FAMILIES
         for number in range(per_family)
     )
 
 
 def answered(
-    look: Look, manifest: Manifest, cases: Sequence[Case], results: Sequence[CaseResult], configuration: Digest
-) -> HeldOutAnswer:
+    look: Look,
+    manifest: contracts.Manifest,
+    cases: Sequence[Case],
+    results: Sequence[contracts.CaseResult],
+    configuration: Digest,
+) -> contracts.HeldOutAnswer:
     """Pass if the declared metric's lower bound at this look's alpha lies above 0 and nothing hard was broken.
 
     `results` hold every case under baseline and candidate; one that is missing or no measurement is a fail.
@@ -156,16 +162,18 @@ def answered(
             sound = False
             continue
         gain = getattr(after, manifest.metric) - getattr(before, manifest.metric)
-        gains.setdefault(after.family, []).append(gain if BETTER[manifest.metric] == "higher" else -gain)
+        gains.setdefault(after.family, []).append(gain if contracts.BETTER[manifest.metric] == "higher" else -gain)
     better = sound and paired(gains, key=f"held-out\n{look.candidate}", alpha=alpha).low > 0.0
-    return HeldOutAnswer(answer="pass" if better else "fail", look=look.look, alpha=alpha, cases=len(cases))
+    return contracts.HeldOutAnswer(answer="pass" if better else "fail", look=look.look, alpha=alpha, cases=len(cases))
 
 
-def _broken(result: CaseResult) -> bool:
+def _broken(result: contracts.CaseResult) -> bool:
     return bool(result.contract_false_completion or result.duplicate_starts or result.safety_violations)
 
 
-def _situation(secret: Secret, candidate: Digest, family: Family, number: int, site: HiddenSite | None) -> Situation:
+def _situation(
+    secret: Secret, candidate: Digest, family: contracts.Family, number: int, site: HiddenSite | None
+) -> Situation:
     def draw(name: str) -> float:
         return secret.uniform(candidate, family, number, name)
 

@@ -1,4 +1,4 @@
-"""Sites as files: what a place does again and again, phase by phase, and what somebody who knows it would change.
+"""Reads sites from files: what recurs at a place, phase by phase, and what an expert who knows it would change.
 
 A site is named in a case as `name`, or as `name@fleet.generation`: then shares and durations differ a little from fleet
 to fleet, and the phase is the one of that generation. Anybody can add one: a YAML file in `rsi_reviews/sites`.
@@ -13,43 +13,43 @@ import msgspec
 from msgspec.structs import replace
 
 from harness.baseline.load import read_yaml
+from harness.contracts import values
 from harness.contracts.configuration import FailureClass, RecoveryAction
 from harness.contracts.errors import UnknownName
 from harness.contracts.regularities import HiddenSite, Regularity
-from harness.contracts.values import Count, Name, NonNegative, Positive, Value
 
 FOLDER = "rsi_reviews"
 SHARE_JITTER, TIME_JITTER = 0.15, 0.05
 
 
-class Expert(Value):
-    """What a person who knows the site would write into H: single knobs, and why."""
+class Expert(values.Value):
+    """What a person who knows the site would change in H: single parameters, and the reason."""
 
-    why: Name
+    why: values.Name
     ladders: dict[FailureClass, tuple[RecoveryAction, ...]] = msgspec.field(default_factory=dict)
-    wait_s: Positive | None = None
-    routing: dict[str, NonNegative] = msgspec.field(default_factory=dict)
-    timeouts_s: dict[str, dict[str, Positive]] = msgspec.field(default_factory=dict)
+    wait_s: values.Positive | None = None
+    routing: dict[str, values.NonNegative] = msgspec.field(default_factory=dict)
+    timeouts_s: dict[str, dict[str, values.Positive]] = msgspec.field(default_factory=dict)
 
 
-class Phase(Value):
-    """How the site is from one generation on."""
+class Phase(values.Value):
+    """The site from one generation on."""
 
-    from_generation: Count
+    from_generation: values.Count
     regularities: tuple[Regularity, ...]
     expert: Expert | None = None
 
 
-class SiteFile(Value):
+class SiteFile(values.Value):
     """One site. `kind`: regular, none (nothing recurs), or drifting (what recurs changes)."""
 
-    name: Name
-    title: Name
+    name: values.Name
+    title: values.Name
     kind: Literal["regular", "none", "drifting"]
     phases: Annotated[tuple[Phase, ...], msgspec.Meta(min_length=1)]
 
     def phase(self, generation: int) -> Phase:
-        """The one that holds in a generation; the first one before it."""
+        """The phase of a generation; the first phase before any begins."""
         begun = [phase for phase in self.phases if phase.from_generation <= generation]
         return begun[-1] if begun else self.phases[0]
 
@@ -92,6 +92,6 @@ def _jittered(one: Regularity, fleet: str) -> Regularity:
 
 
 def _between(*key: str) -> float:
-    """From -1 to 1, by the key alone."""
+    """From -1 to 1, determined by the key alone."""
     number = int.from_bytes(hashlib.sha256("\n".join(key).encode()).digest()[:8])
     return 2.0 * number / 2**64 - 1.0

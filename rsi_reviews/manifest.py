@@ -1,4 +1,4 @@
-"""Pure: whether a manifest says what a change is for in a way that can be tested (R156, D31)."""
+"""Checks whether a manifest states the purpose of a change in a testable form (R156, D31). Pure."""
 
 import re
 import unicodedata
@@ -8,7 +8,7 @@ from math import isfinite, log
 from harness.contracts.configuration import Configuration
 from harness.contracts.reasons import Fact, because
 from harness.contracts.values import encode
-from rsi_reviews.contracts import BETTER, SECTIONS, CanaryTest, Candidate, Manifest, RestrictionViolation, Section
+from rsi_reviews import contracts
 
 _ORDERS = re.compile(
     r"(ignore|disregard|forget|override)\b.{0,40}\b(instruction|rule|prompt|above|previous|prior)"
@@ -21,13 +21,15 @@ _ORDERS = re.compile(
 )
 
 
-def sections_changed(baseline: Configuration, candidate: Configuration) -> tuple[Section, ...]:
+def sections_changed(baseline: Configuration, candidate: Configuration) -> tuple[contracts.Section, ...]:
     """The sections whose canonical JSON differs, in the paper's order."""
-    return tuple(name for name in SECTIONS if encode(getattr(baseline, name)) != encode(getattr(candidate, name)))
+    return tuple(
+        name for name in contracts.SECTIONS if encode(getattr(baseline, name)) != encode(getattr(candidate, name))
+    )
 
 
-def unfounded(candidate: Candidate, baseline: Configuration) -> tuple[RestrictionViolation, ...]:
-    """Every reason why this manifest does not stand: what changed, against what, measured how, and in which words."""
+def unfounded(candidate: contracts.Candidate, baseline: Configuration) -> tuple[contracts.RestrictionViolation, ...]:
+    """Every reason why this manifest is invalid: what changed, against what, measured how, and in which words."""
     manifest = candidate.manifest
     return (
         *_identity(candidate, baseline),
@@ -38,7 +40,7 @@ def unfounded(candidate: Candidate, baseline: Configuration) -> tuple[Restrictio
     )
 
 
-def _identity(candidate: Candidate, baseline: Configuration) -> Iterator[RestrictionViolation]:
+def _identity(candidate: contracts.Candidate, baseline: Configuration) -> Iterator[contracts.RestrictionViolation]:
     manifest, shipped = candidate.manifest, baseline.configuration_id
     if candidate.baseline != manifest.baseline or manifest.baseline != shipped:
         yield _refusal("other_baseline", "manifest.baseline", shipped, manifest.baseline, "another_baseline")
@@ -49,7 +51,9 @@ def _identity(candidate: Candidate, baseline: Configuration) -> Iterator[Restric
         )  # fmt: skip
 
 
-def _component(manifest: Manifest, changed: tuple[Section, ...]) -> Iterator[RestrictionViolation]:
+def _component(
+    manifest: contracts.Manifest, changed: tuple[contracts.Section, ...]
+) -> Iterator[contracts.RestrictionViolation]:
     if not changed:
         yield _refusal("no_change", "configuration", "", "", "no_change")
     elif changed != (manifest.component,):
@@ -59,17 +63,17 @@ def _component(manifest: Manifest, changed: tuple[Section, ...]) -> Iterator[Res
         )  # fmt: skip
 
 
-def _measure(manifest: Manifest) -> Iterator[RestrictionViolation]:
-    if BETTER[manifest.metric] != manifest.direction:
+def _measure(manifest: contracts.Manifest) -> Iterator[contracts.RestrictionViolation]:
+    if contracts.BETTER[manifest.metric] != manifest.direction:
         yield _refusal(
-            "wrong_direction", "manifest.direction", BETTER[manifest.metric], manifest.direction,
-            "wrong_direction", metric=manifest.metric, direction=BETTER[manifest.metric],
+            "wrong_direction", "manifest.direction", contracts.BETTER[manifest.metric], manifest.direction,
+            "wrong_direction", metric=manifest.metric, direction=contracts.BETTER[manifest.metric],
         )  # fmt: skip
     if not isfinite(manifest.smallest_effect):
         yield _refusal("not_a_number", "manifest.smallest_effect", "", "", "effect_not_finite")
 
 
-def _words(manifest: Manifest) -> Iterator[RestrictionViolation]:
+def _words(manifest: contracts.Manifest) -> Iterator[contracts.RestrictionViolation]:
     texts = {"reason": manifest.reason, "intended_effect": manifest.intended_effect, "author": manifest.author.name}
     for field, text in texts.items():
         hidden = [char for char in text if unicodedata.category(char) in ("Cc", "Cf", "Co", "Cs") and char != "\n"]
@@ -82,8 +86,8 @@ def _words(manifest: Manifest) -> Iterator[RestrictionViolation]:
             )  # fmt: skip
 
 
-def _canary(test: CanaryTest) -> Iterator[RestrictionViolation]:
-    """A test that could never end in a rollback, or that ends in one by chance too often, is none."""
+def _canary(test: contracts.CanaryTest) -> Iterator[contracts.RestrictionViolation]:
+    """Rejects a test that could never end in a rollback, or that ends in one by chance too often."""
     harmless = 1.0 - test.quantile
     if not 0.0 < harmless < test.harmful_share < 1.0:
         yield _refusal(
@@ -99,5 +103,9 @@ def _canary(test: CanaryTest) -> Iterator[RestrictionViolation]:
         yield _refusal("canary_test", "manifest.canary.window", test.missions, test.window, "canary_window_too_short")
 
 
-def _refusal(rule: str, path: str, old: object, new: object, code: str, **facts: Fact) -> RestrictionViolation:
-    return RestrictionViolation(rule=rule, path=path, old=str(old), new=str(new), reason=because(code, **facts))
+def _refusal(
+    rule: str, path: str, old: object, new: object, code: str, **facts: Fact
+) -> contracts.RestrictionViolation:
+    return contracts.RestrictionViolation(
+        rule=rule, path=path, old=str(old), new=str(new), reason=because(code, **facts)
+    )

@@ -1,4 +1,6 @@
-"""Pure: may the one pointer move? It names versions that exist, one canary at a time, and keeps its history."""
+"""Decides whether the release pointer may move: it names versions that exist, one canary at a time, and keeps its
+history. Pure.
+"""
 
 from typing import assert_never
 
@@ -7,26 +9,8 @@ from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.ids import Digest
 from harness.contracts.reasons import because
 from harness.contracts.values import Moment
+from rsi_reviews import commands, events
 from rsi_reviews.approval_policy import instant, repeated, signed
-from rsi_reviews.commands import (
-    Confirm,
-    CountLook,
-    MovePointer,
-    OpenPointer,
-    PointerCommand,
-    RecordUptake,
-    RetireVersion,
-    SavePolicy,
-)
-from rsi_reviews.events import (
-    ConfigurationQuarantined,
-    HeldOutLooked,
-    PointerEvent,
-    PointerMoved,
-    PolicySaved,
-    UptakeRecorded,
-    VersionRetired,
-)
 from rsi_reviews.pointers import Pointer, apply
 from rsi_reviews.release import PEOPLE
 
@@ -34,31 +18,31 @@ ALPHA = 0.05
 """Spent over all held-out looks: the k-th gets ALPHA / (k (k + 1)), which adds up to ALPHA however many there are."""
 
 
-def decide(pointer: Pointer, command: PointerCommand, now: Moment) -> Decision[PointerEvent]:
-    """Accept or refuse one request at the pointer."""
+def decide(pointer: Pointer, command: commands.PointerCommand, now: Moment) -> Decision[events.PointerEvent]:
+    """Accept or refuse one command at the pointer."""
     match command:
-        case OpenPointer():
+        case commands.OpenPointer():
             return _opened(pointer, command, now)
-        case Confirm():
+        case commands.Confirm():
             return _stale(pointer, command) or Accepted(())
-        case MovePointer():
+        case commands.MovePointer():
             return _moved(pointer, command, now)
-        case SavePolicy():
+        case commands.SavePolicy():
             return _policy(pointer, command, now)
-        case CountLook():
+        case commands.CountLook():
             return _look(pointer, command, now)
-        case RecordUptake():
+        case commands.RecordUptake():
             return _uptake(pointer, command, now)
-        case RetireVersion():
+        case commands.RetireVersion():
             return _retired(pointer, command, now)
         case _:
             assert_never(command)
 
 
-def _opened(pointer: Pointer, command: OpenPointer, now: Moment) -> Decision[PointerEvent]:
+def _opened(pointer: Pointer, command: commands.OpenPointer, now: Moment) -> Decision[events.PointerEvent]:
     if pointer.version:
         return Accepted(())
-    shipped = PointerMoved(
+    shipped = events.PointerMoved(
         revision=0,
         cause="shipped",
         configuration=command.configuration,
@@ -74,7 +58,7 @@ def _opened(pointer: Pointer, command: OpenPointer, now: Moment) -> Decision[Poi
     return Accepted((shipped,))
 
 
-def _stale(pointer: Pointer, command: Confirm) -> Refused | None:
+def _stale(pointer: Pointer, command: commands.Confirm) -> Refused | None:
     if command.baseline is not None and command.baseline != pointer.configuration:
         return refused(
             "stale_baseline",
@@ -100,12 +84,12 @@ def _unusable(pointer: Pointer, configuration: Digest) -> Refused | None:
     return None
 
 
-def _moved(pointer: Pointer, command: MovePointer, now: Moment) -> Decision[PointerEvent]:
+def _moved(pointer: Pointer, command: commands.MovePointer, now: Moment) -> Decision[events.PointerEvent]:
     match command.cause:
         case "canary":
             if pointer.trial is not None:
                 return refused("canary_open", trial=pointer.trial[:12])
-            asked = Confirm(baseline=command.rollback, configuration=command.configuration)
+            asked = commands.Confirm(baseline=command.rollback, configuration=command.configuration)
             if stale := _stale(pointer, asked):
                 return stale
             return Accepted((_move(pointer, command, now),))
@@ -119,19 +103,19 @@ def _moved(pointer: Pointer, command: MovePointer, now: Moment) -> Decision[Poin
             assert_never(command.cause)
 
 
-def _rolled_back(pointer: Pointer, command: MovePointer, now: Moment) -> Decision[PointerEvent]:
+def _rolled_back(pointer: Pointer, command: commands.MovePointer, now: Moment) -> Decision[events.PointerEvent]:
     if command.candidate not in (pointer.trial, pointer.released):
         return refused("not_current", candidate=command.candidate[:12])
     if command.candidate == pointer.released and command.rollback != pointer.rollback:
         return refused("other_rollback", because("rollback_fixed", rollback=pointer.rollback[:12]))
-    quarantined = ConfigurationQuarantined(
+    quarantined = events.ConfigurationQuarantined(
         configuration=command.configuration, candidate=command.candidate, reason=command.reason, at_s=now.wall_s
     )
     return Accepted((_move(pointer, command, now), quarantined))
 
 
-def _move(pointer: Pointer, command: MovePointer, now: Moment) -> PointerMoved:
-    """The pointer after it. Going back restores what stood there then: its candidate and its own way back."""
+def _move(pointer: Pointer, command: commands.MovePointer, now: Moment) -> events.PointerMoved:
+    """The pointer after the move. Going back restores the former candidate and the former rollback version."""
     configuration, rollback, released = pointer.configuration, pointer.rollback, pointer.released
     if command.cause == "released":
         configuration, rollback, released = command.configuration, command.rollback, command.candidate
@@ -140,7 +124,7 @@ def _move(pointer: Pointer, command: MovePointer, now: Moment) -> PointerMoved:
         before = pointer.standing(configuration)
         rollback, released = (before.rollback, before.released) if before else (configuration, None)
     begins = command.cause == "canary"
-    return PointerMoved(
+    return events.PointerMoved(
         revision=pointer.revision + 1,
         cause=command.cause,
         configuration=configuration,
@@ -155,8 +139,8 @@ def _move(pointer: Pointer, command: MovePointer, now: Moment) -> PointerMoved:
     )
 
 
-def _policy(pointer: Pointer, command: SavePolicy, now: Moment) -> Decision[PointerEvent]:
-    """A policy that nobody could meet is refused now, not found out at night."""
+def _policy(pointer: Pointer, command: commands.SavePolicy, now: Moment) -> Decision[events.PointerEvent]:
+    """Refuses a policy that nobody could satisfy when it is saved, not when it is first needed."""
     if (again := repeated(command, pointer.receipts)) is not None:
         return again
     policy, people = command.policy, {*command.reviewers, *command.releasers}
@@ -180,10 +164,10 @@ def _policy(pointer: Pointer, command: SavePolicy, now: Moment) -> Decision[Poin
         return refused("cooling_off", because("cooling_off_needed"))
     if policy.authorisation_s <= 0:
         return refused("nobody_could", because("authorisation_ends_at_once"))
-    return Accepted((PolicySaved(policy=policy, by=signed(command, now)),))
+    return Accepted((events.PolicySaved(policy=policy, by=signed(command, now)),))
 
 
-def _look(pointer: Pointer, command: CountLook, now: Moment) -> Decision[PointerEvent]:
+def _look(pointer: Pointer, command: commands.CountLook, now: Moment) -> Decision[events.PointerEvent]:
     """One look per candidate, each under its own number, and none may spend more than its share of ALPHA (D32)."""
     answer = command.answer
     if (taken := pointer.look_of(command.candidate)) is not None:
@@ -194,31 +178,31 @@ def _look(pointer: Pointer, command: CountLook, now: Moment) -> Decision[Pointer
         return refused("look_counted_twice", look=answer.look)
     if answer.alpha > ALPHA / (answer.look * (answer.look + 1)) + 1e-12:
         return refused("alpha_overspent", look=answer.look, spent=answer.alpha, alpha=ALPHA)
-    looked = HeldOutLooked(
+    looked = events.HeldOutLooked(
         candidate=command.candidate, terms=command.terms, look=answer.look, alpha=answer.alpha, at_s=now.wall_s
     )
     return Accepted((looked,))
 
 
-def _uptake(pointer: Pointer, command: RecordUptake, now: Moment) -> Decision[PointerEvent]:
+def _uptake(pointer: Pointer, command: commands.RecordUptake, now: Moment) -> Decision[events.PointerEvent]:
     if command.revision > pointer.revision:
         return refused("no_revision", revision=command.revision, latest=pointer.revision)
     latest = next((one for one in reversed(pointer.uptakes) if one.worker == command.worker), None)
     if latest is not None and latest.revision >= command.revision:
         return Accepted(())
-    return Accepted((UptakeRecorded(worker=command.worker, revision=command.revision, at_s=now.wall_s),))
+    return Accepted((events.UptakeRecorded(worker=command.worker, revision=command.revision, at_s=now.wall_s),))
 
 
-def _retired(pointer: Pointer, command: RetireVersion, now: Moment) -> Decision[PointerEvent]:
+def _retired(pointer: Pointer, command: commands.RetireVersion, now: Moment) -> Decision[events.PointerEvent]:
     if (again := repeated(command, pointer.receipts)) is not None:
         return again
     if command.configuration in (pointer.configuration, pointer.canary, pointer.rollback):
         return refused("in_use", because("configuration_in_use", configuration=command.configuration[:12]))
     if command.pinned:
         return refused("pinned_missions", missions=tuple(command.pinned[:5]))
-    return Accepted((VersionRetired(configuration=command.configuration, by=signed(command, now)),))
+    return Accepted((events.VersionRetired(configuration=command.configuration, by=signed(command, now)),))
 
 
-DECIDER: Decider[Pointer, PointerCommand, PointerEvent] = Decider(
-    initial=Pointer(), apply=apply, decide=decide, codec=Codec(PointerEvent)
+DECIDER: Decider[Pointer, commands.PointerCommand, events.PointerEvent] = Decider(
+    initial=Pointer(), apply=apply, decide=decide, codec=Codec(events.PointerEvent)
 )

@@ -1,4 +1,6 @@
-"""Pure: the one pointer to what new missions are pinned to, folded from its stream, and questions asked of it."""
+"""Folds the stream of the release pointer, which says what new missions are pinned to, and answers questions about it.
+Pure.
+"""
 
 from collections.abc import Iterable
 from typing import Literal, assert_never
@@ -9,17 +11,8 @@ from msgspec.structs import replace
 from harness.contracts.ids import Digest, MissionId, RobotId, StreamId
 from harness.contracts.values import Count, Name, Value
 from harness.projections.mission import Mission
+from rsi_reviews import events
 from rsi_reviews.contracts import ReleasePolicy
-from rsi_reviews.events import (
-    ConfigurationQuarantined,
-    HeldOutLooked,
-    PointerEvent,
-    PointerMoved,
-    PolicySaved,
-    Signed,
-    UptakeRecorded,
-    VersionRetired,
-)
 
 POINTER = StreamId("release/pointer")
 Draining = Literal["inactive", "active", "draining", "drained"]
@@ -30,7 +23,7 @@ def candidate_stream(candidate: Digest) -> StreamId:
 
 
 class Uptake(Value):
-    """Since when a worker works under which revision."""
+    """The time since which a worker works under a revision."""
 
     worker: Name
     revision: Count
@@ -38,7 +31,7 @@ class Uptake(Value):
 
 
 class Pointer(Value):
-    """`configuration` for every robot, but `canary` for `robot_id` while a canary runs. Revisions only rise.
+    """`configuration` holds for every robot, `canary` for `robot_id` while a canary runs. Revisions only rise.
 
     `released`, `trial` and `rollback` as in PointerMoved.
     """
@@ -52,26 +45,26 @@ class Pointer(Value):
     trial: Digest | None = None
     robot_id: RobotId | None = None
     policy: ReleasePolicy = ReleasePolicy()
-    history: tuple[PointerMoved, ...] = ()
-    quarantined: dict[Digest, ConfigurationQuarantined] = msgspec.field(default_factory=dict)
+    history: tuple[events.PointerMoved, ...] = ()
+    quarantined: dict[Digest, events.ConfigurationQuarantined] = msgspec.field(default_factory=dict)
     retired: frozenset[Digest] = frozenset()
-    looks: tuple[HeldOutLooked, ...] = ()
+    looks: tuple[events.HeldOutLooked, ...] = ()
     uptakes: tuple[Uptake, ...] = ()
-    receipts: dict[str, Signed] = msgspec.field(default_factory=dict)
+    receipts: dict[str, events.Signed] = msgspec.field(default_factory=dict)
 
-    def standing(self, configuration: Digest) -> PointerMoved | None:
+    def standing(self, configuration: Digest) -> events.PointerMoved | None:
         """The latest move after which this configuration was current everywhere."""
         return next((move for move in reversed(self.history) if move.configuration == configuration), None)
 
-    def look_of(self, candidate: Digest) -> HeldOutLooked | None:
+    def look_of(self, candidate: Digest) -> events.HeldOutLooked | None:
         return next((look for look in self.looks if look.candidate == candidate), None)
 
 
-def apply(pointer: Pointer, event: PointerEvent) -> Pointer:
+def apply(pointer: Pointer, event: events.PointerEvent) -> Pointer:
     """The pointer after one event."""
     pointer = replace(pointer, version=pointer.version + 1)
     match event:
-        case PointerMoved():
+        case events.PointerMoved():
             return replace(
                 pointer,
                 revision=event.revision,
@@ -83,16 +76,16 @@ def apply(pointer: Pointer, event: PointerEvent) -> Pointer:
                 robot_id=event.robot_id,
                 history=(*pointer.history, event),
             )
-        case ConfigurationQuarantined():
+        case events.ConfigurationQuarantined():
             return replace(pointer, quarantined={**pointer.quarantined, event.configuration: event})
-        case PolicySaved():
+        case events.PolicySaved():
             return replace(pointer, policy=event.policy, receipts={**pointer.receipts, event.by.key: event.by})
-        case HeldOutLooked():
+        case events.HeldOutLooked():
             return replace(pointer, looks=(*pointer.looks, event))
-        case UptakeRecorded():
+        case events.UptakeRecorded():
             uptake = Uptake(worker=event.worker, revision=event.revision, at_s=event.at_s)
             return replace(pointer, uptakes=(*pointer.uptakes, uptake))
-        case VersionRetired():
+        case events.VersionRetired():
             return replace(
                 pointer,
                 retired=pointer.retired | {event.configuration},
@@ -103,9 +96,9 @@ def apply(pointer: Pointer, event: PointerEvent) -> Pointer:
 
 
 def current_at(pointer: Pointer, instant_s: float, *, robot_id: RobotId | None = None) -> Digest | None:
-    """What a mission begun at this instant was pinned to; None before the first move.
+    """What a mission that began at this instant was pinned to; None before the first move.
 
-    `instant_s` is wall time. On the canary's robot it is the canary, where the pointer stood on one.
+    `instant_s` is wall time. On the canary's robot it is the canary, where the pointer named one.
     """
     moved = next((move for move in reversed(pointer.history) if move.at_s <= instant_s), None)
     if moved is None:
@@ -127,7 +120,9 @@ def pins(missions: Iterable[Mission]) -> dict[Digest, tuple[MissionId, ...]]:
 def versions(
     pointer: Pointer, known: Iterable[Digest], pinned: dict[Digest, tuple[MissionId, ...]]
 ) -> dict[Digest, Draining]:
-    """Active: new missions get it. Draining: only older missions still run under it. Drained: none does any more."""
+    """Active: new missions get it. Draining: only older missions still run under it. Drained: no mission does
+    any more.
+    """
     seen = {digest for move in pointer.history for digest in (move.configuration, move.canary) if digest is not None}
     states: dict[Digest, Draining] = {}
     for digest in (*seen, *known):

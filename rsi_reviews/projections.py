@@ -1,4 +1,4 @@
-"""Pure: what a candidate's review is now, folded from its stream. Reads no clock, decides nothing."""
+"""Folds a candidate's stream into the present state of its review. Pure: reads no clock, decides nothing."""
 
 from typing import Literal, assert_never
 
@@ -7,28 +7,7 @@ from msgspec.structs import replace
 
 from harness.contracts.ids import Digest, MissionId, RobotId
 from harness.contracts.values import Count, Name, Value
-from rsi_reviews.contracts import CanaryMission, EvaluationTerms, Finding, Manifest, Section, Subject
-from rsi_reviews.events import (
-    AuthorisationExpired,
-    CanaryBegun,
-    CanaryMissionAdjudicated,
-    CanaryMissionRecorded,
-    CandidateApproved,
-    CandidateEvent,
-    CandidateProposed,
-    CandidateRejected,
-    CandidateReleased,
-    CandidateRolledBack,
-    CandidateWithdrawn,
-    ChangesRequested,
-    CommentAdded,
-    EvaluationBegun,
-    EvaluationRecorded,
-    ReleaseAuthorised,
-    ReviewOpened,
-    ReviewRecalled,
-    Signed,
-)
+from rsi_reviews import contracts, events
 
 Status = Literal[
     "none", "draft", "evaluating", "accepted", "rejected", "inconclusive", "in_review", "authorised", "canary",
@@ -39,7 +18,7 @@ Part = Literal["proposed", "wrote_earlier", "launched", "edited_suite"]
 
 
 class Hand(Value):
-    """Somebody who had a part in the candidate: an author, and so nobody who may approve it (D33)."""
+    """Somebody who took part in the candidate as an author, and so may not approve it (D33)."""
 
     name: Name
     part: Part
@@ -47,48 +26,48 @@ class Hand(Value):
 
 
 class CanaryEntry(Value):
-    """One canary mission: what was measured, and what somebody other than the releaser found."""
+    """One canary mission: what was measured, and the finding of somebody other than the releaser."""
 
-    measured: CanaryMission
-    finding: Finding | None = None
-    by: Signed | None = None
+    measured: contracts.CanaryMission
+    finding: contracts.Finding | None = None
+    by: events.Signed | None = None
 
 
 class ReviewEntry(Value):
-    """One word of the review, for its history: what was done, in which cycle."""
+    """One entry of the review's history: what was done, in which cycle."""
 
     what: Name
     cycle: Count
-    by: Signed
+    by: events.Signed
 
 
 class Review(Value):
-    """Everything about one candidate. `receipts` are the signed words by key."""
+    """Everything about one candidate. `receipts` are the signed requests by key."""
 
     version: Count = 0
     status: Status = "none"
     candidate: Digest = Digest("")
     configuration: Digest = Digest("")
-    manifest: Manifest | None = None
+    manifest: contracts.Manifest | None = None
     manifest_digest: Digest = Digest("")
     baseline: Digest = Digest("")
-    sections: tuple[Section, ...] = ()
+    sections: tuple[contracts.Section, ...] = ()
     supersedes: Digest | None = None
     hands: tuple[Hand, ...] = ()
-    terms: EvaluationTerms | None = None
-    evaluation: EvaluationRecorded | None = None
+    terms: contracts.EvaluationTerms | None = None
+    evaluation: events.EvaluationRecorded | None = None
     cycle: Count = 0
-    subject: Subject | None = None
+    subject: contracts.Subject | None = None
     subject_digest: Digest = Digest("")
-    approvals: tuple[Signed, ...] = ()
-    authorised: ReleaseAuthorised | None = None
+    approvals: tuple[events.Signed, ...] = ()
+    authorised: events.ReleaseAuthorised | None = None
     robot_id: RobotId | None = None
-    released_by: Signed | None = None
+    released_by: events.Signed | None = None
     bound: float = 0.0
     bound_missions: Count = 0
     canary: tuple[CanaryEntry, ...] = ()
     said: tuple[ReviewEntry, ...] = ()
-    receipts: dict[str, Signed] = msgspec.field(default_factory=dict)
+    receipts: dict[str, events.Signed] = msgspec.field(default_factory=dict)
     ended_reason: str = ""
 
     @property
@@ -104,13 +83,13 @@ class Review(Value):
         return next((entry for entry in self.canary if entry.measured.mission_id == mission_id), None)
 
 
-def apply(review: Review, event: CandidateEvent) -> Review:
+def apply(review: Review, event: events.CandidateEvent) -> Review:
     """The review after one event."""
     review = replace(review, version=review.version + 1)
     match event:
-        case CandidateProposed() | EvaluationBegun() | EvaluationRecorded():
+        case events.CandidateProposed() | events.EvaluationBegun() | events.EvaluationRecorded():
             return _evaluated(review, event)
-        case ReviewOpened():
+        case events.ReviewOpened():
             return _said(
                 replace(
                     review,
@@ -123,27 +102,29 @@ def apply(review: Review, event: CandidateEvent) -> Review:
                 "review_opened",
                 event.by,
             )
-        case ChangesRequested():
+        case events.ChangesRequested():
             return _said(replace(review, status="accepted", approvals=()), "changes_requested", event.by)
-        case ReviewRecalled():
+        case events.ReviewRecalled():
             return _said(replace(review, status="accepted", approvals=()), "recalled", event.by)
-        case CommentAdded():
+        case events.CommentAdded():
             return _said(review, "commented", event.by)
-        case CandidateApproved():
+        case events.CandidateApproved():
             return _said(replace(review, approvals=(*review.approvals, event.by)), "approved", event.by)
-        case CandidateRejected():
+        case events.CandidateRejected():
             return _said(replace(review, status="rejected", ended_reason=event.by.reason), "rejected", event.by)
-        case ReleaseAuthorised():
+        case events.ReleaseAuthorised():
             return _said(replace(review, status="authorised", authorised=event), "authorised", event.by)
-        case AuthorisationExpired():
+        case events.AuthorisationExpired():
             return replace(review, status="accepted", authorised=None, approvals=())
         case _:
             return _released(review, event)
 
 
-def _evaluated(review: Review, event: CandidateProposed | EvaluationBegun | EvaluationRecorded) -> Review:
+def _evaluated(
+    review: Review, event: events.CandidateProposed | events.EvaluationBegun | events.EvaluationRecorded
+) -> Review:
     match event:
-        case CandidateProposed():
+        case events.CandidateProposed():
             author = event.manifest.author
             named = Hand(name=author.name, part="proposed", person=author.kind == "person")
             earlier = [Hand(name=name, part="wrote_earlier") for name in event.earlier]
@@ -161,12 +142,12 @@ def _evaluated(review: Review, event: CandidateProposed | EvaluationBegun | Eval
                 hands=_joined((), named, proposer, *earlier),
             )
             return _said(proposed, "proposed", event.by)
-        case EvaluationBegun():
+        case events.EvaluationBegun():
             hands = [Hand(name=name, part="launched") for name in event.terms.launched_by]
             hands += [Hand(name=name, part="edited_suite") for name in event.terms.suite_edited_by]
             begun = replace(review, status="evaluating", terms=event.terms, hands=_joined(review.hands, *hands))
             return _said(begun, "evaluation_begun", event.by)
-        case EvaluationRecorded():
+        case events.EvaluationRecorded():
             statuses: dict[str, Status] = {"pass": "accepted", "fail": "rejected"}
             status = statuses.get(event.answer, "inconclusive")
             return _said(replace(review, status=status, evaluation=event), "evaluated", event.by)
@@ -176,15 +157,15 @@ def _evaluated(review: Review, event: CandidateProposed | EvaluationBegun | Eval
 
 def _released(
     review: Review,
-    event: CanaryBegun
-    | CanaryMissionRecorded
-    | CanaryMissionAdjudicated
-    | CandidateReleased
-    | CandidateRolledBack
-    | CandidateWithdrawn,
+    event: events.CanaryBegun
+    | events.CanaryMissionRecorded
+    | events.CanaryMissionAdjudicated
+    | events.CandidateReleased
+    | events.CandidateRolledBack
+    | events.CandidateWithdrawn,
 ) -> Review:
     match event:
-        case CanaryBegun():
+        case events.CanaryBegun():
             begun = replace(
                 review,
                 status="canary",
@@ -194,9 +175,9 @@ def _released(
                 bound_missions=event.bound_missions,
             )
             return _said(begun, "canary_begun", event.by)
-        case CanaryMissionRecorded():
+        case events.CanaryMissionRecorded():
             return replace(review, canary=(*review.canary, CanaryEntry(measured=event.measured)))
-        case CanaryMissionAdjudicated():
+        case events.CanaryMissionAdjudicated():
             entries = tuple(
                 replace(entry, finding=event.finding, by=event.by)
                 if entry.measured.mission_id == event.mission_id
@@ -204,23 +185,23 @@ def _released(
                 for entry in review.canary
             )
             return _said(replace(review, canary=entries), "adjudicated", event.by)
-        case CandidateReleased():
+        case events.CandidateReleased():
             return replace(review, status="current", ended_reason=event.reason)
-        case CandidateRolledBack():
+        case events.CandidateRolledBack():
             return _said(replace(review, status="rolled_back", ended_reason=event.reason), "rolled_back", event.by)
-        case CandidateWithdrawn():
+        case events.CandidateWithdrawn():
             return _said(replace(review, status="withdrawn", ended_reason=event.reason), "withdrawn", event.by)
         case _:
             assert_never(event)
 
 
-def _said(review: Review, what: str, by: Signed) -> Review:
+def _said(review: Review, what: str, by: events.Signed) -> Review:
     said = ReviewEntry(what=what, cycle=review.cycle, by=by)
     return replace(review, said=(*review.said, said), receipts={**review.receipts, by.key: by})
 
 
 def _joined(hands: tuple[Hand, ...], *more: Hand) -> tuple[Hand, ...]:
-    """Each (name, part) once. Whoever wrote it as an optimiser stays one when it also launches."""
+    """Each (name, part) once. An author who is an optimiser stays one when it also launches the evaluation."""
     machines = {hand.name for hand in (*hands, *more) if not hand.person}
     kept: dict[tuple[str, Part], Hand] = {(hand.name, hand.part): hand for hand in hands}
     for hand in more:

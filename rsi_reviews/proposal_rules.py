@@ -1,14 +1,16 @@
-"""Pure: may this be proposed, evaluated, and do these results count? Terms come before results, always (D31)."""
+"""Decides whether a candidate may be proposed and evaluated, and whether results count. Pure. Terms come before
+results, always (D31).
+"""
 
 from math import isfinite
 
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.reasons import because
 from harness.contracts.values import Moment, digest
+from rsi_reviews import contracts
 from rsi_reviews.approval_policy import repeated, signed
 from rsi_reviews.canary import bound_of
 from rsi_reviews.commands import BeginEvaluation, ProposeCandidate, RecordEvaluation
-from rsi_reviews.contracts import BETTER, AcceptanceReport, CaseResult, EvaluationTerms, Manifest, RestrictionViolation
 from rsi_reviews.events import CandidateEvent, CandidateProposed, EvaluationBegun, EvaluationRecorded
 from rsi_reviews.manifest import sections_changed, unfounded
 from rsi_reviews.projections import ENDED, Review
@@ -16,7 +18,7 @@ from rsi_reviews.restrictions import loosened
 
 
 def propose(review: Review, command: ProposeCandidate, now: Moment) -> Decision[CandidateEvent]:
-    """On record with its manifest, or refused with the rule that the first loosening or flaw breaks."""
+    """Record the candidate with its manifest, or refuse with the rule that the first loosening or flaw breaks."""
     if (again := repeated(command, review.receipts)) is not None:
         return again
     candidate, baseline = command.candidate, command.baseline
@@ -39,7 +41,7 @@ def propose(review: Review, command: ProposeCandidate, now: Moment) -> Decision[
     return Accepted((proposed,))
 
 
-def refused_for(found: tuple[RestrictionViolation, ...]) -> Refused:
+def refused_for(found: tuple[contracts.RestrictionViolation, ...]) -> Refused:
     """One refusal that names the first rule and counts the rest."""
     first = found[0]
     change = {"old": first.old or "-", "new": first.new or "-"} if first.old or first.new else {}
@@ -52,7 +54,7 @@ def refused_for(found: tuple[RestrictionViolation, ...]) -> Refused:
 
 
 def begin(review: Review, command: BeginEvaluation, now: Moment) -> Decision[CandidateEvent]:
-    """Fix the terms. Once: an evaluation that gave no answer may be repeated under exactly the same ones."""
+    """Fix the terms, once. An evaluation that gave no answer may be repeated under exactly the same terms."""
     if (again := repeated(command, review.receipts)) is not None:
         return again
     if other := _foreign(review, command.terms):
@@ -69,8 +71,8 @@ def begin(review: Review, command: BeginEvaluation, now: Moment) -> Decision[Can
     )
 
 
-def _foreign(review: Review, terms: EvaluationTerms) -> Refused | None:
-    """Terms that speak of something else than this candidate."""
+def _foreign(review: Review, terms: contracts.EvaluationTerms) -> Refused | None:
+    """Terms that concern something else than this candidate."""
     if not review.version or review.status in ENDED:
         return refused("no_candidate", because("no_candidate_to_evaluate", status=review.status))
     for rule, name, own in (
@@ -86,7 +88,7 @@ def _foreign(review: Review, terms: EvaluationTerms) -> Refused | None:
 
 
 def conclude(review: Review, command: RecordEvaluation, now: Moment) -> Decision[CandidateEvent]:
-    """Take up results, if they are whole and were made under the terms that were fixed before."""
+    """Accept results if they are complete and were made under the terms that were fixed before."""
     if (again := repeated(command, review.receipts)) is not None:
         return again
     manifest, terms = review.manifest, review.terms
@@ -109,15 +111,15 @@ def conclude(review: Review, command: RecordEvaluation, now: Moment) -> Decision
     return Accepted((recorded,))
 
 
-def _bound(values: list[float], manifest: Manifest) -> float:
+def _bound(values: list[float], manifest: contracts.Manifest) -> float:
     """Nothing is worse than the baseline if it has no finished mission: such an evaluation never passes."""
     if not values:
         return 0.0
-    return bound_of(values, manifest.canary, BETTER[manifest.metric])
+    return bound_of(values, manifest.canary, contracts.BETTER[manifest.metric])
 
 
-def _other_terms(terms: EvaluationTerms, command: RecordEvaluation) -> Refused | None:
-    """By name: what the results were made under that is not what was fixed."""
+def _other_terms(terms: contracts.EvaluationTerms, command: RecordEvaluation) -> Refused | None:
+    """Names the terms of the results that differ from the fixed ones."""
     for name in terms.__struct_fields__:
         fixed, given = getattr(terms, name), getattr(command.terms, name)
         if fixed != given:
@@ -133,10 +135,10 @@ def _other_terms(terms: EvaluationTerms, command: RecordEvaluation) -> Refused |
     return None
 
 
-def _broken(terms: EvaluationTerms, command: RecordEvaluation) -> Refused | None:
+def _broken(terms: contracts.EvaluationTerms, command: RecordEvaluation) -> Refused | None:
     """Missing, double, unfinished or unmeasured cases: never a pass, whatever the report says.
 
-    JSON has no NaN, so what is not a number cannot even be kept as a failed evaluation.
+    JSON has no NaN, so what is not a number cannot be stored even as a failed evaluation.
     """
     results = command.results.results
     for result in results:
@@ -155,14 +157,14 @@ def _broken(terms: EvaluationTerms, command: RecordEvaluation) -> Refused | None
     return _unheld(command.report, held_out=command.results.held_out is not None)
 
 
-def _unheld(report: AcceptanceReport, *, held_out: bool) -> Refused | None:
+def _unheld(report: contracts.AcceptanceReport, *, held_out: bool) -> Refused | None:
     if report.answer == "pass" and not held_out:
         return refused("no_held_out")
     return None
 
 
-def _measured(result: CaseResult) -> bool:
-    return all(isfinite(getattr(result, metric)) for metric in BETTER)
+def _measured(result: contracts.CaseResult) -> bool:
+    return all(isfinite(getattr(result, metric)) for metric in contracts.BETTER)
 
 
 def _short(value: object) -> str:

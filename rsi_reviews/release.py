@@ -1,19 +1,15 @@
-"""Pure: may this candidate be authorised, go into canary and become current? Answers the fourth clause (D33)."""
+"""Decides whether a candidate may be authorised, enter canary and become current, and answers the fourth clause (D33).
+Pure.
+"""
 
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.reasons import because
 from harness.contracts.values import Moment
+from rsi_reviews import events
 from rsi_reviews.approval_policy import RELEASERS, instant, not_a_person, signed
 from rsi_reviews.canary import bound_of, outcome
 from rsi_reviews.commands import AuthoriseRelease, BeginCanary, ExpireAuthorisation, PromoteCandidate
 from rsi_reviews.contracts import BETTER, ClauseAnswer, ReleasePolicy
-from rsi_reviews.events import (
-    AuthorisationExpired,
-    CanaryBegun,
-    CandidateEvent,
-    CandidateReleased,
-    ReleaseAuthorised,
-)
 from rsi_reviews.projections import Review
 from rsi_reviews.review import answered, own_word, unanswerable
 
@@ -22,8 +18,8 @@ FEWEST_RECENT = 20
 PEOPLE = 2
 
 
-def authorise(review: Review, command: AuthoriseRelease, now: Moment) -> Decision[CandidateEvent]:
-    """Fix the release: who, until when, and where it goes back to, which has just been loaded."""
+def authorise(review: Review, command: AuthoriseRelease, now: Moment) -> Decision[events.CandidateEvent]:
+    """Fix the release: who, until when, and the rollback version, which has just been loaded."""
     refusal = unanswerable(review, command) or not_a_person(command.actor, RELEASERS)
     if refusal:
         return refusal
@@ -36,7 +32,7 @@ def authorise(review: Review, command: AuthoriseRelease, now: Moment) -> Decisio
         return refused("other_rollback", because("rollback_not_of_manifest"))
     if command.proven != command.rollback:
         return refused("rollback_unproven", rollback=command.rollback[:12])
-    authorised = ReleaseAuthorised(
+    authorised = events.ReleaseAuthorised(
         cycle=review.cycle,
         subject=command.subject,
         rollback=command.rollback,
@@ -48,9 +44,10 @@ def authorise(review: Review, command: AuthoriseRelease, now: Moment) -> Decisio
 
 
 def unsatisfied(review: Review, policy: ReleasePolicy, *, with_name: str) -> Refused | None:
-    """Enough approvals, and two people in all: authors who spoke here, approvers, and who decides now (D33).
+    """Why the policy is not met: enough approvals, and two people in all among authors who acted here, approvers and
+    the person who decides now (D33).
 
-    A name that only stands in a manifest or in terms is an author's, and nobody's word.
+    A name that appears only in a manifest or in terms is an author's and counts as no decision.
     """
     approvers = {approval.actor.name for approval in review.approvals if not approval.override}
     if policy.kind == "single_operator":
@@ -64,15 +61,17 @@ def unsatisfied(review: Review, policy: ReleasePolicy, *, with_name: str) -> Ref
     return None
 
 
-def expire(review: Review, command: ExpireAuthorisation, now: Moment) -> Decision[CandidateEvent]:
-    """Too late is too late: it has to be reviewed again. A clean no-op if something else came first."""
+def expire(review: Review, command: ExpireAuthorisation, now: Moment) -> Decision[events.CandidateEvent]:
+    """The authorisation has expired and the candidate has to be reviewed again. A no-op if another decision
+    came first.
+    """
     if review.status != "authorised" or review.authorised is None or now.wall_s < review.authorised.expires_at_s:
         return Accepted(())
-    return Accepted((AuthorisationExpired(cycle=review.cycle, at_s=now.wall_s),))
+    return Accepted((events.AuthorisationExpired(cycle=review.cycle, at_s=now.wall_s),))
 
 
-def begin_canary(review: Review, command: BeginCanary, now: Moment) -> Decision[CandidateEvent]:
-    """Release it to one robot. What counts as worse there is fixed before its first mission."""
+def begin_canary(review: Review, command: BeginCanary, now: Moment) -> Decision[events.CandidateEvent]:
+    """Release to one robot. The bound for a worse mission there is fixed before the first mission."""
     refusal = unanswerable(review, command, status="authorised") or not_a_person(command.actor, RELEASERS)
     if refusal:
         return refusal
@@ -91,21 +90,21 @@ def begin_canary(review: Review, command: BeginCanary, now: Moment) -> Decision[
         bound = bound_of(command.recent, manifest.canary, BETTER[manifest.metric])
         missions = len(command.recent)
     by = signed(command, now, override=own)
-    return Accepted((CanaryBegun(robot_id=command.robot_id, bound=bound, bound_missions=missions, by=by),))
+    return Accepted((events.CanaryBegun(robot_id=command.robot_id, bound=bound, bound_missions=missions, by=by),))
 
 
-def promote(review: Review, command: PromoteCandidate, now: Moment) -> Decision[CandidateEvent]:
-    """Current everywhere, once every canary mission is adjudicated and enough exercised the change."""
+def promote(review: Review, command: PromoteCandidate, now: Moment) -> Decision[events.CandidateEvent]:
+    """Make it current everywhere, once every canary mission is adjudicated and enough exercised the change."""
     if review.status != "canary":
         return refused("not_in_canary", because("candidate_is", status=review.status))
     if (stands := outcome(review)) != "passed":
         return refused("canary_not_passed", outcome=stands)
     reason = f"{len(review.exercised)} canary missions exercised the change and each was found sound"
-    return Accepted((CandidateReleased(reason=reason, at_s=now.wall_s),))
+    return Accepted((events.CandidateReleased(reason=reason, at_s=now.wall_s),))
 
 
 def release_clause(review: Review) -> ClauseAnswer:
-    """The fourth clause as it stands (R160): pass only while an authorisation holds or was taken up."""
+    """The fourth clause now (R160): pass only while an authorisation is valid or was used."""
     if review.authorised is not None and review.status in ("authorised", "canary", "current"):
         by = review.authorised.by
         return ClauseAnswer(

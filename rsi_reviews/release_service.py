@@ -1,4 +1,4 @@
-"""The face of the review desk: what persons, optimisers and the evaluator ask for, one transaction at the gate each."""
+"""Offers the release process to people, optimisers and the evaluator; each request is one transaction at the gate."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,47 +11,23 @@ from harness.contracts.ports import Record
 from harness.contracts.values import Value, digest, encode
 from harness.contracts.versions import configuration_record
 from harness.runtime import Runtime
+from rsi_reviews import commands, contracts
 from rsi_reviews.acceptance import Evaluation, accepted
 from rsi_reviews.canary_metrics import recent_values
 from rsi_reviews.canary_watch import Starts, catch_up, no_duplicates, settle
 from rsi_reviews.candidate_queries import ANY_ROBOT, CandidateQueries
-from rsi_reviews.commands import (
-    AddComment,
-    AdjudicateCanaryMission,
-    ApproveCandidate,
-    AuthoriseRelease,
-    BeginCanary,
-    BeginEvaluation,
-    Confirm,
-    CountLook,
-    ExpireAuthorisation,
-    MovePointer,
-    OpenPointer,
-    OpenReview,
-    ProposeCandidate,
-    RecallReview,
-    RecordEvaluation,
-    RecordUptake,
-    RejectCandidate,
-    RequestChanges,
-    RetireVersion,
-    RollBack,
-    SavePolicy,
-    WithdrawCandidate,
-)
-from rsi_reviews.contracts import AcceptanceReport, Candidate, EvaluationTerms, Finding, ReleasePolicy
 from rsi_reviews.pointers import POINTER, candidate_stream
 from rsi_reviews.projections import Review
 from rsi_reviews.rollback import DESK
 from rsi_reviews.suite_growth import GROWTH, AddCase, case_of
 
 Answered = Accepted[Any] | Refused
-Judge = Callable[[Evaluation], AcceptanceReport]
+Judge = Callable[[Evaluation], contracts.AcceptanceReport]
 
 
 @dataclass(frozen=True)
 class SignedBy:
-    """Who asks, why, and the key under which asking again changes nothing."""
+    """Who asks, why, and the key under which repeating the request changes nothing."""
 
     actor: Actor
     reason: str
@@ -71,9 +47,9 @@ class SeenSubject:
 
 
 class ReleaseService(CandidateQueries):
-    """Every word is refused or taken as a whole. Reads are the shelf's.
+    """Every request is accepted or refused as a whole. Queries are in `CandidateQueries`.
 
-    `judge` is the acceptance predicate: a report never comes from outside. Raises UnknownName for no such candidate.
+    `judge` is the acceptance predicate: a report never comes from outside. Raises UnknownName for an unknown candidate.
     """
 
     def __init__(self, runtime: Runtime, *, judge: Judge = accepted) -> None:
@@ -82,8 +58,10 @@ class ReleaseService(CandidateQueries):
 
     # proposing and evaluating ---------------------------------------------------------------------------------------
 
-    def propose(self, candidate: Candidate, say: SignedBy, *, supersedes: Digest | None = None) -> Answered:
-        """Put a candidate on record. Its authors are those of every candidate it edits or repeats, and who says it."""
+    def propose(self, candidate: contracts.Candidate, say: SignedBy, *, supersedes: Digest | None = None) -> Answered:
+        """Record a candidate. Its authors are those of every candidate it edits or repeats, and the person who
+        proposes it.
+        """
         self._open_pointer()
         configuration = candidate.configuration.configuration_id
         earlier = {
@@ -94,34 +72,34 @@ class ReleaseService(CandidateQueries):
             if review.candidate != candidate.candidate_id
         }
         current = self.current()
-        command = ProposeCandidate(
+        command = commands.ProposeCandidate(
             candidate=candidate,
             baseline=self._runtime.stored_configuration(current),
             supersedes=supersedes,
             earlier=tuple(sorted(earlier)),
             **say.fields,
         )
-        confirm = Confirm(baseline=candidate.baseline, configuration=configuration)
+        confirm = commands.Confirm(baseline=candidate.baseline, configuration=configuration)
         records = (configuration_record(candidate.configuration), self._runtime.configuration_record(current))
         return self._asked(candidate.candidate_id, command, confirm, *records)
 
-    def begin(self, terms: EvaluationTerms, say: SignedBy) -> Answered:
+    def begin(self, terms: contracts.EvaluationTerms, say: SignedBy) -> Answered:
         """Fix the terms of the evaluation, before anything runs."""
-        command = BeginEvaluation(terms=terms, **say.fields)
-        return self._asked(self.review(terms.candidate).candidate, command, Confirm(baseline=terms.baseline))
+        command = commands.BeginEvaluation(terms=terms, **say.fields)
+        return self._asked(self.review(terms.candidate).candidate, command, commands.Confirm(baseline=terms.baseline))
 
     def submit_results(self, evaluation: Evaluation, say: SignedBy) -> Answered:
-        """Take up what was measured, judged here by the acceptance predicate itself."""
+        """Record what was measured, judged here by the acceptance predicate itself."""
         report = self._judge(evaluation)
         terms, results = evaluation.terms, evaluation.results
-        command = RecordEvaluation(terms=terms, results=results, report=report, **say.fields)
+        command = commands.RecordEvaluation(terms=terms, results=results, report=report, **say.fields)
         look = results.held_out
-        counted = CountLook(candidate=terms.candidate, terms=digest(terms), answer=look) if look else None
+        counted = commands.CountLook(candidate=terms.candidate, terms=digest(terms), answer=look) if look else None
         records = (_record("result_set", results), _record("acceptance_report", report))
         return self._asked(self.review(terms.candidate).candidate, command, counted, *records)
 
     def add_case(self, mission_id: MissionId, say: SignedBy) -> Answered:
-        """A disputed mission becomes a case of the regression suite here. Raises UnknownName for no such mission."""
+        """A disputed mission becomes a case of the regression suite here. Raises UnknownName for an unknown mission."""
         case = case_of(self._runtime.mission(mission_id))
         if isinstance(case, Refused):
             return case
@@ -131,29 +109,29 @@ class ReleaseService(CandidateQueries):
     # reviewing ------------------------------------------------------------------------------------------------------
 
     def submit(self, candidate: Digest, say: SignedBy) -> Answered:
-        """Ask persons to review it, in a new cycle."""
+        """Ask people to review the candidate, in a new cycle."""
         review = self.review(candidate)
-        confirm = Confirm(baseline=review.baseline, configuration=review.configuration)
-        return self._asked(candidate, OpenReview(**say.fields), confirm)
+        confirm = commands.Confirm(baseline=review.baseline, configuration=review.configuration)
+        return self._asked(candidate, commands.OpenReview(**say.fields), confirm)
 
     def comment(self, candidate: Digest, say: SignedBy) -> Answered:
-        return self._asked(self.review(candidate).candidate, AddComment(**say.fields))
+        return self._asked(self.review(candidate).candidate, commands.AddComment(**say.fields))
 
     def recall(self, candidate: Digest, say: SignedBy) -> Answered:
-        return self._asked(self.review(candidate).candidate, RecallReview(**say.fields))
+        return self._asked(self.review(candidate).candidate, commands.RecallReview(**say.fields))
 
     def request_changes(self, candidate: Digest, say: SignedBy, seen: SeenSubject) -> Answered:
-        command = RequestChanges(cycle=seen.cycle, subject=seen.subject, **say.fields)
+        command = commands.RequestChanges(cycle=seen.cycle, subject=seen.subject, **say.fields)
         return self._asked(self.review(candidate).candidate, command)
 
     def reject(self, candidate: Digest, say: SignedBy, seen: SeenSubject) -> Answered:
-        command = RejectCandidate(cycle=seen.cycle, subject=seen.subject, **say.fields)
+        command = commands.RejectCandidate(cycle=seen.cycle, subject=seen.subject, **say.fields)
         return self._asked(self.review(candidate).candidate, command)
 
     def approve(self, candidate: Digest, say: SignedBy, seen: SeenSubject) -> Answered:
-        """One person's yes to exactly what they saw. Refused if the baseline is no longer current."""
+        """One person's approval of exactly what they saw. Refused if the baseline is no longer current."""
         review, policy = self.review(candidate), self.pointer().policy
-        command = ApproveCandidate(policy=policy, cycle=seen.cycle, subject=seen.subject, **say.fields)
+        command = commands.ApproveCandidate(policy=policy, cycle=seen.cycle, subject=seen.subject, **say.fields)
         return self._asked(candidate, command, _still(review, policy))
 
     # releasing ------------------------------------------------------------------------------------------------------
@@ -162,7 +140,7 @@ class ReleaseService(CandidateQueries):
         """The fourth clause. The rollback target is loaded here, before anything is decided."""
         review, policy = self.review(candidate), self.pointer().policy
         rollback = review.manifest.rollback if review.manifest else review.baseline
-        command = AuthoriseRelease(
+        command = commands.AuthoriseRelease(
             policy=policy,
             rollback=rollback,
             proven=self.loads(rollback),
@@ -174,10 +152,10 @@ class ReleaseService(CandidateQueries):
 
     def release(self, candidate: Digest, say: SignedBy, seen: SeenSubject, *, robot_id: RobotId) -> Answered:
         """Begin the canary on one robot: the pointer moves in the same transaction."""
-        self._runtime.decide([(candidate_stream(candidate), ExpireAuthorisation())])
+        self._runtime.decide([(candidate_stream(candidate), commands.ExpireAuthorisation())])
         review, policy = self.review(candidate), self.pointer().policy
         metric = review.manifest.metric if review.manifest else "recovery_cost"
-        command = BeginCanary(
+        command = commands.BeginCanary(
             robot_id=robot_id,
             policy=policy,
             recent=recent_values(self._runtime, metric, review.baseline, robot_id),
@@ -188,9 +166,11 @@ class ReleaseService(CandidateQueries):
         move = self._move(review, "canary", say.actor, say.reason, robot_id=robot_id)
         return self._asked(candidate, command, move)
 
-    def adjudicate(self, candidate: Digest, mission_id: MissionId, finding: Finding, say: SignedBy) -> Answered:
-        """What became of one canary mission, by somebody who did not release it; what follows is done at once."""
-        command = AdjudicateCanaryMission(
+    def adjudicate(
+        self, candidate: Digest, mission_id: MissionId, finding: contracts.Finding, say: SignedBy
+    ) -> Answered:
+        """Record the finding on one canary mission, by somebody who did not release it, and act on it at once."""
+        command = commands.AdjudicateCanaryMission(
             mission_id=mission_id, finding=finding, policy=self.pointer().policy, **say.fields
         )
         decision = self._asked(self.review(candidate).candidate, command)
@@ -199,53 +179,53 @@ class ReleaseService(CandidateQueries):
         return decision
 
     def catch_up(self, duplicate_starts: Starts = no_duplicates) -> Answered:
-        """Take finished canary missions in and act on them; whoever runs missions calls this when one has ended."""
+        """Add finished canary missions to the canary and act on them; call this when a mission has ended."""
         return catch_up(self._runtime, duplicate_starts=duplicate_starts)
 
     def rollback(self, candidate: Digest, say: SignedBy) -> Answered:
-        """Back to the version before it, at once; its unfinished missions are paused for a person's decision."""
+        """Go back to the version before it, at once; its unfinished missions are paused for a person's decision."""
         review, trial = self.review(candidate), self.pointer().trial
         requests: list[tuple[StreamId, Any]] = [
             (POINTER, self._move(review, "rolled_back", say.actor, say.reason)),
         ]
         if trial is not None and trial != candidate:
             why = f"its baseline was rolled back: {say.reason}"
-            withdrawn = WithdrawCandidate(actor=DESK, reason=why, key=f"baseline:{candidate}")
+            withdrawn = commands.WithdrawCandidate(actor=DESK, reason=why, key=f"baseline:{candidate}")
             requests.append((candidate_stream(trial), withdrawn))
-        decision = self._decided(candidate, RollBack(**say.fields), requests)
+        decision = self._decided(candidate, commands.RollBack(**say.fields), requests)
         if isinstance(decision, Accepted) and decision.events:
             self._runtime.pause_pinned(review.configuration, actor=say.actor, reason=f"rolled back: {say.reason}")
         return decision
 
     def withdraw(self, candidate: Digest, say: SignedBy) -> Answered:
-        """Take it back without a fault; it is not quarantined."""
+        """Withdraw without a fault; the configuration is not quarantined."""
         review = self.review(candidate)
         in_canary = review.status == "canary"
         move = self._move(review, "withdrawn", say.actor, say.reason) if in_canary else None
-        return self._asked(candidate, WithdrawCandidate(**say.fields), move)
+        return self._asked(candidate, commands.WithdrawCandidate(**say.fields), move)
 
     # policy and versions --------------------------------------------------------------------------------------------
 
     def save_policy(
-        self, policy: ReleasePolicy, say: SignedBy, *, reviewers: tuple[str, ...], releasers: tuple[str, ...]
+        self, policy: contracts.ReleasePolicy, say: SignedBy, *, reviewers: tuple[str, ...], releasers: tuple[str, ...]
     ) -> Answered:
         """Who must agree before a release, with the people who hold these roles now."""
         self._open_pointer()
-        command = SavePolicy(policy=policy, reviewers=reviewers, releasers=releasers, **say.fields)
+        command = commands.SavePolicy(policy=policy, reviewers=reviewers, releasers=releasers, **say.fields)
         return self._runtime.decide([(POINTER, command)])
 
     def retire(self, configuration: Digest, say: SignedBy) -> Answered:
         """Never select this version again; refused while missions are pinned to it."""
         pinned = self.pins().get(configuration, ())
-        command = RetireVersion(configuration=configuration, pinned=pinned, **say.fields)
+        command = commands.RetireVersion(configuration=configuration, pinned=pinned, **say.fields)
         return self._runtime.decide([(POINTER, command)])
 
     def take_up(self, worker: str) -> Answered:
-        """A worker says that it works under the pointer as it stands now."""
+        """A worker reports that it works under the pointer's present revision."""
         pointer = self.pointer()
         if not pointer.version:
             return Accepted(())
-        return self._runtime.decide([(POINTER, RecordUptake(worker=worker, revision=pointer.revision))])
+        return self._runtime.decide([(POINTER, commands.RecordUptake(worker=worker, revision=pointer.revision))])
 
     # ----------------------------------------------------------------------------------------------------------------
 
@@ -253,16 +233,20 @@ class ReleaseService(CandidateQueries):
         if not self.pointer().version:
             shipped = self.current(ANY_ROBOT)
             record = self._runtime.configuration_record(shipped)
-            self._runtime.decide([(POINTER, OpenPointer(configuration=shipped, actor=DESK))], records=(record,))
+            self._runtime.decide(
+                [(POINTER, commands.OpenPointer(configuration=shipped, actor=DESK))], records=(record,)
+            )
 
     def _asked(self, candidate: Digest, command: Any, pointing: Any = None, *records: Record) -> Answered:
-        """The candidate's command, and with it what the pointer must confirm or do."""
+        """The command on the candidate, and the command by which the pointer confirms or moves."""
         return self._decided(candidate, command, [(POINTER, pointing)] if pointing is not None else [], *records)
 
     def _decided(
         self, candidate: Digest, command: Any, others: list[tuple[StreamId, Any]], *records: Record
     ) -> Answered:
-        """All of them or none; but a word that was taken before is its receipt, whatever has happened since."""
+        """Decide all of them or none. A request that was accepted before returns its receipt, whatever has
+        happened since.
+        """
         stream = candidate_stream(candidate)
         if command.key not in self._runtime.fold(stream).receipts:
             decision = self._runtime.decide([(stream, command), *others], records=records)
@@ -272,9 +256,9 @@ class ReleaseService(CandidateQueries):
 
     def _move(
         self, review: Review, cause: Any, actor: Actor, reason: str, *, robot_id: RobotId | None = None
-    ) -> MovePointer:
+    ) -> commands.MovePointer:
         rollback = review.authorised.rollback if review.authorised else review.baseline
-        return MovePointer(
+        return commands.MovePointer(
             cause=cause,
             candidate=review.candidate,
             configuration=review.configuration,
@@ -285,9 +269,9 @@ class ReleaseService(CandidateQueries):
         )
 
 
-def _still(review: Review, policy: ReleasePolicy) -> Confirm:
-    """What an approval and an authorisation rest on, confirmed in their own transaction."""
-    return Confirm(baseline=review.baseline, policy=policy, configuration=review.configuration)
+def _still(review: Review, policy: contracts.ReleasePolicy) -> commands.Confirm:
+    """What an approval and an authorisation depend on, confirmed in the same transaction."""
+    return commands.Confirm(baseline=review.baseline, policy=policy, configuration=review.configuration)
 
 
 def _record(kind: str, value: Value) -> Record:

@@ -1,20 +1,14 @@
-"""Pure: what a candidate would loosen, before anything runs (D30). An allow-list: what is not named may not change.
+"""Finds what a candidate would loosen, before anything runs (D30). Pure. It is an allow-list: what is not listed may
+not change.
 
-The gate, the acceptance predicate, safety limits and suites are no part of a configuration, so it cannot name them.
+The gate, the acceptance predicate, safety limits and suites are no part of a configuration, so a candidate cannot
+change them.
 """
 
 from collections.abc import Iterator
 from typing import Any, get_args
 
-from harness.contracts.configuration import (
-    SPENDING,
-    Configuration,
-    ContextRules,
-    FailureClass,
-    RecoveryAction,
-    RecoveryPolicy,
-    RoutingPreferences,
-)
+from harness.contracts import configuration
 from harness.contracts.reasons import Fact, because
 from harness.contracts.tasks import TaskTemplate
 from rsi_reviews.contracts import RestrictionViolation
@@ -25,12 +19,14 @@ ITEM_CEILINGS: dict[str, int] = {"c1_items": 48, "c2_items": 24, "c2_examples": 
 WEIGHT_CEILING = 10.0
 HALF_LIFE_CEILING = 1000.0
 WAIT_CEILING_S = 120.0
-LOCKED_LADDERS: tuple[FailureClass, ...] = ("unsafe_action", "outcome_unknown", "cancel_unacknowledged")
+LOCKED_LADDERS: tuple[configuration.FailureClass, ...] = ("unsafe_action", "outcome_unknown", "cancel_unacknowledged")
 """What happens next is a safety interlock: stopping, and never sending again blindly (D13)."""
 LONGEST_LADDER = 8
 
 
-def loosened(baseline: Configuration, candidate: Configuration) -> tuple[RestrictionViolation, ...]:
+def loosened(
+    baseline: configuration.Configuration, candidate: configuration.Configuration
+) -> tuple[RestrictionViolation, ...]:
     """Every loosening of the candidate against its baseline, with path, old and new value, and the rule's name."""
     return (
         *_context_rules(baseline.context_rules, candidate.context_rules),
@@ -40,7 +36,7 @@ def loosened(baseline: Configuration, candidate: Configuration) -> tuple[Restric
     )
 
 
-def _context_rules(old: ContextRules, new: ContextRules) -> Iterator[RestrictionViolation]:
+def _context_rules(old: configuration.ContextRules, new: configuration.ContextRules) -> Iterator[RestrictionViolation]:
     if new.c3_items != old.c3_items:
         yield _refusal("c3_rule", "context_rules.c3_items", old.c3_items, new.c3_items, "verifier_context_fixed")
     for name, ceiling in ITEM_CEILINGS.items():
@@ -74,7 +70,7 @@ def _templates(old: tuple[TaskTemplate, ...], new: tuple[TaskTemplate, ...]) -> 
             yield from loosened_template(template, after[name])
 
 
-def _routing(new: RoutingPreferences) -> Iterator[RestrictionViolation]:
+def _routing(new: configuration.RoutingPreferences) -> Iterator[RestrictionViolation]:
     for name in ("success", "risk", "uncertainty", "latency", "cost", "history"):
         weight = getattr(new, name)
         if not 0.0 <= weight <= WEIGHT_CEILING:
@@ -90,7 +86,7 @@ def _routing(new: RoutingPreferences) -> Iterator[RestrictionViolation]:
         )
 
 
-def _recovery(old: RecoveryPolicy, new: RecoveryPolicy) -> Iterator[RestrictionViolation]:
+def _recovery(old: configuration.RecoveryPolicy, new: configuration.RecoveryPolicy) -> Iterator[RestrictionViolation]:
     if new.approval_share > old.approval_share:
         yield _refusal(
             "approval_requirement",
@@ -103,12 +99,14 @@ def _recovery(old: RecoveryPolicy, new: RecoveryPolicy) -> Iterator[RestrictionV
         yield _refusal(
             "wait_bounds", "recovery.wait_s", old.wait_s, new.wait_s, "at_most_seconds", limit_s=WAIT_CEILING_S
         )
-    for failure in get_args(FailureClass):
+    for failure in get_args(configuration.FailureClass):
         yield from _ladder(failure, old.ladders.get(failure, ()), new.ladders.get(failure, ()))
 
 
 def _ladder(
-    failure: FailureClass, old: tuple[RecoveryAction, ...], new: tuple[RecoveryAction, ...]
+    failure: configuration.FailureClass,
+    old: tuple[configuration.RecoveryAction, ...],
+    new: tuple[configuration.RecoveryAction, ...],
 ) -> Iterator[RestrictionViolation]:
     path = f"recovery.ladders.{failure}"
     if failure in LOCKED_LADDERS and new != old:
@@ -119,7 +117,7 @@ def _ladder(
     if old and old[0] in ("stop", "safe_stop") and new[:1] != old[:1]:
         yield _refusal("safety_interlock", path, old, new, "ladder_must_stop_first")
     after = new[new.index("switch_skill") + 1 :] if "switch_skill" in new else ()
-    if any(action in SPENDING for action in after):
+    if any(action in configuration.SPENDING for action in after):
         yield _refusal("ladder_order", path, old, new, "ladder_order")
 
 

@@ -1,4 +1,6 @@
-"""Pure: back to the accepted version, at once and without asking an evaluation; and taking back without a fault."""
+"""Decides rollbacks, which return to the accepted version at once without an evaluation, and withdrawals without a
+fault. Pure.
+"""
 
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted, Decision
@@ -15,7 +17,7 @@ DESK = Actor(name="review-desk", role="desk", channel="policy")
 
 
 def roll_back(review: Review, command: RollBack, now: Moment) -> Decision[CandidateEvent]:
-    """Pre-authorised: a releaser with a reason, or the canary's rule. The configuration is quarantined."""
+    """Pre-authorised: by a releaser with a reason, or by the canary's rule. The configuration is quarantined."""
     if (again := repeated(command, review.receipts)) is not None:
         return again
     if review.status not in ("canary", "current"):
@@ -27,7 +29,7 @@ def roll_back(review: Review, command: RollBack, now: Moment) -> Decision[Candid
 
 
 def withdraw(review: Review, command: WithdrawCandidate, now: Moment) -> Decision[CandidateEvent]:
-    """Without a fault, so without quarantine: by an author or a releaser, or because nothing exercised it."""
+    """Without a fault, so without quarantine: by an author or a releaser, or because nothing exercised the change."""
     if (again := repeated(command, review.receipts)) is not None:
         return again
     if not review.version or review.status in ("current", "rejected", "rolled_back", "withdrawn"):

@@ -1,7 +1,7 @@
-"""An evaluated candidate as it ships: what it was, under which terms, and every result, so that people can look at one.
+"""Loads the evaluated candidate that ships with the program: the candidate, the terms and every result, as an example.
 
-It was measured by `regen rsi evaluate` like any other. Its bytes are checked against their digest, and it is judged
-again, by the acceptance predicate as it is now, wherever it is taken up.
+It was measured by `regen rsi evaluate` like any other. Its bytes are checked against their digest, and the present
+acceptance predicate judges it again wherever it is used.
 """
 
 import gzip
@@ -23,7 +23,7 @@ SUMS = "SHA256SUMS"
 
 
 class Shipped(Value):
-    """One evaluation with the UTC instants between which it ran; `note` says what a reader must know besides.
+    """One evaluation with the UTC instants between which it ran; `note` gives further facts for the reader.
 
     `looks`: the held-out looks that its evaluator took up to this one, oldest first; they stay counted.
     """
@@ -38,7 +38,7 @@ class Shipped(Value):
 
     @property
     def label(self) -> str:
-        """When, with what, how many, in one sentence that stands beside the figures."""
+        """The date, the evaluator and the number of cases, in one sentence beside the figures."""
         return (
             f"Evaluated from {self.begun} to {self.ended} with {self.terms.suite_version}: {self.terms.cases} cases "
             f"under both configurations, evaluator {self.terms.evaluator}. {self.note} "
@@ -46,7 +46,7 @@ class Shipped(Value):
         )
 
     def judged_on(self) -> Evaluation:
-        """What the acceptance predicate is asked about, on the suites as they ship now."""
+        """The inputs of the acceptance predicate, on the suites as they ship now."""
         return Evaluation(
             terms=self.terms,
             manifest=self.candidate.manifest,
@@ -57,7 +57,7 @@ class Shipped(Value):
 
 
 def shipped_evaluation(folder: Traversable | None = None) -> Shipped:
-    """The newest one that ships. Raises ContractInvalid if it is not there, damaged or cannot be read."""
+    """The newest shipped evaluation. Raises ContractInvalid if it is missing, damaged or cannot be read."""
     place = folder or files("rsi_reviews").joinpath("evaluated")
     try:
         digest, name = place.joinpath(SUMS).read_text(encoding="utf-8").splitlines()[-1].split()

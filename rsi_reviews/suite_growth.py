@@ -1,4 +1,6 @@
-"""Pure: how the suite grows by a person's hand: a disputed mission becomes a case for every later candidate."""
+"""Decides and folds the cases that people add to the suite: a disputed mission becomes a case for every later
+candidate. Pure.
+"""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -49,7 +51,7 @@ class AddCase(Command, tag=True):
 
 
 class CaseAdded(Event, tag=True):
-    """From here on the regression suite holds this case. Who added it is an author of what is evaluated on it (D33)."""
+    """The regression suite now holds this case. Whoever added it is an author of what is evaluated on it (D33)."""
 
     actor: Actor
     mission_id: MissionId
@@ -58,14 +60,14 @@ class CaseAdded(Event, tag=True):
 
 
 class Growth(Value):
-    """What persons added to the shipped suite here, in order."""
+    """The cases that people added to the shipped suite on this site, in order."""
 
     version: Count = 0
     added: tuple[CaseAdded, ...] = ()
 
     @property
     def hands(self) -> tuple[str, ...]:
-        """Who added a case, once each."""
+        """The people who added a case, once each."""
         return tuple(dict.fromkeys(one.actor.name for one in self.added))
 
 

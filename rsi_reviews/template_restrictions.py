@@ -1,6 +1,7 @@
-"""Pure: what a changed task template would loosen against the accepted one, field by field (D30).
+"""Finds what a changed task template would loosen against the accepted one, field by field (D30). Pure.
 
-Places are still open in a template, so its nodes are compared as written: numbers by their direction, the rest as is.
+Places are not bound yet in a template, so its nodes are compared as written: numbers by their direction, other values
+for equality.
 """
 
 from collections.abc import Iterator, Mapping
@@ -147,7 +148,7 @@ def _preconditions(path: str, old: Any, new: Any) -> Iterator[RestrictionViolati
 
 
 def _conditions(path: str, old: Any, new: Any, *, risk: str = "") -> Iterator[RestrictionViolation]:
-    """Each condition is still there under its name and as strict; further ones only tighten."""
+    """Each condition still exists under its name and is as strict; additional conditions only tighten."""
     before, after = _named(old, "condition_id"), _named(new, "condition_id")
     if len(after) != len(new):
         yield _refusal("condition_twice", path, len(old), len(new), "condition_twice")

@@ -1,4 +1,4 @@
-"""One evaluation from its terms to its report: what will be run is fixed first, then run, then judged."""
+"""Runs one evaluation from its terms to its report: the cases are fixed first, then run, then judged."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -9,8 +9,8 @@ from harness.contracts.configuration import Configuration
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.simulation import Simulator
 from harness.contracts.values import digest
+from rsi_reviews import contracts
 from rsi_reviews.acceptance import Evaluation, accepted, predicate_digest
-from rsi_reviews.contracts import AcceptanceReport, Candidate, CaseResult, EvaluationTerms, HeldOutAnswer, ResultSet
 from rsi_reviews.held_out import PER_FAMILY, Looks, Secret, answered, held_out_cases
 from rsi_reviews.regression.cases import Case, Suite, cases_of, seeds_digest, spread
 from rsi_reviews.regression.executors import Executor
@@ -20,13 +20,13 @@ from rsi_reviews.regression.runner import Watch, measured, unwatched
 
 @dataclass(frozen=True)
 class Trial:
-    """What will be run for one candidate. `terms` are recorded before anything runs."""
+    """The cases of one candidate's evaluation. `terms` are recorded before anything runs."""
 
-    candidate: Candidate
+    candidate: contracts.Candidate
     baseline: Configuration
     regression: tuple[Case, ...]
     safety: tuple[Case, ...]
-    terms: EvaluationTerms
+    terms: contracts.EvaluationTerms
 
     @property
     def cases(self) -> tuple[Case, ...]:
@@ -36,7 +36,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """The evaluator's own: its secret, its book of looks, and how many cases of each family a look has."""
+    """The evaluator's private part: its secret, its record of looks, and the number of cases per family in a look."""
 
     secret: Secret
     looks: Looks
@@ -45,7 +45,7 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class Means:
-    """What a trial runs with. `now_s` is a clock that only rises; without `held_out` no look is taken."""
+    """The resources of a trial. `now_s` is a clock that only rises; without `held_out` no look is taken."""
 
     executor: Executor
     now_s: Callable[[], float]
@@ -56,14 +56,14 @@ class Means:
 
 @dataclass(frozen=True)
 class TrialOutcome:
-    """What was measured and what the predicate made of it."""
+    """What was measured, and the predicate's report on it."""
 
-    results: ResultSet
-    report: AcceptanceReport
+    results: contracts.ResultSet
+    report: contracts.AcceptanceReport
 
 
 def prepared(
-    candidate: Candidate,
+    candidate: contracts.Candidate,
     baseline: Configuration,
     suites: tuple[Suite, Suite],
     *,
@@ -86,7 +86,7 @@ def prepared(
     if most is not None:
         regression, safety = spread(regression, most), spread(safety, most)
     cases = tuple(dict.fromkeys((*regression, *safety)))
-    terms = EvaluationTerms(
+    terms = contracts.EvaluationTerms(
         candidate=candidate.candidate_id,
         configuration=candidate.configuration.configuration_id,
         manifest=digest(candidate.manifest),
@@ -104,22 +104,22 @@ def prepared(
 
 
 def carried_out(trial: Trial, means: Means) -> TrialOutcome:
-    """Run every case under both configurations, take the held-out look if all else stands, and judge.
+    """Run every case under both configurations, take the held-out look if everything else passes, and judge.
 
-    Raises WorkersLost or LookTaken; finished cases are kept, so that the next call goes on where this one ended.
+    Raises WorkersLost or LookTaken; finished cases are kept, so that the next call continues where this one ended.
     """
     begun_s = means.now_s()
     sides = (trial.baseline, trial.candidate.configuration)
     results = measured(trial.cases, sides, executor=means.executor, kept=means.kept, watch=means.watch)
-    found = ResultSet(
+    found = contracts.ResultSet(
         terms=digest(trial.terms), results=exercised(results, trial.baseline), seconds=means.now_s() - begun_s
     )
     whole = _looked(trial, found, means)
     return TrialOutcome(results=whole, report=_judged(trial, whole))
 
 
-def exercised(results: Sequence[CaseResult], baseline: Configuration) -> tuple[CaseResult, ...]:
-    """The results, each with whether the change took a part in it: its mission went another way than the baseline's."""
+def exercised(results: Sequence[contracts.CaseResult], baseline: Configuration) -> tuple[contracts.CaseResult, ...]:
+    """The results, each with whether the change was exercised: its mission took another course than the baseline's."""
     name = baseline.configuration_id
     courses = {one.case: one.trace for one in results if one.configuration == name}
     return tuple(
@@ -128,18 +128,22 @@ def exercised(results: Sequence[CaseResult], baseline: Configuration) -> tuple[C
     )
 
 
-def _looked(trial: Trial, found: ResultSet, means: Means) -> ResultSet:
-    """The results with the held-out answer, where only that is missing: a look is not spent on what fails anyway."""
+def _looked(trial: Trial, found: contracts.ResultSet, means: Means) -> contracts.ResultSet:
+    """The results with the held-out answer, where only that is missing: no look is spent on a candidate that
+    fails anyway.
+    """
     if means.held_out is None:
         return found
-    hoped = HeldOutAnswer(answer="pass", look=1, alpha=0.0, cases=1)
+    hoped = contracts.HeldOutAnswer(answer="pass", look=1, alpha=0.0, cases=1)
     if _judged(trial, msgspec.structs.replace(found, held_out=hoped)).answer != "pass":
         return found
     return msgspec.structs.replace(found, held_out=_look(trial, means, means.held_out))
 
 
-def _look(trial: Trial, means: Means, held_out: HeldOut) -> HeldOutAnswer:
-    """This candidate's look, or the answer it got. Its cases and results stay with the evaluator: nothing is kept."""
+def _look(trial: Trial, means: Means, held_out: HeldOut) -> contracts.HeldOutAnswer:
+    """This candidate's look, or the answer it already got. Its cases and results are not stored outside the
+    evaluator.
+    """
     candidate, manifest = trial.candidate, trial.candidate.manifest
     before = held_out.looks.taken(candidate.candidate_id)
     if before is not None:
@@ -153,12 +157,12 @@ def _look(trial: Trial, means: Means, held_out: HeldOut) -> HeldOutAnswer:
     return answer
 
 
-def _judged(trial: Trial, results: ResultSet) -> AcceptanceReport:
+def _judged(trial: Trial, results: contracts.ResultSet) -> contracts.AcceptanceReport:
     return accepted(judged_on(trial, results))
 
 
-def judged_on(trial: Trial, results: ResultSet) -> Evaluation:
-    """What the acceptance predicate is asked about, for whoever judges it again."""
+def judged_on(trial: Trial, results: contracts.ResultSet) -> Evaluation:
+    """The inputs of the acceptance predicate, for whoever judges again."""
     return Evaluation(
         terms=trial.terms,
         manifest=trial.candidate.manifest,

@@ -25,7 +25,7 @@ LOCK_PATIENCE_S = 4.0
 
 
 def main() -> int:
-    """Serve until told to end or until the parent is gone; exit 1 with a typed problem on standard output."""
+    """Serve until ordered to end or until the parent is gone; exit 1 with a typed problem on standard output."""
     options = _options()
     try:
         folder: Path = options.dir
@@ -68,7 +68,7 @@ def _serve(pace: Pace, listener: socket.socket, folder: Path, *, linger_s: float
 
 
 def _watch_parent(pace: Pace, server: uvicorn.Server, linger_s: float) -> None:
-    """Without a parent: run free until the robot stands, stay for whoever reattaches, then end."""
+    """Without a parent: run free until the robot stands, wait for a supervisor to reattach, then end."""
     parent = os.getppid()
     while os.getppid() == parent:
         time.sleep(PARENT_POLL_S)

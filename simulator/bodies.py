@@ -1,6 +1,6 @@
-"""The robot's body in the world: where it truly is, how a velocity command moves it, and what its lidar hits.
+"""Simulates the robot's body in the world: its true pose, how a velocity command moves it, and what its lidar hits.
 
-Two fidelities with one face. `MujocoBody` integrates contacts; `KinematicBody` moves a disc among footprints.
+Two fidelities with one interface. `MujocoBody` integrates contacts; `KinematicBody` moves a disc among footprints.
 """
 
 import math
@@ -55,7 +55,7 @@ class SimulatedBody(Protocol):
     state: BodyState
 
     def furnish(self, site: SiteModel) -> None:
-        """Put the body into another site at the pose it has."""
+        """Put the body into another site at its present pose."""
 
     def step(self, command: Velocity) -> None:
         """One tick of TICK_S under a command; limits of acceleration apply."""
@@ -68,7 +68,7 @@ class SimulatedBody(Protocol):
 
 
 class Drive:
-    """What the legs make of a command: limited acceleration, and a sway that goes with the gait."""
+    """How the legs follow a command: limited acceleration, and a sway that comes with the gait."""
 
     def __init__(self) -> None:
         self.v_mps = 0.0

@@ -1,4 +1,4 @@
-"""The robot's camera: one ray per pixel through MuJoCo, shaded by light, distance and material. No GPU, no OpenGL.
+"""Renders the robot's camera: one ray per pixel through MuJoCo, shaded by light, distance and material; no GPU.
 
 Body frame: x ahead, y left, z up. Image: u right, v down. A positive `pitch_rad` looks down.
 """

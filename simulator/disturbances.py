@@ -1,4 +1,4 @@
-"""The regularities of a hidden site during one mission: which of them strike, where and for how long."""
+"""Applies a hidden site's recurring disturbances during one mission: which ones occur, where and for how long."""
 
 import math
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ IN_THE_WAY: tuple[RegularityKind, ...] = ("obstructed", "closed")
 
 
 class Disturbances:
-    """Those that strike in the mission of this seed, from `began_s` on. The draw is the seed's and the name's."""
+    """The disturbances in the mission of this seed, from `began_s` on. The draw depends on the seed and the name."""
 
     def __init__(self, regularities: Sequence[Regularity], *, seed: int, began_s: float) -> None:
         self._striking = tuple(one for one in regularities if _uniform(seed, one.name) < one.share)
@@ -24,7 +24,7 @@ class Disturbances:
         """Whether any of them concerns the localiser."""
 
     def pass_by(self, here: Point, at_s: float) -> None:
-        """The body is here now: whatever it has just come near to begins."""
+        """The body is here now: begins every disturbance it has just come near to."""
         near = frozenset(one.name for one in self._striking if math.dist(here, one.at_m) <= one.radius_m)
         for one in self._striking:
             if one.name in near - self._near and (one.kind not in IN_THE_WAY or one.name not in self._came_s):
@@ -32,7 +32,7 @@ class Disturbances:
         self._near = near
 
     def mode(self, at_s: float) -> LocaliserMode:
-        """What the localiser does here and now."""
+        """The localiser's mode here and now."""
         for one in self._striking:
             if one.kind == "unready":
                 here = at_s < self._began_s + (one.lasts_s or math.inf)
@@ -43,7 +43,7 @@ class Disturbances:
         return "good"
 
     def holds(self, kind: RegularityKind, provider_id: str, at_s: float) -> bool:
-        """Whether this provider is struck by such a disturbance here and now."""
+        """Whether such a disturbance affects this provider here and now."""
         return any(
             one.kind == kind
             and one.name in self._near
@@ -53,7 +53,7 @@ class Disturbances:
         )
 
     def in_the_way(self, at_s: float) -> tuple[Regularity, ...]:
-        """What stands across the way now."""
+        """The obstacle across the route now."""
         return tuple(one for one in self._striking if one.kind in IN_THE_WAY and self._lasts(one, at_s))
 
     def _lasts(self, one: Regularity, at_s: float) -> bool:

@@ -1,7 +1,7 @@
-"""Faults of one mission: which there are, when each strikes, and how often it really did.
+"""Injects the faults of one mission: which there are, when each occurs, and how often it really did.
 
-A transient fault strikes the mission's first navigation only, and its effect on the sensors ends when another
-invocation starts or CLEARED_AFTER_S after the struck one ended. A persistent one strikes every navigation and stays.
+A transient fault affects the mission's first navigation only, and its effect on the sensors ends when another
+invocation starts or CLEARED_AFTER_S after that one ended. A persistent one affects every navigation and stays.
 """
 
 from collections.abc import Sequence
@@ -52,7 +52,7 @@ def parse_faults(texts: Sequence[str]) -> tuple[Fault, ...]:
 
 
 class FaultPlan:
-    """What is wrong with the robot during `mission_id`, from `began_s` on."""
+    """The faults of the robot during `mission_id`, from `began_s` on."""
 
     def __init__(self, mission_id: MissionId | None, faults: Sequence[Fault], *, began_s: float) -> None:
         self.mission_id = mission_id
@@ -71,7 +71,7 @@ class FaultPlan:
             self._count("lost-localisation")
 
     def mode(self, at_s: float) -> LocaliserMode:
-        """What the localiser does now."""
+        """The localiser's mode now."""
         if not self._faults:
             return "good"
         lost = self._faults.get("lost-localisation")
@@ -93,7 +93,7 @@ class FaultPlan:
                 self._distort("missing-pose", "missing")
 
     def navigation_moves(self, *, share: float, remaining_m: float) -> None:
-        """The navigation has covered `share` of its way; sensor faults begin where they are due."""
+        """The navigation has covered `share` of its route; sensor faults begin where they are due."""
         if remaining_m <= BIASED_BEFORE_M and self.strikes("biased-localiser"):
             self._distort("biased-localiser", "biased")
         if share >= MID_LEG and self.strikes("stale-pose"):
@@ -102,7 +102,7 @@ class FaultPlan:
             self._distort("frozen-localiser", "frozen")
 
     def navigation_ends(self, at_s: float) -> None:
-        """The struck invocation became terminal."""
+        """The affected invocation became terminal."""
         self._terminal_s = at_s
 
     def ends_early(self, remaining_m: float) -> bool:
@@ -114,7 +114,7 @@ class FaultPlan:
         return share >= MID_LEG and self.strikes("interrupted")
 
     def strikes(self, name: FaultName) -> bool:
-        """Whether the running navigation is struck by a fault; counts it once per navigation."""
+        """Whether a fault affects the running navigation; counts it once per navigation."""
         fault = self._faults.get(name)
         if fault is None or self._navigations == 0 or name in self._once:
             return False

@@ -1,4 +1,4 @@
-"""The site seen from above: how near the next solid is, and where flat rays end. The kinematic fidelity's physics."""
+"""The site seen from above, for the kinematic fidelity: distance to the nearest solid, and ranges of flat rays."""
 
 import math
 

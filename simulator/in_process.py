@@ -1,4 +1,4 @@
-"""The simulator as suites and tests use it in their own process: implements `contracts.simulation.Simulator`."""
+"""Runs the simulator inside the process of a suite or test: implements `contracts.simulation.Simulator`."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ class InProcessSimulator:
     def robot(
         self, robot_id: str, *, seed: int, fidelity: Fidelity, hidden: HiddenSite | None = None
     ) -> InProcessRobot:
-        """A new robot in a world of its own; `hidden` is what its site does to it again and again."""
+        """A new robot in a world of its own; `hidden` are the recurring disturbances of its site."""
         robot = SimulatedRobot(WorldSettings(fidelity=fidelity, seed=seed, hidden=hidden), robot_id=robot_id)
 
         def configure(mission_id: MissionId, mission_seed: int, faults: Sequence[str]) -> None:

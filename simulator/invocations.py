@@ -1,22 +1,14 @@
-"""One invocation on the robot: the skill that runs, and what holds it: deadline, keepalive, stop."""
+"""Runs one invocation on the robot: its skill, and its deadline, keepalive and stop."""
 
 from typing import Literal
 
 import msgspec
 
+from harness.contracts import protocol
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.ids import Digest
-from harness.contracts.protocol import (
-    KEEPALIVE_LOST,
-    TERMINAL,
-    InvocationReport,
-    InvocationStatus,
-    Progress,
-    Receipt,
-    StartRequest,
-)
+from simulator import skill_interface
 from simulator.bodies import Velocity
-from simulator.skill_interface import Draft, Outcome, Perception, Skill, Step
 
 DEAD_MAN_S = 1.4
 STILL_S = 0.2
@@ -27,40 +19,42 @@ Hold = Literal["", "keepalive", "stop", "end"]
 class RunningSkill:
     """Runs one skill a tick at a time. Holding always brakes to a standstill before the status changes.
 
-    The dead man begins to brake DEAD_MAN_S after the last keepalive, so that the body stands within 2 s (D12).
+    The heartbeat watchdog brakes from DEAD_MAN_S after the last keepalive, so that the body stands within 2 s (D12).
     """
 
-    def __init__(self, card: CapabilityCard, request: StartRequest, skill: Skill, *, at_s: float) -> None:
+    def __init__(
+        self, card: CapabilityCard, request: protocol.StartRequest, skill: skill_interface.Skill, *, at_s: float
+    ) -> None:
         self.card, self.request, self.skill = card, request, skill
         self.handle = f"{card.provider_id}:{request.identity.request_id}"
-        self._status: InvocationStatus = "accepted"
+        self._status: protocol.InvocationStatus = "accepted"
         self._at_s = self._kept_s = at_s
         self._hold: Hold = ""
         self._still_s: float | None = None
         self._text = "accepted"
-        self._outcome: Outcome | None = None
-        self._last = Step()
-        self._receipts: list[Receipt] = []
+        self._outcome: skill_interface.Outcome | None = None
+        self._last = skill_interface.Step()
+        self._receipts: list[protocol.Receipt] = []
         self._samples: list[int] = []
         self._blobs: list[Digest] = []
 
     @property
     def terminal(self) -> bool:
-        return self._status in TERMINAL
+        return self._status in protocol.TERMINAL
 
     @property
     def braking(self) -> bool:
-        """Whether something outside the skill holds it."""
+        """Whether something outside the skill is braking it."""
         return self._hold != ""
 
     @property
     def cruising(self) -> bool:
-        """Whether it is on its way with nothing to decide for a while: far from its end, held by nobody."""
+        """Whether it is under way with nothing to decide for a while: far from its end and not held."""
         return self._hold == "" and self._status == "running" and (self.skill.remaining_m or 0.0) > CRUISING_M
 
     @property
     def held_still(self) -> bool:
-        """Whether the dead man has brought it to a standstill."""
+        """Whether the heartbeat watchdog has brought it to a standstill."""
         return self._hold == "keepalive" and self._status == "blocked"
 
     def keepalive(self, at_s: float) -> None:
@@ -71,18 +65,18 @@ class RunningSkill:
         if not self.terminal:
             self._hold, self._status, self._still_s = "stop", "stopping", None
 
-    def brake_for(self, last: Step) -> None:
-        """Brake to a standstill, then let `last` be the skill's last word."""
+    def brake_for(self, last: skill_interface.Step) -> None:
+        """Brake to a standstill, then report `last` as the skill's last status."""
         if self._hold == "":
             self._hold, self._last, self._still_s = "end", last, None
 
     def resume(self, at_s: float) -> None:
-        """Go on after the dead man; anything else that holds it stays."""
+        """Go on after the watchdog stopped it; any other hold remains."""
         if self._hold == "keepalive" and not self.terminal:
             self._hold, self._still_s, self._kept_s, self._status = "", None, at_s, "running"
             self.skill.resume(at_s)
 
-    def tick(self, perception: Perception) -> Velocity:
+    def tick(self, perception: skill_interface.Perception) -> Velocity:
         """One tick; the velocity that the body is to follow."""
         self._at_s = perception.at_s
         self._watch(perception.at_s)
@@ -93,18 +87,18 @@ class RunningSkill:
         self._take(step)
         return step.command
 
-    def report(self) -> InvocationReport:
-        """What the robot says of it now."""
+    def report(self) -> protocol.InvocationReport:
+        """The robot's report on it now."""
         outcome = self._outcome
         done = outcome is not None and outcome.status == "succeeded"
         share = 1.0 if done else self.skill.share
-        return InvocationReport(
+        return protocol.InvocationReport(
             handle=self.handle,
             identity=self.request.identity,
             status=self._status,
             at_s=self._at_s,
-            progress=Progress(share=share, text=self._text, remaining_m=self.skill.remaining_m),
-            failure=outcome.failure if outcome else KEEPALIVE_LOST if self.held_still else "",
+            progress=protocol.Progress(share=share, text=self._text, remaining_m=self.skill.remaining_m),
+            failure=outcome.failure if outcome else protocol.KEEPALIVE_LOST if self.held_still else "",
             message=self._text,
             declared=outcome.declared if outcome else {},
             receipts=tuple(self._receipts),
@@ -116,12 +110,12 @@ class RunningSkill:
         if self._hold in ("stop", "end"):
             return
         if at_s > self.request.deadline_s:
-            late = Outcome(status="failed", failure="timeout", message="The deadline passed.")
-            self._hold, self._last, self._still_s = "end", Step(outcome=late), None
+            late = skill_interface.Outcome(status="failed", failure="timeout", message="The deadline passed.")
+            self._hold, self._last, self._still_s = "end", skill_interface.Step(outcome=late), None
         elif self._hold == "" and self.card.moves and at_s - self._kept_s > DEAD_MAN_S:
             self._hold, self._still_s = "keepalive", None
 
-    def _stand(self, perception: Perception) -> None:
+    def _stand(self, perception: skill_interface.Perception) -> None:
         if not perception.still:
             self._still_s = None
             return
@@ -135,7 +129,7 @@ class RunningSkill:
         else:
             self._take(self._last)
 
-    def _take(self, step: Step) -> None:
+    def _take(self, step: skill_interface.Step) -> None:
         for draft in step.drafts:
             self._receipts.append(self._receipt(draft))
         for shot in step.shots:
@@ -147,9 +141,9 @@ class RunningSkill:
         self._status = "blocked" if step.blocked else "running"
         self._text = step.blocked or "under way"
 
-    def _receipt(self, draft: Draft) -> Receipt:
+    def _receipt(self, draft: skill_interface.Draft) -> protocol.Receipt:
         request = self.request.identity.request_id
-        return Receipt(
+        return protocol.Receipt(
             receipt_id=f"{draft.kind}-{request[:16]}-{len(self._receipts)}",
             kind=draft.kind,
             at_s=draft.at_s,
@@ -161,7 +155,7 @@ class RunningSkill:
         )
 
 
-def restarted(report: InvocationReport) -> InvocationReport:
-    """What becomes of an invocation that a restart of the robot cut off."""
+def restarted(report: protocol.InvocationReport) -> protocol.InvocationReport:
+    """The status of an invocation that a restart of the robot cut off."""
     message = "The robot was restarted while this ran; it was not started again."
     return msgspec.structs.replace(report, status="failed", failure="robot_restarted", message=message)

@@ -1,4 +1,4 @@
-"""What the robot remembers across restarts: physical starts, and its world at the last save."""
+"""Persists what the robot remembers across restarts: physical starts, and its world at the last save."""
 
 import os
 from pathlib import Path
@@ -80,7 +80,7 @@ def save_world(path: Path, world: SavedWorld, *, durable: bool) -> None:
 
 
 def load_world(path: Path) -> SavedWorld | None:
-    """The world as it was saved, its clock and sequence moved past everything that may have been said since."""
+    """The world as it was saved, its clock and sequence moved past everything that may have been reported since."""
     if not path.exists():
         return None
     try:

@@ -1,4 +1,4 @@
-"""A small occupancy grid from the robot's own lidar sweeps, and the shortest safe path through it (A*)."""
+"""Maintains a small occupancy grid from the robot's lidar sweeps, and finds the shortest safe path in it (A*)."""
 
 import heapq
 import math
@@ -31,7 +31,7 @@ class LocalMap:
         self._closed: NDArray[np.uint8] = np.zeros((2 * HALF_CELLS + 1,) * 2, dtype=np.uint8)
 
     def add(self, pose: tuple[float, float, float], headings: Floats, ranges: Floats) -> None:
-        """Take one flat sweep (headings in the body frame, metres) and redraw the grid around `pose`."""
+        """Add one flat sweep (headings in the body frame, metres) and redraw the grid around `pose`."""
         seen = ranges < LIDAR_REACH_M - 0.01
         turned = headings[seen] + pose[2]
         hits = np.stack([pose[0] + ranges[seen] * np.cos(turned), pose[1] + ranges[seen] * np.sin(turned)], axis=1)

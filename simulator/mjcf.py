@@ -1,4 +1,4 @@
-"""From a site model to MuJoCo: one XML of cuboids, a floor, and a quadruped that slides and turns on the plane."""
+"""Converts a site model to MuJoCo: one XML of cuboids, a floor, and a quadruped that slides and turns on the plane."""
 
 from typing import Any
 from xml.sax.saxutils import quoteattr

@@ -1,7 +1,7 @@
-"""Following a route: pure pursuit with a lookahead, an arrival that is declared, and a watch on progress.
+"""Follows a route by pure pursuit with a lookahead, declares arrival, and gives up when there is no progress.
 
-`RouteFollower` keeps to the route and stops where its lidar sees it closed. `CarefulPlanner` leaves the route to get
-round what its lidar shows, where a gap is wide enough.
+`RouteFollower` stays on the route and stops where its lidar sees it blocked. `CarefulPlanner` leaves the route to get
+round an obstacle that its lidar shows, where a gap is wide enough.
 """
 
 import math
@@ -40,7 +40,7 @@ class Leg(Value):
 
 
 class RouteFollower:
-    """The cheap way: along the route or not at all."""
+    """The cheap navigator: along the route or not at all."""
 
     def __init__(self, leg: Leg) -> None:
         self._leg = leg
@@ -94,7 +94,7 @@ class RouteFollower:
         return Step(command=self._steer(perception, self._aim(), self._stretch_m(perception)))
 
     def _look(self, perception: Perception) -> str:
-        """Why the way ahead cannot be taken; empty if it can."""
+        """Why the route ahead is blocked; empty if it is free."""
         stretch = [self.route.point(self._at_m + ahead) for ahead in (0.2, 0.4, 0.6, 0.8, 1.0)]
         far_m = max(math.hypot(x - perception.x_m, y - perception.y_m) for x, y in stretch) + SWATH_M
         hits = _hits(perception, AHEAD, reach_m=min(far_m + 0.02, LIDAR_REACH_M))
@@ -106,7 +106,7 @@ class RouteFollower:
         return self.route.point(self._at_m + self._leg.lookahead_m)
 
     def _stretch_m(self, perception: Perception) -> float:
-        """Metres to go before standing."""
+        """Metres to go before stopping."""
         return max(self.remaining_m, self._off_m) - 0.05
 
     def _follow(self, perception: Perception) -> None:
@@ -153,7 +153,7 @@ class RouteFollower:
         return self.claim(perception.at_s, distance_m=self._off_m)
 
     def claim(self, at_s: float, *, distance_m: float) -> Step:
-        """The follower's word that it arrived, `distance_m` from the target: declared, whatever is true."""
+        """The follower's declaration that it arrived, `distance_m` from the target, whether true or not."""
         declared = {
             "distance_m": round(distance_m, 4),
             "route_progress": round(self.share, 4),
@@ -168,7 +168,7 @@ class RouteFollower:
 
 
 class CarefulPlanner(RouteFollower):
-    """The slow way: drives by a local map of its own lidar sweeps and rejoins the route behind an obstacle."""
+    """The slow navigator: drives by a local map of its own lidar sweeps and rejoins the route behind an obstacle."""
 
     def __init__(self, leg: Leg) -> None:
         super().__init__(leg)

@@ -1,4 +1,4 @@
-"""Chance in streams keyed by (seed, subsystem, index), so that the same event draws the same number in paired runs."""
+"""Random streams keyed by (seed, subsystem, index), so that the same event draws the same number in paired runs."""
 
 import hashlib
 

@@ -1,4 +1,4 @@
-"""A row of boxes across a route: with a gap for the careful, or from wall to wall."""
+"""Places a row of boxes across a route, either with a gap or from side to side."""
 
 import math
 

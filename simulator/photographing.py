@@ -1,4 +1,4 @@
-"""Skills that look: a panorama by segmented rotation in place, and an observer that stands."""
+"""Skills that take pictures: a panorama by segmented rotation in place, and an observer that stands still."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Pictures on demand. At kinematic fidelity each place is photographed once in a process, coarsely, and remembered."""
+"""Renders pictures on demand; at kinematic fidelity caches one coarse picture per place and process."""
 
 import math
 from functools import lru_cache

@@ -1,4 +1,4 @@
-"""Where the robot's own controller believes it is: odometry between fixes, fixes pulling it back."""
+"""The controller's own pose estimate: odometry between fixes, corrected by each fix."""
 
 import math
 

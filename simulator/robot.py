@@ -1,20 +1,12 @@
-"""The simulated robot: providers, senses and journals over one simulated world, in this process."""
+"""The simulated robot: providers, observations and journals over one simulated world, in this process."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from harness.contracts import protocol
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import FencingRefused, ProviderFailed, ProviderUnreachable
 from harness.contracts.ids import Digest, MissionId, ProviderId, RequestId
-from harness.contracts.protocol import (
-    TERMINAL,
-    InvocationReport,
-    Observations,
-    PhysicalStart,
-    Picture,
-    RobotStatus,
-    StartRequest,
-)
 from harness.contracts.values import digest
 from harness.provider_protocol.journal import JournalEntry, RequestJournal
 from harness.provider_protocol.parameters import parameter_problems
@@ -46,10 +38,10 @@ class SimulatedRobot:
         self._starts = StartJournal(folder and folder / "starts.jsonl")
         self._running: dict[RequestId, RunningSkill] = {}
         self.lying = False
-        self._repeats: list[tuple[float, CapabilityCard, StartRequest]] = []
+        self._repeats: list[tuple[float, CapabilityCard, protocol.StartRequest]] = []
         self._providers = tuple(SimulatedProvider(self, card) for card in CARDS)
         for report in list(self._journal.reports.values()):
-            if report.status not in TERMINAL:
+            if report.status not in protocol.TERMINAL:
                 self._journal.write(JournalEntry(report=restarted(report)))
 
     @property
@@ -59,16 +51,16 @@ class SimulatedRobot:
 
     @property
     def moving(self) -> bool:
-        """Whether the body is not still, or an invocation that the dead man does not hold may move it."""
+        """Whether the body is not still, or an invocation that the watchdog does not hold may move it."""
         mover = self._mover()
         return not self.world.body.state.still or (mover is not None and not mover.held_still)
 
     def providers(self) -> Sequence["SimulatedProvider"]:
         return self._providers
 
-    def status(self) -> RobotStatus:
+    def status(self) -> protocol.RobotStatus:
         world, mover = self.world, self._mover()
-        return RobotStatus(
+        return protocol.RobotStatus(
             robot_id=self.robot_id,
             at_s=world.at_s,
             posture="moving" if not world.still else "lying" if self.lying else "standing",
@@ -82,20 +74,22 @@ class SimulatedRobot:
             driven_by=mover.request.identity.request_id if mover is not None and mover.card.provider_id == HAND else "",
         )
 
-    def picture(self) -> Picture:
-        """What the camera sees from where the body is, for people: no sample and no evidence comes of it."""
+    def picture(self) -> protocol.Picture:
+        """What the camera sees from where the body is, for people: it is neither a sample nor evidence."""
         state = self.world.body.state
         pose = (state.x_m, state.y_m, state.yaw_rad)
         width, height = LIVE.width_px, LIVE.height_px
-        return Picture(at_s=self.at_s, width_px=width, height_px=height, body=live_frame(self.world.site, pose))
+        return protocol.Picture(
+            at_s=self.at_s, width_px=width, height_px=height, body=live_frame(self.world.site, pose)
+        )
 
-    def observations(self, after: int, limit: int = 5000) -> Observations:
+    def observations(self, after: int, limit: int = 5000) -> protocol.Observations:
         return self.world.ring.after(after, limit=limit, at_s=self.world.at_s)
 
     def blob(self, digest: Digest) -> bytes:
         return self.world.blobs.get(digest)
 
-    def starts(self) -> Sequence[PhysicalStart]:
+    def starts(self) -> Sequence[protocol.PhysicalStart]:
         return self._starts.all()
 
     def configure(self, mission_id: MissionId, seed: int, faults: Sequence[Fault]) -> None:
@@ -103,7 +97,7 @@ class SimulatedRobot:
         self.world.configure(mission_id, seed, faults)
 
     def struck(self) -> dict[str, int]:
-        """How often each fault of the configured mission really struck."""
+        """How often each fault of the configured mission really occurred."""
         return dict(self.world.faults.struck)
 
     def advance_to(self, mission_s: float) -> float:
@@ -113,14 +107,14 @@ class SimulatedRobot:
         return self.world.at_s
 
     def press_hardware_stop(self, *, engaged: bool) -> None:
-        """The red button on the robot: below every software, it holds the body still while it is engaged."""
+        """The red button on the robot: independent of all software, it holds the body still while engaged."""
         self.world.hardware_stop = engaged
 
     def save(self) -> None:
         """Write the world durably."""
         self.world.save(durable=True)
 
-    def begin(self, card: CapabilityCard, request: StartRequest) -> InvocationReport:
+    def begin(self, card: CapabilityCard, request: protocol.StartRequest) -> protocol.InvocationReport:
         """Start once per request id. Raises ProviderFailed, FencingRefused, or ProviderUnreachable by a fault."""
         known = self.find(request.identity.request_id)
         if known is not None:
@@ -142,11 +136,11 @@ class SimulatedRobot:
         return invocation.report()
 
     def take_up(self, invocation: RunningSkill, entry: JournalEntry) -> None:
-        """A physical start: in the journals first, then in the world with the next tick."""
+        """Starts physically: writes the journals first, then starts in the world with the next tick."""
         self._journal.write(entry)
         identity = invocation.request.identity
         self._starts.write(
-            PhysicalStart(
+            protocol.PhysicalStart(
                 request_id=identity.request_id,
                 mission_id=identity.mission_id,
                 node_id=identity.node_id,
@@ -163,12 +157,12 @@ class SimulatedRobot:
         """The invocation of a request, while it is not terminal."""
         return self._running.get(request)
 
-    def find(self, request: RequestId) -> InvocationReport | None:
+    def find(self, request: RequestId) -> protocol.InvocationReport | None:
         """The newest report on a request, or None if it never came here."""
         running = self._running.get(request)
         return running.report() if running is not None else self._journal.reports.get(request)
 
-    def report(self, handle: str) -> InvocationReport:
+    def report(self, handle: str) -> protocol.InvocationReport:
         """Raises ProviderFailed for an unknown handle."""
         found = self.find(RequestId(handle.partition(":")[2]))
         if found is None or found.handle != handle:
@@ -196,7 +190,7 @@ class SimulatedRobot:
     def _mover(self) -> RunningSkill | None:
         return next((invocation for invocation in self._running.values() if invocation.card.moves), None)
 
-    def _same(self, card: CapabilityCard, request: StartRequest) -> None:
+    def _same(self, card: CapabilityCard, request: protocol.StartRequest) -> None:
         first = self._journal.requests[request.identity.request_id]
         if _asked(first) != _asked(request):
             raise ProviderFailed(
@@ -205,7 +199,7 @@ class SimulatedRobot:
                 do="repeat it unchanged, or authorise a new attempt",
             )
 
-    def _check(self, card: CapabilityCard, request: StartRequest) -> None:
+    def _check(self, card: CapabilityCard, request: protocol.StartRequest) -> None:
         named = (request.identity.provider_id, request.capability)
         problems = [
             *([f"The request is for {' / '.join(named)}"] if named != (card.provider_id, card.capability) else []),
@@ -241,13 +235,13 @@ class SimulatedProvider:
     def card(self) -> CapabilityCard:
         return self._card
 
-    def start(self, request: StartRequest) -> InvocationReport:
+    def start(self, request: protocol.StartRequest) -> protocol.InvocationReport:
         return self._robot.begin(self._card, request)
 
-    def report(self, handle: str) -> InvocationReport:
+    def report(self, handle: str) -> protocol.InvocationReport:
         return self._robot.report(handle)
 
-    def find(self, request: RequestId) -> InvocationReport | None:
+    def find(self, request: RequestId) -> protocol.InvocationReport | None:
         return self._robot.find(request)
 
     def keepalive(self, handle: str) -> None:
@@ -255,25 +249,25 @@ class SimulatedProvider:
         if invocation is not None:
             invocation.keepalive(self._robot.at_s)
 
-    def resume(self, handle: str) -> InvocationReport:
+    def resume(self, handle: str) -> protocol.InvocationReport:
         invocation = self._robot.invocation(handle)
         if invocation is not None:
             invocation.resume(self._robot.at_s)
         return self._robot.report(handle)
 
-    def stop(self, handle: str) -> InvocationReport:
+    def stop(self, handle: str) -> protocol.InvocationReport:
         invocation = self._robot.invocation(handle)
         if invocation is not None:
             invocation.stop()
         return self._robot.report(handle)
 
 
-def _way(request: StartRequest) -> str:
-    """The same route of the same node: what an earlier attempt covered of it counts."""
+def _way(request: protocol.StartRequest) -> str:
+    """Identifies a node's route, so that what an earlier attempt covered of it counts."""
     identity = request.identity
     return f"{identity.mission_id}/{identity.node_id}/{digest(request.parameters.get('route', ()))[:12]}"
 
 
-def _asked(request: StartRequest) -> str:
+def _asked(request: protocol.StartRequest) -> str:
     """What makes two requests the same: who asks for what. The state version may move between repeats (D1)."""
     return digest([request.identity, request.capability, request.parameters, request.blobs])

@@ -1,4 +1,4 @@
-"""A route measured along itself: arc length, the nearest point ahead, points in front."""
+"""Measures along a route: arc length, the nearest point ahead, points in front."""
 
 import math
 from bisect import bisect_left, bisect_right

@@ -1,4 +1,4 @@
-"""What the robot still remembers of its sensors: samples with rising sequence numbers, and the bytes they cite."""
+"""Buffers the robot's newest sensor samples, with rising sequence numbers, and the bytes they cite."""
 
 from collections import OrderedDict
 from itertools import islice
@@ -57,7 +57,7 @@ class SensorBlobs:
             folder.mkdir(parents=True, exist_ok=True)
 
     def keep(self, body: bytes) -> Digest:
-        """Remember for as long as there is room."""
+        """Store for as long as there is room."""
         digest = sha256(body)
         if digest not in self._held:
             self._held[digest] = body
@@ -67,7 +67,7 @@ class SensorBlobs:
         return digest
 
     def keep_image(self, body: bytes) -> Digest:
-        """Remember across a restart where there is a folder."""
+        """Store across a restart where there is a folder."""
         digest = self.keep(body)
         if self._folder is not None:
             (self._folder / digest).write_bytes(body)

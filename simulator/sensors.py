@@ -1,4 +1,4 @@
-"""The robot's sensors: noisy readings of the body's true state, each kind with a stream of chance of its own."""
+"""The robot's sensors: noisy readings of the body's true state, each kind with its own random stream."""
 
 import math
 from collections.abc import Callable
@@ -6,8 +6,8 @@ from typing import Literal
 
 import numpy as np
 
+from harness.contracts import observations
 from harness.contracts.ids import Digest
-from harness.contracts.observations import Battery, Imu, Odometry, Pose, Scan
 from simulator.bodies import TICK_S, BodyState, Floats
 from simulator.noise import Streams
 from simulator.samples import SampleRing
@@ -32,7 +32,7 @@ EVERY_FIX = ("localiser-x", "localiser-y", "localiser-yaw")
 
 
 class Sensors:
-    """Samples every tick. `fix` is the localiser's newest word to the robot's own controller, published or not.
+    """Samples every tick. `fix` is the localiser's newest fix for the robot's own controller, published or not.
 
     The localiser publishes at 10 Hz in `frame`, odometry and IMU at 20 Hz, the lidar at 1 Hz, the battery at 0.2 Hz.
     """
@@ -44,13 +44,13 @@ class Sensors:
         self.fix: Fix | None = None
         self.odometer: Fix = (0.0, 0.0, 0.0)
         self.charge = 0.92
-        self._held: Pose | None = None
+        self._held: observations.Pose | None = None
         self._before: Fix | None = None
         self._twist = (0.0, 0.0)
         self.reseed(streams)
 
     def reseed(self, streams: Streams) -> None:
-        """Start every stream of chance again from its first draw."""
+        """Restart every random stream from its first draw."""
         self._streams, self._tick = streams, 0
         self._scale = 1.0 + SCALE_NOISE * _clipped(streams.normal("odometry-scale", 0))
         self._turn = 1.0 + TURN_NOISE * _clipped(streams.normal("odometry-turn", 0))
@@ -61,14 +61,14 @@ class Sensors:
         self._twist = (0.0, 0.0)
 
     def sample(self, state: BodyState, at_s: float) -> None:
-        """Everything that falls due this tick, except the lidar."""
+        """Every sample due this tick, except the lidar."""
         tick = self._tick = self._tick + 1
         self._odometry(state, at_s)
         if tick % POSE_TICKS == 0:
             self._localise(state, at_s, index=tick // POSE_TICKS)
         if tick % BATTERY_TICKS == 0:
             self.charge = max(0.0, self.charge - (0.0004 if abs(state.v_mps) > 0.01 else 0.00005))
-            self._ring.add(Battery(seq=self._ring.next(), at_s=at_s, source="battery", charge=self.charge))
+            self._ring.add(observations.Battery(seq=self._ring.next(), at_s=at_s, source="battery", charge=self.charge))
 
     @property
     def scan_due(self) -> bool:
@@ -80,7 +80,7 @@ class Sensors:
         generator = np.random.Generator(np.random.Philox(key=[self._streams.seed & 0xFFFFFFFF, self._tick]))
         noisy = cloud * (1.0 + 0.01 * generator.standard_normal(ranges.shape) / ranges)
         body = noisy.astype("<f4").tobytes()
-        sample = Scan(
+        sample = observations.Scan(
             seq=self._ring.next(), at_s=at_s, source="lidar", frame="body", blob=store(body), points=len(cloud)
         )
         self._ring.add(sample)
@@ -112,14 +112,14 @@ class Sensors:
         self._twist = (v, w)
         jitter, seq = 0.0003 * reading, ring.newest + 1
         ring.add(
-            Odometry(
+            observations.Odometry(
                 seq=seq, at_s=at_s, source="odometry", frame="odom", x_m=x + jitter, y_m=y - jitter,
                 yaw_rad=self.odometer[2], v_mps=v, w_radps=w,
             )
         )  # fmt: skip
         rough = 0.03 + 0.3 * abs(v)
         ring.add(
-            Imu(
+            observations.Imu(
                 seq=seq + 1, at_s=at_s, source="imu", ax_mps2=ahead + rough * imu_x,
                 ay_mps2=v * w + rough * imu_y, w_radps=state.w_radps + 0.004 * imu_turn,
             )
@@ -145,13 +145,13 @@ class Sensors:
         held, seq = self._held, self._ring.next()
         if held is not None and self.mode in ("stale", "frozen"):
             stamp = held.at_s if self.mode == "stale" else at_s
-            pose = Pose(
+            pose = observations.Pose(
                 seq=seq, at_s=stamp, source="localiser", frame=held.frame, map_version=held.map_version,
                 x_m=held.x_m, y_m=held.y_m, yaw_rad=held.yaw_rad, confidence=held.confidence,
             )  # fmt: skip
         elif self.fix is not None:
             x, y, yaw = self.fix
-            pose = Pose(
+            pose = observations.Pose(
                 seq=seq, at_s=at_s, source="localiser", frame=self._frame, map_version=self._map_version,
                 x_m=x, y_m=y, yaw_rad=yaw, confidence=0.95,
             )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The simulated robot as a service: the provider protocol, its clock, and the simulation's own commands."""
+"""Serves the simulated robot over HTTP: the provider protocol, its clock, and the simulation's own commands."""
 
 import threading
 import time
@@ -9,10 +9,10 @@ from fastapi import FastAPI
 
 from harness.contracts.errors import ProviderFailed, ProviderUnreachable
 from harness.contracts.protocol import Picture
+from harness.provider_protocol import wire
 from harness.provider_protocol.operations import Names, Operation, provider_operations
 from harness.provider_protocol.operator_operations import camera_operations, hand_operations
 from harness.provider_protocol.service import provider_service
-from harness.provider_protocol.wire import Advance, ClockReading, Done, HardwareStop, MissionSettings
 from simulator.bodies import TICK_S
 from simulator.faults import parse_faults
 from simulator.robot import SimulatedRobot
@@ -28,7 +28,7 @@ class Pace:
     """Lets a robot's time pass, and lets one caller at a time see it.
 
     At speed 0 only `advance` moves time; but when no request came for FREE_RUN_AFTER_S of wall time and something
-    moves, time runs by itself, so that the dead man works when the harness is gone.
+    moves, time runs by itself, so that the heartbeat watchdog works when the harness is gone.
     """
 
     def __init__(self, robot: SimulatedRobot, speed: float) -> None:
@@ -49,7 +49,7 @@ class Pace:
         self._thread.join()
 
     def orphan(self) -> None:
-        """Nobody will ask any more: do not wait before running free."""
+        """No more requests will come: do not wait before running free."""
         self._orphaned.set()
 
     @property
@@ -58,14 +58,14 @@ class Pace:
         return time.monotonic() - self._asked_s
 
     def retire(self, *, after_s: float) -> bool:
-        """Take no request any more if the robot stands and nobody asked for `after_s`; whether that is so."""
+        """Stop taking requests if the robot stands and no request came for `after_s`; whether that is so."""
         with self._lock:
             self._retired = not self.robot.moving and self.silent_s >= after_s
             return self._retired
 
     @contextmanager
     def turn(self) -> Iterator[None]:
-        """One request at a time. Raises ProviderUnreachable once retired, so that nobody adopts a robot that ends."""
+        """One request at a time. Raises ProviderUnreachable once retired: nothing may adopt a robot that ends."""
         with self._lock:
             if self._retired:
                 raise ProviderUnreachable(
@@ -76,7 +76,7 @@ class Pace:
             self._asked_s = time.monotonic()
 
     def standing(self) -> bool:
-        """Whether nothing moves and nothing is about to."""
+        """Whether nothing moves and nothing is about to move."""
         with self._lock:
             return not self.robot.moving
 
@@ -119,10 +119,10 @@ def simulation_operations(pace: Pace) -> tuple[Operation, ...]:
     """What only a simulated robot serves."""
     robot = pace.robot
 
-    def clock(names: Names, body: None) -> ClockReading:
-        return ClockReading(at_s=robot.at_s, speed=pace.speed, monotonic_s=time.monotonic())
+    def clock(names: Names, body: None) -> wire.ClockReading:
+        return wire.ClockReading(at_s=robot.at_s, speed=pace.speed, monotonic_s=time.monotonic())
 
-    def advance(names: Names, body: Advance) -> Done:
+    def advance(names: Names, body: wire.Advance) -> wire.Done:
         if pace.speed:
             raise ProviderFailed("This robot runs by itself", where="/simulation/advance", do="start it with speed 0")
         if not 0 <= body.until_s - robot.at_s <= LONGEST_ADVANCE_S:
@@ -131,29 +131,33 @@ def simulation_operations(pace: Pace) -> tuple[Operation, ...]:
                 where="/simulation/advance",
                 do="advance in smaller steps",
             )
-        return Done(at_s=robot.advance_to(body.until_s))
+        return wire.Done(at_s=robot.advance_to(body.until_s))
 
-    def configure(names: Names, body: MissionSettings) -> Done:
+    def configure(names: Names, body: wire.MissionSettings) -> wire.Done:
         robot.configure(body.mission_id, body.seed, parse_faults(body.faults))
-        return Done(at_s=robot.at_s)
+        return wire.Done(at_s=robot.at_s)
 
-    def save(names: Names, body: None) -> Done:
+    def save(names: Names, body: None) -> wire.Done:
         robot.save()
-        return Done(at_s=robot.at_s)
+        return wire.Done(at_s=robot.at_s)
 
-    def press(names: Names, body: HardwareStop) -> Done:
+    def press(names: Names, body: wire.HardwareStop) -> wire.Done:
         robot.press_hardware_stop(engaged=body.engaged)
-        return Done(at_s=robot.at_s)
+        return wire.Done(at_s=robot.at_s)
 
     def struck(names: Names, body: None) -> dict[str, int]:
         return robot.struck()
 
     return (
-        Operation("GET", "/clock", "Mission time", ClockReading, clock),
-        Operation("POST", "/simulation/advance", "Lockstep: run to a mission time", Done, advance, body=Advance),
-        Operation("POST", "/simulation/configure", "Begin a mission", Done, configure, body=MissionSettings),
-        Operation("POST", "/simulation/save", "Write the world durably", Done, save),
-        Operation("POST", "/simulation/hardware-stop", "Press the red button", Done, press, body=HardwareStop),
+        Operation("GET", "/clock", "Mission time", wire.ClockReading, clock),
+        Operation(
+            "POST", "/simulation/advance", "Lockstep: run to a mission time", wire.Done, advance, body=wire.Advance
+        ),
+        Operation("POST", "/simulation/configure", "Begin a mission", wire.Done, configure, body=wire.MissionSettings),
+        Operation("POST", "/simulation/save", "Write the world durably", wire.Done, save),
+        Operation(
+            "POST", "/simulation/hardware-stop", "Press the red button", wire.Done, press, body=wire.HardwareStop
+        ),
         Operation("GET", "/simulation/struck", "Faults that struck", dict[str, int], struck),
     )
 

@@ -1,68 +1,76 @@
 """The built-in site: an office, a corridor and a storage area, with boxes and things in the boxes' colours."""
 
 from harness.contracts.values import Point
-from simulator.solids import Rgb, SiteModel, Solid, standing, wall
+from simulator import solids
 
-CARDBOARD: Rgb = (0.72, 0.53, 0.33)
-BLUE: Rgb = (0.20, 0.38, 0.62)
-STEEL: Rgb = (0.48, 0.51, 0.55)
-WOOD: Rgb = (0.64, 0.50, 0.36)
-YELLOW: Rgb = (0.86, 0.72, 0.22)
-DARK: Rgb = (0.22, 0.24, 0.27)
+CARDBOARD: solids.Rgb = (0.72, 0.53, 0.33)
+BLUE: solids.Rgb = (0.20, 0.38, 0.62)
+STEEL: solids.Rgb = (0.48, 0.51, 0.55)
+WOOD: solids.Rgb = (0.64, 0.50, 0.36)
+YELLOW: solids.Rgb = (0.86, 0.72, 0.22)
+DARK: solids.Rgb = (0.22, 0.24, 0.27)
 
 START = (-0.23, 0.0, 0.0)
 PASSAGE_M: tuple[Point, ...] = ((10.3, 10.2), (11.7, 10.2), (11.7, 12.2), (10.3, 12.2))
 
-WALLS: tuple[Solid, ...] = (
-    wall("office-west", (-2.05, -3.7), (-2.05, 5.95)),
-    wall("office-south", (-2.05, -3.65), (7.65, -3.65)),
-    wall("office-east", (7.65, -3.7), (7.65, 3.7)),
-    wall("office-north-west", (-2.05, 3.65), (0.35, 3.65)),
-    wall("office-north-east", (1.65, 3.65), (14.55, 3.65)),
-    wall("corridor-east", (14.55, 3.6), (14.55, 6.0)),
-    wall("corridor-north-west", (-2.05, 5.95), (10.35, 5.95)),
-    wall("corridor-north-east", (11.65, 5.95), (14.55, 5.95)),
-    wall("storage-west", (7.45, 5.9), (7.45, 13.45)),
-    wall("storage-east", (14.55, 5.9), (14.55, 13.45)),
-    wall("storage-north", (7.45, 13.45), (14.55, 13.45)),
+WALLS: tuple[solids.Solid, ...] = (
+    solids.wall("office-west", (-2.05, -3.7), (-2.05, 5.95)),
+    solids.wall("office-south", (-2.05, -3.65), (7.65, -3.65)),
+    solids.wall("office-east", (7.65, -3.7), (7.65, 3.7)),
+    solids.wall("office-north-west", (-2.05, 3.65), (0.35, 3.65)),
+    solids.wall("office-north-east", (1.65, 3.65), (14.55, 3.65)),
+    solids.wall("corridor-east", (14.55, 3.6), (14.55, 6.0)),
+    solids.wall("corridor-north-west", (-2.05, 5.95), (10.35, 5.95)),
+    solids.wall("corridor-north-east", (11.65, 5.95), (14.55, 5.95)),
+    solids.wall("storage-west", (7.45, 5.9), (7.45, 13.45)),
+    solids.wall("storage-east", (14.55, 5.9), (14.55, 13.45)),
+    solids.wall("storage-north", (7.45, 13.45), (14.55, 13.45)),
 )
 
-SHELVES: tuple[Solid, ...] = (
-    standing("shelf-left", "shelf", (9.95, 11.2), (0.5, 2.2, 1.8), STEEL),
-    standing("shelf-right", "shelf", (12.05, 11.2), (0.5, 2.2, 1.8), STEEL),
-    standing("shelf-west", "shelf", (7.8, 9.5), (0.5, 2.6, 1.9), STEEL),
-    standing("shelf-east", "shelf", (14.2, 9.0), (0.5, 2.6, 1.9), WOOD),
+SHELVES: tuple[solids.Solid, ...] = (
+    solids.standing("shelf-left", "shelf", (9.95, 11.2), (0.5, 2.2, 1.8), STEEL),
+    solids.standing("shelf-right", "shelf", (12.05, 11.2), (0.5, 2.2, 1.8), STEEL),
+    solids.standing("shelf-west", "shelf", (7.8, 9.5), (0.5, 2.6, 1.9), STEEL),
+    solids.standing("shelf-east", "shelf", (14.2, 9.0), (0.5, 2.6, 1.9), WOOD),
 )
 
-FURNITURE: tuple[Solid, ...] = (
-    standing("desk-west", "desk", (2.4, 0.0), (0.8, 1.6, 0.74), WOOD),
-    standing("desk-east", "desk", (3.9, 0.0), (0.8, 1.6, 0.74), WOOD),
-    standing("chair-west", "chair", (3.15, 0.35), (0.42, 0.42, 0.9), DARK),
-    standing("chair-east", "chair", (3.15, -0.45), (0.42, 0.42, 0.9), BLUE),
-    standing("cabinet", "shelf", (7.3, 2.6), (0.5, 1.2, 1.5), STEEL),
+FURNITURE: tuple[solids.Solid, ...] = (
+    solids.standing("desk-west", "desk", (2.4, 0.0), (0.8, 1.6, 0.74), WOOD),
+    solids.standing("desk-east", "desk", (3.9, 0.0), (0.8, 1.6, 0.74), WOOD),
+    solids.standing("chair-west", "chair", (3.15, 0.35), (0.42, 0.42, 0.9), DARK),
+    solids.standing("chair-east", "chair", (3.15, -0.45), (0.42, 0.42, 0.9), BLUE),
+    solids.standing("cabinet", "shelf", (7.3, 2.6), (0.5, 1.2, 1.5), STEEL),
 )
 
-BOXES: tuple[Solid, ...] = (
-    standing("box-passage-1", "box", (10.68, 11.1), (0.55, 0.5, 0.5), CARDBOARD),
-    standing("box-passage-2", "box", (10.66, 11.62), (0.45, 0.4, 0.42), CARDBOARD),
-    standing("box-stack-1", "box", (13.2, 7.2), (0.6, 0.6, 0.6), CARDBOARD),
-    standing("box-stack-2", "box", (8.6, 12.6), (0.6, 0.5, 0.55), BLUE),
+BOXES: tuple[solids.Solid, ...] = (
+    solids.standing("box-passage-1", "box", (10.68, 11.1), (0.55, 0.5, 0.5), CARDBOARD),
+    solids.standing("box-passage-2", "box", (10.66, 11.62), (0.45, 0.4, 0.42), CARDBOARD),
+    solids.standing("box-stack-1", "box", (13.2, 7.2), (0.6, 0.6, 0.6), CARDBOARD),
+    solids.standing("box-stack-2", "box", (8.6, 12.6), (0.6, 0.5, 0.55), BLUE),
 )
 
-DECOR: tuple[Solid, ...] = (
-    Solid(name="poster-north", kind="poster", centre_m=(11.9, 13.38, 1.2), half_m=(0.4, 0.01, 0.3), rgb=CARDBOARD),
-    Solid(name="poster-east", kind="poster", centre_m=(14.48, 11.5, 1.3), half_m=(0.01, 0.35, 0.45), rgb=BLUE),
-    Solid(name="poster-office", kind="poster", centre_m=(4.0, 3.58, 1.4), half_m=(0.6, 0.01, 0.4), rgb=YELLOW),
-    Solid(name="mark-aisle", kind="mark", centre_m=(11.35, 10.6, 0.001), half_m=(0.18, 0.3, 0.001), rgb=CARDBOARD),
-    Solid(name="mark-line-left", kind="mark", centre_m=(10.3, 11.2, 0.001), half_m=(0.03, 1.0, 0.001), rgb=YELLOW),
-    Solid(name="mark-line-right", kind="mark", centre_m=(11.7, 11.2, 0.001), half_m=(0.03, 1.0, 0.001), rgb=YELLOW),
-    Solid(name="mark-corridor", kind="mark", centre_m=(6.0, 4.1, 0.001), half_m=(0.5, 0.05, 0.001), rgb=BLUE),
+DECOR: tuple[solids.Solid, ...] = (
+    solids.Solid(
+        name="poster-north", kind="poster", centre_m=(11.9, 13.38, 1.2), half_m=(0.4, 0.01, 0.3), rgb=CARDBOARD
+    ),
+    solids.Solid(name="poster-east", kind="poster", centre_m=(14.48, 11.5, 1.3), half_m=(0.01, 0.35, 0.45), rgb=BLUE),
+    solids.Solid(name="poster-office", kind="poster", centre_m=(4.0, 3.58, 1.4), half_m=(0.6, 0.01, 0.4), rgb=YELLOW),
+    solids.Solid(
+        name="mark-aisle", kind="mark", centre_m=(11.35, 10.6, 0.001), half_m=(0.18, 0.3, 0.001), rgb=CARDBOARD
+    ),
+    solids.Solid(
+        name="mark-line-left", kind="mark", centre_m=(10.3, 11.2, 0.001), half_m=(0.03, 1.0, 0.001), rgb=YELLOW
+    ),
+    solids.Solid(
+        name="mark-line-right", kind="mark", centre_m=(11.7, 11.2, 0.001), half_m=(0.03, 1.0, 0.001), rgb=YELLOW
+    ),
+    solids.Solid(name="mark-corridor", kind="mark", centre_m=(6.0, 4.1, 0.001), half_m=(0.5, 0.05, 0.001), rgb=BLUE),
 )
 
 
-def storage_site() -> SiteModel:
+def storage_site() -> solids.SiteModel:
     """The site of `harness/baseline/site.yaml`, as solids."""
-    return SiteModel(
+    return solids.SiteModel(
         name="storage-site",
         frame="map",
         map_version="site-1",

@@ -1,4 +1,4 @@
-"""What a skill of the robot may know and say: its own perception in, a velocity and an outcome out."""
+"""The interface of a robot skill: its own perception in, a velocity and an outcome out."""
 
 from collections.abc import Callable
 from typing import Literal, Protocol
@@ -29,7 +29,7 @@ class Shot(Value):
 
 
 class Outcome(Value):
-    """How a skill ended, in its own words."""
+    """How a skill ended, by its own report."""
 
     status: Literal["succeeded", "failed"]
     failure: str = ""
@@ -74,4 +74,4 @@ class Skill(Protocol):
         """One tick; not called again after an outcome."""
 
     def resume(self, at_s: float) -> None:
-        """The robot was held still from outside until now; waiting does not count as lack of progress."""
+        """Go on after the robot was held still from outside; waiting does not count as lack of progress."""

@@ -1,4 +1,4 @@
-"""From a request's parameters to the skill that serves it. The parameters have passed the card's types and bounds."""
+"""Creates the skill that serves a request. The parameters have already passed the card's types and bounds."""
 
 import math
 from typing import cast

@@ -1,21 +1,13 @@
-"""Driving the simulated robot by hand, and having it lie down: only where nothing else moves it, and fenced."""
+"""Drives the simulated robot by hand and makes it lie down: fenced, and only where nothing else moves it."""
 
 from typing import Literal
 
 from msgspec.structs import replace
 
+from harness.contracts import protocol
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest, MissionId, NodeId, RequestId
-from harness.contracts.protocol import (
-    DRIVE_DEAD_MAN_S,
-    DriveOrder,
-    DriveReport,
-    InvocationIdentity,
-    PostureOrder,
-    RobotStatus,
-    StartRequest,
-)
 from harness.provider_protocol.journal import JournalEntry
 from simulator.bodies import Velocity
 from simulator.cards import BASE, ROUTE_FOLLOWER
@@ -37,7 +29,7 @@ BY_HAND: CapabilityCard = replace(
 
 
 class TeleoperationSkill:
-    """Holds the last ordered velocity for DRIVE_DEAD_MAN_S, then none."""
+    """Holds the last ordered velocity for DRIVE_DEAD_MAN_S, then stops."""
 
     def __init__(self) -> None:
         self._wanted, self._ordered_s = Velocity(), 0.0
@@ -55,21 +47,21 @@ class TeleoperationSkill:
 
     def step(self, perception: Perception) -> Step:
         """Nothing is finished by itself: the session ends when it is released."""
-        fresh = perception.at_s - self._ordered_s <= DRIVE_DEAD_MAN_S
+        fresh = perception.at_s - self._ordered_s <= protocol.DRIVE_DEAD_MAN_S
         return Step(command=self._wanted if fresh else Velocity())
 
     def resume(self, at_s: float) -> None:
-        """The dead man let go because another order came; that order says what to do."""
+        """Go on after the watchdog stopped it, because another order came; that order is followed."""
 
 
 class SimulatedTeleoperation:
-    """Implements `contracts.ports.HandDriven` for a simulated robot. One thread at a time, as for the robot."""
+    """Implements `contracts.ports.Teleoperable` for a simulated robot. One thread at a time, as for the robot."""
 
     def __init__(self, robot: SimulatedRobot) -> None:
         self._robot = robot
         self._skills: dict[RequestId, TeleoperationSkill] = {}
 
-    def drive(self, order: DriveOrder) -> DriveReport:
+    def drive(self, order: protocol.DriveOrder) -> protocol.DriveReport:
         """Hold this velocity for DRIVE_DEAD_MAN_S at most; the first order of a session begins it."""
         robot = self._robot
         running = robot.running(order.session)
@@ -84,17 +76,17 @@ class SimulatedTeleoperation:
         running.resume(robot.at_s)
         return self._report(order.session, running)
 
-    def release(self, session: RequestId) -> DriveReport:
+    def release(self, session: RequestId) -> protocol.DriveReport:
         """Brake; `ended` once the body stands. A session that never began has ended."""
         running = self._robot.running(session)
         if running is None:
             self._skills.pop(session, None)
-            return DriveReport(session=session, at_s=self._robot.at_s, status="ended")
+            return protocol.DriveReport(session=session, at_s=self._robot.at_s, status="ended")
         running.stop()
         return self._report(session, running)
 
-    def rest(self, order: PostureOrder) -> RobotStatus:
-        """Lie down or stand up; a body that moves does neither."""
+    def rest(self, order: protocol.PostureOrder) -> protocol.RobotStatus:
+        """Lie down or stand up; refused while the body moves."""
         robot = self._robot
         robot.admit({BASE: order.token}, where="posture")
         if not robot.world.still:
@@ -102,7 +94,7 @@ class SimulatedTeleoperation:
         robot.lying = order.posture == "lying"
         return robot.status()
 
-    def _begin(self, order: DriveOrder) -> RunningSkill:
+    def _begin(self, order: protocol.DriveOrder) -> RunningSkill:
         robot = self._robot
         if robot.find(order.session) is not None:
             raise ProviderFailed(
@@ -117,8 +109,8 @@ class SimulatedTeleoperation:
         robot.admit({BASE: order.token}, where="hand")
         skill = TeleoperationSkill()
         self._skills = {order.session: skill}
-        request = StartRequest(
-            identity=InvocationIdentity(
+        request = protocol.StartRequest(
+            identity=protocol.InvocationIdentity(
                 mission_id=MissionId(order.session),
                 node_id=NodeId("hand"),
                 attempt=1,
@@ -136,11 +128,11 @@ class SimulatedTeleoperation:
         robot.take_up(invocation, JournalEntry(report=invocation.report(), request=request))
         return invocation
 
-    def _report(self, session: RequestId, running: RunningSkill, *, reason: str = "") -> DriveReport:
+    def _report(self, session: RequestId, running: RunningSkill, *, reason: str = "") -> protocol.DriveReport:
         v, w = self._robot.world.sensors.twist
         still = self._robot.world.still
         status: Literal["driving", "standing", "ended"] = (
             "ended" if running.terminal else "standing" if still else "driving"
         )
         at_s = self._robot.at_s
-        return DriveReport(session=session, at_s=at_s, status=status, v_mps=v, w_radps=w, reason=reason)
+        return protocol.DriveReport(session=session, at_s=at_s, status=status, v_mps=v, w_radps=w, reason=reason)

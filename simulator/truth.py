@@ -1,4 +1,4 @@
-"""What truly happened: written by the robot's process for an adjudicator, never offered on any interface."""
+"""Records ground truth for an adjudicator: written by the robot's process, never offered on any interface."""
 
 from pathlib import Path
 from typing import IO, Literal

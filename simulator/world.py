@@ -1,4 +1,4 @@
-"""The simulated world tick by tick: body, sensors, running invocations, faults, truth. Mission time is its clock."""
+"""Advances the simulated world tick by tick: body, sensors, invocations, faults, truth. Its clock is mission time."""
 
 import math
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from harness.contracts.observations import Image
 from harness.contracts.regularities import HiddenSite, Regularity
 from harness.contracts.simulation import Fidelity
 from harness.contracts.values import Point, Value
-from simulator.bodies import TICK_S, BodyState, KinematicBody, MujocoBody, SimulatedBody, Velocity
+from simulator import bodies
 from simulator.camera import CAMERA
 from simulator.disturbances import Disturbances
 from simulator.faults import Fault, FaultPlan
@@ -38,7 +38,7 @@ EARLY_CLAIM_M = 0.14
 class WorldSettings(Value):
     """How to build a world. `epoch_s` is its first mission time, unless a saved world has reached a later one.
 
-    `hidden` is what its site does again and again; without it a robot starts a mission where the last one ended.
+    `hidden` are the recurring disturbances of its site; without it a robot starts a mission where the last one ended.
     """
 
     fidelity: Fidelity = "kinematic"
@@ -57,8 +57,10 @@ class World:
         pose = saved.pose if saved else START
         self._home: SiteModel = storage_site()
         self.site: SiteModel = self._home
-        state = BodyState(x_m=pose[0], y_m=pose[1], yaw_rad=pose[2])
-        self.body: SimulatedBody = (MujocoBody if settings.fidelity == "mujoco" else KinematicBody)(self.site, state)
+        state = bodies.BodyState(x_m=pose[0], y_m=pose[1], yaw_rad=pose[2])
+        self.body: bodies.SimulatedBody = (
+            bodies.MujocoBody if settings.fidelity == "mujoco" else bodies.KinematicBody
+        )(self.site, state)
         self.ring = SampleRing(saved.seq if saved else 0)
         self.blobs = SensorBlobs(folder and folder / "blobs")
         self.truth = TruthLog(folder and folder / "truth")
@@ -72,7 +74,7 @@ class World:
         self.reached_m: dict[str, float] = dict(saved.reached_m) if saved else {}
         self._epoch_s = max(saved.at_s, settings.epoch_s) if saved else settings.epoch_s
         self._ticks = 0
-        self._command = Velocity()
+        self._command = bodies.Velocity()
         self.at_s = self._epoch_s
         """Mission time, seconds since the Unix epoch."""
         if saved:
@@ -82,17 +84,17 @@ class World:
 
     @property
     def still(self) -> bool:
-        """Whether odometry says that the robot stands."""
+        """Whether odometry shows that the robot stands still."""
         v, w = self.sensors.twist
         return abs(v) < 0.01 and abs(w) < 0.02
 
     @property
     def believed(self) -> Point:
-        """Where the robot's controller believes it is."""
+        """The pose estimate of the robot's controller."""
         return (self._estimate.x_m, self._estimate.y_m)
 
     def configure(self, mission_id: MissionId, seed: int, faults: Sequence[Fault]) -> None:
-        """Begin a mission: chance, faults and truth file of its own, and the site as it is without faults.
+        """Begin a mission: its own random streams, faults and truth file, and the site as it is without faults.
 
         The mission that is under way goes on as it was: its supervisor came back.
         """
@@ -124,7 +126,7 @@ class World:
                 self._obstruct(self._disturbances, skill.route)
 
     def invocation_ended(self, invocation: RunningSkill, node: str) -> None:
-        """A skill is terminal: what it reached is remembered and the world saved."""
+        """A skill is terminal: its progress is remembered and the world saved."""
         report = invocation.report()
         self.note("terminal", request_id=report.identity.request_id, text=f"{report.status} {report.failure}".strip())
         if isinstance(invocation.skill, RouteFollower):
@@ -144,9 +146,9 @@ class World:
         coarse = self._settings.fidelity == "kinematic" and self._ticks % 2 == 1
         if not (coarse and invocations and all(one.cruising for one in invocations)):
             self._command = self._decided(invocations)
-        self.body.step(Velocity() if self.hardware_stop else self._command)
+        self.body.step(bodies.Velocity() if self.hardware_stop else self._command)
         self._ticks += 1
-        at_s = self.at_s = self._epoch_s + self._ticks * TICK_S
+        at_s = self.at_s = self._epoch_s + self._ticks * bodies.TICK_S
         state = self.body.state
         sensors.sample(state, at_s)
         if sensors.scan_due:
@@ -161,9 +163,9 @@ class World:
             if not still:
                 self.save(durable=False)
 
-    def _decided(self, invocations: Sequence[RunningSkill]) -> Velocity:
-        """What the skills want the body to do now. At kinematic fidelity a cruising one is asked every second tick."""
-        command = Velocity()
+    def _decided(self, invocations: Sequence[RunningSkill]) -> bodies.Velocity:
+        """The velocity that the skills want now. At kinematic fidelity a cruising skill is run every second tick."""
+        command = bodies.Velocity()
         if not invocations:
             return command
         perception = self._perception()
@@ -173,11 +175,11 @@ class World:
                 command = wanted
             self._strike(invocation)
             if self._disturbances is not None and self._hindered(self._disturbances, invocation):
-                command = Velocity()
+                command = bodies.Velocity()
         return command
 
     def note(self, kind: Literal["pose", "start", "terminal", "struck", "mission"], **facts: str) -> None:
-        """One line of truth."""
+        """Write one line of ground truth."""
         state = self.body.state
         x, y, yaw = state.x_m, state.y_m, state.yaw_rad
         self.truth.add(Truth(kind=kind, at_s=self.at_s, x_m=x, y_m=y, yaw_rad=yaw, v_mps=state.v_mps, **facts))
@@ -197,7 +199,7 @@ class World:
             save_world(self._file, world, durable=durable)
 
     def _strike(self, invocation: RunningSkill) -> None:
-        """What the mission's faults do to a navigation that is under way."""
+        """Applies the mission's faults to a navigation that is under way."""
         skill = invocation.skill
         idle = not self.faults.strikes_motion or invocation.terminal or invocation.braking
         if idle or not isinstance(skill, RouteFollower):
@@ -212,7 +214,7 @@ class World:
             invocation.brake_for(Step(outcome=words))
 
     def _live_with(self, disturbances: Disturbances) -> None:
-        """What the place does to the localiser, and whether what stood in the way is still there."""
+        """Applies the site's effect on the localiser, and removes an obstacle whose time is over."""
         state = self.body.state
         disturbances.pass_by((state.x_m, state.y_m), self.at_s)
         if disturbances.moods and self.sensors.mode == "good":
@@ -222,7 +224,7 @@ class World:
             self._furnish(self._home)
 
     def _obstruct(self, disturbances: Disturbances, route: RouteLine) -> None:
-        """Set up what stands across this route."""
+        """Set up the obstacles across this route."""
         standing = tuple(
             one
             for one in disturbances.in_the_way(self.at_s)
@@ -240,7 +242,7 @@ class World:
             self._furnish(self._home.with_solids(*solids))
 
     def _hindered(self, disturbances: Disturbances, invocation: RunningSkill) -> bool:
-        """What the place does to a navigation that comes by; whether it has to stand there without a word."""
+        """Applies the site's effect on a passing navigation; whether it has to stand there without a report."""
         skill, provider_id = invocation.skill, invocation.card.provider_id
         if not isinstance(skill, RouteFollower) or invocation.terminal or invocation.braking:
             return False
@@ -255,18 +257,18 @@ class World:
         return False
 
     def _carry_back(self) -> None:
-        """A person carries the robot to where it starts: neither odometry nor localiser takes it for a drive."""
+        """A person carries the robot to where it starts: neither odometry nor localiser counts it as motion."""
         state = self.body.state
         state.x_m, state.y_m, state.yaw_rad = START
         state.v_mps = state.w_radps = state.sway_mps = 0.0
-        self._command, self._standing = Velocity(), ()
+        self._command, self._standing = bodies.Velocity(), ()
         self.body.furnish(self.site)
         self.sensors.put_down()
         self._estimate = Estimate(START)
         self._estimate.begin(self.sensors.odometer)
 
     def _tell_struck(self) -> None:
-        """A line of truth whenever a fault struck since the last one."""
+        """Writes a line of ground truth with the counts of all faults so far."""
         self.faults.untold = False
         self.note("struck", text=" ".join(f"{name}={count}" for name, count in sorted(self.faults.struck.items())))
 

@@ -1,4 +1,4 @@
-"""Find a Chromium that works, or get one: the system's, else Debian's package, else Playwright's own download."""
+"""Finds a Chromium that works, or installs one: the system's, else Debian's package, else Playwright's own download."""
 
 import os
 import shutil
@@ -33,7 +33,7 @@ def find(playwright: Playwright) -> Path | None:
 
 
 def ensure(playwright: Playwright) -> Path:
-    """A working browser, installed if there is none; raises SystemExit that says what to do if that fails too."""
+    """A working browser, installed if there is none; raises SystemExit with instructions if that fails too."""
     found = find(playwright)
     if found:
         return found

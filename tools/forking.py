@@ -1,7 +1,7 @@
-"""A process that has imported everything but the project and forks itself for every run of pytest: no run waits twice.
+"""Runs pytest in forks of one process that has already imported the libraries, so that no run imports them again.
 
-It stands in the tree whose tests it runs, reads one order a line from its input and answers each with one line. What
-it may import beforehand it learns from the first run: every module outside the tree that the run had imported.
+It runs in the tree whose tests it runs, reads one order per line from its input and answers each with one line. It
+learns from the first run what to import beforehand: every module outside the tree that the run had imported.
 """
 
 import importlib
@@ -49,7 +49,7 @@ def _run(arguments: list[str], folder: Path, *, timeout_s: float) -> int:
 
 
 def _forked(arguments: list[str], folder: Path) -> int:
-    """Never returns an exception to the loop that forked it."""
+    """Runs in the fork; never returns an exception to the loop that forked it."""
     os.setsid()
     told = os.open(folder / "output", os.O_CREAT | os.O_WRONLY | os.O_TRUNC)
     for stream in (1, 2):
@@ -73,7 +73,7 @@ def _outside(tree: Path) -> list[str]:
 
 
 def _learn(file: Path) -> None:
-    """Import what a run needed; what cannot be imported by itself is left to the runs."""
+    """Import what a run needed; a module that cannot be imported by itself is left to the runs."""
     for name in json.loads(file.read_text(encoding="utf-8")) if file.is_file() else ():
         try:
             importlib.import_module(name)

@@ -1,4 +1,4 @@
-"""`make ledger`: which requirements of docs/ledger.md a test proves, by which symbol, and which are open."""
+"""Prints which requirements of docs/ledger.md a test proves, by which symbol, and which are open (`make ledger`)."""
 
 from collections import defaultdict
 from collections.abc import Iterable

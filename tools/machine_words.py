@@ -1,4 +1,4 @@
-"""What is said in sentences before a page is made of it: texts of the sources, and of the task templates.
+"""Extracts the sentences of the runtime that pages show: texts of the sources, and of the task templates.
 
 A text with expressions in it is one message; each hole is named by its expression.
 """
@@ -41,7 +41,7 @@ _SPOT = re.compile(r"\$\{(\w+)(?:\.(\w+))?\}")
 
 @cache
 def sentences() -> dict[str, str]:
-    """Every sentence -> where it is said first."""
+    """Every sentence -> the first place it occurs."""
     found: dict[str, str] = {}
     for path in sorted((ROOT / "harness" / "baseline").rglob("*.yaml")):
         for message in _of_template(yaml.safe_load(path.read_text(encoding="utf-8"))):
@@ -56,7 +56,9 @@ def sentences() -> dict[str, str]:
 
 
 def heard() -> dict[str, tuple[str, ...]]:
-    """Those that must be told in every language, and where: not what is raised, and not what lists slugs."""
+    """Sentences that must be translated into every language, with their place: without raised ones and without
+    lists of slugs.
+    """
     every = sentences().items()
     return {one: (where,) for one, where in every if where.startswith(HEARD) and not _SLUGS.search(one)}
 
@@ -98,7 +100,7 @@ def _holed(text: ast.JoinedStr) -> str:
 
 
 def _name(node: ast.expr) -> str:
-    """What an expression is about, in one word."""
+    """The subject of an expression, in one word."""
     match node:
         case ast.Name(id=name) | ast.Attribute(attr=name):
             return name

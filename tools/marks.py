@@ -1,4 +1,5 @@
-"""Ledger marks: the rows of docs/ledger.md, the tests that claim them, and the symbols whose breaking must show.
+"""Reads ledger marks: the rows of docs/ledger.md, the tests that claim them, and the symbols that a mutation must
+break.
 
 A mark is `@pytest.mark.ledger("R34", symbol="harness.gate.rules:obsolete_version")`. A structural test, which no
 broken function can turn red, names a planted offence instead: `planted="harness.routing.score:provider.start(x)"`.
@@ -28,7 +29,7 @@ Definition = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
 
 @dataclass(frozen=True)
 class LedgerRow:
-    """One requirement: its id, its mark (core, adapter, context), its text and the section it stands in."""
+    """One requirement: its id, its mark (core, adapter, context), its text and its section."""
 
     name: str
     mark: str
@@ -130,7 +131,7 @@ def pytest_report(
 def collected(*paths: str, root: Path = ROOT) -> list[LedgerMark]:
     """Every ledger mark that pytest collects there, by default everywhere.
 
-    Raises SystemExit with pytest's words if collection fails.
+    Raises SystemExit with pytest's output if collection fails.
     """
     report = pytest_report("--collect-only", *paths, root=root)
     if report["code"] not in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED):

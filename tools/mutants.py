@@ -58,7 +58,7 @@ class Mutant:
 
     @property
     def package(self) -> str:
-        """The room it stands in: harness.gate."""
+        """The package it belongs to: harness.gate."""
         return self.place.partition(":")[0].rpartition(".")[0]
 
     @property
@@ -112,7 +112,7 @@ def _environment(tree: Path) -> Mapping[str, str]:
 
 
 def _refuse_foreign_imports(tree: Path) -> None:
-    """The copy must be what is imported, in child processes too: otherwise no mutant would ever be seen."""
+    """Require that the copy is what is imported, in child processes too: otherwise no mutant would take effect."""
     command = [sys.executable, "-c", "import harness; print(harness.__file__)"]
     environment = {**os.environ, **_environment(tree)}
     answer = subprocess.run(command, cwd=tree.parent, env=environment, capture_output=True, text=True, check=True)

@@ -1,4 +1,4 @@
-"""Ways to break one definition, on its syntax tree. Pure: source in, broken source out, or None if nothing changes."""
+"""Breaks one definition on its syntax tree. Pure: source in, broken source out, or None if nothing changes."""
 
 import ast
 import copy
@@ -53,14 +53,14 @@ def returns_nothing(target: Definition) -> None:
 
 
 def negates_comparisons(target: Definition) -> None:
-    """Every single comparison is turned round."""
+    """Every single comparison is inverted."""
     for node in ast.walk(target):
         if isinstance(node, ast.Compare) and len(node.ops) == 1:
             node.ops = [_OPPOSITE[type(node.ops[0])]()]
 
 
 def drops_the_last_statement(target: Definition) -> None:
-    """The last statement of the body is gone: of a class without methods, its last field."""
+    """Removes the last statement of the body; for a class without methods, its last field."""
     body = [node for node in target.body if not _is_docstring(node)]
     if len(body) > 1 or isinstance(target, ast.ClassDef):
         target.body = [*body[:-1], ast.Pass()]

@@ -1,6 +1,6 @@
-"""A real PostgreSQL server for tests and benchmarks: the system's own binaries where there are some, else a wheel's.
+"""Runs a real PostgreSQL server for tests and benchmarks: the system's own binaries where they exist, else a wheel's.
 
-It listens on a socket in a folder of its own and never runs as root. Nothing of it is left behind.
+It listens on a socket in a folder of its own and never runs as root. It leaves nothing behind.
 """
 
 import os
@@ -22,7 +22,7 @@ _TABLES = "event, record, snapshot"
 
 
 class PostgresServer:
-    """A server in `folder`, of which databases are made. `fsync` off is faster and still survives kill -9."""
+    """A server in `folder`, which can create databases. `fsync` off is faster and still survives kill -9."""
 
     def __init__(self, folder: Path, *, binaries: Path, fsync: bool = False) -> None:
         self._folder = folder
@@ -49,7 +49,7 @@ class PostgresServer:
         return self.url(name)
 
     def emptied(self, url: str) -> str:
-        """The same database with every row of its log gone, whatever its triggers say."""
+        """The same database with every row of its log deleted, whatever its triggers say."""
         self.execute("SET session_replication_role = replica", f"TRUNCATE {_TABLES}", url=url)
         return url
 
@@ -92,7 +92,7 @@ def running_server(*, fsync: bool = False) -> Iterator[PostgresServer]:
 
 
 def _binaries(folder: Path) -> Path:
-    """Where initdb, pg_ctl and postgres are, readable by the account that runs them."""
+    """The folder of initdb, pg_ctl and postgres, readable by the account that runs them."""
     for found in (*sorted(Path("/usr/lib/postgresql").glob("*/bin"), key=_version, reverse=True), _on_path()):
         if found is not None and all(os.access(found / name, os.X_OK) for name in ("initdb", "pg_ctl", "postgres")):
             return found
@@ -100,7 +100,7 @@ def _binaries(folder: Path) -> Path:
 
 
 def _bundled(folder: Path) -> Path:
-    """The wheel's binaries, beside `folder` for the account: the environment may lie where only root can look."""
+    """The wheel's binaries, copied beside `folder` for the account: the environment may be readable by root only."""
     spec = find_spec(_WHEEL)  # not imported: it would look for a runtime folder of its own
     if spec is None or spec.origin is None:
         raise RuntimeError("There is no PostgreSQL here: install one, or the tests' requirements")
@@ -121,7 +121,7 @@ def _on_path() -> Path | None:
 
 
 def _account() -> str | None:
-    """Whom the server runs as: this user, or an ordinary account if that is root, which PostgreSQL refuses."""
+    """The account of the server: this user, or an ordinary account if that is root, which PostgreSQL refuses."""
     if os.geteuid() != 0:
         return None
     names = {entry.pw_name for entry in pwd.getpwall()}

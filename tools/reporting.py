@@ -1,4 +1,4 @@
-"""A pytest plugin that writes what was collected and how it ended: ledger marks and outcomes, as JSON."""
+"""Writes what pytest collected and how it ended, as JSON: a plugin for ledger marks and outcomes."""
 
 import json
 from pathlib import Path
@@ -10,12 +10,12 @@ _outcomes: dict[str, str] = {}
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Where to write the report."""
+    """Add the option for the path of the report."""
     parser.addoption("--report-to", type=Path, required=True)
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
-    """Keep every ledger mark of every collected test."""
+    """Record every ledger mark of every collected test."""
     for item in session.items:
         for mark in item.iter_markers("ledger"):
             named = {name: str(mark.kwargs.get(name, "")) for name in ("symbol", "planted")}
@@ -23,7 +23,7 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    """A test's outcome is its call's, or that of the phase that went wrong."""
+    """Record a test's outcome: its call's, or that of the phase that failed."""
     tells = report.when == "call" or report.outcome != "passed"
     if tells and _outcomes.get(report.nodeid) != "failed":
         _outcomes[report.nodeid] = report.outcome

@@ -31,7 +31,7 @@ Component = dict[str, Any]
 
 
 def generated(*arguments: str) -> dict[str, Any]:
-    """What cyclonedx-py writes of the project, not yet validated. Raises ValueError with its words if it fails."""
+    """What cyclonedx-py writes of the project, not yet validated. Raises ValueError with its output if it fails."""
     options = ("--pyproject", str(ROOT / "pyproject.toml"), "--output-reproducible", "--no-validate", "--sv", "1.6")
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "bill.json"
@@ -46,7 +46,7 @@ def generated(*arguments: str) -> dict[str, Any]:
 def locked(lock: Mapping[str, Any]) -> tuple[Component, ...]:
     """The packages of a lock, each with its package URL as reference. Raises ValueError for one without any hash.
 
-    A lock names every file a package may be, so the hashes stand with the distribution; the index that cyclonedx-py
+    A lock names every file a package may be, so the hashes belong to the distribution; the index that cyclonedx-py
     assumes is left out. What is for some machines only is optional and says for which.
     """
     bare = [one["name"] for one in lock.get("components", ()) if not _pin(one)]
@@ -77,7 +77,7 @@ def _package(component: Component) -> Component:
 
 
 def vendored(folder: Path) -> Iterator[Component]:
-    """Third parties' files that ship beside the packages, one component per file that its SHA256SUMS names."""
+    """Third-party files that ship beside the packages, one component per file that its SHA256SUMS names."""
     for sums in sorted(folder.glob("*/SHA256SUMS")):
         found = VENDORED.match(sums.parent.name)
         if found is None:
@@ -117,19 +117,19 @@ def bill(lock: Mapping[str, Any], installed: Mapping[str, Any], files: tuple[Com
 
 
 def _normal(purl: str) -> str:
-    """A package URL as it compares: PyPI takes runs of hyphens, dots and underscores in a name for one hyphen."""
+    """A package URL in comparable form: PyPI treats runs of hyphens, dots and underscores in a name as one hyphen."""
     name, _, version = purl.partition("@")
     return f"{re.sub('[-_.]+', '-', name).lower()}@{version}"
 
 
 def invalid(document: str) -> str:
-    """What the CycloneDX schema has against a document; empty if nothing."""
+    """The errors of a document under the CycloneDX schema; empty if there are none."""
     found = JsonStrictValidator(SchemaVersion.V1_6).validate_str(document)
     return str(found) if found else ""
 
 
 def main() -> None:
-    """Write the bill of requirements.lock; say where it lies and which packages name no licence."""
+    """Write the bill of requirements.lock; report its path and the packages that name no licence."""
     asked = argparse.ArgumentParser(description=__doc__)
     asked.add_argument("--lock", type=Path, default=ROOT / "requirements.lock")
     asked.add_argument("--to", type=Path, default=TARGET)

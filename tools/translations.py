@@ -1,9 +1,9 @@
-"""What the console says and how it is said in other languages: `python -m tools.translations` updates the catalogues.
+"""Updates the message catalogues of the console in every language: `python -m tools.translations`.
 
 `pybabel extract` reads the messages from the sources as pyproject.toml maps them: templates, scripts, and what Python
-hands to `lazy_gettext` and `N_`. The words of the contracts are added here; what the machinery says stands in a
-catalogue apart. Updating adds what is missing, empty, and drops what nobody says any more; exit 1 while something is
-missing, stale or broken.
+passes to `lazy_gettext` and `N_`. The terms of the contracts are added here; the messages of the runtime are in a
+catalogue of their own. Updating adds missing messages with an empty translation and drops unused ones; exit 1 while
+something is missing, stale or broken.
 """
 
 import re
@@ -80,7 +80,7 @@ def extracted() -> Catalog:
 
 @cache
 def said() -> dict[str, tuple[str, ...]]:
-    """Every message that must be translated -> the files that say it."""
+    """Every message that must be translated -> the files where it occurs."""
     found: dict[str, tuple[str, ...]] = {}
     for message, where in (*_marked(), *_vocabulary()):
         if where not in found.setdefault(message, ()):
@@ -90,13 +90,13 @@ def said() -> dict[str, tuple[str, ...]]:
 
 @cache
 def known() -> set[str]:
-    """Every text that may stand in a catalogue: what must, and every identifier that may be shown as a word."""
+    """Every text that may be in a catalogue: what must, and every identifier that may be shown as a word."""
     return set(said()) | _identifiers()
 
 
 @dataclass(frozen=True)
 class Domain:
-    """One catalogue of every language. `must`: message -> where it is said; `may`: what else may stand in it."""
+    """One catalogue of every language. `must`: message -> where it occurs; `may`: what else may be in it."""
 
     name: str
     must: Callable[[], Mapping[str, tuple[str, ...]]]
@@ -130,7 +130,7 @@ def read(locale: str, domain: str = CONSOLE) -> dict[str, str]:
 
 
 def mended(catalogue: Mapping[str, str], domain: str = CONSOLE) -> dict[str, str]:
-    """The same with what is missing, empty, and without what is stale."""
+    """The catalogue with missing messages added, empty, and stale ones removed."""
     must, may = DOMAINS[domain].must(), DOMAINS[domain].may()
     return {one: text for one, text in catalogue.items() if one in may and (text or one in must)} | {
         one: "" for one in must if one not in catalogue
@@ -150,7 +150,7 @@ def write(locale: str, catalogue: Mapping[str, str], domain: str = CONSOLE) -> N
 
 
 def main() -> None:
-    """Update every catalogue and say what is left to do."""
+    """Update every catalogue and report what is left to do."""
     left = []
     for locale, name in product((one for tag, one in LOCALES.items() if tag != ENGLISH), DOMAINS):
         write(locale, mended(read(locale, name), name), name)
@@ -167,14 +167,14 @@ def _marked() -> Iterator[tuple[str, str]]:
 
 
 def _vocabulary() -> Iterator[tuple[str, str]]:
-    """The words of the contracts that pages show."""
+    """The terms of the contracts that pages show."""
     for kind in VOCABULARY:
         yield from ((str(one).replace("_", " "), "harness/contracts") for one in get_args(kind) if one)
     yield from ((one, "rsi_reviews") for one in PUBLISHED)
 
 
 def _identifiers() -> set[str]:
-    """Every identifier of the machinery, and every one without its unit, as words."""
+    """Every identifier of the runtime, and each without its unit, as words."""
     texts = [path.read_text(encoding="utf-8") for part in MACHINE for path in (ROOT / part).rglob("*.py")]
     found = {one for text in texts for one in re.findall(r"[a-z][a-z0-9_-]+", text)}
     words = {re.sub("[_-]", " ", one) for one in found}

@@ -44,7 +44,7 @@ class SuppressAlertAct(Act):
 
 
 class RestoreAlertAct(Act):
-    """Bring it back from the shelf or from suppression."""
+    """Unshelve or unsuppress an alert."""
 
     becomes = alert_commands.RestoreAlert
     reason: Text = ""

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field
 
-from app.acts.base import Act, Count, Key, Reason, Sha256, Slug, Text
+from app.acts import base
 from app.i18n.catalogues import N_
 from app.views.forms import Wrong
 from harness.contracts import commands, handoff_commands
@@ -13,56 +13,56 @@ from harness.contracts.configuration import RecoveryAction
 from harness.contracts.reasons import because
 
 
-class LookAgainAct(Act):
+class LookAgainAct(base.Act):
     """Observe again without motion."""
 
     becomes = handoff_commands.LookAgain
 
 
-class ClaimHandoffAct(Act):
+class ClaimHandoffAct(base.Act):
     """Take the question: yours to answer for a minute. `claim` is a token of your making, the same again renews it."""
 
     becomes = handoff_commands.TakeClaim
-    claim: Slug
+    claim: base.Slug
 
 
-class ReleaseHandoffAct(Act):
+class ReleaseHandoffAct(base.Act):
     """Give your claim up: somebody else may answer."""
 
     becomes = handoff_commands.DropClaim
-    claim: Slug
+    claim: base.Slug
 
     def fields(self) -> dict[str, Any]:
         """The reason is the act itself."""
         return {"claim": self.claim, "reason": because("claim_released")}
 
 
-class ExtendDeadlineAct(Act):
+class ExtendDeadlineAct(base.Act):
     """Let it wait longer because you are on your way: once, as long as the zone allows."""
 
     becomes = handoff_commands.ExtendDeadline
-    reason: Reason = N_("on my way")
+    reason: base.Reason = N_("on my way")
 
 
-class ChooseActionAct(Act):
+class ChooseActionAct(base.Act):
     """Propose another action of the ladder, on the question as it stood in this cycle."""
 
     becomes = handoff_commands.ChooseAction
     action: RecoveryAction
-    cycle: Count
-    claim: Text = ""
+    cycle: base.Count
+    claim: base.Text = ""
 
 
-class _DecisionAct(Act):
+class _DecisionAct(base.Act):
     """A decision on exactly what was shown: cycle and digests come from the handoff as it stood on the page."""
 
-    reason: Reason
-    key: Key
-    cycle: Count
-    subject: Sha256
-    evidence: Sha256
-    shown: Sha256 | None = None
-    claim: Text = ""
+    reason: base.Reason
+    key: base.Key
+    cycle: base.Count
+    subject: base.Sha256
+    evidence: base.Sha256
+    shown: base.Sha256 | None = None
+    claim: base.Text = ""
 
 
 class ApproveHandoffAct(_DecisionAct):
@@ -87,15 +87,15 @@ class RejectHandoffAct(_DecisionAct):
         return {name: value for name, value in self if name not in ("decision", "evidence", "shown")}
 
 
-class AttestHandoffAct(Act):
+class AttestHandoffAct(base.Act):
     """State what you saw of one condition with your own eyes. It opens one look and satisfies nothing by itself."""
 
     becomes = commands.AttestHandoff
-    condition_id: Slug
-    statement: Reason
-    key: Key
-    cycle: Count
-    claim: Text = ""
+    condition_id: base.Slug
+    statement: base.Reason
+    key: base.Key
+    cycle: base.Count
+    claim: base.Text = ""
 
     def fields(self) -> dict[str, Any]:
         """The statement stands in the log as the reason."""
@@ -107,19 +107,19 @@ class AttestHandoffAct(Act):
         return super().from_form({"statement": typed.get("reason", ""), **typed})
 
 
-class _HolderAct(Act):
+class _HolderAct(base.Act):
     """An act of whoever holds the claim."""
 
-    reason: Reason
-    key: Key
-    claim: Slug
+    reason: base.Reason
+    key: base.Key
+    claim: base.Slug
 
 
 class TakeControlAct(_HolderAct):
     """Drive the robot yourself from `device`: the deadline pauses as long as the claim is renewed."""
 
     becomes = handoff_commands.TakeControl
-    device: Slug
+    device: base.Slug
 
 
 class HandBackAct(_HolderAct):
@@ -135,8 +135,8 @@ class CloseHandoffAct(_HolderAct):
 
 
 Decision = Annotated[ApproveHandoffAct | RejectHandoffAct, Field(discriminator="decision")]
-DECISIONS: Mapping[str, type[Act]] = {"approve": ApproveHandoffAct, "reject": RejectHandoffAct}
-ACTS: Mapping[str, type[Act]] = {
+DECISIONS: Mapping[str, type[base.Act]] = {"approve": ApproveHandoffAct, "reject": RejectHandoffAct}
+ACTS: Mapping[str, type[base.Act]] = {
     "look": LookAgainAct,
     "claim": ClaimHandoffAct,
     "release": ReleaseHandoffAct,
@@ -150,6 +150,6 @@ ACTS: Mapping[str, type[Act]] = {
 """By the word in the address. A decision is one of two acts, named by the button."""
 
 
-def act_of(word: str, typed: Mapping[str, str]) -> type[Act]:
+def act_of(word: str, typed: Mapping[str, str]) -> type[base.Act]:
     """The act that a form at this address asks for."""
     return DECISIONS.get(typed.get("decision", ""), ApproveHandoffAct) if word == "decision" else ACTS[word]

@@ -4,7 +4,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from app.acts.base import Act, Count, Reason, Slug, Text
+from app.acts import base
 from harness.contracts import commands, control, revision_commands
 from harness.contracts.actors import Actor
 from harness.contracts.control import Autonomy
@@ -12,17 +12,17 @@ from harness.contracts.ids import RobotId
 from harness.runtime import Start
 
 
-class StartMissionAct(Act):
+class StartMissionAct(base.Act):
     """A mission to start: a template by name, or a goal that one matches. No robot named: the console's first."""
 
     becomes = commands.CreateMission
-    robot_id: Text = ""
-    template: Text = ""
+    robot_id: base.Text = ""
+    template: base.Text = ""
     goal: Annotated[str, Field(max_length=2000)] = ""
-    arguments: dict[Slug, Annotated[str, Field(max_length=2000)] | float] = Field(default_factory=dict)
-    seed: Count = 0
+    arguments: dict[base.Slug, Annotated[str, Field(max_length=2000)] | float] = Field(default_factory=dict)
+    seed: base.Count = 0
     autonomy: Autonomy = "autonomous"
-    labels: dict[Slug, Text] = Field(default_factory=dict)
+    labels: dict[base.Slug, base.Text] = Field(default_factory=dict)
 
     def to_command(self, actor: Actor) -> Start:
         """What the runtime compiles to a CreateMission with its contract."""
@@ -30,10 +30,10 @@ class StartMissionAct(Act):
         return Start(actor=actor, **fields)
 
 
-class _ReasonAct(Act):
+class _ReasonAct(base.Act):
     """An act that says why; it stands in the log."""
 
-    reason: Reason
+    reason: base.Reason
 
 
 class StopMissionAct(_ReasonAct):
@@ -64,7 +64,7 @@ class DisputeCompletionAct(_ReasonAct):
     """Say that an accepted completion is wrong: it counts as false, and nothing is deleted. The address names it."""
 
     becomes = revision_commands.DisputeCompletion
-    condition_id: Slug
+    condition_id: base.Slug
 
     def body(self) -> dict[str, Any]:
         """The reason alone: the condition stands in the address."""

@@ -9,13 +9,13 @@ import msgspec
 
 from app.auth.command_permissions import asked_permission
 from app.auth.permissions import NotPermitted, Principal
+from harness.contracts import ids
 from harness.contracts.actors import Actor, Command
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import CreateMission, MissionCommand
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.events import MissionCreated
-from harness.contracts.ids import Digest, HandoffId, MissionId, PlaceId, RobotId, StreamId
 from harness.contracts.person_commands import PersonCommand
 from harness.contracts.places import Place, Site
 from harness.contracts.ports import LogHead, Record, StoredEvent
@@ -26,7 +26,7 @@ from harness.projections.mission import Mission
 from harness.projections.places import Places
 from harness.runtime import AnswerHandoff, Live, Runtime, Start
 
-PRINCIPAL: ContextVar[Principal] = ContextVar("visitor")
+PRINCIPAL: ContextVar[Principal] = ContextVar("principal")
 """Who the present request comes from. Set by the doorkeeper alone."""
 
 AuditLog = Callable[[Principal, Actor, str, str, str], object]
@@ -57,7 +57,7 @@ class GuardedRuntime:
         self._told(actor, CreateMission, f"mission/{next(names, '')}", decision)
         return decision
 
-    def submit(self, mission_id: MissionId, command: MissionCommand) -> Accepted[AnyEvent] | Refused:
+    def submit(self, mission_id: ids.MissionId, command: MissionCommand) -> Accepted[AnyEvent] | Refused:
         """One command for one mission. Raises UnknownName for a mission that does not exist."""
         actor = _acting(type(command))
         _same_robot(self._runtime.mission(mission_id).robot_id)
@@ -65,7 +65,7 @@ class GuardedRuntime:
         self._told(actor, type(command), f"mission/{mission_id}", decision)
         return decision
 
-    def decide(self, requests: Sequence[tuple[StreamId, Command]]) -> Accepted[Any] | Refused:
+    def decide(self, requests: Sequence[tuple[ids.StreamId, Command]]) -> Accepted[Any] | Refused:
         """Commands about the site, its maps, alerts and limits: all or none."""
         actors = [_acting(type(command)) for _, command in requests]
         signed = [(stream, _signed(command, actor)) for (stream, command), actor in zip(requests, actors, strict=True)]
@@ -74,7 +74,7 @@ class GuardedRuntime:
             self._told(actor, type(command), stream, decision)
         return decision
 
-    def answer(self, handoff_id: HandoffId, command: PersonCommand) -> Decision[AnyEvent]:
+    def answer(self, handoff_id: ids.HandoffId, command: PersonCommand) -> Decision[AnyEvent]:
         """A person's answer at a handoff. Raises UnknownName for one that does not exist."""
         actor = _acting(type(command))
         opened = self._runtime.handoff(handoff_id).opened
@@ -83,7 +83,7 @@ class GuardedRuntime:
         self._told(actor, type(command), f"handoff/{handoff_id}", decision)
         return decision
 
-    def keep(self, body: bytes) -> Digest:
+    def keep(self, body: bytes) -> ids.Digest:
         """Store bytes that a command or a page refers to; returns their digest."""
         return self._runtime.keep(body)
 
@@ -107,7 +107,7 @@ class GuardedRuntime:
         """The changes to this site's places."""
         return self._runtime.places()
 
-    def shipped_place(self, place_id: PlaceId) -> Place | None:
+    def shipped_place(self, place_id: ids.PlaceId) -> Place | None:
         """A place as it shipped, whatever people made of it since."""
         return self._runtime.shipped_place(place_id)
 
@@ -115,23 +115,23 @@ class GuardedRuntime:
         """The contract that `start` would create now; nothing is written."""
         return self._runtime.draft(start)
 
-    def current_configuration_id(self, robot_id: RobotId) -> Digest:
+    def current_configuration_id(self, robot_id: ids.RobotId) -> ids.Digest:
         """The version that a new mission of this robot is pinned to."""
         return self._runtime.current_configuration_id(robot_id)
 
-    def current_configuration(self, robot_id: RobotId) -> Configuration:
+    def current_configuration(self, robot_id: ids.RobotId) -> Configuration:
         """Raises ConfigurationMissing."""
         return self._runtime.current_configuration(robot_id)
 
-    def stored_configuration(self, configuration_id: Digest) -> Configuration:
+    def stored_configuration(self, configuration_id: ids.Digest) -> Configuration:
         """Any version by its id. Raises ConfigurationMissing."""
         return self._runtime.stored_configuration(configuration_id)
 
-    def fold(self, stream: StreamId) -> Any:
+    def fold(self, stream: ids.StreamId) -> Any:
         """The state of any stream, of the type its family's decider folds to."""
         return self._runtime.fold(stream)
 
-    def mission(self, mission_id: MissionId) -> Mission:
+    def mission(self, mission_id: ids.MissionId) -> Mission:
         """Raises UnknownName."""
         return self._runtime.mission(mission_id)
 
@@ -143,23 +143,23 @@ class GuardedRuntime:
         """Those that are not over, newest first."""
         return self._runtime.open_missions()
 
-    def handoff(self, handoff_id: HandoffId) -> Handoff:
+    def handoff(self, handoff_id: ids.HandoffId) -> Handoff:
         """Raises UnknownName."""
         return self._runtime.handoff(handoff_id)
 
-    def observations(self, mission_id: MissionId) -> Live | None:
+    def observations(self, mission_id: ids.MissionId) -> Live | None:
         """What is observed of a running mission now; None where nothing is."""
         return self._runtime.observations(mission_id)
 
-    def events(self, mission_id: MissionId, after: int = 0) -> list[StoredEvent]:
+    def events(self, mission_id: ids.MissionId, after: int = 0) -> list[StoredEvent]:
         """A mission's events beyond a version, in order."""
         return self._runtime.events(mission_id, after)
 
-    def stream(self, stream: StreamId, after: int = 0) -> list[StoredEvent]:
+    def stream(self, stream: ids.StreamId, after: int = 0) -> list[StoredEvent]:
         """The events of one stream beyond a version, in order."""
         return self._runtime.stream(stream, after)
 
-    def streams(self, prefix: str) -> list[StreamId]:
+    def streams(self, prefix: str) -> list[ids.StreamId]:
         """Streams whose name starts with `prefix`, by first position."""
         return self._runtime.streams(prefix)
 
@@ -175,15 +175,15 @@ class GuardedRuntime:
         """Recompute the chain and every record's digest; raises LogDamaged."""
         return self._runtime.verify()
 
-    def record(self, digest: Digest) -> Record:
+    def record(self, digest: ids.Digest) -> Record:
         """Raises UnknownName."""
         return self._runtime.record(digest)
 
-    def blob(self, digest: Digest) -> bytes:
+    def blob(self, digest: ids.Digest) -> bytes:
         """Bytes that match their digest; raises BlobDamaged."""
         return self._runtime.blob(digest)
 
-    def has_blob(self, digest: Digest) -> bool:
+    def has_blob(self, digest: ids.Digest) -> bool:
         """Whether bytes of that digest are stored."""
         return self._runtime.has_blob(digest)
 

@@ -15,7 +15,7 @@ from app.auth.identities import Identities
 from app.auth.next_url import safe_next_url
 from app.auth.rate_limits import Buckets
 from app.auth.sessions import Origin, SessionService
-from harness.contracts.identity import IdentityProvider, IssuerDeclined, SignInAttempt, SignInRefused, StateMismatch
+from harness.contracts import identity
 from harness.contracts.ids import sha256
 
 MOST_UNDER_WAY = 1000
@@ -46,7 +46,7 @@ class Entered:
 class _UnderWay:
     """One sign-in: its secrets, until when, where to afterwards, and the digest of the cookie that it will replace."""
 
-    attempt: SignInAttempt
+    attempt: identity.SignInAttempt
     until_s: float
     page: str
     replaces: str
@@ -57,7 +57,7 @@ class OidcLogin:
 
     def __init__(
         self,
-        provider: IdentityProvider,
+        provider: identity.IdentityProvider,
         identities: Identities,
         sessions: SessionService,
         *,
@@ -75,7 +75,7 @@ class OidcLogin:
         wait_s = self._starts.wait_s(origin.source)
         if wait_s:
             return Throttled(wait_s)
-        attempt = SignInAttempt(state=self._fresh(), nonce=self._fresh(), verifier=self._fresh())
+        attempt = identity.SignInAttempt(state=self._fresh(), nonce=self._fresh(), verifier=self._fresh())
         url, cookie = self.provider.begin(attempt), self._fresh()
         with self._lock:
             self._under_way[sha256(cookie.encode())] = _UnderWay(
@@ -88,10 +88,10 @@ class OidcLogin:
         with self._lock:
             begun = self._under_way.pop(sha256(cookie.encode()), None)
         if begun is None:
-            raise StateMismatch("This browser began no such sign-in, or it was used already", do=AGAIN)
+            raise identity.StateMismatch("This browser began no such sign-in, or it was used already", do=AGAIN)
         try:
             name = self._recognised(begun, answer, origin)
-        except SignInRefused as error:
+        except identity.SignInRefused as error:
             self._note("sign_in.issuer_refused", "", f"{error.code} {error.where}", origin)
             raise
         self._note("sign_in.accepted", name, f"identity provider {self.provider.issuer}", origin)
@@ -104,10 +104,10 @@ class OidcLogin:
         if self._clock() >= begun.until_s or not compare_digest(
             answer.get("state", "").encode(), begun.attempt.state.encode()
         ):
-            raise StateMismatch("The answer does not belong to the sign-in that this browser began", do=AGAIN)
+            raise identity.StateMismatch("The answer does not belong to the sign-in that this browser began", do=AGAIN)
         code = answer.get("code", "")
         if "error" in answer or not code:
-            raise IssuerDeclined(
+            raise identity.IssuerDeclined(
                 "The identity provider did not let you in",
                 where=answer.get("error", "")[:60],
                 do="sign in there with an account that may use this console, or sign in here with a password",

@@ -151,7 +151,7 @@ class AlertWatch:
         elif stored.kind == QUARANTINED:
             event = POINTER.decode(stored)
             self._raise(
-                causes.of_house(
+                causes.of_site(
                     "canary_fault", "critical", f"configuration {event.configuration[:12]} was quarantined",
                     cause=f"canary/{event.candidate}", text=event.reason, link="/audit",
                 ),
@@ -230,7 +230,7 @@ class AlertWatch:
         free = self.watched.free_bytes()
         if free is not None and free < LOW_DISK_BYTES:
             text = f"{free // 2**20} MiB are free where the data folder lies"
-            self._keep(causes.of_house("disk_low", "high", "the disk is nearly full", cause="house/disk", text=text))
+            self._keep(causes.of_site("disk_low", "high", "the disk is nearly full", cause="house/disk", text=text))
         elif free is not None:
             self._end("house/disk", "disk_low", f"{free // 2**20} MiB are free")
         self._log_itself()
@@ -246,7 +246,7 @@ class AlertWatch:
         except LogDamaged as error:
             text = f"{error.what}. {error.where}"
             self._keep(
-                causes.of_house(
+                causes.of_site(
                     "log_damaged", "critical", "the event log does not verify",
                     cause="house/log", text=text, link="/audit",
                 )
@@ -263,7 +263,7 @@ class AlertWatch:
                 self.runtime.blob(digest)
             except BlobDamaged as error:
                 self._keep(
-                    causes.of_house(
+                    causes.of_site(
                         "blob_damaged", "critical", f"evidence {digest[:12]} does not verify",
                         cause=cause, text=error.what, link=f"/evidence/{digest}/about",
                     )

@@ -9,6 +9,7 @@ from typing import Generic, TypeVar
 from cachetools import LRUCache
 from msgspec.structs import replace as changed
 
+from harness.contracts import read_models
 from harness.contracts.decider import Codec
 from harness.contracts.errors import UnknownName
 from harness.contracts.events import (
@@ -22,16 +23,6 @@ from harness.contracts.events import (
 from harness.contracts.ids import HandoffId, MissionId
 from harness.contracts.memory import FollowPosition
 from harness.contracts.ports import ReadModels, StoredEvent
-from harness.contracts.read_models import (
-    Bookmark,
-    EvidenceItem,
-    FacetCount,
-    HandoffItem,
-    Listing,
-    ListQuery,
-    ListRow,
-    MissionItem,
-)
 from harness.contracts.values import Value, decode
 from harness.followers import Follower
 from harness.projections.evidence_list import Placed, evidence_rows, touched
@@ -55,7 +46,7 @@ class Slice(Generic[Item]):
     """One page of decoded items, and the query that asks for the next one; None at the end."""
 
     items: tuple[Item, ...]
-    following: ListQuery | None
+    following: read_models.ListQuery | None
 
 
 @dataclass(frozen=True)
@@ -98,33 +89,33 @@ class Lists:
 
     # pages ----------------------------------------------------------------------------------------------------------
 
-    def missions(self, query: ListQuery) -> Slice[MissionItem]:
-        return self._slice(query, MissionItem)
+    def missions(self, query: read_models.ListQuery) -> Slice[read_models.MissionItem]:
+        return self._slice(query, read_models.MissionItem)
 
-    def evidence(self, query: ListQuery) -> Slice[EvidenceItem]:
-        return self._slice(query, EvidenceItem)
+    def evidence(self, query: read_models.ListQuery) -> Slice[read_models.EvidenceItem]:
+        return self._slice(query, read_models.EvidenceItem)
 
-    def handoffs(self, query: ListQuery) -> Slice[HandoffItem]:
-        return self._slice(query, HandoffItem)
+    def handoffs(self, query: read_models.ListQuery) -> Slice[read_models.HandoffItem]:
+        return self._slice(query, read_models.HandoffItem)
 
-    def open_missions(self) -> tuple[MissionItem, ...]:
+    def open_missions(self) -> tuple[read_models.MissionItem, ...]:
         """Missions that have not ended, newest first, at most OPEN."""
-        return self.missions(ListQuery(listing="mission", facets={"open": "yes"}, limit=OPEN)).items
+        return self.missions(read_models.ListQuery(listing="mission", facets={"open": "yes"}, limit=OPEN)).items
 
-    def open_handoffs(self) -> tuple[HandoffItem, ...]:
+    def open_handoffs(self) -> tuple[read_models.HandoffItem, ...]:
         """Questions that wait for a person, newest first, at most OPEN."""
-        return self.handoffs(ListQuery(listing="handoff", facets={"open": "yes"}, limit=OPEN)).items
+        return self.handoffs(read_models.ListQuery(listing="handoff", facets={"open": "yes"}, limit=OPEN)).items
 
-    def count(self, query: ListQuery) -> int:
+    def count(self, query: read_models.ListQuery) -> int:
         """How many items answer, counted up to MANY + 1."""
         self.catch_up()
         return self._models.count(query)
 
-    def found(self, query: ListQuery, shown: Slice[Item]) -> int:
+    def found(self, query: read_models.ListQuery, shown: Slice[Item]) -> int:
         """The same for a query whose page is known: a first page that is also the last is not searched for again."""
         return len(shown.items) if query.after is None and shown.following is None else self.count(query)
 
-    def tallies(self, listing: Listing) -> list[FacetCount]:
+    def tallies(self, listing: read_models.Listing) -> list[read_models.FacetCount]:
         """Every value of every facet with its count."""
         self.catch_up()
         return self._models.tallies(listing)
@@ -134,13 +125,13 @@ class Lists:
 
     # following ------------------------------------------------------------------------------------------------------
 
-    def _slice(self, query: ListQuery, kind: type[Item]) -> Slice[Item]:
+    def _slice(self, query: read_models.ListQuery, kind: type[Item]) -> Slice[Item]:
         self.catch_up()
         page = self._models.page(query)
         following = None if page.following is None else _after(query, page.following.amount, page.following.seq)
         return Slice(items=tuple(decode(body, kind) for body in page.bodies), following=following)
 
-    def _rows(self, fresh: Sequence[StoredEvent]) -> Iterator[ListRow]:
+    def _rows(self, fresh: Sequence[StoredEvent]) -> Iterator[read_models.ListRow]:
         """Rows of every mission and question that these events are about."""
         by_stream: dict[str, list[StoredEvent]] = {}
         for stored in fresh:
@@ -152,7 +143,7 @@ class Lists:
             elif family == "handoff":
                 yield from self._handoff_rows(HandoffId(name), events)
 
-    def _mission_rows(self, mission_id: MissionId, fresh: Sequence[StoredEvent]) -> Iterator[ListRow]:
+    def _mission_rows(self, mission_id: MissionId, fresh: Sequence[StoredEvent]) -> Iterator[read_models.ListRow]:
         before = self._followed.get(mission_id)
         if before is None or before.mission.version + 1 != fresh[0].version:
             before = _Followed()
@@ -165,9 +156,9 @@ class Lists:
         packets = touched([event for _, event in decoded])
         yield from evidence_rows(after.telling, packets, robot_id=after.mission.robot_id)
 
-    def _handoff_rows(self, handoff_id: HandoffId, fresh: Sequence[StoredEvent]) -> Iterator[ListRow]:
+    def _handoff_rows(self, handoff_id: HandoffId, fresh: Sequence[StoredEvent]) -> Iterator[read_models.ListRow]:
         known = self._models.body("handoff", handoff_id)
-        seq = decode(known, HandoffItem).seq if known is not None else fresh[0].position
+        seq = decode(known, read_models.HandoffItem).seq if known is not None else fresh[0].position
         handoff = self._runtime.handoff(handoff_id)
         row = handoff_row(handoff, self._asking(handoff), seq=seq)
         if row is not None:
@@ -198,5 +189,5 @@ def _follow(before: _Followed, decoded: Sequence[tuple[StoredEvent, MissionEvent
     )
 
 
-def _after(query: ListQuery, amount: float, seq: int) -> ListQuery:
-    return changed(query, after=Bookmark(amount=amount, seq=seq))
+def _after(query: read_models.ListQuery, amount: float, seq: int) -> read_models.ListQuery:
+    return changed(query, after=read_models.Bookmark(amount=amount, seq=seq))

@@ -11,7 +11,7 @@ from queue import Empty, Full, Queue
 from harness.contracts.alert_commands import ClearAlert, NoteNotification, RaiseAlert
 from harness.contracts.alert_events import PRIORITIES, Priority, alert_id, alert_stream
 from harness.contracts.notification import Notification, Notifier
-from harness.projections.alert_causes import of_house
+from harness.projections.alert_causes import of_site
 from harness.projections.alerts import Alert, status
 from harness.runtime import Runtime
 from harness.workers import Worker
@@ -90,7 +90,7 @@ class Notices:
         return True
 
     def _failed(self, service: str, why: str) -> None:
-        occurrence = of_house(
+        occurrence = of_site(
             "notification_failed", "high", f"people outside were not told through {service}",
             cause=_cause(service), text=why, link="/alerts",
         )  # fmt: skip

@@ -23,7 +23,7 @@ class ReleaseWatch:
     holds already when this begins is looked at once, as a whole; from then on only what was appended since is read.
     """
 
-    desk: ReleaseService
+    releases: ReleaseService
     head: Callable[[], LogHead]
     read: Callable[[int, int], Sequence[StoredEvent]]
     duplicate_starts: Callable[[MissionId], int]
@@ -65,8 +65,8 @@ class ReleaseWatch:
         self._mark = None
 
     def _look(self) -> None:
-        self.desk.take_up(WORKER)
-        self.desk.catch_up(self.duplicate_starts)
+        self.releases.take_up(WORKER)
+        self.releases.catch_up(self.duplicate_starts)
 
     def _begun(self) -> None:
         first, self.first = self.first, None

@@ -8,10 +8,10 @@ from cachetools import LRUCache
 
 from app.views.plots import MeasuredPosition, Readings
 from app.views.timeline import TimelineEntry
+from harness.contracts import observations
 from harness.contracts.errors import BlobDamaged
 from harness.contracts.events import PacketRetained
 from harness.contracts.ids import Digest, MissionId, NodeId
-from harness.contracts.observations import AnySample, Battery, Odometry, Pose, Trajectory
 from harness.contracts.values import decode
 from harness.runtime import Live, Runtime
 
@@ -28,14 +28,14 @@ class _Sealed:
     charge: dict[float, float] = field(default_factory=dict)
     shown: Readings | None = None
 
-    def take(self, samples: Iterable[AnySample], *, node: NodeId) -> None:
+    def take(self, samples: Iterable[observations.AnySample], *, node: NodeId) -> None:
         for sample in samples:
             match sample:
-                case Pose():
+                case observations.Pose():
                     self.spots.setdefault(sample.at_s, MeasuredPosition(sample.at_s, sample.x_m, sample.y_m, node))
-                case Odometry():
+                case observations.Odometry():
                     self.speed.setdefault(sample.at_s, sample.v_mps)
-                case Battery():
+                case observations.Battery():
                     self.charge.setdefault(sample.at_s, sample.charge)
                 case _:
                     continue
@@ -86,9 +86,9 @@ class Measurements:
                     sealed.take((*trajectory.poses, *trajectory.odometry, *trajectory.battery), node=identity.node_id)
         return len(sealed.packets) > before
 
-    def _trajectory(self, blob: Digest) -> Trajectory:
+    def _trajectory(self, blob: Digest) -> observations.Trajectory:
         """Empty where the blob cannot be read; its reference says so among the evidence."""
         try:
-            return decode(self._runtime.blob(blob), Trajectory)
+            return decode(self._runtime.blob(blob), observations.Trajectory)
         except (BlobDamaged, ValueError):
-            return Trajectory()
+            return observations.Trajectory()

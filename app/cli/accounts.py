@@ -13,7 +13,7 @@ import typer
 
 from app.auth.accounts import Accounts
 from app.auth.permissions import ROLES, SCOPES, Principal
-from app.cli.output import DEFAULT_DATA, Data, Json, show, table
+from app.cli import output
 from app.cli.owner_api import owner_api
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.adapters.stores.accounts_rows import Account, Token
@@ -44,18 +44,18 @@ def opened(data: Path) -> Iterator[Accounts]:
 def add(
     name: str,
     role: Annotated[list[str], typer.Option(help=f"One of {', '.join(ROLES)}; may be given again.")],
-    data: Data = DEFAULT_DATA,
+    data: output.Data = output.DEFAULT_DATA,
     password_stdin: FromStdin = False,
-    as_json: Json = False,
+    as_json: output.Json = False,
 ) -> None:
     """Add somebody. The first account must be an admin; from then on one-time links let nobody in."""
     with opened(data) as accounts:
         added = accounts.add(name, roles=role, password=_password(from_stdin=password_stdin), by=here())
-    show(_person(added), as_json=as_json, lines=[f"{added.name} may sign in as {', '.join(added.roles)}."])
+    output.show(_person(added), as_json=as_json, lines=[f"{added.name} may sign in as {', '.join(added.roles)}."])
 
 
 @account.command("link")
-def link(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+def link(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """Print a new one-time sign-in link of the console that runs on this folder, while nobody has an account.
 
     It lets one person in within an hour; links that were not used before open nothing any more.
@@ -68,39 +68,43 @@ def link(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
             do="start one with `regen up`: it prints a link; or name its folder with --data",
         )
     made = owner.post("/sign-in-links", {})
-    show(made, as_json=as_json, lines=[f"Sign in once: {made['url']}"])
+    output.show(made, as_json=as_json, lines=[f"Sign in once: {made['url']}"])
 
 
 @account.command("list")
-def people(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+def people(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """Everybody, disabled ones too."""
     with opened(data) as accounts:
         rows = [_person(one) for one in accounts.store.accounts()]
-    lines = table([[r["name"], ", ".join(r["roles"]), "disabled" if r["disabled"] else ""] for r in rows])
-    show({"accounts": rows}, as_json=as_json, lines=lines or ["Nobody has an account yet."])
+    lines = output.table([[r["name"], ", ".join(r["roles"]), "disabled" if r["disabled"] else ""] for r in rows])
+    output.show({"accounts": rows}, as_json=as_json, lines=lines or ["Nobody has an account yet."])
 
 
 @account.command("disable")
 def disable(
     name: str,
-    data: Data = DEFAULT_DATA,
+    data: output.Data = output.DEFAULT_DATA,
     back: Annotated[bool, typer.Option("--undo", help="Let them in again.")] = False,
-    as_json: Json = False,
+    as_json: output.Json = False,
 ) -> None:
     """Turn somebody away at once, in every browser; the last admin stays."""
     with opened(data) as accounts:
         accounts.change(name, disabled=not back, by=here())
         changed = _person(accounts.known(name))
-    show(changed, as_json=as_json, lines=[f"{name} is {'back' if back else 'disabled, and signed out everywhere'}."])
+    output.show(
+        changed, as_json=as_json, lines=[f"{name} is {'back' if back else 'disabled, and signed out everywhere'}."]
+    )
 
 
 @account.command("password")
-def password(name: str, data: Data = DEFAULT_DATA, password_stdin: FromStdin = False, as_json: Json = False) -> None:
+def password(
+    name: str, data: output.Data = output.DEFAULT_DATA, password_stdin: FromStdin = False, as_json: output.Json = False
+) -> None:
     """Give somebody a new password and sign them out everywhere."""
     with opened(data) as accounts:
         accounts.known(name)
         accounts.reset_password(name, new=_password(from_stdin=password_stdin), by=here())
-    show({"name": name}, as_json=as_json, lines=[f"{name} has a new password."])
+    output.show({"name": name}, as_json=as_json, lines=[f"{name} has a new password."])
 
 
 @token.command("create")
@@ -109,33 +113,33 @@ def create(
     scope: Annotated[list[str], typer.Option(help=f"One of {', '.join(sorted(SCOPES))}; may be given again.")],
     robot: Annotated[str, typer.Option(help="Only for this robot.")] = "",
     days: Annotated[float | None, typer.Option(help="Days until it expires.", min=0.001)] = None,
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
 ) -> None:
     """Make a token and print it, once."""
     with opened(data) as accounts:
         issued = accounts.issue(name, scopes=scope, robot_id=robot, days=days, by=here())
     lines = [issued.secret, f"{issued.token.token_id} is shown this once: {', '.join(issued.token.scopes)}."]
-    show({**_listed(issued.token), "token": issued.secret}, as_json=as_json, lines=lines)
+    output.show({**_listed(issued.token), "token": issued.secret}, as_json=as_json, lines=lines)
 
 
 @token.command("list")
-def tokens(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+def tokens(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """Every token, without its secret."""
     with opened(data) as accounts:
         rows = [_listed(one) for one in accounts.store.tokens()]
-    lines = table(
+    lines = output.table(
         [[r["token_id"], r["name"], ", ".join(r["scopes"]), r["robot_id"] or "any robot", r["state"]] for r in rows]
     )
-    show({"tokens": rows}, as_json=as_json, lines=lines or ["There are no tokens."])
+    output.show({"tokens": rows}, as_json=as_json, lines=lines or ["There are no tokens."])
 
 
 @token.command("revoke")
-def revoke(token_id: str, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+def revoke(token_id: str, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """End a token at once."""
     with opened(data) as accounts:
         revoked = accounts.revoke(token_id, by=here())
-    show(_listed(revoked), as_json=as_json, lines=[f"{token_id} opens nothing any more."])
+    output.show(_listed(revoked), as_json=as_json, lines=[f"{token_id} opens nothing any more."])
 
 
 def _password(*, from_stdin: bool) -> str:

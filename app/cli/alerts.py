@@ -7,9 +7,9 @@ import typer
 from app.acts import alerts as acts
 from app.acts.base import Act
 from app.background.alerts import Alerts
+from app.cli import output
 from app.cli.api_client import Api
 from app.cli.local_api import api_without_robots
-from app.cli.output import DEFAULT_DATA, Data, Json, settings, show, table
 from app.cli.owner_api import owner_api
 from app.views import alerts
 from harness.adapters.clock import SystemClock
@@ -22,8 +22,8 @@ AlertArgument = Annotated[str, typer.Argument(help="As `regen alert list` names 
 
 @app.command("list")
 def list_alerts(
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
     everything: Annotated[bool, typer.Option("--all", help="What is over or put away too.")] = False,
 ) -> None:
     """What happened last first; without --all only what nobody acknowledged."""
@@ -31,26 +31,26 @@ def list_alerts(
     if api is not None:
         rows: list[dict[str, Any]] = api.get(f"/alerts?status={'all' if everything else ''}")
     else:
-        with read_harness(settings(data_folder=data)) as runtime:
+        with read_harness(output.settings(data_folder=data)) as runtime:
             rows = [
                 vars(one)
                 for name, alert in Alerts(runtime).all()
                 if (one := alerts.row(name, alert, now_s=SystemClock().now().wall_s))
                 and (everything or one.state in ("unacknowledged", "returned"))
             ]
-    lines = table(
+    lines = output.table(
         [["alert", "priority", "state", "times", "what"]]
         + [[r["alert_id"], r["priority"], r["state"], str(r["count"]), r["title"]] for r in rows]
     )
-    show({"alerts": rows}, as_json=as_json, lines=lines if rows else ["Nothing needs to be looked at."])
+    output.show({"alerts": rows}, as_json=as_json, lines=lines if rows else ["Nothing needs to be looked at."])
 
 
 @app.command()
 def ack(
     alert_id: AlertArgument,
     note: Annotated[str, typer.Option(help="What was found.")] = "",
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
 ) -> None:
     """Say that you have seen it."""
     with api_without_robots(data) as api:
@@ -63,8 +63,8 @@ def shelve(
     alert_id: AlertArgument,
     reason: Reason,
     minutes: Annotated[float, typer.Option(help="For how long, at most 1440.", min=0.1, max=1440)] = 60.0,
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
 ) -> None:
     """Put it out of the way for a while; it comes back by itself."""
     with api_without_robots(data) as api:
@@ -72,15 +72,17 @@ def shelve(
 
 
 @app.command()
-def suppress(alert_id: AlertArgument, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+def suppress(
+    alert_id: AlertArgument, reason: Reason, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False
+) -> None:
     """Put it out of the way until somebody restores it."""
     with api_without_robots(data) as api:
         _say(api, alert_id, "suppress", acts.SuppressAlertAct.of(reason=reason), as_json=as_json)
 
 
 @app.command()
-def restore(alert_id: AlertArgument, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
-    """Bring it back from the shelf or from suppression."""
+def restore(alert_id: AlertArgument, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
+    """Unshelve or unsuppress an alert."""
     with api_without_robots(data) as api:
         _say(api, alert_id, "restore", acts.RestoreAlertAct.of(), as_json=as_json)
 
@@ -89,8 +91,8 @@ def restore(alert_id: AlertArgument, data: Data = DEFAULT_DATA, as_json: Json = 
 def assign(
     alert_id: AlertArgument,
     to: Annotated[str, typer.Option(help="Who looks after it; empty takes it back.")],
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
 ) -> None:
     """Say who looks after it."""
     with api_without_robots(data) as api:
@@ -100,4 +102,4 @@ def assign(
 def _say(api: Api, alert_id: str, word: str, said: Act, *, as_json: bool) -> None:
     """Post the act and print the alert after it. Raises UnknownName, and HarnessError where it is refused."""
     found: dict[str, Any] = api.post(f"/alerts/{alert_id}/{word}", said.body())
-    show(found, as_json=as_json, lines=[f"{alert_id} is {found['state']}: {found['title']}"])
+    output.show(found, as_json=as_json, lines=[f"{alert_id} is {found['state']}: {found['title']}"])

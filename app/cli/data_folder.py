@@ -17,10 +17,10 @@ from rsi_reviews.release_service import ReleaseService
 def running(settings: HarnessSettings, *, authority: Authority = unquestioned) -> Iterator[Harness]:
     """Robots and supervisor on this folder. Missions that ended while it was open are taken into the canary."""
     with open_harness(settings, deciders=DECIDERS, authority=authority, select=selected, trial=on_trial) as harness:
-        desk = ReleaseService(harness.runtime)
-        desk.take_up("terminal")
+        releases = ReleaseService(harness.runtime)
+        releases.take_up("terminal")
         yield harness
-        desk.catch_up(lambda mission_id: duplicate_starts(harness, mission_id))
+        releases.catch_up(lambda mission_id: duplicate_starts(harness, mission_id))
 
 
 @contextmanager

@@ -6,7 +6,7 @@ from typing import Annotated
 import msgspec
 import typer
 
-from app.cli.output import DEFAULT_DATA, Data, Json, settings, show
+from app.cli import output
 from app.cli.person import me
 from harness.auditing.dossier import DossierVerdict
 from harness.auditing.places import PlaceChange
@@ -19,26 +19,26 @@ from harness.dossiers import export_dossier, verify_dossier
 def dossier(
     mission_id: Annotated[str, typer.Argument(help="The mission.")],
     out: Annotated[Path | None, typer.Option("--out", help="The file; MISSION.dossier.zip if left out.")] = None,
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
 ) -> None:
     """Write events, verdicts, decisions, contexts and evidence of a mission as one signed file."""
     file = out or Path(f"{mission_id}.dossier.zip")
-    with read_harness(settings(data_folder=data)) as runtime:
+    with read_harness(output.settings(data_folder=data)) as runtime:
         contents = export_dossier(runtime, MissionId(mission_id), file, data=data, exported_by=me().name)
     lines = [f"{file}: {contents.events} events, {contents.records} records, {len(contents.files) - 2} blobs."]
     lines += [f"Evidence {digest} was missing or damaged and is not in it." for digest in contents.absent]
-    show({"file": str(file), **msgspec.to_builtins(contents)}, as_json=as_json, lines=lines)
+    output.show({"file": str(file), **msgspec.to_builtins(contents)}, as_json=as_json, lines=lines)
 
 
 def verify(
     file: Annotated[Path, typer.Argument(help="A dossier.")],
     key: Annotated[str, typer.Option(help="The public key that must have signed it, in hexadecimal.")] = "",
-    as_json: Json = False,
+    as_json: output.Json = False,
 ) -> None:
     """Check a dossier with nothing but the file: signature, digests, chain, and every decision derived again."""
     found = verify_dossier(file, key=key)
-    show(msgspec.to_builtins(found), as_json=as_json, lines=_lines(found))
+    output.show(msgspec.to_builtins(found), as_json=as_json, lines=_lines(found))
     raise typer.Exit(1 if found.differences else 0)
 
 

@@ -13,12 +13,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from app.cli.output import Json, show, table
 from harness.contracts.errors import UnknownName
+from rsi_reviews.evaluation import report
 from rsi_reviews.evaluation.arms import ARMS, arm
 from rsi_reviews.evaluation.measures import Cell
 from rsi_reviews.evaluation.missions import CONDITIONS, condition
 from rsi_reviews.evaluation.plots import plots
 from rsi_reviews.evaluation.protocol import ROOT, ProtocolRequest, code, rows
-from rsi_reviews.evaluation.report import EvaluationReport, evaluation, save, shown, with_figures
 from rsi_reviews.evaluation.roles import Model, RoleReport, adversarial, asked
 from rsi_reviews.evaluation.suites import checks
 from simulator.in_process import SIMULATOR
@@ -45,7 +45,7 @@ def evaluate(
         str, typer.Option("--model-url", help=f"Its OpenAI-compatible endpoint, up to /v1; a key is read from {KEY}.")
     ] = "",
     publish: Annotated[
-        bool, typer.Option("--publish", help="Write docs/evaluation.md, its JSON and its plots.")
+        bool, typer.Option("--publish", help="Write docs/report.evaluation.md, its JSON and its plots.")
     ] = False,
     as_json: Json = False,
 ) -> None:
@@ -66,9 +66,9 @@ def evaluate(
 
         judged = rows(ask, SIMULATOR, processes=processes, kept=kept, told=told)
         roles = _roles(progress, model=model, url=model_url)
-        found = evaluation(judged, ask, code=code(SIMULATOR), roles=roles, suites=checks(seed, SIMULATOR))
+        found = report.evaluation(judged, ask, code=code(SIMULATOR), roles=roles, suites=checks(seed, SIMULATOR))
     if output is not None:
-        save(found, output)
+        report.save(found, output)
     if publish:
         _publish(found)
     show(json.loads(msgspec.json.encode(found)), as_json=as_json, lines=_lines(found))
@@ -115,15 +115,15 @@ def endpoint(client: httpx.Client, model: str, url: str) -> Model:
     return answer
 
 
-def _publish(found: EvaluationReport) -> None:
-    save(found, RESULTS)
-    PAGE.write_text(with_figures(PAGE.read_text(encoding="utf-8"), found), encoding="utf-8")
+def _publish(found: report.EvaluationReport) -> None:
+    report.save(found, RESULTS)
+    PAGE.write_text(report.with_figures(PAGE.read_text(encoding="utf-8"), found), encoding="utf-8")
     PLOTS.mkdir(parents=True, exist_ok=True)
     for name, text in plots(found).items():
         (PLOTS / f"{name}.svg").write_text(text, encoding="utf-8")
 
 
-def _lines(found: EvaluationReport) -> list[str]:
+def _lines(found: report.EvaluationReport) -> list[str]:
     head = ["condition", "arm", "n", "success", "contract false", "epistemic false", "duplicate", "handoff", "again"]
     body = [_row(one) for one in found.cells]
     suites = [[one.suite, one.name, "holds" if one.holds else "BROKEN", one.seen] for one in found.suites]
@@ -133,4 +133,4 @@ def _lines(found: EvaluationReport) -> list[str]:
 
 def _row(one: Cell) -> list[str]:
     rates = (one.success, one.contract_false, one.epistemic_false, one.duplicate_starts, one.handoff)
-    return [one.condition, one.arm, str(one.n), *(shown(rate) for rate in rates), one.command]
+    return [one.condition, one.arm, str(one.n), *(report.shown(rate) for rate in rates), one.command]

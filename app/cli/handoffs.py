@@ -10,9 +10,9 @@ from msgspec import to_builtins
 
 from app.acts import handoffs as acts
 from app.acts.base import Act
+from app.cli import output
 from app.cli.api_client import Api
 from app.cli.local_api import api_with_robots
-from app.cli.output import DEFAULT_DATA, Data, Json, exit_code, show, table
 from app.i18n.reasons import rendering as reasons
 from harness.contracts.errors import UnknownName
 from harness.contracts.values import encode
@@ -27,8 +27,8 @@ ActOf = Callable[[Handoff], Act]
 
 @app.command("list")
 def list_handoffs(
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
     everything: Annotated[bool, typer.Option("--all", help="Answered ones too.")] = False,
 ) -> None:
     """Handoffs that wait, each observed again, with the digest that an approval must name."""
@@ -38,13 +38,13 @@ def list_handoffs(
                 api.observe(_mission_of(handoff))
                 api.post(f"/handoffs/{handoff.handoff_id}/look", acts.LookAgainAct().body())
         rows = [_row(handoff) for handoff in api.handoffs() if everything or handoff.waits]
-    lines = table([[r["handoff_id"], r["status"], r["mission_id"], r["node_id"], r["digest"]] for r in rows])
+    lines = output.table([[r["handoff_id"], r["status"], r["mission_id"], r["node_id"], r["digest"]] for r in rows])
     lines += [f"{row['handoff_id']}: {row['reason']}" for row in rows]
-    show({"handoffs": rows}, as_json=as_json, lines=lines or ["No mission waits for a person."])
+    output.show({"handoffs": rows}, as_json=as_json, lines=lines or ["No mission waits for a person."])
 
 
 @app.command("show")
-def show_one(handoff_id: str, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+def show_one(handoff_id: str, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """One question as it stands: what would run, what else could, who has it, how long it waits."""
     with api_with_robots(data) as api:
         handoff = _handoff(api, handoff_id)
@@ -52,30 +52,36 @@ def show_one(handoff_id: str, data: Data = DEFAULT_DATA, as_json: Json = False) 
     lines = [f"{name.replace('_', ' ')}: {value}" for name, value in row.items() if value not in ("", None, [])]
     proposal = handoff.opened.proposal if handoff.opened else None
     lines.append(f"would run: {encode(proposal).decode()}" if proposal else "would run: nothing")
-    show(row | {"proposal": to_builtins(proposal)}, as_json=as_json, lines=lines)
+    output.show(row | {"proposal": to_builtins(proposal)}, as_json=as_json, lines=lines)
 
 
 @app.command()
-def claim(handoff_id: str, data: Data = DEFAULT_DATA, as_json: Json = False, token: Claim = "terminal") -> None:
+def claim(
+    handoff_id: str, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False, token: Claim = "terminal"
+) -> None:
     """Yours to answer for a minute; the same token again renews it."""
     _say(data, handoff_id, "claim", lambda _: acts.ClaimHandoffAct.of(claim=token), as_json=as_json)
 
 
 @app.command()
-def release(handoff_id: str, data: Data = DEFAULT_DATA, as_json: Json = False, token: Claim = "terminal") -> None:
+def release(
+    handoff_id: str, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False, token: Claim = "terminal"
+) -> None:
     """Somebody else may answer it."""
     _say(data, handoff_id, "release", lambda _: acts.ReleaseHandoffAct.of(claim=token), as_json=as_json)
 
 
 @app.command()
-def look(handoff_id: str, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+def look(handoff_id: str, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """Observe again without motion."""
     _say(data, handoff_id, "look", lambda _: acts.LookAgainAct(), as_json=as_json)
 
 
 @app.command("extend")
 @app.command("on-my-way", hidden=True)
-def extend(handoff_id: str, data: Data = DEFAULT_DATA, as_json: Json = False, reason: Reason = "on my way") -> None:
+def extend(
+    handoff_id: str, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False, reason: Reason = "on my way"
+) -> None:
     """Let it wait longer: once, as long as the zone allows."""
     _say(data, handoff_id, "on-my-way", lambda _: acts.ExtendDeadlineAct.of(reason=reason), as_json=as_json)
 
@@ -83,9 +89,9 @@ def extend(handoff_id: str, data: Data = DEFAULT_DATA, as_json: Json = False, re
 @app.command()
 def choose(
     handoff_id: str,
-    action: Annotated[str, typer.Option(help="Another action of the ladder; `show` lists them as choices.")],
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    action: Annotated[str, typer.Option(help="Another action of the ladder; `output.show` lists them as choices.")],
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
     token: Claimed = "",
 ) -> None:
     """Ask anew with another action. Nothing runs until its own digest is approved."""
@@ -101,8 +107,8 @@ def approve(
     handoff_id: str,
     digest: Annotated[str, typer.Option(help="The digest that `regen handoff list` printed.")],
     reason: Reason,
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
     token: Claimed = "",
 ) -> None:
     """Let the proposed action run once, and follow the mission. It is verified like any other attempt."""
@@ -119,8 +125,8 @@ def approve(
 def reject(
     handoff_id: str,
     reason: Reason,
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
     token: Claimed = "",
 ) -> None:
     """Refuse: the mission ends safely stopped."""
@@ -138,8 +144,8 @@ def take_control(
     handoff_id: str,
     device: Annotated[str, typer.Option(help="What you drive it from; everybody sees it.")],
     reason: Reason,
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
     token: Claim = "terminal",
 ) -> None:
     """Drive it yourself; claim it first. The deadline pauses as long as the claim is renewed."""
@@ -153,7 +159,11 @@ def take_control(
 
 @app.command("hand-back")
 def hand_back(
-    handoff_id: str, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False, token: Claim = "terminal"
+    handoff_id: str,
+    reason: Reason,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
+    token: Claim = "terminal",
 ) -> None:
     """Give the robot back; the harness looks afresh, without motion, and the mission goes on from what it finds."""
 
@@ -165,7 +175,11 @@ def hand_back(
 
 @app.command()
 def close(
-    handoff_id: str, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False, token: Claim = "terminal"
+    handoff_id: str,
+    reason: Reason,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
+    token: Claim = "terminal",
 ) -> None:
     """Keep the robot: the mission ends handed off."""
 
@@ -180,8 +194,8 @@ def attest(
     handoff_id: str,
     condition: Annotated[str, typer.Option(help="The condition that you saw met with your own eyes.")],
     statement: Annotated[str, typer.Option(help="What you saw; it is kept as evidence.")],
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
     token: Claimed = "",
 ) -> None:
     """Say what you saw. It opens one look without motion and satisfies nothing by itself."""
@@ -210,7 +224,7 @@ def _say(data: Path, handoff_id: str, word: str, said: ActOf, *, as_json: bool) 
     with api_with_robots(data) as api:
         row = _row(_posted(api, handoff_id, word, said))
     held = f", claimed by {row['holder']}" if row["holder"] else ""
-    show(row, as_json=as_json, lines=[f"{row['handoff_id']}  {row['status']}, cycle {row['cycle']}{held}"])
+    output.show(row, as_json=as_json, lines=[f"{row['handoff_id']}  {row['status']}, cycle {row['cycle']}{held}"])
 
 
 def _end(data: Path, handoff_id: str, word: str, said: ActOf, *, as_json: bool, wanted: str) -> NoReturn:
@@ -218,8 +232,8 @@ def _end(data: Path, handoff_id: str, word: str, said: ActOf, *, as_json: bool, 
     with api_with_robots(data) as api:
         outcome: Mapping[str, Any] = api.follow(_mission_of(_posted(api, handoff_id, word, said)))
     lines = [f"{outcome['mission_id']}  {outcome['status']}  {outcome.get('reason', '')}".rstrip()]
-    show(outcome, as_json=as_json, lines=lines)
-    raise typer.Exit(0 if outcome["status"] == wanted else exit_code(outcome["status"]))
+    output.show(outcome, as_json=as_json, lines=lines)
+    raise typer.Exit(0 if outcome["status"] == wanted else output.exit_code(outcome["status"]))
 
 
 def _posted(api: Api, handoff_id: str, word: str, said: ActOf) -> Handoff:

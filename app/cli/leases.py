@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from app.cli.output import DEFAULT_DATA, Data, Json, settings, show, table
+from app.cli import output
 from app.i18n.reasons import rendering as reasons
 from app.i18n.reasons.rendering import sentence
 from harness.bootstrap import open_harness, owner_of, read_harness
@@ -20,16 +20,16 @@ app = typer.Typer(no_args_is_help=True, help="See who holds the robot's resource
 
 
 @app.command("list")
-def list_leases(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+def list_leases(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """Every resource that was ever leased: free, held or in quarantine, with its newest fencing token."""
-    with read_harness(settings(data_folder=data)) as runtime:
+    with read_harness(output.settings(data_folder=data)) as runtime:
         rows = [_row(lease) for lease in _leases(runtime)]
-    lines = table(
+    lines = output.table(
         [["resource", "status", "token", "mission", "invocation"]]
         + [[r["resource"], r["status"], str(r["token"]), r["mission_id"], r["invocation_id"]] for r in rows]
     )
     lines += [f"{row['resource']}: {row['reason']}" for row in rows if row["status"] == "quarantined"]
-    show({"leases": rows}, as_json=as_json, lines=lines if rows else ["Nothing was ever leased."])
+    output.show({"leases": rows}, as_json=as_json, lines=lines if rows else ["Nothing was ever leased."])
 
 
 def _leases(runtime: Runtime) -> list[Lease]:
@@ -53,8 +53,8 @@ def free(
     resource: str,
     reason: Annotated[str, typer.Option(help="Why; it stands in the log.")],
     operator: Annotated[str, typer.Option(help="Who frees it; your own name if not said.")] = "",
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
 ) -> None:
     """Free a resource in quarantine. The robot is observed first: it must stand by its odometry, or have its hardware
     stop engaged. Nothing is started or re-armed by this. Exit 1 if the robot is not shown at rest."""
@@ -66,11 +66,11 @@ def free(
             do="stop that process, then free the lease",
         )
     actor = Actor(name=operator.strip() or getpass.getuser(), role="operator")
-    with open_harness(settings(data_folder=data, speed=0.0)) as harness:
+    with open_harness(output.settings(data_folder=data, speed=0.0)) as harness:
         decision = harness.supervisor.free(ResourceId(resource), actor=actor, reason=reason)
         if isinstance(decision, Refused):
             raise HarnessError(
                 f"{sentence(decision.reason)} ({decision.rule})", where=resource, do="see `regen lease list`"
             )
         lease = _row(harness.runtime.lease(ResourceId(resource)))
-    show(lease, as_json=as_json, lines=[f"{resource} is free, by {actor.name}: {reason}"])
+    output.show(lease, as_json=as_json, lines=[f"{resource} is free, by {actor.name}: {reason}"])

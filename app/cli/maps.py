@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import msgspec
 import typer
 
-from app.cli.output import DEFAULT_DATA, Data, Json, settings, show, table
+from app.cli import output
 from app.cli.owner_api import owner_api
 from app.cli.person import me
 from app.i18n.reasons.rendering import sentence
@@ -29,12 +29,12 @@ def import_cloud(
     frame: Annotated[str, typer.Option(help="The frame its coordinates are in.")] = "map",
     metres_per_unit: Annotated[float, typer.Option(help="0.001 for a file in millimetres.", min=1e-6, max=1e6)] = 1.0,
     reason: Annotated[str, typer.Option(help="Why; it stands in the log.")] = "imported",
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
 ) -> None:
     """Split a cloud into levels and attach it. Earlier clouds stay in the log."""
     api = owner_api(data)
-    opened = read_harness(settings(data_folder=data)) if api else edit_harness(settings(data_folder=data))
+    opened = read_harness(output.settings(data_folder=data)) if api else edit_harness(output.settings(data_folder=data))
     with opened as runtime:
         cloud = stored_cloud(runtime, file, map_version=map_version, frame=frame, metres_per_unit=metres_per_unit)
         if api:
@@ -46,17 +46,19 @@ def import_cloud(
         f"{file.name}: {cloud.points} points over {extent} m, {cloud.dropped} left out, in {len(cloud.chunks)} chunks.",
         f"Views of map {map_version} show it from now on.",
     ]
-    show(msgspec.to_builtins(cloud), as_json=as_json, lines=lines)
+    output.show(msgspec.to_builtins(cloud), as_json=as_json, lines=lines)
 
 
 @app.command("list")
-def list_clouds(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+def list_clouds(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """The cloud that each map version is shown with."""
-    with read_harness(settings(data_folder=data)) as runtime:
+    with read_harness(output.settings(data_folder=data)) as runtime:
         clouds: list[MapCloud] = [runtime.fold(stream).cloud for stream in runtime.streams("map/")]
     rows: list[dict[str, Any]] = [msgspec.to_builtins(cloud) for cloud in clouds]
-    lines = table([["map", "points", "file"]] + [[one.map_version, str(one.points), one.source] for one in clouds])
-    show({"maps": rows}, as_json=as_json, lines=lines if rows else ["No map has a cloud."])
+    lines = output.table(
+        [["map", "points", "file"]] + [[one.map_version, str(one.points), one.source] for one in clouds]
+    )
+    output.show({"maps": rows}, as_json=as_json, lines=lines if rows else ["No map has a cloud."])
 
 
 def _attach(runtime: Runtime, command: AttachCloud) -> None:

@@ -8,9 +8,9 @@ import typer
 
 from app.acts.missions import DisputeCompletionAct, StartMissionAct, StopMissionAct, WithdrawMissionAct
 from app.background.mission_history import Histories
+from app.cli import output
 from app.cli.data_folder import running
 from app.cli.local_api import api_with_robots
-from app.cli.output import DEFAULT_DATA, Data, Json, ProgressPrinter, exit_code, settings, show, table
 from app.cli.owner_api import owner_api
 from app.cli.person import me
 from app.i18n.messages import reasoned
@@ -35,8 +35,8 @@ app = typer.Typer(no_args_is_help=True, help="Run and read missions.")
 @app.command()
 def run(
     template: Annotated[str, typer.Argument(help="Name of a task template, or a goal in words.")],
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
     speed: Annotated[float | None, typer.Option(help="Mission seconds per second; 0 is as fast as possible.")] = None,
     seed: Annotated[int, typer.Option(help="Seed of the simulated world.", min=0)] = 1,
     fault: Annotated[list[str] | None, typer.Option(help="NAME or NAME:persistent; may be given again.")] = None,
@@ -58,13 +58,13 @@ def run(
         )
         outcome = api.follow(api.post("/missions", said.body())["mission_id"])
     else:
-        chosen = settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity)
+        chosen = output.settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity)
         with running(chosen) as harness:
             outcome = _run(harness, template, _arguments(argument), seed=seed, faults=faults)
             if record_to is not None:
                 write_recording(harness.runtime, MissionId(outcome["mission_id"]), record_to)
-    show(outcome, as_json=as_json, lines=_summary(outcome))
-    raise typer.Exit(exit_code(outcome["status"]))
+    output.show(outcome, as_json=as_json, lines=_summary(outcome))
+    raise typer.Exit(output.exit_code(outcome["status"]))
 
 
 def _run(
@@ -73,7 +73,7 @@ def _run(
     robot_id = RobotId(next(iter(harness.robots)))
     for unfinished in harness.supervisor.unfinished(robot_id):
         typer.echo(f"Going on with {unfinished.mission_id} first: {unfinished.goal}", err=True)
-        harness.supervisor.run(unfinished.mission_id, watch=ProgressPrinter())
+        harness.supervisor.run(unfinished.mission_id, watch=output.ProgressPrinter())
     known = {known.name for known in offered(harness.runtime, robot_id)}
     start = Start(
         actor=me(),
@@ -88,15 +88,15 @@ def _run(
     if isinstance(decision, Refused):
         raise ContractInvalid(sentence(decision.reason))
     mission_id: MissionId = decision.events[0].mission_id  # type: ignore[union-attr]
-    mission = harness.supervisor.run(mission_id, watch=ProgressPrinter())
+    mission = harness.supervisor.run(mission_id, watch=output.ProgressPrinter())
     return _outcome(harness, mission)
 
 
 @app.command()
 def resume(
     mission_id: str,
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
     speed: Annotated[float | None, typer.Option(help="Mission seconds per second; 0 is as fast as possible.")] = None,
     fidelity: Annotated[str | None, typer.Option(help="mujoco or kinematic.")] = None,
 ) -> None:
@@ -105,11 +105,11 @@ def resume(
     if api is not None:
         outcome = api.follow(mission_id)
     else:
-        with running(settings(data_folder=data, speed=speed, fidelity=fidelity)) as harness:
-            mission = harness.supervisor.run(MissionId(mission_id), watch=ProgressPrinter())
+        with running(output.settings(data_folder=data, speed=speed, fidelity=fidelity)) as harness:
+            mission = harness.supervisor.run(MissionId(mission_id), watch=output.ProgressPrinter())
             outcome = _outcome(harness, mission)
-    show(outcome, as_json=as_json, lines=_summary(outcome))
-    raise typer.Exit(exit_code(outcome["status"]))
+    output.show(outcome, as_json=as_json, lines=_summary(outcome))
+    raise typer.Exit(output.exit_code(outcome["status"]))
 
 
 def _outcome(harness: Harness, mission: Mission) -> dict[str, Any]:
@@ -129,7 +129,7 @@ def _arguments(given: list[str] | None) -> dict[str, str | float]:
 
 def _summary(outcome: dict[str, Any]) -> list[str]:
     lines = [f"{outcome['mission_id']}  {outcome['status']}  goal {outcome['goal_verdict'] or 'not judged'}"]
-    lines += table(
+    lines += output.table(
         [["segment", "L_ref m", "declared m", "measured m", "last pose m"]]
         + [
             [
@@ -156,18 +156,20 @@ def _summary(outcome: dict[str, Any]) -> list[str]:
 def replay(
     recording: Annotated[Path, typer.Argument(help="MCAP, rosbag2 folder or ROS 1 bag.")],
     target: Annotated[str | None, typer.Option(help="X,Y in metres; default: the recording's last pose.")] = None,
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
     topic: Annotated[list[str] | None, typer.Option(help="ROLE=TOPIC, such as odometry=/odom.")] = None,
 ) -> None:
     """Run a navigation mission on a recording; the harness measures arrival and progress itself."""
     with replayed(
-        settings(data_folder=data, speed=0.0), recording, target=_point(target), topics=topic or []
+        output.settings(data_folder=data, speed=0.0), recording, target=_point(target), topics=topic or []
     ) as replayer:
-        mission, facts = replayer.run(me(), watch=ProgressPrinter())
+        mission, facts = replayer.run(me(), watch=output.ProgressPrinter())
         outcome = mission_outcome(mission, Histories(replayer.harness.runtime).of(mission.mission_id), ()) | facts
-    show(outcome, as_json=as_json, lines=[*_summary(outcome), *(f"{name}: {value}" for name, value in facts.items())])
-    raise typer.Exit(exit_code(outcome["status"]))
+    output.show(
+        outcome, as_json=as_json, lines=[*_summary(outcome), *(f"{name}: {value}" for name, value in facts.items())]
+    )
+    raise typer.Exit(output.exit_code(outcome["status"]))
 
 
 def _point(text: str | None) -> tuple[float, float] | None:
@@ -181,9 +183,9 @@ def _point(text: str | None) -> tuple[float, float] | None:
 
 
 @app.command("list")
-def list_missions(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+def list_missions(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """All missions, newest first."""
-    with read_harness(settings(data_folder=data)) as runtime:
+    with read_harness(output.settings(data_folder=data)) as runtime:
         rows: list[dict[str, Any]] = [
             {
                 "mission_id": mission.mission_id,
@@ -196,8 +198,8 @@ def list_missions(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
             }
             for mission in runtime.missions()
         ]
-    lines = table([[m["mission_id"], m["status"], m["template"], m["goal"][:60]] for m in rows])
-    show(
+    lines = output.table([[m["mission_id"], m["status"], m["template"], m["goal"][:60]] for m in rows])
+    output.show(
         {"missions": rows},
         as_json=as_json,
         lines=lines or ["No mission yet: `regen mission run warehouse-inspection`."],
@@ -205,15 +207,17 @@ def list_missions(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
 
 
 @app.command("show")
-def show_mission(mission_id: str, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+def show_mission(mission_id: str, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """One mission as the log has it."""
-    with read_harness(settings(data_folder=data)) as runtime:
+    with read_harness(output.settings(data_folder=data)) as runtime:
         mission = runtime.mission(MissionId(mission_id))
         outcome = mission_outcome(mission, Histories(runtime).of(mission.mission_id), ())
     explored = decisions(mission) if mission.contract else ()
     outcome |= {"exploration": reasons.stating(explored)} if explored else {}
     nodes = [[n.node_id, n.status, str(n.provider_id or "-"), f"attempt {n.attempt}"] for n in mission.nodes.values()]
-    show(outcome, as_json=as_json, lines=[*_summary(outcome), *table(nodes), *table(_targets(explored))])
+    output.show(
+        outcome, as_json=as_json, lines=[*_summary(outcome), *output.table(nodes), *output.table(_targets(explored))]
+    )
 
 
 def _targets(explored: tuple[ExplorationDecision, ...]) -> list[list[str]]:
@@ -236,9 +240,9 @@ def _targets(explored: tuple[ExplorationDecision, ...]) -> list[list[str]]:
 
 
 @app.command()
-def events(mission_id: str, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+def events(mission_id: str, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """The mission's events in order, each with its position in the log."""
-    with read_harness(settings(data_folder=data)) as runtime:
+    with read_harness(output.settings(data_folder=data)) as runtime:
         runtime.mission(MissionId(mission_id))
         stored = runtime.events(MissionId(mission_id))
     rows = [
@@ -254,34 +258,34 @@ def events(mission_id: str, data: Data = DEFAULT_DATA, as_json: Json = False) ->
     ]
     first_s = stored[0].mission_s
     lines = [f"{e.position:>6}  {e.mission_s - first_s:>8.2f} s  {name_of(e.kind)}" for e in stored]
-    show({"mission_id": mission_id, "events": rows}, as_json=as_json, lines=lines)
+    output.show({"mission_id": mission_id, "events": rows}, as_json=as_json, lines=lines)
 
 
 @app.command()
 def stop(
     mission_id: str,
     reason: Annotated[str, typer.Option(help="Why; it stands in the log.")],
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
 ) -> None:
     """Stop a mission: stopping until acknowledged, then static."""
     with api_with_robots(data) as api:
         api.post(f"/missions/{mission_id}/stop", StopMissionAct.of(reason=reason).body())
         outcome = api.follow(mission_id)
-    show(outcome, as_json=as_json, lines=_summary(outcome))
+    output.show(outcome, as_json=as_json, lines=_summary(outcome))
 
 
 @app.command()
 def withdraw(
     mission_id: str,
     reason: Annotated[str, typer.Option(help="Why; it stands in the log.")],
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
 ) -> None:
     """Take back a mission that waits for its robot and has not begun."""
     with api_with_robots(data) as api:
         outcome = api.post(f"/missions/{mission_id}/withdraw", WithdrawMissionAct.of(reason=reason).body())
-    show(outcome, as_json=as_json, lines=_summary(outcome))
+    output.show(outcome, as_json=as_json, lines=_summary(outcome))
 
 
 @app.command()
@@ -289,12 +293,12 @@ def dispute(
     mission_id: str,
     condition: Annotated[str, typer.Option(help="The accepted condition, as `regen mission events` shows it.")],
     reason: Annotated[str, typer.Option(help="Why it is wrong; it stands in the log.")],
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
 ) -> None:
     """Say that an accepted completion is wrong. It counts as false; nothing is deleted."""
     said = DisputeCompletionAct.of(condition_id=condition, reason=reason)
     with api_with_robots(data) as api:
         outcome = api.post(f"/missions/{mission_id}/facts/{condition}/dispute", said.body())
     line = f"{condition} of {mission_id} is disputed: {reason}"
-    show(outcome, as_json=as_json, lines=[line])
+    output.show(outcome, as_json=as_json, lines=[line])

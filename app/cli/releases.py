@@ -8,8 +8,8 @@ from typing import Annotated, Any
 import typer
 from msgspec.structs import replace
 
+from app.cli import output
 from app.cli.data_folder import deciding
-from app.cli.output import DEFAULT_DATA, Data, Json, settings, show
 from app.cli.owner_api import owner_api
 from app.cli.person import me
 from app.cli.rsi import CandidateName, reading, sheet_lines
@@ -29,49 +29,65 @@ ReleaseStep = Callable[[ReleaseService, Review, SignedBy, SeenSubject], Accepted
 
 
 @app.command()
-def submit(candidate: CandidateName, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+def submit(
+    candidate: CandidateName, reason: Reason, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False
+) -> None:
     """Ask persons to review an accepted candidate, in a new cycle."""
-    _word("submit", candidate, lambda desk, review, say, seen: desk.submit(review.candidate, say),
+    _word("submit", candidate, lambda releases, review, say, seen: releases.submit(review.candidate, say),
           {"reason": reason}, data=data, as_json=as_json)  # fmt: skip
 
 
 @app.command()
-def comment(candidate: CandidateName, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+def comment(
+    candidate: CandidateName, reason: Reason, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False
+) -> None:
     """Say something about it; nothing else changes."""
-    _word("comment", candidate, lambda desk, review, say, seen: desk.comment(review.candidate, say),
+    _word("comment", candidate, lambda releases, review, say, seen: releases.comment(review.candidate, say),
           {"reason": reason}, data=data, as_json=as_json)  # fmt: skip
 
 
 @app.command("request-changes")
-def request_changes(candidate: CandidateName, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+def request_changes(
+    candidate: CandidateName, reason: Reason, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False
+) -> None:
     """Send it back to its authors: every approval is void."""
     _word("request_changes", candidate,
-          lambda desk, review, say, seen: desk.request_changes(review.candidate, say, seen),
+          lambda releases, review, say, seen: releases.request_changes(review.candidate, say, seen),
           {"reason": reason}, data=data, as_json=as_json)  # fmt: skip
 
 
 @app.command()
 def approve(
-    candidate: CandidateName, digest: Shown, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False
+    candidate: CandidateName,
+    digest: Shown,
+    reason: Reason,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
 ) -> None:
     """Say yes to exactly what `show` printed. An author's own yes is refused."""
-    _word("approve", candidate, lambda desk, review, say, seen: desk.approve(review.candidate, say, seen),
+    _word("approve", candidate, lambda releases, review, say, seen: releases.approve(review.candidate, say, seen),
           {"reason": reason, "subject": digest}, data=data, as_json=as_json)  # fmt: skip
 
 
 @app.command()
-def reject(candidate: CandidateName, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+def reject(
+    candidate: CandidateName, reason: Reason, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False
+) -> None:
     """Refuse it for good."""
-    _word("reject", candidate, lambda desk, review, say, seen: desk.reject(review.candidate, say, seen),
+    _word("reject", candidate, lambda releases, review, say, seen: releases.reject(review.candidate, say, seen),
           {"reason": reason}, data=data, as_json=as_json)  # fmt: skip
 
 
 @app.command()
 def authorise(
-    candidate: CandidateName, digest: Shown, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False
+    candidate: CandidateName,
+    digest: Shown,
+    reason: Reason,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
 ) -> None:
     """Authorise the release; the rollback target is loaded first and fixed with it."""
-    _word("authorise", candidate, lambda desk, review, say, seen: desk.authorise(review.candidate, say, seen),
+    _word("authorise", candidate, lambda releases, review, say, seen: releases.authorise(review.candidate, say, seen),
           {"reason": reason, "subject": digest}, data=data, as_json=as_json)  # fmt: skip
 
 
@@ -81,13 +97,13 @@ def release(
     digest: Shown,
     reason: Reason,
     robot: Annotated[str, typer.Option(help="The robot that tries it first.")] = "vbot-1",
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
 ) -> None:
     """Release it to one robot, one mission at a time, until its canary is over."""
     robot_id = RobotId(robot)
     _word("release", candidate,
-          lambda desk, review, say, seen: desk.release(review.candidate, say, seen, robot_id=robot_id),
+          lambda releases, review, say, seen: releases.release(review.candidate, say, seen, robot_id=robot_id),
           {"reason": reason, "subject": digest, "robot_id": robot}, data=data, as_json=as_json)  # fmt: skip
 
 
@@ -97,27 +113,31 @@ def adjudicate(
     mission: Annotated[str, typer.Option(help="A mission that ended under it.")],
     reason: Reason,
     finding: Annotated[str, typer.Option(help="sound, false_completion, duplicate_start, safety_violation.")] = "sound",
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
 ) -> None:
     """Say what became of one canary mission. Whoever released it cannot."""
     found = _finding(finding)
     _word("adjudicate", candidate,
-          lambda desk, review, say, seen: desk.adjudicate(review.candidate, MissionId(mission), found, say),
+          lambda releases, review, say, seen: releases.adjudicate(review.candidate, MissionId(mission), found, say),
           {"reason": reason, "mission_id": mission, "finding": finding}, data=data, as_json=as_json)  # fmt: skip
 
 
 @app.command()
-def rollback(candidate: CandidateName, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+def rollback(
+    candidate: CandidateName, reason: Reason, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False
+) -> None:
     """Back to the version before it, at once; its configuration is quarantined."""
-    _word("rollback", candidate, lambda desk, review, say, seen: desk.rollback(review.candidate, say),
+    _word("rollback", candidate, lambda releases, review, say, seen: releases.rollback(review.candidate, say),
           {"reason": reason}, data=data, as_json=as_json)  # fmt: skip
 
 
 @app.command()
-def withdraw(candidate: CandidateName, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+def withdraw(
+    candidate: CandidateName, reason: Reason, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False
+) -> None:
     """Take it back without a fault."""
-    _word("withdraw", candidate, lambda desk, review, say, seen: desk.withdraw(review.candidate, say),
+    _word("withdraw", candidate, lambda releases, review, say, seen: releases.withdraw(review.candidate, say),
           {"reason": reason}, data=data, as_json=as_json)  # fmt: skip
 
 
@@ -128,8 +148,8 @@ def policy(
     quorum: Annotated[int, typer.Option(help="Approvals that are needed.", min=1, max=10)] = 1,
     cooling_off_s: Annotated[float, typer.Option(help="What a single operator waits, seconds.", min=0.0)] = 0.0,
     person: Annotated[list[str] | None, typer.Option(help="Who may decide; may be given again.")] = None,
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
 ) -> None:
     """Say who must agree before a release. One that nobody could satisfy is refused."""
     people = tuple(person or [me().name])
@@ -142,12 +162,12 @@ def policy(
         raise typer.BadParameter(f"{kind!r} is neither two_person nor single_operator", param_hint="--kind")
     if (api := owner_api(data)) is not None:
         body = {"kind": kind, "quorum": quorum, "cooling_off_s": cooling_off_s, "reason": reason}
-        show(api.post("/releases/policy", body), as_json=as_json, lines=[f"The policy is {kind}."])
+        output.show(api.post("/releases/policy", body), as_json=as_json, lines=[f"The policy is {kind}."])
         return
-    with deciding(settings(data_folder=data)) as desk:
+    with deciding(output.settings(data_folder=data)) as releases:
         say = SignedBy(me(), reason, _key("policy", f"{kind}:{quorum}:{cooling_off_s}", reason))
-        _taken(desk.save_policy(chosen, say, reviewers=people, releasers=people))
-    show({"policy": kind, "quorum": quorum}, as_json=as_json, lines=[f"The policy is {kind}, quorum {quorum}."])
+        _taken(releases.save_policy(chosen, say, reviewers=people, releasers=people))
+    output.show({"policy": kind, "quorum": quorum}, as_json=as_json, lines=[f"The policy is {kind}, quorum {quorum}."])
 
 
 ROLES = {"authorise": "releaser", "release": "releaser", "rollback": "releaser", "submit": "operator"}
@@ -165,10 +185,10 @@ def _word(what: str, candidate: str, word: ReleaseStep, said: dict[str, str], *,
     else:
         seen = SeenSubject(cycle=review.cycle, subject=Digest(said.get("subject") or review.subject_digest))
         actor = replace(me(), role=ROLES.get(what, "reviewer"))
-        with deciding(settings(data_folder=data)) as desk:
-            _taken(word(desk, review, SignedBy(actor, said["reason"], key), seen))
-            answer = sheet(desk, review.candidate)
-    show(answer, as_json=as_json, lines=sheet_lines(answer))
+        with deciding(output.settings(data_folder=data)) as releases:
+            _taken(word(releases, review, SignedBy(actor, said["reason"], key), seen))
+            answer = sheet(releases, review.candidate)
+    output.show(answer, as_json=as_json, lines=sheet_lines(answer))
 
 
 def _taken(decision: Accepted[Any] | Refused) -> None:

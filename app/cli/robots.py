@@ -5,7 +5,7 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-from app.cli.output import DEFAULT_DATA, Data, Json, show, table
+from app.cli import output
 from app.cli.owner_api import OwnerApi, owner_api
 from harness.contracts.control import LEVELS
 from harness.contracts.errors import HarnessError
@@ -16,25 +16,25 @@ Reason = Annotated[str, typer.Option(help="Why; it stands in the log.")]
 
 
 @app.command("list")
-def list_robots(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+def list_robots(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """Every robot: posture, battery, hardware stop, mission, who drives it."""
     rows = _owner(data).get("/robots")
-    show({"robots": rows}, as_json=as_json, lines=table([HEAD, *map(_line, rows)]))
+    output.show({"robots": rows}, as_json=as_json, lines=output.table([HEAD, *map(_line, rows)]))
 
 
 @app.command()
-def stop(robot: str, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+def stop(robot: str, reason: Reason, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """Ask the mission of one robot to stop."""
     api = _owner(data)
     found = api.get(f"/robots/{robot}")
     if not found["mission_id"]:
         raise HarnessError(f"{robot} has no mission", do="see `regen robot list`")
     outcome = api.post(f"/missions/{found['mission_id']}/stop", {"reason": reason})
-    show(outcome, as_json=as_json, lines=[f"{robot}: {outcome['mission_id']} is {outcome['status']}"])
+    output.show(outcome, as_json=as_json, lines=[f"{robot}: {outcome['mission_id']} is {outcome['status']}"])
 
 
 @app.command("stop-all")
-def stop_all(reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+def stop_all(reason: Reason, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """Ask every mission of every robot to stop. Exit 1 if one could not be asked."""
     _stopped(data, {"reason": reason, "safe": False}, as_json=as_json)
 
@@ -44,12 +44,12 @@ def safe(
     reason: Reason,
     robot: Annotated[str, typer.Argument(help="Which; --all instead for every robot.")] = "",
     every: Annotated[bool, typer.Option("--all", help="Stop and send every robot, each for itself.")] = False,
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
 ) -> None:
     """Stop what a robot does and send it to the safe place of its zone; without one it lies down where it stands.
 
-    With --all: every mission stops, every wheel is returned, every robot is sent. Exit 1 if one could not be.
+    With --all: every mission stops, all manual control is released, every robot is sent. Exit 1 if one could not be.
     """
     if every == bool(robot):
         raise typer.BadParameter("Name one robot, or --all for every one.")
@@ -59,7 +59,7 @@ def safe(
 
 
 @app.command()
-def stand(robot: str, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+def stand(robot: str, reason: Reason, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """Have a robot stand up again."""
     body = {"posture": "standing", "reason": reason}
     _said(_owner(data).post(f"/robots/{robot}/posture", body), as_json=as_json)
@@ -69,9 +69,9 @@ def stand(robot: str, reason: Reason, data: Data = DEFAULT_DATA, as_json: Json =
 def autonomy(
     level: Annotated[str, typer.Argument(help=f"One of {', '.join(LEVELS)}.")],
     reason: Reason,
-    mission: Annotated[str, typer.Option(help="One mission; without it the limit of the whole house.")] = "",
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    mission: Annotated[str, typer.Option(help="One mission; without it the limit of the whole fleet.")] = "",
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
 ) -> None:
     """Set how far missions decide alone, from their next dispatch on."""
     if level not in LEVELS:
@@ -80,7 +80,7 @@ def autonomy(
     path = f"/missions/{mission}/autonomy" if mission else "/control/autonomy"
     outcome = _owner(data).post(path, body)
     bound = mission or "every mission"
-    show(outcome, as_json=as_json, lines=[f"{bound}: {outcome['autonomy']}"])
+    output.show(outcome, as_json=as_json, lines=[f"{bound}: {outcome['autonomy']}"])
 
 
 def _stopped(data: Path, body: dict[str, Any], *, as_json: bool) -> NoReturn:
@@ -89,12 +89,12 @@ def _stopped(data: Path, body: dict[str, Any], *, as_json: bool) -> NoReturn:
     outcome = api.post("/robots/stop", body)
     lines = [f"asked to stop: {one}" for one in outcome["asked"]] + [f"not done: {one}" for one in outcome["refused"]]
     rows = [_line(row) for row in api.get("/robots")]
-    show(outcome, as_json=as_json, lines=(lines or ["No mission was under way."]) + table([HEAD, *rows]))
+    output.show(outcome, as_json=as_json, lines=(lines or ["No mission was under way."]) + output.table([HEAD, *rows]))
     raise typer.Exit(1 if outcome["refused"] else 0)
 
 
 def _said(row: dict[str, Any], *, as_json: bool) -> None:
-    show(row, as_json=as_json, lines=table([_line(row)]))
+    output.show(row, as_json=as_json, lines=output.table([_line(row)]))
 
 
 def _line(row: dict[str, Any]) -> list[str]:

@@ -9,8 +9,8 @@ from typing import Annotated, Any
 import msgspec
 import typer
 
+from app.cli import output
 from app.cli.data_folder import deciding
-from app.cli.output import DEFAULT_DATA, Data, Json, settings, show, table
 from app.cli.owner_api import owner_api
 from app.cli.person import me
 from app.i18n.reasons.rendering import sentence
@@ -34,8 +34,8 @@ def propose(
     file: Annotated[Path, typer.Option("--file", help="The candidate configuration, JSON.")],
     manifest: Annotated[Path, typer.Option(help="Its manifest, JSON.")],
     supersedes: Annotated[str, typer.Option(help="The candidate that this one edits.")] = "",
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
 ) -> None:
     """Put a candidate on record with its manifest. What loosens anything is refused before anything runs."""
     api = owner_api(data)
@@ -43,40 +43,42 @@ def propose(
     if api is not None:
         body = {"configuration": texts[0].decode(), "manifest": texts[1].decode(), "supersedes": supersedes}
         answer: dict[str, Any] = api.post("/candidates", body)
-        show(answer, as_json=as_json, lines=sheet_lines(answer))
+        output.show(answer, as_json=as_json, lines=sheet_lines(answer))
         return
     candidate = read_candidate(*texts)
-    with deciding(settings(data_folder=data)) as desk:
-        earlier = desk.review(supersedes).candidate if supersedes else None
+    with deciding(output.settings(data_folder=data)) as releases:
+        earlier = releases.review(supersedes).candidate if supersedes else None
         key = f"propose:{candidate.candidate_id}"
-        decision = desk.propose(candidate, SignedBy(me(), candidate.manifest.reason, key), supersedes=earlier)
+        decision = releases.propose(candidate, SignedBy(me(), candidate.manifest.reason, key), supersedes=earlier)
         if isinstance(decision, Refused):
-            found = [f"{one.rule}: {one.path}: {sentence(one.reason)}" for one in desk.refusals(candidate)]
+            found = [f"{one.rule}: {one.path}: {sentence(one.reason)}" for one in releases.refusals(candidate)]
             raise ContractInvalid(f"{sentence(decision.reason)} ({decision.rule})", where="; ".join(found[:20]))
-        answer = sheet(desk, candidate.candidate_id)
-    show(answer, as_json=as_json, lines=sheet_lines(answer))
+        answer = sheet(releases, candidate.candidate_id)
+    output.show(answer, as_json=as_json, lines=sheet_lines(answer))
 
 
 @app.command("list")
-def list_candidates(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+def list_candidates(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """All candidates, newest first."""
     with reading(data) as queries:
         rows = [row(review) for review in queries.reviews()]
     columns = ("candidate", "status", "component", "metric", "author", "cycle")
-    lines = table([[str(one[name])[:16] for name in columns] for one in rows])
-    show({"candidates": rows}, as_json=as_json, lines=lines or ["No candidate was proposed here."])
+    lines = output.table([[str(one[name])[:16] for name in columns] for one in rows])
+    output.show({"candidates": rows}, as_json=as_json, lines=lines or ["No candidate was proposed here."])
 
 
 @app.command("show")
-def show_candidate(candidate: CandidateName, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+def show_candidate(
+    candidate: CandidateName, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False
+) -> None:
     """One candidate: manifest, the acceptance clauses, what persons said, and the digest that a decision must name."""
     with reading(data) as queries:
         answer = sheet(queries, candidate)
-    show(answer, as_json=as_json, lines=sheet_lines(answer))
+    output.show(answer, as_json=as_json, lines=sheet_lines(answer))
 
 
 @app.command()
-def diff(candidate: CandidateName, data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+def diff(candidate: CandidateName, data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """What it changes against its baseline: by component, then the raw difference of both texts."""
     with reading(data) as queries:
         found = queries.diff(candidate)
@@ -87,13 +89,13 @@ def diff(candidate: CandidateName, data: Data = DEFAULT_DATA, as_json: Json = Fa
         for one in changes:
             unit = f" {one.unit}" if one.unit else ""
             lines.append(f"  {one.path}: {one.before or 'nothing'} -> {one.after or 'nothing'}{unit}. {one.meaning}")
-    show(msgspec.to_builtins(found), as_json=as_json, lines=[*lines, "", *found.raw.splitlines()])
+    output.show(msgspec.to_builtins(found), as_json=as_json, lines=[*lines, "", *found.raw.splitlines()])
 
 
 @app.command()
 def history(
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
     at: Annotated[str, typer.Option(help="What was current at this instant: 2026-11-20T09:30:00Z.")] = "",
     robot: Annotated[str, typer.Option(help="On this robot, where a canary may run.")] = "",
 ) -> None:
@@ -116,13 +118,13 @@ def history(
         if at:
             answer["at"] = at
             answer["current_at"] = queries.current_at(_instant(at), robot_id=RobotId(robot) if robot else None)
-    show(answer, as_json=as_json, lines=_history_lines(answer))
+    output.show(answer, as_json=as_json, lines=_history_lines(answer))
 
 
 @contextmanager
 def reading(data: Path) -> Iterator[CandidateQueries]:
     """The shelf without owning the folder: a console may run on it meanwhile."""
-    with read_harness(settings(data_folder=data), deciders=DECIDERS, select=selected) as runtime:
+    with read_harness(output.settings(data_folder=data), deciders=DECIDERS, select=selected) as runtime:
         yield CandidateQueries(runtime)
 
 
@@ -142,7 +144,7 @@ def sheet_lines(answer: dict[str, Any]) -> list[str]:
 
 def _history_lines(answer: dict[str, Any]) -> list[str]:
     lines = [f"revision {answer['revision']}: {answer['configuration']}"]
-    lines += table([_move(move) for move in answer["history"]])
+    lines += output.table([_move(move) for move in answer["history"]])
     lines += [f"{name[:16]}  {state}" for name, state in answer["versions"].items()]
     if "current_at" in answer:
         lines.append(f"at {answer['at']}: {answer['current_at'] or 'nothing was released yet'}")

@@ -5,8 +5,8 @@ from typing import Annotated
 import msgspec
 import typer
 
+from app.cli import output
 from app.cli.data_folder import deciding
-from app.cli.output import DEFAULT_DATA, Data, Json, settings, show
 from app.cli.owner_api import owner_api
 from app.cli.person import me
 from app.i18n.reasons.rendering import sentence
@@ -20,8 +20,8 @@ from rsi_reviews.suite_growth import AddedCase
 def case(
     mission_id: Annotated[str, typer.Argument(help="A mission with a disputed completion.")],
     reason: Annotated[str, typer.Option(help="Why; it stands in the log.")],
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
 ) -> None:
     """Add a disputed mission to the regression suite of this folder: every later candidate is run on it too.
 
@@ -31,13 +31,13 @@ def case(
     if api is not None:
         added = msgspec.convert(api.post(f"/missions/{mission_id}/case", {"reason": reason})["case"], AddedCase)
     else:
-        with deciding(settings(data_folder=data)) as desk:
-            decision = desk.add_case(MissionId(mission_id), SignedBy(actor=me(), reason=reason, key=mission_id))
+        with deciding(output.settings(data_folder=data)) as releases:
+            decision = releases.add_case(MissionId(mission_id), SignedBy(actor=me(), reason=reason, key=mission_id))
             if isinstance(decision, Refused):
                 raise ContractInvalid(
                     f"{sentence(decision.reason)} ({decision.rule})", where=mission_id, do="see `regen rsi`"
                 )
-            added = next(one.case for one in desk.growth().added if one.mission_id == mission_id)
+            added = next(one.case for one in releases.growth().added if one.mission_id == mission_id)
     under = f" under {', '.join(added.faults)}" if added.faults else ""
     lines = [f"{mission_id} is a case of family {added.family}: {added.template}{under}, seed {added.seed}."]
-    show({"mission_id": mission_id, "case": msgspec.to_builtins(added)}, as_json=as_json, lines=lines)
+    output.show({"mission_id": mission_id, "case": msgspec.to_builtins(added)}, as_json=as_json, lines=lines)

@@ -19,8 +19,8 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from app.cli import output
 from app.cli.data_folder import deciding
-from app.cli.output import DEFAULT_DATA, Data, Json, settings, show
 from app.cli.owner_api import owner_api
 from app.cli.person import me
 from app.cli.rsi import CandidateName
@@ -63,7 +63,7 @@ class How:
 
 def evaluate(
     candidate: CandidateName,
-    data: Data = DEFAULT_DATA,
+    data: output.Data = output.DEFAULT_DATA,
     evaluator: EvaluatorFolder = None,
     ray: Annotated[str, typer.Option(help="A Ray cluster's address, or `local`; local processes if not given.")] = "",
     processes: Annotated[int, typer.Option(help="Local processes; 0 runs in this one.")] = os.cpu_count() or 1,
@@ -71,7 +71,7 @@ def evaluate(
         int | None, typer.Option(help="A quick look at so many cases of each suite; decides nothing.")
     ] = None,
     resume: Annotated[bool, typer.Option("--resume/--fresh", help="Go on with kept results, or run all again.")] = True,
-    as_json: Json = False,
+    as_json: output.Json = False,
 ) -> None:
     """Compare a candidate with its baseline on the shipped suites and put the report on record."""
     folder = evaluator or data.absolute().with_name(f"{data.absolute().name}-evaluator")
@@ -82,12 +82,14 @@ def evaluate(
         )
     trial = _trial(candidate, how)
     if cases is None:
-        _recorded(how, lambda desk: desk.begin(trial.terms, _say(trial, "begin")))
+        _recorded(how, lambda releases: releases.begin(trial.terms, _say(trial, "begin")))
     outcome = _run(trial, how, executor(ray, processes))
     if cases is None:
-        _recorded(how, lambda desk: desk.submit_results(judged_on(trial, outcome.results), _say(trial, "results")))
+        _recorded(
+            how, lambda releases: releases.submit_results(judged_on(trial, outcome.results), _say(trial, "results"))
+        )
     answer = told(trial, outcome, recorded=cases is None)
-    show(answer, as_json=as_json, lines=_lines(answer))
+    output.show(answer, as_json=as_json, lines=_lines(answer))
     raise typer.Exit(0 if answer["answer"] == "pass" else 1)
 
 
@@ -120,7 +122,7 @@ def told(trial: Trial, outcome: TrialOutcome, *, recorded: bool) -> dict[str, An
 
 
 def _trial(name: str, how: How) -> Trial:
-    with read_harness(settings(data_folder=how.data), deciders=DECIDERS, select=selected) as runtime:
+    with read_harness(output.settings(data_folder=how.data), deciders=DECIDERS, select=selected) as runtime:
         queries = CandidateQueries(runtime)
         candidate, growth = queries.candidate(name), queries.growth()
         baseline = runtime.stored_configuration(candidate.baseline)
@@ -157,8 +159,8 @@ def _run(trial: Trial, how: How, executor: Executor) -> TrialOutcome:
 
 def _recorded(how: How, word: Callable[[ReleaseService], Accepted[Any] | Refused]) -> None:
     """One word to the desk. Raises ContractInvalid with the rule that refused it."""
-    with deciding(settings(data_folder=how.data)) as desk:
-        decision = word(desk)
+    with deciding(output.settings(data_folder=how.data)) as releases:
+        decision = word(releases)
     if isinstance(decision, Refused):
         raise ContractInvalid(f"{sentence(decision.reason)} ({decision.rule})", do="see `regen rsi show`")
 

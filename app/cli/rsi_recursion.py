@@ -12,7 +12,7 @@ import msgspec
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from app.cli.output import DEFAULT_DATA, Data, Json, settings, show, table
+from app.cli import output
 from app.settings import ROOT
 from harness.bootstrap import read_harness
 from harness.contracts.configuration import Configuration
@@ -59,7 +59,7 @@ def recursion(
         bool, typer.Option("--blind", help="Then open the final test: sites hashed before the run.")
     ] = False,
     write: Annotated[bool, typer.Option("--publish", help="Write docs/recursion.md, its JSON and its plots.")] = False,
-    as_json: Json = False,
+    as_json: output.Json = False,
 ) -> None:
     """Six arms over several generations on sites with hidden regularities: does the gated loop pay, and why?"""
     terms = Terms(seed=seed, generations=generations, measured=missions)
@@ -77,21 +77,21 @@ def recursion(
     result = found(every, last, terms, fleets=fleets)
     if write:
         publish(result, docs=DOCS)
-    show(result, as_json=as_json, lines=_lines(result))
+    output.show(result, as_json=as_json, lines=_lines(result))
 
 
 def replayed(
     candidate: Annotated[str, typer.Argument(help="The candidate's digest, a beginning of it, or a JSON file.")],
     mission: Annotated[list[str] | None, typer.Option(help="Only this mission; may be given again.")] = None,
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
 ) -> None:
     """Which stored routing, context and recovery decisions would differ under a candidate. No robot is touched."""
     with _stored(data) as runtime:
         configuration = _configuration(CandidateQueries(runtime), candidate)
         chosen = [MissionId(name) for name in mission] if mission else None
         report = counterfactual(runtime, configuration, chosen)
-    show(msgspec.to_builtins(report), as_json=as_json, lines=_differences(report))
+    output.show(msgspec.to_builtins(report), as_json=as_json, lines=_differences(report))
 
 
 def generate(
@@ -100,8 +100,8 @@ def generate(
     ] = GeneratorChoice.miner,
     most: Annotated[int, typer.Option(min=1, max=20, help="How many candidates at most.")] = 3,
     into: Annotated[Path | None, typer.Option(help="Write each as NAME.json and NAME.manifest.json there.")] = None,
-    data: Data = DEFAULT_DATA,
-    as_json: Json = False,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
 ) -> None:
     """Read what missions under the current version recorded, and propose changes. Nothing is put on record."""
     with _stored(data) as runtime:
@@ -114,13 +114,13 @@ def generate(
     written = [_write(into, one) for one in candidates] if into is not None else []
     rows = [{"candidate": one.candidate_id, "manifest": msgspec.to_builtins(one.manifest)} for one in candidates]
     lines = [f"{one.manifest.reason} {one.manifest.intended_effect}" for one in candidates]
-    show({"missions": len(trace.missions), "candidates": rows, "files": written}, as_json=as_json,
+    output.show({"missions": len(trace.missions), "candidates": rows, "files": written}, as_json=as_json,
          lines=[*lines, *written] or [f"{len(trace.missions)} missions give no reason for a change."])  # fmt: skip
 
 
 def _stored(data: Path) -> AbstractContextManager[Runtime]:
     """The log without owning the folder."""
-    return read_harness(settings(data_folder=data), deciders=DECIDERS, select=selected)
+    return read_harness(output.settings(data_folder=data), deciders=DECIDERS, select=selected)
 
 
 def _generator(way: GeneratorChoice) -> Generator:
@@ -172,7 +172,7 @@ def _lines(result: Any) -> list[str]:
          _shown(row, "handoffs"), _shown(row, "false_completion"), str(row["proposed"]), str(row["accepted"])]
         for row in result["rows"] if row["generation"] == last
     ]  # fmt: skip
-    return [*table([head, *body]), "", *(_answer(one) for one in result["answers"])]
+    return [*output.table([head, *body]), "", *(_answer(one) for one in result["answers"])]
 
 
 def _shown(row: dict[str, Any], name: str) -> str:
@@ -191,7 +191,7 @@ def _differences(report: Counterfactual) -> list[str]:
         rows: Sequence[Sequence[str]] = [
             [f"  {one.position}", one.kind, one.node_id, f"{one.before} -> {one.after}"] for one in mission.differences
         ]
-        lines += table(rows)
+        lines += output.table(rows)
     derived = sum(sum(mission.derived.values()) for mission in report.missions)
     unreadable = sum(len(mission.unreadable) for mission in report.missions)
     lines.append(

@@ -14,7 +14,7 @@ from rsi_reviews.shipped_evaluation import Shipped, shipped_evaluation
 STARTING = Actor(name="regen up", role="operator", channel="policy")
 
 
-def put_in_review(desk: ReleaseService, folder: Path, found: Shipped | None = None) -> None:
+def put_in_review(releases: ReleaseService, folder: Path, found: Shipped | None = None) -> None:
     """Propose it, fix its terms, hand in its results, ask for review; the desk judges them itself.
 
     `folder` is the evaluator's: looks at the held-out suite that were taken for it are counted there, so that the next
@@ -22,18 +22,18 @@ def put_in_review(desk: ReleaseService, folder: Path, found: Shipped | None = No
     predicate does not accept (any more) is not asked about: it stands on the board with the answer.
     Raises ContractInvalid with the rule of a refusal.
     """
-    if desk.pointer().version or len(Looks(folder)):
+    if releases.pointer().version or len(Looks(folder)):
         return
     shipped = found or shipped_evaluation()
     name = shipped.candidate.candidate_id
     plain = "ships with the program"
-    _taken(desk.propose(shipped.candidate, _say("propose", plain)))
-    _taken(desk.begin(shipped.terms, _say("begin", plain)))
+    _taken(releases.propose(shipped.candidate, _say("propose", plain)))
+    _taken(releases.begin(shipped.terms, _say("begin", plain)))
     _counted(folder, shipped)
-    _taken(desk.submit_results(shipped.judged_on(), _say("results", plain)))
-    _taken(desk.comment(name, _say("label", shipped.label)))
-    if desk.review(name).status == "accepted":
-        _taken(desk.submit(name, _say("submit", "every clause that can be answered before a release passes")))
+    _taken(releases.submit_results(shipped.judged_on(), _say("results", plain)))
+    _taken(releases.comment(name, _say("label", shipped.label)))
+    if releases.review(name).status == "accepted":
+        _taken(releases.submit(name, _say("submit", "every clause that can be answered before a release passes")))
 
 
 def _counted(folder: Path, shipped: Shipped) -> None:

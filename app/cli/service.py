@@ -17,10 +17,10 @@ from app.background.evaluations import evaluator_folder
 from app.background.release_watch import ReleaseWatch
 from app.background.robot_reports import Fleet
 from app.background.signals import SignalBroker
+from app.cli import output
 from app.cli.accounts import opened
 from app.cli.data_folder import duplicate_starts
 from app.cli.identity import examine_issuer
-from app.cli.output import DEFAULT_DATA, Data, Json, settings, show
 from app.cli.rsi_shipped import put_in_review
 from app.i18n.reasons.rendering import sentence
 from app.main import bind, create_app, open_accounts, serve
@@ -40,7 +40,7 @@ from simulator.in_process import SIMULATOR
 
 
 def up(
-    data: Data = DEFAULT_DATA,
+    data: output.Data = output.DEFAULT_DATA,
     port: Annotated[int | None, typer.Option(help="Loopback port of the console.", min=0, max=65535)] = None,
     speed: Annotated[float | None, typer.Option(help="Mission seconds per second.")] = None,
     start: Annotated[str | None, typer.Option(help="Begin with this task template.")] = None,
@@ -57,7 +57,7 @@ def up(
     """
     console = ConsoleSettings() if port is None else ConsoleSettings(port=port)
     named = tuple(name.strip() for name in robots.split(",") if name.strip()) if robots else None
-    chosen = settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity, robots=named)
+    chosen = output.settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity, robots=named)
     faults = _faults(fault or [], chosen.fleet)
     if chosen.speed == 0:
         raise typer.BadParameter("a console shows missions at a speed above 0", param_hint="--speed")
@@ -92,8 +92,8 @@ def up(
         )
         _begin(harness, start, seed=seed, faults=faults)
         harness.supervisor.serve()
-        harness.wheel.watch()
-        stack.callback(harness.wheel.close)
+        harness.teleoperation.watch()
+        stack.callback(harness.teleoperation.close)
         fleet = Fleet(harness.robots, harness.cameras, time.time)
         fleet.watch()
         app = create_app(
@@ -107,10 +107,10 @@ def up(
             cards=lambda: (one.card for robot in harness.robots.values() for one in robot.providers()),
             folder=chosen.data_folder,
             fleet=fleet,
-            wheel=harness.wheel,
+            teleoperation=harness.teleoperation,
         )
         app.state.alert_watch.watch()
-        _watch_desk(stack, harness, evaluator_folder(chosen.data_folder) if start is not None else None)
+        _watch_releases(stack, harness, evaluator_folder(chosen.data_folder) if start is not None else None)
         app.state.notices.watch()
         sessions = app.state.sessions
         link = "" if sessions.has_accounts else f"{console.address}{sessions.invite()}"
@@ -119,15 +119,15 @@ def up(
         serve(app, listener)
 
 
-def _watch_desk(stack: ExitStack, harness: Harness, evaluator: Path | None) -> None:
+def _watch_releases(stack: ExitStack, harness: Harness, evaluator: Path | None) -> None:
     """The review desk follows what ends. With an evaluator's folder, a new data folder is given a candidate to show."""
-    desk = ReleaseService(harness.runtime)
+    releases = ReleaseService(harness.runtime)
     watch = ReleaseWatch(
-        desk=desk,
+        releases=releases,
         head=harness.runtime.head,
         read=harness.runtime.log,
         duplicate_starts=lambda mission_id: duplicate_starts(harness, mission_id),
-        first=(lambda: put_in_review(desk, evaluator)) if evaluator is not None else None,
+        first=(lambda: put_in_review(releases, evaluator)) if evaluator is not None else None,
     )
     watch.watch()
     stack.callback(watch.close)
@@ -165,7 +165,7 @@ def _faults(given: Sequence[str], fleet: Sequence[str]) -> dict[str, str]:
     return {robot_id: ",".join(names) for robot_id, names in found.items()}
 
 
-def doctor(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
+def doctor(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) -> None:
     """Look at a data folder: owner, log, blobs; and at the identity provider, if one is set up. Exit 1 for problems."""
     found: dict[str, Any] = {"data": str(data), "problems": []}
     owner = owner_of(data)
@@ -179,12 +179,14 @@ def doctor(data: Data = DEFAULT_DATA, as_json: Json = False) -> None:
         found["identity_provider"] = issuer
         found["problems"] += wrong
     lines = [f"{name}: {value}" for name, value in found.items() if name != "problems"]
-    show(found, as_json=as_json, lines=[*lines, *found["problems"], "" if found["problems"] else "No damage found."])
+    output.show(
+        found, as_json=as_json, lines=[*lines, *found["problems"], "" if found["problems"] else "No damage found."]
+    )
     raise typer.Exit(1 if found["problems"] else 0)
 
 
 def _examine(data: Path, found: dict[str, Any]) -> None:
-    with read_harness(settings(data_folder=data)) as runtime:
+    with read_harness(output.settings(data_folder=data)) as runtime:
         head = runtime.verify()
         found["events"], found["head"] = head.position, head.digest
         missions = runtime.missions()

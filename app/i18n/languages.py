@@ -19,7 +19,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.types import Message as ASGIMessage
 
-from app.i18n.catalogues import ENGLISH, LOCALES, MACHINE, catalogue, translated
+from app.i18n import catalogues
 from app.i18n.messages import Message
 from app.i18n.reasons import rendering as reasons
 from app.i18n.retelling import Retelling
@@ -36,7 +36,7 @@ COOKIE, PARAMETER, YEAR_S = "regen_language", "lang", 365 * 86400
 class LanguageChoice:
     """A reader's language, and the query of the page they are on, from which the switch is made."""
 
-    language: str = ENGLISH
+    language: str = catalogues.ENGLISH
     query: str = ""
 
 
@@ -102,7 +102,7 @@ def preferred(headers: Headers) -> str:
     wishes = [_wish(one) for one in headers.get("accept-language", "").split(",")]
     tags = [tag for weight, tag in sorted(wishes, key=lambda wish: -wish[0]) if weight > 0]
     found = negotiate_locale([ASKED_AS.get(tag.lower(), tag) for tag in tags], list(LANGUAGES), sep="-")
-    return found or ENGLISH
+    return found or catalogues.ENGLISH
 
 
 def _wish(text: str) -> tuple[float, str]:
@@ -127,32 +127,32 @@ def ways() -> tuple[LanguageLink, ...]:
 @cache
 def retelling(language: str) -> Retelling:
     """What the machinery said, in a language."""
-    return Retelling(catalogue(language), catalogue(language, MACHINE))
+    return Retelling(catalogues.catalogue(language), catalogues.catalogue(language, catalogues.MACHINE))
 
 
 def localise(value: Any, language: str) -> Any:
     """A value as its reader should see it: reasons, a Message, what the catalogues know; anything else untouched."""
     if isinstance(value, Reason):
         return reasons.sentence(_localised(value, language), language)
-    if language == ENGLISH or not isinstance(value, str) or hasattr(value, "__html__"):
+    if language == catalogues.ENGLISH or not isinstance(value, str) or hasattr(value, "__html__"):
         return value
     if isinstance(value, Message):
         if not value.fields:
             return retelling(language).told(str(value))
         fields = {name: _field(one, language) for name, one in value.fields.items()}
-        return translated(value.message, language).format(**fields).strip()
+        return catalogues.translated(value.message, language).format(**fields).strip()
     return retelling(language).told(value)
 
 
 def _field(value: Any, language: str) -> Any:
     if isinstance(value, datetime):
-        return format_datetime(value, "medium", locale=LOCALES[language])
+        return format_datetime(value, "medium", locale=catalogues.LOCALES[language])
     return localise(value, language)
 
 
 def _localised(reason: Reason, language: str) -> Reason:
     """The reason with the texts among its facts as the catalogues know them: conditions, what the machinery said."""
-    if language == ENGLISH:
+    if language == catalogues.ENGLISH:
         return reason
     return Reason(code=reason.code, facts={name: _fact(one, language) for name, one in reason.facts.items()})
 

@@ -8,14 +8,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from app.auth.permissions import Principal
 from app.console import Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
-from app.views.account import (
-    PeoplePage,
-    Person,
-    TokenRow,
-    account_page,
-    role_choices,
-    scope_choices,
-)
+from app.views import account
 from app.web.rendering import render
 from app.web.security import PrincipalDep
 from harness.contracts.errors import ConcurrencyConflict, ContractInvalid
@@ -102,13 +95,13 @@ def _own(console: Console, principal: Principal, *, errors: Sequence[str] = (), 
     shell = console.shell(N_("Your account"), "account", principal.actor)
     sessions = console.sessions.accounts.sessions_of(principal)
     elsewhere = any(one.by_groups for one in console.sessions.accounts.store.identities(principal.name))
-    page = account_page(shell, principal, sessions, by_password=not elsewhere, errors=errors, done=done)
+    page = account.account_page(shell, principal, sessions, by_password=not elsewhere, errors=errors, done=done)
     return render("account/index.html", page, status=422 if errors else 200)
 
 
 def _people(
     console: Console, principal: Principal, *, errors: Sequence[str] = (), secret: str = "", typed: str = ""
-) -> PeoplePage:
+) -> account.PeoplePage:
     """Raises NotPermitted for anybody but an admin."""
     principal.acting("people")
     store, now_s = console.sessions.accounts.store, console.clock()
@@ -116,7 +109,7 @@ def _people(
     known = {one.name: store.identities(one.name) for one in accounts}
     seen = {one.name: [session.seen_at_s for session in store.sessions(one.name)] for one in accounts}
     tokens = [
-        TokenRow(
+        account.TokenRow(
             token_id=one.token_id,
             name=one.name,
             scopes=", ".join(one.scopes),
@@ -133,9 +126,9 @@ def _people(
         for one in store.tokens()
     ]
     people = [
-        Person(
+        account.Person(
             name=one.name,
-            roles=role_choices(one.roles),
+            roles=account.role_choices(one.roles),
             disabled=one.disabled,
             created_at_s=one.created_at_s,
             last_seen_at_s=max(seen[one.name], default=None),
@@ -144,13 +137,13 @@ def _people(
         )
         for one in accounts
     ]
-    return PeoplePage(
+    return account.PeoplePage(
         shell=console.shell(N_("People and tokens"), "account", principal.actor),
         first=not accounts,
         people=tuple(people),
-        roles=role_choices(("admin", "operator") if not accounts else ("viewer",)),
+        roles=account.role_choices(("admin", "operator") if not accounts else ("viewer",)),
         tokens=tuple(tokens),
-        scopes=scope_choices(),
+        scopes=account.scope_choices(),
         robots=tuple(console.settings.robots),
         errors=tuple(errors),
         secret=secret,

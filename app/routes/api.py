@@ -15,22 +15,8 @@ from app.acts.missions import (
     WithdrawMissionAct,
 )
 from app.console import ActorDep, Console, ConsoleDep
+from app.routes import api_requests
 from app.routes import api_schemas as schemas
-from app.routes.api_requests import (
-    CHECKED,
-    PROBLEMS,
-    After,
-    Facet,
-    Limit,
-    Order,
-    ReasonBody,
-    Words,
-    answers,
-    linked,
-    place,
-    plain,
-    refusal,
-)
 from app.routes.missions import started
 from app.views.mission_json import mission_outcome
 from app.views.preview import preview as previewed
@@ -44,21 +30,25 @@ from harness.extra_templates import draft
 from harness.runtime import Start
 
 router = APIRouter(
-    prefix="/api/v1", default_response_class=JSONResponse, responses=PROBLEMS, dependencies=CHECKED, tags=["missions"]
+    prefix="/api/v1",
+    default_response_class=JSONResponse,
+    responses=api_requests.PROBLEMS,
+    dependencies=api_requests.CHECKED,
+    tags=["missions"],
 )
 
 
-@router.get("/missions", responses=answers(schemas.MissionSummary, many=True))
+@router.get("/missions", responses=api_requests.answers(schemas.MissionSummary, many=True))
 def missions(
     console: ConsoleDep,
     response: Response,
-    q: Words = "",
-    status: Facet = "",
-    robot: Facet = "",
-    template: Facet = "",
-    order: Order = "newest",
-    after: After = "",
-    limit: Limit = 50,
+    q: api_requests.Words = "",
+    status: api_requests.Facet = "",
+    robot: api_requests.Facet = "",
+    template: api_requests.Facet = "",
+    order: api_requests.Order = "newest",
+    after: api_requests.After = "",
+    limit: api_requests.Limit = 50,
 ) -> Any:
     """Missions in short, newest first. The Link header leads to the next page, whatever is started meanwhile."""
     facets = {"status": status, "robot": robot, "template": template}
@@ -67,27 +57,27 @@ def missions(
         facets={name: value for name, value in facets.items() if value},
         words=tuple(q.split()),
         order=order,
-        after=place(after),
+        after=api_requests.place(after),
         limit=limit,
     )
     found = console.lists.missions(query)
-    linked(response, "/api/v1/missions", found, q=q, order=order, limit=str(limit), **facets)
-    return plain([summary(one) for one in found.items])
+    api_requests.linked(response, "/api/v1/missions", found, q=q, order=order, limit=str(limit), **facets)
+    return api_requests.plain([summary(one) for one in found.items])
 
 
-@router.get("/missions/{mission_id}", responses=answers(schemas.MissionOutcome))
+@router.get("/missions/{mission_id}", responses=api_requests.answers(schemas.MissionOutcome))
 def mission(console: ConsoleDep, mission_id: MissionId) -> Any:
     """The object that `regen mission run --json` prints."""
     return outcome(console, mission_id)
 
 
-@router.post("/missions", status_code=201, responses=answers(schemas.MissionOutcome, status=201))
+@router.post("/missions", status_code=201, responses=api_requests.answers(schemas.MissionOutcome, status=201))
 def start(console: ConsoleDep, actor: ActorDep, body: StartMissionAct) -> Any:
     """Compile the goal to a contract and start it; nothing is written if that fails."""
     return outcome(console, started(console, ordered(console, actor, body)))
 
 
-@router.post("/missions/preview", responses=answers(schemas.MissionPreview))
+@router.post("/missions/preview", responses=api_requests.answers(schemas.MissionPreview))
 def preview(console: ConsoleDep, principal: PrincipalDep, body: StartMissionAct) -> Any:
     """The contract that the same request would start, with its configuration, highest risk and longest time.
 
@@ -104,40 +94,44 @@ def preview(console: ConsoleDep, principal: PrincipalDep, body: StartMissionAct)
         stages=tuple(one.node_id for one in shown.stages),
         contract=contract,
     )
-    return plain(found)
+    return api_requests.plain(found)
 
 
-@router.post("/missions/{mission_id}/stop", responses=answers(schemas.MissionOutcome))
+@router.post("/missions/{mission_id}/stop", responses=api_requests.answers(schemas.MissionOutcome))
 def stop(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: StopMissionAct) -> Any:
     """Ask for standstill: the status is `stopping` until it is acknowledged and the body is static."""
     return _told(console, actor, mission_id, body)
 
 
-@router.post("/missions/{mission_id}/withdraw", responses=answers(schemas.MissionOutcome))
+@router.post("/missions/{mission_id}/withdraw", responses=api_requests.answers(schemas.MissionOutcome))
 def withdraw(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: WithdrawMissionAct) -> Any:
     """Take back a mission that waits for its robot: it ends cancelled at once. Refused once it has begun."""
     return _told(console, actor, mission_id, body)
 
 
-@router.post("/missions/{mission_id}/pause", responses=answers(schemas.MissionOutcome))
+@router.post("/missions/{mission_id}/pause", responses=api_requests.answers(schemas.MissionOutcome))
 def pause(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: PauseMissionAct) -> Any:
     """Dispatch nothing more until it is resumed."""
     return _told(console, actor, mission_id, body)
 
 
-@router.post("/missions/{mission_id}/resume", responses=answers(schemas.MissionOutcome))
+@router.post("/missions/{mission_id}/resume", responses=api_requests.answers(schemas.MissionOutcome))
 def resume(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: ResumeMissionAct) -> Any:
     """Go on after a pause."""
     return _told(console, actor, mission_id, body)
 
 
-@router.post("/missions/{mission_id}/facts/{condition_id}/dispute", responses=answers(schemas.MissionOutcome))
-def dispute(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, condition_id: str, body: ReasonBody) -> Any:
+@router.post(
+    "/missions/{mission_id}/facts/{condition_id}/dispute", responses=api_requests.answers(schemas.MissionOutcome)
+)
+def dispute(
+    console: ConsoleDep, actor: ActorDep, mission_id: MissionId, condition_id: str, body: api_requests.ReasonBody
+) -> Any:
     """Say that an accepted completion is wrong: it counts as false, and nothing is deleted."""
     return _told(console, actor, mission_id, DisputeCompletionAct.of(condition_id=condition_id, reason=body.reason))
 
 
-@router.get("/missions/{mission_id}/events", responses=answers(schemas.LogEvent, many=True))
+@router.get("/missions/{mission_id}/events", responses=api_requests.answers(schemas.LogEvent, many=True))
 def events(
     console: ConsoleDep,
     mission_id: MissionId,
@@ -146,7 +140,7 @@ def events(
 ) -> Any:
     """Events after a position, in order, with their places in the hash chain."""
     later = [entry for entry in console.histories.of(mission_id) if entry.position > after]
-    return plain(later[:limit])
+    return api_requests.plain(later[:limit])
 
 
 def ordered(console: Console, actor: Actor, body: StartMissionAct) -> Start:
@@ -183,4 +177,4 @@ def outcome(console: Console, mission_id: MissionId) -> dict[str, Any]:
 
 def _told(console: Console, actor: Actor, mission_id: MissionId, said: Act) -> Any:
     decision = console.runtime.submit(mission_id, said.to_command(actor))
-    return refusal(decision) if isinstance(decision, Refused) else outcome(console, mission_id)
+    return api_requests.refusal(decision) if isinstance(decision, Refused) else outcome(console, mission_id)

@@ -7,9 +7,9 @@ from starlette.responses import JSONResponse
 
 from app.acts import alerts as acts
 from app.console import ActorDep, Console, ConsoleDep
+from app.routes import api_requests
 from app.routes import api_schemas as schemas
 from app.routes.alerts import history_of, told
-from app.routes.api_requests import CHECKED, PROBLEMS, Facet, Words, answers, plain, refusal
 from app.views import alerts
 from app.views.alerts import AlertListParams, AlertRow
 from harness.contracts.alert_commands import AlertPersonCommand
@@ -17,17 +17,21 @@ from harness.contracts.decisions import Refused
 from harness.contracts.errors import UnknownName
 
 router = APIRouter(
-    prefix="/api/v1", default_response_class=JSONResponse, responses=PROBLEMS, dependencies=CHECKED, tags=["alerts"]
+    prefix="/api/v1",
+    default_response_class=JSONResponse,
+    responses=api_requests.PROBLEMS,
+    dependencies=api_requests.CHECKED,
+    tags=["alerts"],
 )
 
 
-@router.get("/alerts", responses=answers(schemas.AlertSummary, many=True))
+@router.get("/alerts", responses=api_requests.answers(schemas.AlertSummary, many=True))
 def listed(
     console: ConsoleDep,
-    q: Words = "",
-    status: Facet = "all",
-    priority: Facet = "",
-    robot: Facet = "",
+    q: api_requests.Words = "",
+    status: api_requests.Facet = "all",
+    priority: api_requests.Facet = "",
+    robot: api_requests.Facet = "",
     limit: Annotated[int, Query(ge=1, le=1000)] = 200,
 ) -> Any:
     """What happened last first. `status` is a tab of the page: empty for what nobody acknowledged, all, active, ..."""
@@ -37,40 +41,40 @@ def listed(
         )
     asked = AlertListParams(group=status, words=q, priority=priority, robot=robot)
     found = alerts.chosen(console.alerts.all(), asked, now_s=console.clock())[:limit]
-    return plain([schemas.AlertSummary(**_summary(one)) for one in found])
+    return api_requests.plain([schemas.AlertSummary(**_summary(one)) for one in found])
 
 
-@router.get("/alerts/{alert_id}", responses=answers(schemas.AlertResource))
+@router.get("/alerts/{alert_id}", responses=api_requests.answers(schemas.AlertResource))
 def show(console: ConsoleDep, alert_id: str) -> Any:
     """One alert with its history."""
     return _shown(console, alert_id)
 
 
-@router.post("/alerts/{alert_id}/acknowledge", responses=answers(schemas.AlertResource))
+@router.post("/alerts/{alert_id}/acknowledge", responses=api_requests.answers(schemas.AlertResource))
 def acknowledge(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.AcknowledgeAlertAct) -> Any:
     """A person has seen it."""
     return _said(console, alert_id, body.to_command(actor))
 
 
-@router.post("/alerts/{alert_id}/shelve", responses=answers(schemas.AlertResource))
+@router.post("/alerts/{alert_id}/shelve", responses=api_requests.answers(schemas.AlertResource))
 def shelve(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.ShelveAlertAct) -> Any:
     """Out of the way for a while; it comes back by itself."""
     return _said(console, alert_id, body.to_command(actor))
 
 
-@router.post("/alerts/{alert_id}/suppress", responses=answers(schemas.AlertResource))
+@router.post("/alerts/{alert_id}/suppress", responses=api_requests.answers(schemas.AlertResource))
 def suppress(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.SuppressAlertAct) -> Any:
     """Out of the way until somebody restores it."""
     return _said(console, alert_id, body.to_command(actor))
 
 
-@router.post("/alerts/{alert_id}/restore", responses=answers(schemas.AlertResource))
+@router.post("/alerts/{alert_id}/restore", responses=api_requests.answers(schemas.AlertResource))
 def restore(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.RestoreAlertAct) -> Any:
-    """Back from the shelf or from suppression."""
+    """Unshelve or unsuppress an alert."""
     return _said(console, alert_id, body.to_command(actor))
 
 
-@router.post("/alerts/{alert_id}/assign", responses=answers(schemas.AlertResource))
+@router.post("/alerts/{alert_id}/assign", responses=api_requests.answers(schemas.AlertResource))
 def assign(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.AssignAlertAct) -> Any:
     """Somebody is to look after it."""
     return _said(console, alert_id, body.to_command(actor))
@@ -78,7 +82,7 @@ def assign(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.Assig
 
 def _said(console: Console, alert_id: str, command: AlertPersonCommand) -> Any:
     decision = told(console, alert_id, command)
-    return refusal(decision) if isinstance(decision, Refused) else _shown(console, alert_id)
+    return api_requests.refusal(decision) if isinstance(decision, Refused) else _shown(console, alert_id)
 
 
 def _shown(console: Console, alert_id: str) -> Any:
@@ -87,7 +91,7 @@ def _shown(console: Console, alert_id: str) -> Any:
     history = tuple(
         schemas.AlertLine(at_s=one.at_s, text=one.text, position=one.position) for one in history_of(console, alert_id)
     )
-    return plain(schemas.AlertResource(**summary, conditions=tuple(alert.standing), history=history))
+    return api_requests.plain(schemas.AlertResource(**summary, conditions=tuple(alert.standing), history=history))
 
 
 def _summary(one: AlertRow) -> dict[str, Any]:

@@ -9,19 +9,7 @@ from starlette.responses import JSONResponse
 from app.acts import handoffs as acts
 from app.acts.base import Act
 from app.console import ActorDep, Console, ConsoleDep
-from app.routes.api_requests import (
-    CHECKED,
-    PROBLEMS,
-    After,
-    Facet,
-    Limit,
-    Words,
-    answers,
-    linked,
-    place,
-    plain,
-    refusal,
-)
+from app.routes import api_requests
 from app.routes.handoff_page import answered, changes, history_of
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
@@ -30,92 +18,98 @@ from harness.contracts.read_models import ListQuery
 from harness.projections.handoffs import Handoff
 
 router = APIRouter(
-    prefix="/api/v1", default_response_class=JSONResponse, responses=PROBLEMS, dependencies=CHECKED, tags=["handoffs"]
+    prefix="/api/v1",
+    default_response_class=JSONResponse,
+    responses=api_requests.PROBLEMS,
+    dependencies=api_requests.CHECKED,
+    tags=["handoffs"],
 )
 Waits = Annotated[str, Query(alias="open", max_length=200)]
 
 
-@router.get("/handoffs", responses=answers(Handoff, many=True))
+@router.get("/handoffs", responses=api_requests.answers(Handoff, many=True))
 def handoffs(
     console: ConsoleDep,
     response: Response,
-    q: Words = "",
-    status: Facet = "",
+    q: api_requests.Words = "",
+    status: api_requests.Facet = "",
     waits: Waits = "",
-    robot: Facet = "",
-    after: After = "",
-    limit: Limit = 100,
+    robot: api_requests.Facet = "",
+    after: api_requests.After = "",
+    limit: api_requests.Limit = 100,
 ) -> Any:
     """Handoffs as they stand now, newest first; with `open=yes` those that wait, claimed or taken over or not."""
     given = {"status": status, "open": waits, "robot": robot}
     facets = {name: value for name, value in given.items() if value}
-    query = ListQuery(listing="handoff", facets=facets, words=tuple(q.split()), after=place(after), limit=limit)
+    query = ListQuery(
+        listing="handoff", facets=facets, words=tuple(q.split()), after=api_requests.place(after), limit=limit
+    )
     found = console.lists.handoffs(query)
-    linked(response, "/api/v1/handoffs", found, limit=str(limit), q=q, **facets)
-    return [plain(console.runtime.handoff(HandoffId(one.handoff_id))) for one in found.items]
+    api_requests.linked(response, "/api/v1/handoffs", found, limit=str(limit), q=q, **facets)
+    return [api_requests.plain(console.runtime.handoff(HandoffId(one.handoff_id))) for one in found.items]
 
 
-@router.get("/handoffs/{handoff_id}", responses=answers(Handoff))
+@router.get("/handoffs/{handoff_id}", responses=api_requests.answers(Handoff))
 def handoff(console: ConsoleDep, handoff_id: HandoffId) -> Any:
     """What a person is asked, on exactly which bytes, and what was answered."""
-    return plain(console.runtime.handoff(handoff_id))
+    return api_requests.plain(console.runtime.handoff(handoff_id))
 
 
-@router.post("/handoffs/{handoff_id}/look", responses=answers(Handoff))
+@router.post("/handoffs/{handoff_id}/look", responses=api_requests.answers(Handoff))
 def look_again(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId) -> Any:
     """Observe without motion; the answer is the handoff as it is after that."""
     return _said(console, actor, handoff_id, acts.LookAgainAct())
 
 
-@router.post("/handoffs/{handoff_id}/claim", responses=answers(Handoff))
+@router.post("/handoffs/{handoff_id}/claim", responses=api_requests.answers(Handoff))
 def claim(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.ClaimHandoffAct) -> Any:
     """Yours to answer for a minute; the same token again renews it."""
     return _said(console, actor, handoff_id, body)
 
 
-@router.post("/handoffs/{handoff_id}/release", responses=answers(Handoff))
+@router.post("/handoffs/{handoff_id}/release", responses=api_requests.answers(Handoff))
 def release(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.ReleaseHandoffAct) -> Any:
     """Somebody else may answer it."""
     return _said(console, actor, handoff_id, body)
 
 
-@router.post("/handoffs/{handoff_id}/on-my-way", responses=answers(Handoff))
+@router.post("/handoffs/{handoff_id}/on-my-way", responses=api_requests.answers(Handoff))
 def on_my_way(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.ExtendDeadlineAct) -> Any:
     """Wait longer: once, as long as the zone allows."""
     return _said(console, actor, handoff_id, body)
 
 
-@router.post("/handoffs/{handoff_id}/choose", responses=answers(Handoff))
+@router.post("/handoffs/{handoff_id}/choose", responses=api_requests.answers(Handoff))
 def choose(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.ChooseActionAct) -> Any:
     """Ask anew with another action of the ladder; it is approved, if at all, on its own digest."""
     return _said(console, actor, handoff_id, body)
 
 
-@router.post("/handoffs/{handoff_id}/decision", responses=answers(Handoff))
+@router.post("/handoffs/{handoff_id}/decision", responses=api_requests.answers(Handoff))
 def decide(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.Decision) -> Any:
     """The same key and body again is the same receipt; any other second answer is a 409."""
     return _said(console, actor, handoff_id, body)
 
 
-@router.post("/handoffs/{handoff_id}/attest", responses=answers(Handoff))
+@router.post("/handoffs/{handoff_id}/attest", responses=api_requests.answers(Handoff))
 def attest(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.AttestHandoffAct) -> Any:
     """Evidence by a person, only where the stage's policy names it; it opens one look and satisfies nothing."""
     return _said(console, actor, handoff_id, body)
 
 
-@router.post("/handoffs/{handoff_id}/take-over", responses=answers(Handoff))
+@router.post("/handoffs/{handoff_id}/take-over", responses=api_requests.answers(Handoff))
 def take_over(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.TakeControlAct) -> Any:
     """Drive it yourself: the deadline pauses as long as the claim is renewed."""
     return _said(console, actor, handoff_id, body)
 
 
-@router.post("/handoffs/{handoff_id}/hand-back", responses=answers(Handoff))
+@router.post("/handoffs/{handoff_id}/hand-back", responses=api_requests.answers(Handoff))
 def hand_back(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.HandBackAct) -> Any:
     """The robot is the harness's again; it looks afresh, without motion."""
     return _said(console, actor, handoff_id, body)
 
 
-@router.post("/handoffs/{handoff_id}/close", responses=answers(Handoff))
+@router.post("/handoffs/{handoff_id}/close", responses=api_requests.answers(Handoff))
 def close(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, body: acts.CloseHandoffAct) -> Any:
     """Keep the robot: the mission ends handed off."""
     return _said(console, actor, handoff_id, body)
@@ -127,7 +121,7 @@ def _said(console: Console, actor: Actor, handoff_id: HandoffId, said: Act) -> A
     decision = answered(console, actor, handoff_id, said)
     if not isinstance(decision, Refused):
         return handoff(console, handoff_id)
-    told = refusal(decision)
+    told = api_requests.refusal(decision)
     if not isinstance(said, acts.ApproveHandoffAct | acts.RejectHandoffAct | acts.AttestHandoffAct):
         return told
     now = console.runtime.handoff(handoff_id)

@@ -8,33 +8,37 @@ from pydantic import Field
 from starlette.responses import JSONResponse
 
 from app.console import ActorDep, ConsoleDep
-from app.routes.api_requests import CHECKED, PROBLEMS, Reason, RequestBody, answers, plain, refusal
+from app.routes import api_requests
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.maps import AttachCloud, MapCloud, map_stream
 
 router = APIRouter(
-    prefix="/api/v1/maps", default_response_class=JSONResponse, responses=PROBLEMS, dependencies=CHECKED, tags=["maps"]
+    prefix="/api/v1/maps",
+    default_response_class=JSONResponse,
+    responses=api_requests.PROBLEMS,
+    dependencies=api_requests.CHECKED,
+    tags=["maps"],
 )
 
 
-class CloudBody(RequestBody):
+class CloudBody(api_requests.RequestBody):
     """A MapCloud as `regen map import --json` prints it, and why it is attached."""
 
     cloud: Annotated[dict[str, Any], Field(max_length=20)]
-    reason: Reason
+    reason: api_requests.Reason
 
 
-@router.get("/{map_version}/cloud", responses=answers(MapCloud))
+@router.get("/{map_version}/cloud", responses=api_requests.answers(MapCloud))
 def cloud(console: ConsoleDep, map_version: str) -> Any:
     """The newest cloud of a map version."""
     found: MapCloud | None = console.runtime.fold(map_stream(map_version)).cloud
     if found is None:
         raise UnknownName(f"Map {map_version[:80]} has no cloud", do="attach one with `regen map import`")
-    return plain(found)
+    return api_requests.plain(found)
 
 
-@router.post("/{map_version}/cloud", responses=answers(MapCloud))
+@router.post("/{map_version}/cloud", responses=api_requests.answers(MapCloud))
 def attach(console: ConsoleDep, actor: ActorDep, map_version: str, body: CloudBody) -> Any:
     """Attach a cloud whose chunks are stored; views of that map version show it from now on."""
     try:
@@ -55,4 +59,4 @@ def attach(console: ConsoleDep, actor: ActorDep, map_version: str, body: CloudBo
     decision = console.runtime.decide(
         [(map_stream(map_version), AttachCloud(actor=actor, cloud=asked, reason=body.reason))]
     )
-    return refusal(decision) if isinstance(decision, Refused) else plain(asked)
+    return api_requests.refusal(decision) if isinstance(decision, Refused) else api_requests.plain(asked)

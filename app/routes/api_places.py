@@ -8,7 +8,7 @@ from pydantic import Field, StringConstraints
 from starlette.responses import JSONResponse
 
 from app.console import ActorDep, Console, ConsoleDep
-from app.routes.api_requests import CHECKED, PROBLEMS, Reason, RequestBody, answers, plain, refusal
+from app.routes import api_requests
 from app.routes.places import told
 from app.views import place_editor
 from harness.contracts.decisions import Refused
@@ -18,7 +18,11 @@ from harness.contracts.place_events import PlaceCommand, RemovePlace, SavePlace,
 from harness.contracts.places import Place, Site
 
 router = APIRouter(
-    prefix="/api/v1", default_response_class=JSONResponse, responses=PROBLEMS, dependencies=CHECKED, tags=["places"]
+    prefix="/api/v1",
+    default_response_class=JSONResponse,
+    responses=api_requests.PROBLEMS,
+    dependencies=api_requests.CHECKED,
+    tags=["places"],
 )
 PlacePath = Annotated[PlaceId, Path(pattern="^[a-z][a-z0-9_]{0,39}$")]
 Metres = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False)]
@@ -26,7 +30,7 @@ ShortText = Annotated[str, StringConstraints(min_length=1, max_length=80)]
 Basis = Annotated[int, Field(ge=0, le=2**53)]
 
 
-class PlaceBody(RequestBody):
+class PlaceBody(api_requests.RequestBody):
     """A place. `basis` is the revision it was read at, 0 for one that is new or as it ships."""
 
     name: ShortText
@@ -37,17 +41,17 @@ class PlaceBody(RequestBody):
     region_m: Annotated[tuple[tuple[Metres, Metres], ...], Field(max_length=64)] = ()
     verification: Verification = "configured"
     basis: Basis = 0
-    reason: Reason
+    reason: api_requests.Reason
 
 
-class RemoveBody(RequestBody):
+class RemoveBody(api_requests.RequestBody):
     """Which revision is removed, and why."""
 
     basis: Basis
-    reason: Reason
+    reason: api_requests.Reason
 
 
-@router.post("/places/{place_id}", responses=answers(Site))
+@router.post("/places/{place_id}", responses=api_requests.answers(Site))
 def save(console: ConsoleDep, actor: ActorDep, place_id: PlacePath, body: PlaceBody) -> Any:
     """Add a place or change one; the answer is the site as new missions will know it."""
     site = console.runtime.site
@@ -69,7 +73,7 @@ def save(console: ConsoleDep, actor: ActorDep, place_id: PlacePath, body: PlaceB
     return _told(console, SavePlace(place=place, basis=body.basis, actor=actor, reason=body.reason))
 
 
-@router.post("/places/{place_id}/remove", responses=answers(Site))
+@router.post("/places/{place_id}/remove", responses=api_requests.answers(Site))
 def remove(console: ConsoleDep, actor: ActorDep, place_id: PlacePath, body: RemoveBody) -> Any:
     """New missions cannot name it any more."""
     if all(one.place_id != place_id for one in console.runtime.site.places):
@@ -79,4 +83,4 @@ def remove(console: ConsoleDep, actor: ActorDep, place_id: PlacePath, body: Remo
 
 def _told(console: Console, command: PlaceCommand) -> Any:
     decision = told(console, command)
-    return refusal(decision) if isinstance(decision, Refused) else plain(console.runtime.site)
+    return api_requests.refusal(decision) if isinstance(decision, Refused) else api_requests.plain(console.runtime.site)

@@ -6,8 +6,8 @@ from fastapi import APIRouter, Path, Query, Response
 from starlette.responses import JSONResponse
 
 from app.console import ConsoleDep
+from app.routes import api_requests
 from app.routes import api_schemas as schemas
-from app.routes.api_requests import CHECKED, PROBLEMS, After, Facet, Limit, Order, Words, answers, linked, place, plain
 from app.routes.audit import Before, Filter, newest_first
 from app.routes.evidence import show as verified_blob
 from app.views.audit import AuditEvent, Wanted
@@ -23,7 +23,11 @@ from harness.extra_templates import offered
 from harness.projections import exploration as explorations
 
 router = APIRouter(
-    prefix="/api/v1", default_response_class=JSONResponse, responses=PROBLEMS, dependencies=CHECKED, tags=["reading"]
+    prefix="/api/v1",
+    default_response_class=JSONResponse,
+    responses=api_requests.PROBLEMS,
+    dependencies=api_requests.CHECKED,
+    tags=["reading"],
 )
 BLOB: dict[int | str, dict[str, Any]] = {
     200: {
@@ -36,13 +40,13 @@ BLOB: dict[int | str, dict[str, Any]] = {
 }
 
 
-@router.get("/missions/{mission_id}/exploration", responses=answers(schemas.ExplorationChoice, many=True))
+@router.get("/missions/{mission_id}/exploration", responses=api_requests.answers(schemas.ExplorationChoice, many=True))
 def exploration(console: ConsoleDep, mission_id: MissionId) -> Any:
     """Every target that an exploring mission chose, oldest first, with what the proposer was asked and answered."""
     mission = console.runtime.mission(mission_id)
     made = explorations.decisions(mission) if mission.contract else ()
     return [
-        plain(
+        api_requests.plain(
             schemas.ExplorationChoice(
                 decision=one,
                 question=console.target_question(one.question),
@@ -53,17 +57,17 @@ def exploration(console: ConsoleDep, mission_id: MissionId) -> Any:
     ]
 
 
-@router.get("/evidence", responses=answers(EvidenceItem, many=True))
+@router.get("/evidence", responses=api_requests.answers(EvidenceItem, many=True))
 def evidence(
     console: ConsoleDep,
     response: Response,
-    q: Words = "",
-    mission: Facet = "",
-    kind: Facet = "",
-    verdict: Facet = "",
-    order: Order = "newest",
-    after: After = "",
-    limit: Limit = 50,
+    q: api_requests.Words = "",
+    mission: api_requests.Facet = "",
+    kind: api_requests.Facet = "",
+    verdict: api_requests.Facet = "",
+    order: api_requests.Order = "newest",
+    after: api_requests.After = "",
+    limit: api_requests.Limit = 50,
 ) -> Any:
     """Evidence with what the verifier and the gate said of its packet, newest first."""
     facets = {"mission": mission, "kind": kind, "verdict": verdict}
@@ -72,12 +76,12 @@ def evidence(
         facets={name: value for name, value in facets.items() if value},
         words=tuple(q.split()),
         order=order,
-        after=place(after),
+        after=api_requests.place(after),
         limit=limit,
     )
     found = console.lists.evidence(query)
-    linked(response, "/api/v1/evidence", found, q=q, order=order, limit=str(limit), **facets)
-    return [plain(one) for one in found.items]
+    api_requests.linked(response, "/api/v1/evidence", found, q=q, order=order, limit=str(limit), **facets)
+    return [api_requests.plain(one) for one in found.items]
 
 
 @router.get("/evidence/{digest}", responses=BLOB, response_class=Response)
@@ -86,40 +90,42 @@ def blob(console: ConsoleDep, digest: Annotated[str, Path(pattern="^[0-9a-f]{64}
     return verified_blob(console, digest)
 
 
-@router.get("/places", responses=answers(Site))
+@router.get("/places", responses=api_requests.answers(Site))
 def places(console: ConsoleDep) -> Any:
     """Places, reference routes, passages and zones of the site."""
-    return plain(console.runtime.site)
+    return api_requests.plain(console.runtime.site)
 
 
-@router.get("/templates", responses=answers(TaskTemplate, many=True))
+@router.get("/templates", responses=api_requests.answers(TaskTemplate, many=True))
 def templates(console: ConsoleDep, robot_id: RobotId | None = None) -> Any:
     """Task templates that a new mission of this robot can have: its configuration's, then those beside H_0."""
-    return [plain(one) for one in offered(console.runtime, robot_id or RobotId(console.settings.robots[0]))]
+    return [
+        api_requests.plain(one) for one in offered(console.runtime, robot_id or RobotId(console.settings.robots[0]))
+    ]
 
 
-@router.get("/providers", responses=answers(CapabilityCard, many=True))
+@router.get("/providers", responses=api_requests.answers(CapabilityCard, many=True))
 def providers(console: ConsoleDep) -> Any:
     """Capability cards as missions were shown them; a provider that no mission was offered yet is not here."""
     console.runtime.memory.catch_up()
     known = [one.record.knowledge for one in console.runtime.memory.semantic(limit=500)]
     cards = {one.card.provider_id: one.card for one in known if isinstance(one, KnownCard)}
-    return [plain(cards[name]) for name in sorted(cards)]
+    return [api_requests.plain(cards[name]) for name in sorted(cards)]
 
 
-@router.get("/audit/head", responses=answers(LogHead))
+@router.get("/audit/head", responses=api_requests.answers(LogHead))
 def head(console: ConsoleDep) -> Any:
     """The end of the log: keep it elsewhere, and the log is tamper-evident up to there."""
-    return plain(console.head())
+    return api_requests.plain(console.head())
 
 
-@router.get("/audit/verify", responses=answers(LogHead))
+@router.get("/audit/verify", responses=api_requests.answers(LogHead))
 def verify(console: ConsoleDep) -> Any:
     """Every hash computed again; 500 with `log_damaged` names the first position that does not verify."""
-    return plain(console.runtime.verify())
+    return api_requests.plain(console.runtime.verify())
 
 
-@router.get("/audit/decisions", responses=answers(AuditEvent, many=True))
+@router.get("/audit/decisions", responses=api_requests.answers(AuditEvent, many=True))
 def decisions(
     console: ConsoleDep,
     response: Response,
@@ -133,10 +139,10 @@ def decisions(
     deeds, scanned = newest_first(console, Wanted(actor, kind, everything), before=before, shown=limit)
     if scanned > 1:
         response.headers["Link"] = f'</api/v1/audit/decisions?before={scanned}&limit={limit}>; rel="next"'
-    return plain(deeds)
+    return api_requests.plain(deeds)
 
 
-@router.get("/audit/access", responses=answers(schemas.TrailEntry, many=True))
+@router.get("/audit/access", responses=api_requests.answers(schemas.TrailEntry, many=True))
 def access(
     console: ConsoleDep,
     principal: PrincipalDep,
@@ -148,4 +154,6 @@ def access(
     """Sign-ins, changes of accounts and tokens, and every command with the address it came from; newest first."""
     principal.acting("trail")
     store = console.sessions.accounts.store
-    return [plain(one) for one in store.audit_log(before=before or None, kind=kind, actor=actor, limit=limit)]
+    return [
+        api_requests.plain(one) for one in store.audit_log(before=before or None, kind=kind, actor=actor, limit=limit)
+    ]

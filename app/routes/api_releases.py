@@ -8,21 +8,8 @@ from starlette.responses import JSONResponse, Response
 
 from app.console import ActorDep, ConsoleDep
 from app.i18n.reasons.rendering import sentence
+from app.routes import api_requests
 from app.routes import api_schemas as schemas
-from app.routes.api_requests import (
-    CHECKED,
-    PROBLEMS,
-    Reason,
-    ReasonBody,
-    RequestBody,
-    Sha256,
-    Slug,
-    Text,
-    Words,
-    answers,
-    plain,
-    refusal,
-)
 from app.routes.candidate_editor import checked
 from app.routes.candidate_json import row, sheet
 from app.routes.candidate_words import WORDS
@@ -42,7 +29,11 @@ from rsi_reviews.release_service import SeenSubject, SignedBy
 from rsi_reviews.suite_growth import CaseAdded
 
 router = APIRouter(
-    prefix="/api/v1", default_response_class=JSONResponse, responses=PROBLEMS, dependencies=CHECKED, tags=["candidates"]
+    prefix="/api/v1",
+    default_response_class=JSONResponse,
+    responses=api_requests.PROBLEMS,
+    dependencies=api_requests.CHECKED,
+    tags=["candidates"],
 )
 Json = Annotated[str, StringConstraints(min_length=2, max_length=LARGEST_BYTES)]
 Group = Literal[
@@ -54,7 +45,7 @@ ReviewActName = Literal[
 ]  # fmt: skip
 
 
-class CheckBody(RequestBody):
+class CheckBody(api_requests.RequestBody):
     """A configuration and its manifest, as JSON texts."""
 
     configuration: Json
@@ -64,61 +55,64 @@ class CheckBody(RequestBody):
 class CandidateBody(CheckBody):
     """A candidate to propose; `supersedes` is the candidate that this one edits."""
 
-    supersedes: Text = ""
+    supersedes: api_requests.Text = ""
 
 
-class WordBody(RequestBody):
+class WordBody(api_requests.RequestBody):
     """One word about a candidate. A decision names the cycle and the digest that were shown; a key counts once."""
 
-    reason: Reason
-    key: Slug
+    reason: api_requests.Reason
+    key: api_requests.Slug
     cycle: Annotated[int, Field(ge=0, le=2**31)] = 0
-    subject: Sha256 | Literal[""] = ""
-    robot_id: Text = ""
-    mission_id: Text = ""
+    subject: api_requests.Sha256 | Literal[""] = ""
+    robot_id: api_requests.Text = ""
+    mission_id: api_requests.Text = ""
     finding: Finding = "sound"
 
 
-class PolicyBody(RequestBody):
+class PolicyBody(api_requests.RequestBody):
     """Who must agree before a release; a single operator waits so long after the evaluation."""
 
     kind: Literal["two_person", "single_operator"]
     quorum: Annotated[int, Field(ge=1, le=10)] = 1
     cooling_off_s: Annotated[float, Field(ge=0, le=30 * 86400)] = 0.0
-    reason: Reason
+    reason: api_requests.Reason
 
 
-@router.get("/candidates", responses=answers(schemas.CandidateSummary, many=True))
+@router.get("/candidates", responses=api_requests.answers(schemas.CandidateSummary, many=True))
 def listed(
-    console: ConsoleDep, q: Words = "", status: Group = "", limit: Annotated[int, Query(ge=1, le=500)] = 200
+    console: ConsoleDep,
+    q: api_requests.Words = "",
+    status: Group = "",
+    limit: Annotated[int, Query(ge=1, le=500)] = 200,
 ) -> Any:
     """Newest first. `status` is a tab of the board."""
     asked = board.CandidateListParams(words=q, group=status)
-    return [row(one) for one in board.chosen(console.desk.reviews(), asked)][:limit]
+    return [row(one) for one in board.chosen(console.releases.reviews(), asked)][:limit]
 
 
-@router.post("/candidates", responses=answers(schemas.CandidateResource))
+@router.post("/candidates", responses=api_requests.answers(schemas.CandidateResource))
 def propose(console: ConsoleDep, actor: ActorDep, body: CandidateBody) -> Any:
     """Put a candidate on record. What loosens anything is refused with every rule it breaks, before anything runs."""
     candidate = read_candidate(body.configuration.encode(), body.manifest.encode())
-    desk = console.desk
-    supersedes = desk.review(body.supersedes).candidate if body.supersedes else None
+    releases = console.releases
+    supersedes = releases.review(body.supersedes).candidate if body.supersedes else None
     say = SignedBy(actor, candidate.manifest.reason, f"propose:{candidate.candidate_id}")
-    decision = desk.propose(candidate, say, supersedes=supersedes)
+    decision = releases.propose(candidate, say, supersedes=supersedes)
     if isinstance(decision, Refused):
         return _refused(
-            decision, [f"{one.rule}: {one.path}: {sentence(one.reason)}" for one in desk.refusals(candidate)]
+            decision, [f"{one.rule}: {one.path}: {sentence(one.reason)}" for one in releases.refusals(candidate)]
         )
-    return sheet(desk, candidate.candidate_id)
+    return sheet(releases, candidate.candidate_id)
 
 
-@router.post("/candidates/check", responses=answers(schemas.CandidateCheck))
+@router.post("/candidates/check", responses=api_requests.answers(schemas.CandidateCheck))
 def check(console: ConsoleDep, principal: PrincipalDep, body: CheckBody) -> Any:
     """Every rule that a candidate breaks, and what it would change against what is current. Nothing is written."""
     principal.acting("propose")
     candidate = read_candidate(body.configuration.encode(), body.manifest.encode())
     found = checked(console, candidate)
-    return plain(
+    return api_requests.plain(
         schemas.CandidateCheck(
             candidate=candidate.candidate_id,
             holds=not found.refusals,
@@ -128,36 +122,36 @@ def check(console: ConsoleDep, principal: PrincipalDep, body: CheckBody) -> Any:
     )
 
 
-@router.post("/missions/{mission_id}/case", responses=answers(CaseAdded))
-def add_case(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: ReasonBody) -> Any:
+@router.post("/missions/{mission_id}/case", responses=api_requests.answers(CaseAdded))
+def add_case(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: api_requests.ReasonBody) -> Any:
     """A disputed mission becomes a case of the regression suite: every later candidate is run on it too."""
-    decision = console.desk.add_case(mission_id, SignedBy(actor, body.reason, mission_id))
+    decision = console.releases.add_case(mission_id, SignedBy(actor, body.reason, mission_id))
     if isinstance(decision, Refused):
-        return refusal(decision)
-    return plain(next(one for one in console.desk.growth().added if one.mission_id == mission_id))
+        return api_requests.refusal(decision)
+    return api_requests.plain(next(one for one in console.releases.growth().added if one.mission_id == mission_id))
 
 
-@router.get("/candidates/{candidate}", responses=answers(schemas.CandidateResource))
+@router.get("/candidates/{candidate}", responses=api_requests.answers(schemas.CandidateResource))
 def show(console: ConsoleDep, candidate: str) -> Any:
     """One candidate: manifest, clauses, what persons said, and the digest that a decision must name."""
-    return sheet(console.desk, _named(candidate))
+    return sheet(console.releases, _named(candidate))
 
 
-@router.get("/candidates/{candidate}/difference", responses=answers(schemas.ConfigurationDifference))
+@router.get("/candidates/{candidate}/difference", responses=api_requests.answers(schemas.ConfigurationDifference))
 def difference(console: ConsoleDep, candidate: str) -> Any:
     """What it changes against its baseline: by component, and raw."""
-    return plain(_difference(console.desk.diff(_named(candidate))))
+    return api_requests.plain(_difference(console.releases.diff(_named(candidate))))
 
 
-@router.get("/candidates/{candidate}/results", responses=answers(schemas.Results))
+@router.get("/candidates/{candidate}/results", responses=api_requests.answers(schemas.Results))
 def results(console: ConsoleDep, candidate: str) -> Any:
     """Flips, paired differences with intervals, and the held-out answer with its look."""
-    name = console.desk.review(_named(candidate)).candidate
+    name = console.releases.review(_named(candidate)).candidate
     found = console.evaluated.of(name)
     if found is None:
         raise UnknownName("No case of this candidate was measured yet", do="wait for its evaluation")
     whole, shown = found
-    return plain(
+    return api_requests.plain(
         schemas.Results(
             pairs=shown.pairs,
             safety_pairs=shown.safety_pairs,
@@ -172,7 +166,7 @@ def results(console: ConsoleDep, candidate: str) -> Any:
     )
 
 
-@router.get("/candidates/{candidate}/replay", responses=answers(schemas.Replay))
+@router.get("/candidates/{candidate}/replay", responses=api_requests.answers(schemas.Replay))
 def replay(console: ConsoleDep, actor: ActorDep, candidate: str) -> Any:
     """Which decisions of the newest stored missions would have come out otherwise. No robot is touched."""
     found = replayed(console, actor, _named(candidate))
@@ -180,43 +174,43 @@ def replay(console: ConsoleDep, actor: ActorDep, candidate: str) -> Any:
         schemas.ReplayedMission(mission_id=one.mission_id, differences=tuple(map(_decision, one.rows)))
         for one in found.differing
     )
-    return plain(schemas.Replay(missions=found.looked, decisions=found.decisions, differing=differing))
+    return api_requests.plain(schemas.Replay(missions=found.looked, decisions=found.decisions, differing=differing))
 
 
-@router.post("/candidates/{candidate}/{word}", responses=answers(schemas.CandidateResource))
+@router.post("/candidates/{candidate}/{word}", responses=api_requests.answers(schemas.CandidateResource))
 def say(console: ConsoleDep, actor: ActorDep, candidate: str, word: ReviewActName, body: WordBody) -> Any:
     """One word, with the reason kept; refused with 409 and why."""
-    name = console.desk.review(_named(candidate)).candidate
+    name = console.releases.review(_named(candidate)).candidate
     typed = {"robot_id": body.robot_id, "mission_id": body.mission_id, "finding": body.finding}
     spoken = WORDS[word.replace("_", "-")]
     seen = SeenSubject(cycle=body.cycle, subject=Digest(body.subject))
-    decision = spoken(console.desk, name, SignedBy(actor, body.reason, body.key), seen, typed)
-    return refusal(decision) if isinstance(decision, Refused) else sheet(console.desk, name)
+    decision = spoken(console.releases, name, SignedBy(actor, body.reason, body.key), seen, typed)
+    return api_requests.refusal(decision) if isinstance(decision, Refused) else sheet(console.releases, name)
 
 
-@router.get("/releases", responses=answers(schemas.Releases))
+@router.get("/releases", responses=api_requests.answers(schemas.Releases))
 def releases(
     console: ConsoleDep,
     at: Annotated[str, Query(max_length=40, description="An instant: what was current then is `current_at`.")] = "",
-    robot: Text = "",
+    robot: api_requests.Text = "",
 ) -> Any:
     """The pointer: where it stands, its history, what is pinned to what, quarantine, looks, uptake and the policy."""
-    desk = console.desk
-    pointer = desk.pointer()
+    releases = console.releases
+    pointer = releases.pointer()
     instant_s = instant_of(at) if at else None
     if at and instant_s is None:
         raise ContractInvalid(f"{at!r} is no instant", where="at", do="write it as 2026-11-20T09:30:00Z")
-    then = desk.current_at(instant_s, robot_id=RobotId(robot) if robot else None) if instant_s is not None else None
-    return plain(
+    then = releases.current_at(instant_s, robot_id=RobotId(robot) if robot else None) if instant_s is not None else None
+    return api_requests.plain(
         schemas.Releases(
             revision=pointer.revision,
-            configuration=desk.current(),
+            configuration=releases.current(),
             canary=pointer.canary,
             canary_robot=pointer.robot_id,
             current_at=then,
             history=pointer.history,
-            versions=desk.versions(),
-            pins=desk.pins(),
+            versions=releases.versions(),
+            pins=releases.pins(),
             quarantined=tuple(pointer.quarantined.values()),
             looks=pointer.looks,
             uptakes=pointer.uptakes,
@@ -225,12 +219,16 @@ def releases(
     )
 
 
-@router.post("/releases/policy", responses=answers(ReleasePolicy))
+@router.post("/releases/policy", responses=api_requests.answers(ReleasePolicy))
 def policy(console: ConsoleDep, actor: ActorDep, body: PolicyBody) -> Any:
     """Say who must agree before a release. One that nobody could meet is refused now."""
     chosen = ReleasePolicy(kind=body.kind, quorum=body.quorum, cooling_off_s=body.cooling_off_s)
     decision = saved(console, chosen, SignedBy(actor, body.reason, f"policy:{console.sessions.key()}"))
-    return refusal(decision) if isinstance(decision, Refused) else plain(console.desk.pointer().policy)
+    return (
+        api_requests.refusal(decision)
+        if isinstance(decision, Refused)
+        else api_requests.plain(console.releases.pointer().policy)
+    )
 
 
 def _named(candidate: str) -> str:
@@ -241,7 +239,7 @@ def _named(candidate: str) -> str:
 
 
 def _refused(decision: Refused, found: list[str]) -> Response:
-    return refusal(decision, do="; ".join(found[:20]) or "see the message")
+    return api_requests.refusal(decision, do="; ".join(found[:20]) or "see the message")
 
 
 def _difference(found: CandidateDifference) -> schemas.ConfigurationDifference:

@@ -7,10 +7,9 @@ from starlette.responses import JSONResponse
 
 from app.acts.missions import LimitAutonomyAct, SetAutonomyAct
 from app.console import ActorDep, Console, ConsoleDep
+from app.routes import api_requests, robot_acts
 from app.routes import api_schemas as schemas
-from app.routes.api_requests import CHECKED, PROBLEMS, Reason, ReasonBody, RequestBody, Text, answers, plain, refusal
 from app.routes.driving import Turn, turned
-from app.routes.robot_acts import all_made_safe, limited, made_safe, posed, signed, stopped_all, wheel_returned
 from app.routes.robots import RobotPath, card, newest_picture
 from app.web.security import PrincipalDep
 from harness.contracts.any_events import AnyEvent
@@ -20,60 +19,65 @@ from harness.contracts.ids import MissionId, RobotId
 from harness.contracts.protocol import DriveReport
 
 router = APIRouter(
-    prefix="/api/v1", default_response_class=JSONResponse, responses=PROBLEMS, dependencies=CHECKED, tags=["robots"]
+    prefix="/api/v1",
+    default_response_class=JSONResponse,
+    responses=api_requests.PROBLEMS,
+    dependencies=api_requests.CHECKED,
+    tags=["robots"],
 )
 
 
-class WheelBody(RequestBody):
+class WheelBody(api_requests.RequestBody):
     """From which device somebody drives, and why."""
 
-    device: Text = ""
-    reason: Reason
+    device: api_requests.Text = ""
+    reason: api_requests.Reason
 
 
-class StopBody(RequestBody):
+class StopBody(api_requests.RequestBody):
     """Why, and whether every robot goes to safety then."""
 
-    reason: Reason
+    reason: api_requests.Reason
     safe: bool = False
 
 
-class PostureBody(RequestBody):
+class PostureBody(api_requests.RequestBody):
     """Lie down or stand up, and why."""
 
     posture: Literal["standing", "lying"]
-    reason: Reason
+    reason: api_requests.Reason
 
 
-@router.get("/robots", responses=answers(schemas.RobotResource, many=True))
+@router.get("/robots", responses=api_requests.answers(schemas.RobotResource, many=True))
 def robots(console: ConsoleDep) -> Any:
     """Every robot of this console."""
     return [_row(console, name) for name in console.fleet.names]
 
 
-@router.get("/control", responses=answers(schemas.HouseControl))
+@router.get("/control", responses=api_requests.answers(schemas.SiteControlResource))
 def control(console: ConsoleDep) -> Any:
     """The limit of autonomy that holds for every mission."""
     return _control(console)
 
 
-@router.post("/control/autonomy", responses=answers(schemas.HouseControl))
+@router.post("/control/autonomy", responses=api_requests.answers(schemas.SiteControlResource))
 def limit(console: ConsoleDep, principal: PrincipalDep, body: LimitAutonomyAct) -> Any:
     """Set the limit: it binds every mission from its next dispatch on."""
-    limited(console, principal, body)
+    robot_acts.limited(console, principal, body)
     return _control(console)
 
 
-@router.post("/robots/stop", responses=answers(schemas.StopsAsked))
+@router.post("/robots/stop", responses=api_requests.answers(schemas.StopsAsked))
 def stop_all(console: ConsoleDep, principal: PrincipalDep, body: StopBody) -> Any:
-    """Ask every open mission of every robot to stop, and return every wheel; `safe`: then send each to safety."""
-    asked, refused = stopped_all(console, principal, body.reason)
+    """Ask every open mission of every robot to stop, and release all manual control; `safe`: then send each to "
+    "safety."""
+    asked, refused = robot_acts.stopped_all(console, principal, body.reason)
     if body.safe:
-        refused = (*refused, *all_made_safe(console, principal, body.reason))
-    return plain(schemas.StopsAsked(asked=tuple(asked), refused=tuple(refused)))
+        refused = (*refused, *robot_acts.all_made_safe(console, principal, body.reason))
+    return api_requests.plain(schemas.StopsAsked(asked=tuple(asked), refused=tuple(refused)))
 
 
-@router.get("/robots/{robot_id}", responses=answers(schemas.RobotResource))
+@router.get("/robots/{robot_id}", responses=api_requests.answers(schemas.RobotResource))
 def robot(console: ConsoleDep, robot_id: RobotPath) -> Any:
     """One robot."""
     return _row(console, robot_id)
@@ -85,64 +89,66 @@ def camera(console: ConsoleDep, robot_id: RobotPath) -> Response:
     return newest_picture(console, robot_id)
 
 
-@router.post("/missions/{mission_id}/autonomy", responses=answers(schemas.RobotResource))
+@router.post("/missions/{mission_id}/autonomy", responses=api_requests.answers(schemas.RobotResource))
 def autonomy(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: SetAutonomyAct) -> Any:
     """Set the level of one mission, from its next dispatch on."""
     robot_id = console.runtime.mission(mission_id).robot_id
     return _answered(console, robot_id, console.runtime.submit(mission_id, body.to_command(actor)))
 
 
-@router.post("/robots/{robot_id}/safe", responses=answers(schemas.RobotResource))
-def safe(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: ReasonBody) -> Any:
+@router.post("/robots/{robot_id}/safe", responses=api_requests.answers(schemas.RobotResource))
+def safe(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: api_requests.ReasonBody) -> Any:
     """Stop what it does, then send it to the safe place of its zone; without one, or without `drive`, it lies down."""
-    return _answered(console, robot_id, made_safe(console, principal, robot_id, body.reason))
+    return _answered(console, robot_id, robot_acts.made_safe(console, principal, robot_id, body.reason))
 
 
-@router.post("/robots/{robot_id}/posture", responses=answers(schemas.RobotResource))
+@router.post("/robots/{robot_id}/posture", responses=api_requests.answers(schemas.RobotResource))
 def posture(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: PostureBody) -> Any:
     """Lie down or stand up, where no mission acts."""
-    return _answered(console, robot_id, posed(console, principal, robot_id, body.posture, body.reason))
+    return _answered(console, robot_id, robot_acts.posed(console, principal, robot_id, body.posture, body.reason))
 
 
-@router.post("/robots/{robot_id}/wheel", responses=answers(schemas.WheelSession))
+@router.post("/robots/{robot_id}/wheel", responses=api_requests.answers(schemas.WheelSession))
 def take(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: WheelBody) -> Any:
     """Drive by hand: refused while a mission may move the robot."""
     device = body.device or "a program"
-    decision = signed(
+    decision = robot_acts.signed(
         console,
         principal,
         ("drive", "TakeWheel", robot_id),
-        lambda wheel, actor: wheel.take(robot_id, actor=actor, device=device, reason=body.reason),
+        lambda teleoperation, actor: teleoperation.take(robot_id, actor=actor, device=device, reason=body.reason),
     )
     if isinstance(decision, Refused):
-        return refusal(decision)
+        return api_requests.refusal(decision)
     held = console.control().wheels[robot_id]
-    return plain(
+    return api_requests.plain(
         schemas.WheelSession(robot_id=robot_id, session=held.session, driver=held.actor.name, device=held.device)
     )
 
 
-@router.post("/robots/{robot_id}/wheel/turn", responses=answers(DriveReport))
+@router.post("/robots/{robot_id}/wheel/turn", responses=api_requests.answers(DriveReport))
 def turn(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: Turn) -> Any:
     """Hold this velocity until the next call, for 0.8 s of the robot's time at most."""
     report = turned(console, principal, robot_id, body)
-    return refusal(report) if isinstance(report, Refused) else plain(report)
+    return api_requests.refusal(report) if isinstance(report, Refused) else api_requests.plain(report)
 
 
-@router.post("/robots/{robot_id}/wheel/return", responses=answers(schemas.RobotResource))
-def give_back(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: ReasonBody) -> Any:
+@router.post("/robots/{robot_id}/wheel/return", responses=api_requests.answers(schemas.RobotResource))
+def give_back(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: api_requests.ReasonBody) -> Any:
     """End driving by hand; the base is free once the body is shown at rest."""
-    return _answered(console, robot_id, wheel_returned(console, principal, robot_id, body.reason))
+    return _answered(console, robot_id, robot_acts.wheel_returned(console, principal, robot_id, body.reason))
 
 
 def _answered(console: Console, robot_id: RobotId, decision: Decision[AnyEvent]) -> Any:
-    return refusal(decision) if isinstance(decision, Refused) else _row(console, robot_id)
+    return api_requests.refusal(decision) if isinstance(decision, Refused) else _row(console, robot_id)
 
 
 def _control(console: Console) -> Any:
     stands = console.control()
     limited_by = stands.limited_by.name if stands.limited_by else None
-    return plain(schemas.HouseControl(autonomy=stands.autonomy, limited_by=limited_by, reason=stands.limit_reason))
+    return api_requests.plain(
+        schemas.SiteControlResource(autonomy=stands.autonomy, limited_by=limited_by, reason=stands.limit_reason)
+    )
 
 
 def _row(console: Console, robot_id: RobotId) -> Any:
@@ -150,7 +156,7 @@ def _row(console: Console, robot_id: RobotId) -> Any:
         raise UnknownName(f"There is no robot {robot_id} here", do=f"choose from {', '.join(console.fleet.names)}")
     said, word = card(console, robot_id), console.fleet.word(robot_id)
     mission = said.mission
-    return plain(
+    return api_requests.plain(
         schemas.RobotResource(
             robot_id=robot_id,
             status=word.status,

@@ -12,7 +12,7 @@ from harness.contracts.reasons import Reason
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Count, Value
 from harness.projections.exploration import ExplorationDecision
-from rsi_reviews.contracts import ClauseAnswer, HeldOutAnswer, Manifest, ReleasePolicy, RestrictionViolation
+from rsi_reviews import contracts
 from rsi_reviews.difference import FieldChange
 from rsi_reviews.events import ConfigurationQuarantined, HeldOutLooked, PointerMoved
 from rsi_reviews.pointers import Draining, Uptake
@@ -247,7 +247,7 @@ class RobotResource(Value):
     watchers: tuple[str, ...]
 
 
-class HouseControl(Value):
+class SiteControlResource(Value):
     """The limit of autonomy that holds for every mission."""
 
     autonomy: Autonomy
@@ -322,9 +322,9 @@ class CandidateResource(CandidateSummary):
     """A candidate with what a decision needs; a decision names `digest` and `cycle`."""
 
     digest: str
-    manifest: Manifest | None
+    manifest: contracts.Manifest | None
     authors: tuple[str, ...]
-    clauses: tuple[ClauseAnswer, ...]
+    clauses: tuple[contracts.ClauseAnswer, ...]
     approvals: tuple[str, ...]
     said: tuple[ReviewEntry, ...]
     canary: tuple[CanaryEntry, ...]
@@ -344,7 +344,7 @@ class CandidateCheck(Value):
 
     candidate: str
     holds: bool
-    refusals: tuple[RestrictionViolation, ...]
+    refusals: tuple[contracts.RestrictionViolation, ...]
     difference: ConfigurationDifference
 
 
@@ -385,7 +385,7 @@ class Results(Value):
     fail_to_pass: tuple[CaseResource, ...]
     fail_to_pass_total: Count
     families: tuple[Family, ...]
-    held_out: HeldOutAnswer | None
+    held_out: contracts.HeldOutAnswer | None
     seconds: float
 
 
@@ -428,7 +428,7 @@ class Releases(Value):
     quarantined: tuple[ConfigurationQuarantined, ...]
     looks: tuple[HeldOutLooked, ...]
     uptakes: tuple[Uptake, ...]
-    policy: ReleasePolicy
+    policy: contracts.ReleasePolicy
 
 
 class ExplorationChoice(Value):

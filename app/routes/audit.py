@@ -7,7 +7,7 @@ from starlette.responses import HTMLResponse, PlainTextResponse
 
 from app.console import Console, ConsoleDep
 from app.i18n.messages import lazy_gettext
-from app.views.audit import AccessPage, AuditEvent, AuditPage, AuditRow, Sum, Wanted, deed
+from app.views import audit
 from app.web.rendering import render
 from app.web.security import PrincipalDep
 from harness.contracts.errors import LogDamaged
@@ -29,16 +29,16 @@ def show(
     before: Before = 0,
     verify: bool = False,
 ) -> HTMLResponse:
-    wanted = Wanted(actor=actor.strip(), kind=kind.strip(), everything=everything)
+    wanted = audit.Wanted(actor=actor.strip(), kind=kind.strip(), everything=everything)
     deeds, scanned_from = newest_first(console, wanted, before=before)
     shell = console.shell("Audit", "audit", principal.actor)
-    page = AuditPage(
+    page = audit.AuditPage(
         shell=shell,
         head=console.head(),
         deeds=tuple(deeds),
         wanted=wanted,
         scanned_from=scanned_from,
-        found=_log_sum(console) if verify else Sum(),
+        found=_log_sum(console) if verify else audit.Sum(),
         keeps_trail=principal.may("trail"),
     )
     return render("audit/index.html", page)
@@ -66,25 +66,29 @@ def access(
     principal.acting("trail")
     store = console.sessions.accounts.store
     entries = store.audit_log(before=before or None, kind=kind.strip(), actor=actor.strip(), limit=SHOWN)
-    page = AccessPage(
+    page = audit.AccessPage(
         shell=console.shell("Access", "audit", principal.actor),
-        rows=tuple(AuditRow(e.number, e.at_s, e.kind, e.actor, e.role, e.subject, e.detail, e.source) for e in entries),
-        wanted=Wanted(actor=actor, kind=kind),
+        rows=tuple(
+            audit.AuditRow(e.number, e.at_s, e.kind, e.actor, e.role, e.subject, e.detail, e.source) for e in entries
+        ),
+        wanted=audit.Wanted(actor=actor, kind=kind),
         older=entries[-1].number if len(entries) == SHOWN else 0,
-        found=_trail_sum(console) if verify else Sum(),
+        found=_trail_sum(console) if verify else audit.Sum(),
     )
     return render("audit/access.html", page)
 
 
-def newest_first(console: Console, wanted: Wanted, *, before: int, shown: int = SHOWN) -> tuple[list[AuditEvent], int]:
+def newest_first(
+    console: Console, wanted: audit.Wanted, *, before: int, shown: int = SHOWN
+) -> tuple[list[audit.AuditEvent], int]:
     """Fitting deeds below a position (0: from the head), and the lowest position looked at. Reads at most SCANNED."""
     upto = before - 1 if before else console.head().position
     floor = max(0, upto - SCANNED)
-    found: list[AuditEvent] = []
+    found: list[audit.AuditEvent] = []
     while upto > floor and len(found) < shown:
         after = max(floor, upto - WINDOW)
         for stored in reversed(console.runtime.log(after, upto - after)):
-            one = deed(stored)
+            one = audit.entry(stored)
             if wanted.fits(one):
                 found.append(one)
                 if len(found) == shown:
@@ -93,12 +97,12 @@ def newest_first(console: Console, wanted: Wanted, *, before: int, shown: int = 
     return found, upto + 1
 
 
-def _log_sum(console: Console) -> Sum:
+def _log_sum(console: Console) -> audit.Sum:
     try:
         head = console.runtime.verify()
     except LogDamaged as error:
-        return Sum(damage=str(error))
-    return Sum(
+        return audit.Sum(damage=str(error))
+    return audit.Sum(
         verified=lazy_gettext(
             "Every hash of the log and of its records was computed again: {count} events, intact.", count=head.position
         ),
@@ -123,11 +127,11 @@ def _before_commands(console: Console) -> str:
     )
 
 
-def _trail_sum(console: Console) -> Sum:
+def _trail_sum(console: Console) -> audit.Sum:
     try:
         entries = console.sessions.accounts.store.verify_trail()
     except LogDamaged as error:
-        return Sum(damage=str(error))
-    return Sum(
+        return audit.Sum(damage=str(error))
+    return audit.Sum(
         verified=lazy_gettext("Every hash of the trail was computed again: {count} entries, intact.", count=entries)
     )

@@ -47,9 +47,9 @@ def propose(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
         return render("candidates/new.html", page_of(console, actor, typed, found), status=422)
     name = candidate.candidate_id
     before = typed.get("supersedes", "").strip()
-    supersedes = console.desk.review(before).candidate if before else None
+    supersedes = console.releases.review(before).candidate if before else None
     say = SignedBy(actor, candidate.manifest.reason, f"propose:{name}")
-    decision = console.desk.propose(candidate, say, supersedes=supersedes)
+    decision = console.releases.propose(candidate, say, supersedes=supersedes)
     if isinstance(decision, Refused):
         again = page_of(console, actor, typed, Found(errors=(reasoned(decision.reason),)))
         return render("candidates/new.html", again, status=409)
@@ -76,14 +76,14 @@ def read(console: Console, actor: Actor, typed: Mapping[str, str]) -> tuple[Cand
 def checked(console: Console, candidate: Candidate) -> Found:
     """Which rules a candidate breaks against what is current, and what it would change; nothing is written."""
     return Found(
-        refusals=console.desk.refusals(candidate),
+        refusals=console.releases.refusals(candidate),
         difference=difference(current_of(console), candidate.configuration),
     )
 
 
 def current_of(console: Console) -> Configuration:
     """What is current everywhere: the baseline of every new candidate."""
-    return console.runtime.stored_configuration(console.desk.current())
+    return console.runtime.stored_configuration(console.releases.current())
 
 
 def page_of(console: Console, actor: Actor, typed: Mapping[str, str], found: Found = NOTHING) -> EditorPage:

@@ -39,7 +39,7 @@ def seen_of(typed: Typed) -> SeenSubject:
 def robot_of(typed: Typed) -> RobotId:
     """Raises ContractInvalid where none is named."""
     if not typed.get("robot_id", "").strip():
-        raise ContractInvalid(N_("No robot is named"), where="robot_id", do=N_("say which robot tries it first"))
+        raise ContractInvalid(N_("No robot is named"), where="robot_id", do=N_("choose the canary robot"))
     return RobotId(typed["robot_id"].strip())
 
 
@@ -54,25 +54,25 @@ def finding_of(text: str) -> Finding:
     )
 
 
-def subject_in(desk: GuardedReleaseService, candidate: str, digest: str) -> Subject | None:
+def subject_in(releases: GuardedReleaseService, candidate: str, digest: str) -> Subject | None:
     """The subject that a form was shown with, as it stood when its review was opened."""
-    opened = (CODEC.decode(stored) for stored in desk.events(candidate))
+    opened = (CODEC.decode(stored) for stored in releases.events(candidate))
     return next((one.subject for one in opened if isinstance(one, ReviewOpened) and one.subject_digest == digest), None)
 
 
 WORDS: Mapping[str, ReviewAct] = {
-    "submit": lambda desk, name, say, seen, typed: desk.submit(name, say),
-    "comment": lambda desk, name, say, seen, typed: desk.comment(name, say),
-    "recall": lambda desk, name, say, seen, typed: desk.recall(name, say),
-    "request-changes": lambda desk, name, say, seen, typed: desk.request_changes(name, say, seen),
-    "approve": lambda desk, name, say, seen, typed: desk.approve(name, say, seen),
-    "reject": lambda desk, name, say, seen, typed: desk.reject(name, say, seen),
-    "authorise": lambda desk, name, say, seen, typed: desk.authorise(name, say, seen),
-    "release": lambda desk, name, say, seen, typed: desk.release(name, say, seen, robot_id=robot_of(typed)),
-    "adjudicate": lambda desk, name, say, seen, typed: desk.adjudicate(
+    "submit": lambda releases, name, say, seen, typed: releases.submit(name, say),
+    "comment": lambda releases, name, say, seen, typed: releases.comment(name, say),
+    "recall": lambda releases, name, say, seen, typed: releases.recall(name, say),
+    "request-changes": lambda releases, name, say, seen, typed: releases.request_changes(name, say, seen),
+    "approve": lambda releases, name, say, seen, typed: releases.approve(name, say, seen),
+    "reject": lambda releases, name, say, seen, typed: releases.reject(name, say, seen),
+    "authorise": lambda releases, name, say, seen, typed: releases.authorise(name, say, seen),
+    "release": lambda releases, name, say, seen, typed: releases.release(name, say, seen, robot_id=robot_of(typed)),
+    "adjudicate": lambda releases, name, say, seen, typed: releases.adjudicate(
         name, MissionId(typed.get("mission_id", "")), finding_of(typed.get("finding", "")), say
     ),
-    "rollback": lambda desk, name, say, seen, typed: desk.rollback(name, say),
-    "withdraw": lambda desk, name, say, seen, typed: desk.withdraw(name, say),
+    "rollback": lambda releases, name, say, seen, typed: releases.rollback(name, say),
+    "withdraw": lambda releases, name, say, seen, typed: releases.withdraw(name, say),
 }
 """By the word in the address."""

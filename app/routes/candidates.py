@@ -91,10 +91,10 @@ def say(console: ConsoleDep, actor: ActorDep, candidate: str, word: str, typed: 
     """One word: 303 taken, 422 not well said, 409 refused with the reason and the page as it is now."""
     if word not in WORDS:
         raise UnknownName(f"Nobody can say {word[:40]!r} about a candidate", do=N_("use a button of its page"))
-    name = console.desk.review(candidate).candidate
+    name = console.releases.review(candidate).candidate
     if wrong := forms.wrong_reason(typed.get("reason", "")):
         return _again(console, actor, name, word, typed, refused=" ".join(wrong), status=422)
-    decision = WORDS[word](console.desk, name, say_of(actor, typed, word), seen_of(typed), typed)
+    decision = WORDS[word](console.releases, name, say_of(actor, typed, word), seen_of(typed), typed)
     if isinstance(decision, Refused):
         return _again(console, actor, name, word, typed, refused=reasoned(decision.reason), status=409)
     return RedirectResponse(f"/candidates/{name}", status_code=303)
@@ -106,33 +106,33 @@ def _again(
     if word == "rollback" and "second-step" in typed:
         page = rollback_of(console, actor, candidate, refused=refused, typed=typed.get("reason", ""))
         return render("candidates/rollback.html", page, status=status)
-    seen = subject_in(console.desk, candidate, typed.get("subject", ""))
+    seen = subject_in(console.releases, candidate, typed.get("subject", ""))
     left = SubmittedReviewForm(reason=typed.get("reason", ""), refused=refused, subject=seen)
     return render("candidates/detail.html", page_of(console, actor, candidate, left), status=status)
 
 
 def board_of(console: Console, actor: Actor, asked: CandidateListParams) -> BoardPage:
-    reviews = console.desk.reviews()
+    reviews = console.releases.reviews()
     progress = {one.candidate: console.evaluated.progress(one) for one in reviews if one.status == "evaluating"}
     shell = console.shell("Candidates", "candidates", actor)
-    return candidates.board_page(shell, reviews, console.desk.pointer(), asked, progress)
+    return candidates.board_page(shell, reviews, console.releases.pointer(), asked, progress)
 
 
 def page_of(
     console: Console, actor: Actor, candidate: str, left: SubmittedReviewForm = SubmittedReviewForm()
 ) -> ReviewPage:
     """The page as it is now, with a fresh key. Raises UnknownName."""
-    desk = console.desk
-    review = desk.review(candidate)
+    releases = console.releases
+    review = releases.review(candidate)
     name = review.candidate
     found = console.evaluated.of(name)
     seen = ReviewSources(
-        difference=desk.diff(name),
+        difference=releases.diff(name),
         measured=found[1] if found else None,
-        clauses=desk.clauses(name),
-        pointer=desk.pointer(),
-        pins=desk.pins(),
-        versions=desk.versions(),
+        clauses=releases.clauses(name),
+        pointer=releases.pointer(),
+        pins=releases.pins(),
+        versions=releases.versions(),
         known=_known(console, [one.mission_id for one in review.manifest.motives] if review.manifest else []),
         loads=_loads(console, review.manifest.rollback if review.manifest else review.baseline),
         progress=console.evaluated.progress(review) if review.status == "evaluating" else "",
@@ -144,7 +144,7 @@ def page_of(
 
 
 def cases_of(console: Console, actor: Actor, candidate: str, *, change: str, family: str, skip: int) -> CasesPage:
-    review = console.desk.review(candidate)
+    review = console.releases.review(candidate)
     found = console.evaluated.of(review.candidate)
     if found is None or review.manifest is None:
         raise UnknownName(N_("No case of this candidate was measured yet"), do=N_("wait for its evaluation"))
@@ -154,8 +154,8 @@ def cases_of(console: Console, actor: Actor, candidate: str, *, change: str, fam
 
 def replayed(console: Console, actor: Actor, candidate: str) -> ReplayPage:
     """The newest stored missions under the candidate, decision by decision; no robot is touched."""
-    desk, runtime = console.desk, console.runtime
-    review = desk.review(candidate)
+    releases, runtime = console.releases, console.runtime
+    review = releases.review(candidate)
     newest = islice((one.mission_id for one in runtime.newest_missions() if not one.replay), REPLAYED)
     found: Any = counterfactual(runtime, runtime.stored_configuration(review.configuration), newest)
     rows = [
@@ -167,11 +167,11 @@ def replayed(console: Console, actor: Actor, candidate: str) -> ReplayPage:
 
 
 def rollback_of(console: Console, actor: Actor, candidate: str, *, refused: str = "", typed: str = "") -> RollbackPage:
-    review = console.desk.review(candidate)
+    review = console.releases.review(candidate)
     shell = console.shell(N_("Roll back"), "candidates", actor)
-    pinned = console.desk.pins().get(review.configuration, ())
+    pinned = console.releases.pins().get(review.configuration, ())
     return rollback_page(
-        shell, review, console.desk.pointer(), pinned, key=console.sessions.key(), refused=refused, typed=typed
+        shell, review, console.releases.pointer(), pinned, key=console.sessions.key(), refused=refused, typed=typed
     )
 
 
@@ -182,7 +182,7 @@ def _known(console: Console, missions: list[str]) -> frozenset[str]:
 def _loads(console: Console, configuration: str) -> str:
     """Empty if the rollback target can be loaded at this moment and keeps its name, else why not."""
     try:
-        same = console.desk.loads(Digest(configuration)) == configuration
+        same = console.releases.loads(Digest(configuration)) == configuration
     except ConfigurationMissing as error:
         return str(error)
     return "" if same else N_("It loads, but not as the same version.")

@@ -56,7 +56,9 @@ def take(
         console,
         principal,
         ("drive", "TakeWheel", robot_id),
-        lambda wheel, who: wheel.take(robot_id, actor=who, device=device, reason=typed["reason"].strip()),
+        lambda teleoperation, who: teleoperation.take(
+            robot_id, actor=who, device=device, reason=typed["reason"].strip()
+        ),
     )
     if isinstance(decision, Refused):
         return _pad(console, actor, robot_id, errors=[reasoned(decision.reason)], status=409)
@@ -89,12 +91,12 @@ def give_back(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, rob
 def turned(console: Console, principal: Principal, robot_id: RobotId, order: Turn) -> DriveReport | Refused:
     """Refused where nobody has the wheel or the robot does not take it; raises NotPermitted for anybody else."""
     actor, held = principal.acting("drive"), console.control().wheels.get(robot_id)
-    if held is None or console.wheel is None:
+    if held is None or console.teleoperation is None:
         return refused("not_at_the_wheel", because("wheel_not_taken", robot_id=robot_id))
     if held.actor.name != actor.name:
-        raise NotPermitted(f"{held.actor.name} has the wheel", where=robot_id, do=N_("ask them to return it"))
+        raise NotPermitted(f"{held.actor.name} has control", where=robot_id, do=N_("ask them to release control"))
     try:
-        return console.wheel.turn(robot_id, RequestId(order.session), v_mps=order.v_mps, w_radps=order.w_radps)
+        return console.teleoperation.turn(robot_id, RequestId(order.session), v_mps=order.v_mps, w_radps=order.w_radps)
     except ProviderFailed as error:
         return refused(error.code, recorded(error.what))
 

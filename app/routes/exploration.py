@@ -7,13 +7,7 @@ from starlette.responses import HTMLResponse
 
 from app.console import ActorDep, Console, ConsoleDep
 from app.i18n.messages import lazy_gettext
-from app.views.exploration import (
-    ChoicesRegion,
-    Recorded,
-    choices_region,
-    exploration_page,
-    shown_of,
-)
+from app.views import exploration
 from app.web.rendering import render
 from harness.contracts.errors import BlobDamaged
 from harness.contracts.exploration import GridMap
@@ -32,7 +26,7 @@ def show(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, leg: Leg =
     shell = console.shell(
         lazy_gettext("Exploration: {goal}", goal=mission.goal), "missions", actor, topics=[f"mission/{mission_id}"]
     )
-    page = exploration_page(shell, mission, console.histories.of(mission_id), region)
+    page = exploration.exploration_page(shell, mission, console.histories.of(mission_id), region)
     return render("missions/exploration.html", page)
 
 
@@ -41,17 +35,19 @@ def choices(console: ConsoleDep, mission_id: MissionId, leg: Leg = "") -> HTMLRe
     return render("missions/_choices.html", _region(console, mission_id, leg))
 
 
-def _region(console: Console, mission_id: MissionId, leg: str) -> ChoicesRegion:
+def _region(console: Console, mission_id: MissionId, leg: str) -> exploration.ChoicesRegion:
     mission = console.runtime.mission(mission_id)
-    return choices_region(mission, console.histories.of(mission_id), _recorded(console, mission, leg), leg=leg)
+    return exploration.choices_region(
+        mission, console.histories.of(mission_id), _recorded(console, mission, leg), leg=leg
+    )
 
 
-def _recorded(console: Console, mission: Mission, leg: str) -> Recorded:
+def _recorded(console: Console, mission: Mission, leg: str) -> exploration.Recorded:
     """The records and maps of the choice that is shown, as far as they are kept and verify."""
-    shown = shown_of(mission, leg)
+    shown = exploration.shown_of(mission, leg)
     if shown is None:
-        return Recorded()
-    return Recorded(
+        return exploration.Recorded()
+    return exploration.Recorded(
         question=console.target_question(shown.question),
         answer=console.target_answer(shown.answer),
         before=_grid(console, shown.map_before),

@@ -12,13 +12,13 @@ from app.views.handoff_steps import HandoffEvents
 from app.views.handoffs import HandoffInputs, HandoffPage
 from app.views.places import site_map
 from app.views.robots import CameraView, LastReport
+from harness.contracts import ids
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.decider import Codec
 from harness.contracts.decisions import Decision, Refused, refused
 from harness.contracts.errors import UnknownName
 from harness.contracts.handoff_events import HandoffEvent, HandoffOpened
-from harness.contracts.ids import HandoffId, MissionId, RobotId, handoff_stream, sha256
 from harness.contracts.observations import Pose
 from harness.contracts.read_models import HandoffItem, ListQuery
 from harness.contracts.values import digest, encode
@@ -38,7 +38,7 @@ class SubmittedForm:
 
 
 def page_of(
-    console: Console, actor: Actor, handoff_id: HandoffId, left: SubmittedForm = SubmittedForm()
+    console: Console, actor: Actor, handoff_id: ids.HandoffId, left: SubmittedForm = SubmittedForm()
 ) -> HandoffPage:
     """The page as it is now, with a fresh key; raises UnknownName."""
     handoff = console.runtime.handoff(handoff_id)
@@ -67,13 +67,13 @@ def page_of(
     return handoffs.handoff_page(shell, handoff, mission, surface)
 
 
-def question_of(console: Console, handoff_id: HandoffId) -> ShownQuestion:
+def question_of(console: Console, handoff_id: ids.HandoffId) -> ShownQuestion:
     """Subject and evidence as every person sees them now; raises UnknownName."""
     opened = handoffs.required(console.runtime.handoff(handoff_id))
     return shown_question(opened, console.runtime.mission(opened.mission_id))
 
 
-def answered(console: Console, actor: Actor, handoff_id: HandoffId, said: Act) -> Decision[AnyEvent]:
+def answered(console: Console, actor: Actor, handoff_id: ids.HandoffId, said: Act) -> Decision[AnyEvent]:
     """A person's act at a handoff. An approval that names a page counts only if the page stands so now."""
     if isinstance(said, ApproveHandoffAct) and said.shown is not None:
         unseen = _unlike(console, handoff_id, said)
@@ -82,7 +82,7 @@ def answered(console: Console, actor: Actor, handoff_id: HandoffId, said: Act) -
     return console.runtime.answer(handoff_id, said.to_command(actor))
 
 
-def _unlike(console: Console, handoff_id: HandoffId, said: ApproveHandoffAct) -> Refused | None:
+def _unlike(console: Console, handoff_id: ids.HandoffId, said: ApproveHandoffAct) -> Refused | None:
     """Why what this person saw is not what stands here now, as far as the gate could not tell.
 
     What was seen is kept, so that an auditor sees it again.
@@ -93,15 +93,15 @@ def _unlike(console: Console, handoff_id: HandoffId, said: ApproveHandoffAct) ->
     if not handoff.answerable or (said.cycle, mission.k) != (handoff.cycle, opened.k):
         return None
     body = encode(shown_record(opened, mission))
-    if sha256(body) != said.shown:
+    if ids.sha256(body) != said.shown:
         return refused("unseen")
     console.runtime.keep(body)
     return None
 
 
-def history_of(console: Console, handoff_id: HandoffId) -> HandoffEvents:
+def history_of(console: Console, handoff_id: ids.HandoffId) -> HandoffEvents:
     """The question's own events with their places in the log."""
-    stored = console.runtime.stream(handoff_stream(handoff_id))
+    stored = console.runtime.stream(ids.handoff_stream(handoff_id))
     return [(one.position, one.recorded_s, CODEC.decode(one)) for one in stored]
 
 
@@ -135,14 +135,14 @@ def word_of(console: Console, robot_id: str) -> LastReport | None:
         return None
 
 
-def _camera(console: Console, robot_id: RobotId) -> CameraView | None:
+def _camera(console: Console, robot_id: ids.RobotId) -> CameraView | None:
     try:
         return camera_of(console, robot_id)
     except UnknownName:
         return None
 
 
-def _live_at(console: Console, mission_id: MissionId) -> tuple[float, float, float] | None:
+def _live_at(console: Console, mission_id: ids.MissionId) -> tuple[float, float, float] | None:
     live = console.runtime.observations(mission_id)
     pose = next((one for one in reversed(live.samples) if isinstance(one, Pose)), None) if live else None
     return (pose.x_m, pose.y_m, pose.yaw_rad) if pose else None

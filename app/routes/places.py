@@ -13,25 +13,17 @@ from app.views.forms import Wrong, wrong_reason
 from app.views.place_editor import PlaceForm, Version
 from app.views.places import PlacesPage, site_map
 from app.web.rendering import render
+from harness.contracts import place_events
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.decider import Codec
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import PlaceId
-from harness.contracts.place_events import (
-    PlaceCommand,
-    PlaceEvent,
-    PlaceRemoved,
-    PlaceSaved,
-    RemovePlace,
-    SavePlace,
-    place_stream,
-)
 from harness.contracts.places import Place
 
 router = APIRouter(prefix="/places")
-EVENTS: Codec[PlaceEvent] = Codec(PlaceEvent)
+EVENTS: Codec[place_events.PlaceEvent] = Codec(place_events.PlaceEvent)
 
 
 @router.get("")
@@ -78,7 +70,9 @@ def remove(console: ConsoleDep, actor: ActorDep, place_id: PlaceId, typed: FormD
     wrong = [Wrong("reason", text) for text in wrong_reason(typed.get("reason", ""))]
     if wrong:
         return render("places/edit.html", _form(console, actor, shown, wrong), status=422)
-    command = RemovePlace(place_id=place_id, basis=_basis(typed), actor=actor, reason=typed["reason"].strip())
+    command = place_events.RemovePlace(
+        place_id=place_id, basis=_basis(typed), actor=actor, reason=typed["reason"].strip()
+    )
     decision = told(console, command)
     if isinstance(decision, Refused):
         page = _form(console, actor, shown, [Wrong("", reasoned(decision.reason))])
@@ -86,9 +80,9 @@ def remove(console: ConsoleDep, actor: ActorDep, place_id: PlaceId, typed: FormD
     return RedirectResponse("/places", status_code=303)
 
 
-def told(console: Console, command: PlaceCommand) -> Accepted[AnyEvent] | Refused:
+def told(console: Console, command: place_events.PlaceCommand) -> Accepted[AnyEvent] | Refused:
     """One change of a place, through the gate."""
-    return console.runtime.decide([(place_stream(console.runtime.site.name), command)])
+    return console.runtime.decide([(place_events.place_stream(console.runtime.site.name), command)])
 
 
 def _save(console: Console, actor: Actor, typed: dict[str, str], wrong: list[Wrong], *, new: bool = False) -> Response:
@@ -98,7 +92,9 @@ def _save(console: Console, actor: Actor, typed: dict[str, str], wrong: list[Wro
         return render("places/edit.html", _form(console, actor, typed, wrong, new=new), status=422)
     place = place_editor.place_of(typed, site, by=actor.name)
     basis = console.runtime.places().revision(place.place_id) if new else _basis(typed)
-    decision = told(console, SavePlace(place=place, basis=basis, actor=actor, reason=typed["reason"].strip()))
+    decision = told(
+        console, place_events.SavePlace(place=place, basis=basis, actor=actor, reason=typed["reason"].strip())
+    )
     if isinstance(decision, Refused):
         page = _form(console, actor, typed, [Wrong("", reasoned(decision.reason))], new=new)
         return render("places/edit.html", page, status=409)
@@ -133,7 +129,7 @@ def _as_it_is(console: Console, place_id: PlaceId) -> dict[str, str]:
 
 
 def _before(console: Console, place_id: PlaceId) -> Place | None:
-    saved = [one for one in _changes(console, place_id) if isinstance(one, PlaceSaved)]
+    saved = [one for one in _changes(console, place_id) if isinstance(one, place_events.PlaceSaved)]
     return saved[-1].place if saved else console.runtime.shipped_place(place_id)
 
 
@@ -142,7 +138,7 @@ def _versions(console: Console, place_id: PlaceId) -> tuple[Version, ...]:
     return tuple(
         Version(
             revision=one.revision,
-            text="removed" if isinstance(one, PlaceRemoved) else _said(one.place),
+            text="removed" if isinstance(one, place_events.PlaceRemoved) else _said(one.place),
             who=one.actor.name,
             reason=one.reason,
             at_s=one.at_s,
@@ -164,9 +160,13 @@ def _said(place: Place) -> str:
     )
 
 
-def _changes(console: Console, place_id: PlaceId) -> list[PlaceEvent]:
-    every = [EVENTS.decode(one) for one in console.runtime.stream(place_stream(console.runtime.site.name))]
-    return [one for one in every if place_id == (one.place.place_id if isinstance(one, PlaceSaved) else one.place_id)]
+def _changes(console: Console, place_id: PlaceId) -> list[place_events.PlaceEvent]:
+    every = [EVENTS.decode(one) for one in console.runtime.stream(place_events.place_stream(console.runtime.site.name))]
+    return [
+        one
+        for one in every
+        if place_id == (one.place.place_id if isinstance(one, place_events.PlaceSaved) else one.place_id)
+    ]
 
 
 def _basis(typed: dict[str, str]) -> int:

@@ -11,8 +11,7 @@ from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
 from app.i18n.messages import reasoned
 from app.routes.candidate_words import say_of
-from app.views import forms
-from app.views.releases import Around, ReleasesPage, at_instant, policy_form, releases_page
+from app.views import forms, releases
 from app.web.rendering import render
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted, Refused
@@ -53,7 +52,9 @@ def save_policy(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Respons
 def saved(console: Console, policy: ReleasePolicy, say: SignedBy) -> Accepted[object] | Refused:
     """Asked with the people who hold the roles now."""
     around = around_of(console)
-    return console.desk.save_policy(policy, say, reviewers=tuple(around.reviewers), releasers=tuple(around.releasers))
+    return console.releases.save_policy(
+        policy, say, reviewers=tuple(around.reviewers), releasers=tuple(around.releasers)
+    )
 
 
 def policy_in(typed: Mapping[str, str]) -> ReleasePolicy:
@@ -85,14 +86,14 @@ def instant_of(text: str) -> float | None:
         return None
 
 
-def around_of(console: Console) -> Around:
+def around_of(console: Console) -> releases.Around:
     """Candidates, pins, versions, and who may review and release now."""
     accounts = [one for one in console.sessions.accounts.store.accounts() if not one.disabled]
     alone = () if console.sessions.has_accounts else (console.settings.operator,)
-    return Around(
-        reviews=console.desk.reviews(),
-        pins=console.desk.pins(),
-        versions=console.desk.versions(),
+    return releases.Around(
+        reviews=console.releases.reviews(),
+        pins=console.releases.pins(),
+        versions=console.releases.versions(),
         robots=console.settings.robots,
         reviewers=(*(one.name for one in accounts if "reviewer" in one.roles), *alone),
         releasers=(*(one.name for one in accounts if "releaser" in one.roles), *alone),
@@ -101,17 +102,17 @@ def around_of(console: Console) -> Around:
 
 def page_of(
     console: Console, actor: Actor, *, at: str = "", typed: Mapping[str, str] = NOBODY, refused: str = ""
-) -> ReleasesPage:
-    pointer, around = console.desk.pointer(), around_of(console)
+) -> releases.ReleasesPage:
+    pointer, around = console.releases.pointer(), around_of(console)
     asked = at[:40].strip()
-    return releases_page(
+    return releases.releases_page(
         console.shell("Releases", "releases", actor),
         pointer,
         around,
         actor,
         key=console.sessions.key(),
-        at=at_instant(pointer, asked, instant_of(asked), console.settings.robots) if asked else None,
-        policy=policy_form(
+        at=releases.at_instant(pointer, asked, instant_of(asked), console.settings.robots) if asked else None,
+        policy=releases.policy_form(
             pointer, around, may="people" in permissions_of(actor.role.split("+")), typed=typed, refused=refused
         ),
     )

@@ -131,7 +131,7 @@ def case(console: ConsoleDep, principal: PrincipalDep, mission_id: MissionId) ->
     """A disputed mission becomes a case of the regression suite: every later candidate has to pass it."""
     disputes = console.runtime.mission(mission_id).disputes
     reason = reasoned(disputes[-1].reason) if disputes else "none"
-    decision = console.desk.add_case(
+    decision = console.releases.add_case(
         mission_id, SignedBy(actor=principal.acting("dispute"), reason=reason, key=mission_id)
     )
     if isinstance(decision, Refused):
@@ -186,7 +186,7 @@ def _fact(
 
 def _journal(console: Console, mission_id: MissionId) -> ReportSources:
     starts = console.starts(mission_id)
-    is_case = any(one.mission_id == mission_id for one in console.desk.growth().added)
+    is_case = any(one.mission_id == mission_id for one in console.releases.growth().added)
     unanswered = _unanswered(console, mission_id)
     if starts is None:
         return ReportSources(starts=None, duplicates=None, is_case=is_case, unanswered=unanswered)

@@ -53,7 +53,7 @@ def on_their_way(console: Console) -> tuple[RobotId, ...]:
 
 
 def wheels_returned(console: Console, principal: Principal, reason: str) -> list[tuple[RobotId, str]]:
-    """Return every wheel, whoever has it; the robots whose wheel could not be returned, and why."""
+    """Release manual control of every robot, whoever has it; the robots where this failed, and why."""
     left = []
     for robot_id in console.control().wheels:
         decision = wheel_returned(console, principal, robot_id, reason)
@@ -68,12 +68,12 @@ def wheel_returned(console: Console, principal: Principal, robot_id: RobotId, re
         console,
         principal,
         ("stop", "ReturnWheel", robot_id),
-        lambda wheel, actor: wheel.give_back(robot_id, actor=actor, reason=reason),
+        lambda teleoperation, actor: teleoperation.give_back(robot_id, actor=actor, reason=reason),
     )
 
 
 def limited(console: Console, principal: Principal, said: LimitAutonomyAct) -> None:
-    """Set the limit of the whole house. Raises NotPermitted for a token that is bound to one robot."""
+    """Set the autonomy limit of the whole fleet. Raises NotPermitted for a token that is bound to one robot."""
     if principal.robot_id:
         raise NotPermitted(
             f"This token is for {principal.robot_id} alone",
@@ -105,7 +105,7 @@ def made_safe(console: Console, principal: Principal, robot_id: RobotId, reason:
         console,
         principal,
         ("drive", "SendRetreat", robot_id),
-        lambda wheel, actor: wheel.to_safety(robot_id, actor=actor, reason=reason),
+        lambda teleoperation, actor: teleoperation.to_safety(robot_id, actor=actor, reason=reason),
     )
 
 
@@ -126,7 +126,7 @@ def retreat_stopped(console: Console, principal: Principal, robot_id: RobotId, r
         console,
         principal,
         ("stop", "StopRetreat", robot_id),
-        lambda wheel, actor: wheel.stop_retreat(robot_id, actor=actor, reason=reason),
+        lambda teleoperation, actor: teleoperation.stop_retreat(robot_id, actor=actor, reason=reason),
     )
 
 
@@ -139,7 +139,7 @@ def posed(
         console,
         principal,
         (permission, "OrderPosture", robot_id),
-        lambda wheel, actor: wheel.rest(robot_id, posture=posture, actor=actor, reason=reason),
+        lambda teleoperation, actor: teleoperation.rest(robot_id, posture=posture, actor=actor, reason=reason),
     )
 
 
@@ -151,15 +151,15 @@ def signed(
 ) -> Decision[AnyEvent]:
     """An act on a robot outside any mission: checked, signed and written to the trail as a command is."""
     permission, command, robot_id = asked
-    actor, wheel = principal.acting(permission), console.wheel
+    actor, teleoperation = principal.acting(permission), console.teleoperation
     if principal.robot_id not in ("", robot_id):
         raise NotPermitted(
             f"This token is for {principal.robot_id}", where=f"token {principal.name}", do=N_("use another one")
         )
-    if wheel is None:
+    if teleoperation is None:
         return refused("no_supervisor", because("no_supervisor_here"))
     try:
-        decision = act(wheel, actor)
+        decision = act(teleoperation, actor)
     except ProviderFailed as error:
         decision = refused(error.code, recorded(error.what))
     outcome = f"refused: {decision.rule}" if isinstance(decision, Refused) else "accepted"

@@ -10,7 +10,7 @@ from app.acts.missions import LimitAutonomyAct, PauseMissionAct, ResumeMissionAc
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
 from app.i18n.messages import reasoned
-from app.routes.robot_acts import all_made_safe, limited, made_safe, on_their_way, posed, stopped_all
+from app.routes import robot_acts
 from app.views import forms, robots
 from app.views.robots import CameraRegion, CameraView, RobotCard, RobotPage, RobotRegion, RobotsRegion, StopAllPage
 from app.views.safe_returns import LastRetreat, last_retreat
@@ -58,9 +58,9 @@ def stop_all(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, type
     wrong = tuple(forms.wrong_reason(reason))
     if wrong:
         return render("robots/stop.html", _stop_page(console, actor, errors=wrong), status=422)
-    _, left = stopped_all(console, principal, reason)
+    _, left = robot_acts.stopped_all(console, principal, reason)
     if typed.get("safe"):
-        left = (*left, *all_made_safe(console, principal, reason))
+        left = (*left, *robot_acts.all_made_safe(console, principal, reason))
     if left:
         return render("robots/stop.html", _stop_page(console, actor, errors=left), status=409)
     return RedirectResponse("/robots", status_code=303)
@@ -71,7 +71,7 @@ def limit(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, typed: 
     said = LimitAutonomyAct.from_form(typed)
     if isinstance(said, tuple):
         return _index(console, actor, errors=[one.text for one in said], status=422)
-    limited(console, principal, said)
+    robot_acts.limited(console, principal, said)
     return RedirectResponse("/robots", status_code=303)
 
 
@@ -149,7 +149,7 @@ def safe(
     under_way = console.control().retreating(robot_id) is not None
     if typed.get("meant") == ("go" if under_way else "stay"):
         return _one(console, actor, robot_id, errors=[OTHERWISE[under_way]], status=409)
-    decision = made_safe(console, principal, robot_id, typed["reason"].strip())
+    decision = robot_acts.made_safe(console, principal, robot_id, typed["reason"].strip())
     return _after(console, actor, robot_id, decision)
 
 
@@ -160,7 +160,9 @@ def stand(
     wrong = forms.wrong_reason(typed.get("reason", ""))
     if wrong:
         return _one(console, actor, robot_id, errors=wrong, status=422)
-    return _after(console, actor, robot_id, posed(console, principal, robot_id, "standing", typed["reason"].strip()))
+    return _after(
+        console, actor, robot_id, robot_acts.posed(console, principal, robot_id, "standing", typed["reason"].strip())
+    )
 
 
 def cards(console: Console) -> tuple[RobotCard, ...]:
@@ -244,7 +246,7 @@ def _after(console: Console, actor: Actor, robot_id: RobotId, decision: Decision
 
 def _stop_page(console: Console, actor: Actor, *, errors: tuple[str, ...] = ()) -> StopAllPage:
     missions = robots.stoppable(console.open_missions())
-    driven, retreating = tuple(console.control().wheels), on_their_way(console)
+    driven, retreating = tuple(console.control().wheels), robot_acts.on_their_way(console)
     busy = {one.robot_id for one in missions} | set(driven) | set(retreating)
     return StopAllPage(
         shell=console.shell(N_("Stop everything"), "robots", actor),

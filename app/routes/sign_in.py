@@ -22,8 +22,8 @@ from app.views.sign_in import (
     too_often,
     wrong_password,
 )
+from app.web import security
 from app.web.rendering import render
-from app.web.security import PrincipalDep, cookie_line, passing_cookie, same_origin, source_of
 from harness.contracts.errors import UnknownName
 from harness.contracts.identity import IssuerUnreachable, SignInRefused
 
@@ -55,7 +55,9 @@ def sign_in_by_password(request: Request, console: ConsoleDep, typed: FormDep) -
         return _answer(_page(console, refusal=wrong_password(), name=name, page=page), status=403)
     console.sessions.leave(request.cookies.get(console.settings.cookie, ""))
     answer = RedirectResponse(safe_next_url(page), status_code=303)
-    answer.headers.append("set-cookie", cookie_line(console.settings.cookie, found, secure=console.settings.secure))
+    answer.headers.append(
+        "set-cookie", security.cookie_line(console.settings.cookie, found, secure=console.settings.secure)
+    )
     return answer
 
 
@@ -63,7 +65,7 @@ def sign_in_by_password(request: Request, console: ConsoleDep, typed: FormDep) -
 def begin(request: Request, console: ConsoleDep, page: str = "") -> Response:
     """To the identity provider, from the console's own sign-in page alone."""
     door, settings = _door(console), console.settings
-    if not same_origin(request.headers, websocket=False):
+    if not security.same_origin(request.headers, websocket=False):
         return _answer(_page(console, refusal=from_elsewhere(), page=page), status=403)
     if request.headers.get("host", "").lower() != settings.address.split("://", 1)[1].lower():
         return _answer(_page(console, refusal=other_address(settings.address), page=page), status=403)
@@ -75,7 +77,9 @@ def begin(request: Request, console: ConsoleDep, page: str = "") -> Response:
         wait_s = ceil(begun.wait_s)
         return _answer(_page(console, refusal=too_fast(wait_s), page=page), status=429, wait_s=wait_s)
     answer = RedirectResponse(begun.url, status_code=303)
-    answer.headers.append("set-cookie", passing_cookie(settings.passing_cookie, begun.cookie, secure=settings.secure))
+    answer.headers.append(
+        "set-cookie", security.passing_cookie(settings.passing_cookie, begun.cookie, secure=settings.secure)
+    )
     return answer
 
 
@@ -90,7 +94,9 @@ def back(request: Request, console: ConsoleDep) -> Response:
     except SignInRefused as error:
         answer = _refused(console, error)
     if cookie:
-        answer.headers.append("set-cookie", passing_cookie(settings.passing_cookie, "", secure=settings.secure))
+        answer.headers.append(
+            "set-cookie", security.passing_cookie(settings.passing_cookie, "", secure=settings.secure)
+        )
     return answer
 
 
@@ -111,7 +117,7 @@ def sign_out(request: Request, console: ConsoleDep) -> Response:
 
 
 @router.post("/sign-out-everywhere")
-def sign_out_everywhere(console: ConsoleDep, principal: PrincipalDep) -> Response:
+def sign_out_everywhere(console: ConsoleDep, principal: security.PrincipalDep) -> Response:
     console.sessions.leave_everywhere(principal)
     return _signed_out(console)
 
@@ -123,14 +129,16 @@ def _door(console: Console) -> OidcLogin:
 
 
 def _origin(request: Request) -> Origin:
-    return Origin(source=source_of(request), agent=request.headers.get("user-agent", ""))
+    return Origin(source=security.source_of(request), agent=request.headers.get("user-agent", ""))
 
 
 def _let_in(console: Console, request: Request, cookie: str, *, page: str = OVERVIEW) -> Response:
     """A fresh cookie always: one that a browser brought along is ended, never taken over."""
     console.sessions.leave(request.cookies.get(console.settings.cookie, ""))
     answer = _answer(_page(console, let_in=True, page=page, stays=False))
-    answer.headers.append("set-cookie", cookie_line(console.settings.cookie, cookie, secure=console.settings.secure))
+    answer.headers.append(
+        "set-cookie", security.cookie_line(console.settings.cookie, cookie, secure=console.settings.secure)
+    )
     return answer
 
 
@@ -138,7 +146,9 @@ def _signed_out(console: Console) -> Response:
     """The identity provider may still know this browser: the page says so where there is one."""
     left = "?left=true" if console.issuer else ""
     answer = RedirectResponse(f"/account/sign-in{left}", status_code=303)
-    answer.headers.append("set-cookie", cookie_line(console.settings.cookie, "", secure=console.settings.secure))
+    answer.headers.append(
+        "set-cookie", security.cookie_line(console.settings.cookie, "", secure=console.settings.secure)
+    )
     answer.headers["clear-site-data"] = '"cache", "storage"'
     return answer
 

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from app.background.mission_history import Histories
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, listed
+from app.scene import point_cloud
 from app.scene.map_cloud import MapView
-from app.scene.point_cloud import Cloud, Floats, PoseTrack, Stand, placed, sweep
 from app.views.timeline import TimelineEntry
 from harness.contracts.effects import Metric
 from harness.contracts.errors import BlobDamaged
@@ -55,7 +55,7 @@ class CameraShot:
     """One camera frame where it was taken."""
 
     name: str
-    stand: Stand
+    stand: point_cloud.Stand
     picture: NDArray[np.uint8] | None
 
 
@@ -66,7 +66,7 @@ class Feed:
         self._runtime, self._mission_id = runtime, mission_id
         self.reading = RLock()
         self._histories = Histories(runtime)
-        self.track, self.cloud = PoseTrack(), Cloud(voxel_m=VOXEL_M, limit=POINTS)
+        self.track, self.cloud = point_cloud.PoseTrack(), point_cloud.Cloud(voxel_m=VOXEL_M, limit=POINTS)
         self.plan: ScenePlan | None = None
         self.map: MapCloud | None = None
         self.shots: list[CameraShot] = []
@@ -122,14 +122,16 @@ class Feed:
             self._place_sweeps(self.plan.origin_m)
             self._place_frames()
 
-    def sweep_at(self, at_s: float) -> Floats | None:
+    def sweep_at(self, at_s: float) -> point_cloud.Floats | None:
         """The newest sweep of the last second before an instant, in the local frame; None if there is none."""
         known = [one for one in self.sweeps if at_s - 1.0 < one[0] <= at_s]
         stand = self.track.at(known[-1][0]) if known else None
         if stand is None or self.plan is None:
             return None
         try:
-            return placed(sweep(self._runtime.blob(known[-1][1])), stand, origin_m=self.plan.origin_m)
+            return point_cloud.placed(
+                point_cloud.sweep(self._runtime.blob(known[-1][1])), stand, origin_m=self.plan.origin_m
+            )
         except (BlobDamaged, ValueError):
             return None
 
@@ -181,7 +183,7 @@ class Feed:
         for sample in samples:
             match sample:
                 case Pose():
-                    self.track.add(Stand(sample.at_s, sample.x_m, sample.y_m, sample.yaw_rad, node))
+                    self.track.add(point_cloud.Stand(sample.at_s, sample.x_m, sample.y_m, sample.yaw_rad, node))
                 case Scan() if sample.blob not in self._drawn:
                     self._waiting[sample.blob] = sample.at_s
                 case _:
@@ -191,7 +193,9 @@ class Feed:
         ready = [(at_s, blob, stand) for blob, at_s in self._waiting.items() if (stand := self.track.at(at_s))]
         for at_s, blob, stand in sorted(ready, key=lambda one: one[0]):
             try:
-                self.cloud.add(placed(sweep(self._runtime.blob(blob)), stand, origin_m=origin_m), at_s)
+                self.cloud.add(
+                    point_cloud.placed(point_cloud.sweep(self._runtime.blob(blob)), stand, origin_m=origin_m), at_s
+                )
                 self.sweeps.append((at_s, blob))
             except (BlobDamaged, ValueError):
                 self._missing += 1

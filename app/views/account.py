@@ -3,7 +3,7 @@
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from app.auth.permissions import GRANTS, MEANING, ROLES, SCOPES, Principal
+from app.auth import permissions
 from app.i18n.messages import listed
 from app.views.shell import Shell
 
@@ -107,7 +107,7 @@ class PeoplePage:
 
 def account_page(
     shell: Shell,
-    principal: Principal,
+    principal: permissions.Principal,
     sessions: Sequence[tuple[str, float, float, bool]],
     *,
     by_password: bool = True,
@@ -123,8 +123,8 @@ def account_page(
         by_password=by_password and not principal.invited,
         keeps_people=principal.may("people"),
         abilities=tuple(
-            Ability(meaning=MEANING[permission], allowed=principal.may(permission), roles=listed(roles))
-            for permission, roles in GRANTS.items()
+            Ability(meaning=permissions.MEANING[permission], allowed=principal.may(permission), roles=listed(roles))
+            for permission, roles in permissions.GRANTS.items()
         ),
         sessions=tuple(OpenSession(*one) for one in sessions),
         errors=tuple(errors),
@@ -133,8 +133,12 @@ def account_page(
 
 
 def role_choices(held: Collection[str] = ()) -> tuple[RoleChoice, ...]:
-    return tuple(RoleChoice(name=role, held=role in held) for role in ROLES)
+    return tuple(RoleChoice(name=role, held=role in held) for role in permissions.ROLES)
 
 
 def scope_choices() -> tuple[ScopeChoice, ...]:
-    return tuple(ScopeChoice(name=name, meaning=MEANING[name]) for name in GRANTS if name in SCOPES)
+    return tuple(
+        ScopeChoice(name=name, meaning=permissions.MEANING[name])
+        for name in permissions.GRANTS
+        if name in permissions.SCOPES
+    )

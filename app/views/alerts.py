@@ -9,25 +9,14 @@ from app.i18n.messages import lazy_gettext, reasoned, word
 from app.views.list_params import Filter, Option, address
 from app.views.missions import ListTab
 from app.views.shell import Shell
-from harness.contracts.alert_events import (
-    PRIORITIES,
-    AlertAcknowledged,
-    AlertAssigned,
-    AlertCleared,
-    AlertEvent,
-    AlertNotified,
-    AlertRaised,
-    AlertRestored,
-    AlertShelved,
-    AlertSuppressed,
-)
+from harness.contracts import alert_events
 from harness.projections.alerts import Alert, status
 
 PATH = "/alerts"
 SHOWN = 50
 GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
-    ("", N_("to look at"), ("unacknowledged", "returned")),
-    ("active", N_("not over"), ("unacknowledged", "acknowledged")),
+    ("", N_("Needs attention"), ("unacknowledged", "returned")),
+    ("active", N_("Active"), ("unacknowledged", "acknowledged")),
     ("shelved", "shelved", ("shelved",)),
     ("suppressed", "suppressed", ("suppressed",)),
     ("all", "history", ()),
@@ -36,7 +25,7 @@ GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
 TITLES = {
     "unacknowledged": "unacknowledged",
     "acknowledged": "acknowledged",
-    "returned": N_("over, unacknowledged"),
+    "returned": N_("Cleared, unacknowledged"),
     "normal": "normal",
     "shelved": "shelved",
     "suppressed": "suppressed",
@@ -197,7 +186,7 @@ def alerts_page(
             for value, title, _ in GROUPS
         ),
         filters=(
-            _filter("priority", tuple(reversed(PRIORITIES)), asked.priority),
+            _filter("priority", tuple(reversed(alert_events.PRIORITIES)), asked.priority),
             _filter("robot", robots, asked.robot),
         ),
         words=asked.words,
@@ -222,39 +211,41 @@ def shelves() -> tuple[ShelfDuration, ...]:
     return tuple(ShelfDuration(seconds, title) for seconds, title in SHELF)
 
 
-def sentence(event: AlertEvent) -> str:
+def sentence(event: alert_events.AlertEvent) -> str:
     """What happened to the alert, as a person would say it."""
     match event:
-        case AlertRaised(occurrence=one):
+        case alert_events.AlertRaised(occurrence=one):
             return lazy_gettext("{title}. {text}", title=one.title, text=one.text)
-        case AlertCleared():
-            return lazy_gettext("Over: {condition}. {reason}", condition=lasting(event.condition), reason=event.reason)
-        case AlertAcknowledged():
+        case alert_events.AlertCleared():
+            return lazy_gettext(
+                "Cleared: {condition}. {reason}", condition=lasting(event.condition), reason=event.reason
+            )
+        case alert_events.AlertAcknowledged():
             return lazy_gettext("{actor} acknowledged it. {note}", actor=event.actor.name, note=event.note)
-        case AlertShelved():
+        case alert_events.AlertShelved():
             return lazy_gettext(
                 "{actor} shelved it for {minutes} min: {reason}",
                 actor=event.actor.name,
                 minutes=f"{(event.until_s - event.at_s) / 60:.0f}",
                 reason=event.reason,
             )
-        case AlertSuppressed():
+        case alert_events.AlertSuppressed():
             return lazy_gettext("{actor} suppressed it: {reason}", actor=event.actor.name, reason=event.reason)
-        case AlertRestored():
+        case alert_events.AlertRestored():
             return lazy_gettext("{actor} restored it. {reason}", actor=event.actor.name, reason=event.reason)
-        case AlertAssigned():
+        case alert_events.AlertAssigned():
             return lazy_gettext(
                 "{actor} gave it to {assignee}", actor=event.actor.name, assignee=event.assignee or "nobody"
             )
-        case AlertNotified():
+        case alert_events.AlertNotified():
             if event.outcome == "sent":
                 return lazy_gettext(
-                    "{service} took the message, by its own word (tries: {tries})",
+                    "{service} reports that it took the message (tries: {tries})",
                     service=event.service,
                     tries=event.tries,
                 )
             return lazy_gettext(
-                "{service} was not told: {reason} (tries: {tries})",
+                "{service} was not notified: {reason} (tries: {tries})",
                 service=event.service,
                 reason=event.reason,
                 tries=event.tries,

@@ -40,12 +40,12 @@ class Wanted:
     kind: str = ""
     everything: bool = False
 
-    def fits(self, deed: AuditEvent) -> bool:
-        if self.actor and self.actor.lower() not in deed.actor.lower():
+    def fits(self, entry: AuditEvent) -> bool:
+        if self.actor and self.actor.lower() not in entry.actor.lower():
             return False
-        if self.kind and self.kind.lower() not in deed.kind.lower():
+        if self.kind and self.kind.lower() not in entry.kind.lower():
             return False
-        return bool(deed.actor) or self.everything or bool(self.kind)
+        return bool(entry.actor) or self.everything or bool(self.kind)
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Sum:
     note: str = ""
 
 
-def deed(stored: StoredEvent) -> AuditEvent:
+def entry(stored: StoredEvent) -> AuditEvent:
     """One event with whoever asked for it."""
     body: dict[str, Any] = msgspec.json.decode(stored.body)
     actor = body.get("actor") or body.get("requested_by") or {}

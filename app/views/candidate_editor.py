@@ -18,7 +18,7 @@ from rsi_reviews.difference import NAMES, CandidateDifference
 LADDERS = "recovery.ladders"
 SECTIONS = ("context_rules", "routing", "recovery")
 LADDER_NOTE = lazy_gettext(
-    "A ladder is what is tried after a failure of its class, in order. Rungs: {rungs}.",
+    "A ladder lists what is tried after a failure of its class, in order. Steps: {rungs}.",
     rungs=" | ".join(get_args(RecoveryAction)),
 )
 

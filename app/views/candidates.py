@@ -148,9 +148,9 @@ def note_of(review: Review) -> str:
     """What is to be known beside the status, in a few words."""
     match review.status:
         case "in_review":
-            return lazy_gettext(
-                "cycle {cycle}, approved by {count}", cycle=review.cycle, count=len(review.approvals) or "nobody"
-            )
+            if not review.approvals:
+                return lazy_gettext("cycle {cycle}. No approvals yet", cycle=review.cycle)
+            return lazy_gettext("cycle {cycle}, approvals: {count}", cycle=review.cycle, count=len(review.approvals))
         case "canary":
             needed = review.manifest.canary.missions if review.manifest else 0
             return lazy_gettext(

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, word
 from app.views.timeline import TimelineEntry
+from harness.contracts import events
 from harness.contracts.contexts import Context, Role
-from harness.contracts.events import DispatchIntended, GoalVerified, NodePlanned, RecoveryAuthorised, VerdictRecorded
 from harness.contracts.ids import Digest
 from harness.contracts.proposals import CandidateSet
 
@@ -57,13 +57,13 @@ def contexts(
     choices: list[RankedCandidates] = []
     owner: dict[str, str] = {}
     for entry in entries:
-        if isinstance(entry.event, DispatchIntended):
+        if isinstance(entry.event, events.DispatchIntended):
             owner[entry.event.invocation_id] = entry.event.node_id
         cited = _cited(entry, owner)
         if cited is None or cited.node_id != node_id:
             continue
         shown.append(_context(entry.position, cited, read=read))
-        if isinstance(entry.event, NodePlanned) and (found := candidates(entry.event.candidates)):
+        if isinstance(entry.event, events.NodePlanned) and (found := candidates(entry.event.candidates)):
             choices.append(RankedCandidates(position=entry.position, found=found))
     return ContextsView(node_id=node_id, contexts=tuple(reversed(shown)), choices=tuple(reversed(choices)))
 
@@ -71,7 +71,7 @@ def contexts(
 def goal_context(entries: Sequence[TimelineEntry], *, read: ReadContext) -> ContextView | None:
     """What the goal verifier was shown, if it has answered."""
     for entry in reversed(entries):
-        if isinstance(entry.event, GoalVerified):
+        if isinstance(entry.event, events.GoalVerified):
             cited = _Cited("", "verifier", N_("verified the goal"), entry.event.verdict.context)
             return _context(entry.position, cited, read=read)
     return None
@@ -89,16 +89,16 @@ class _Cited:
 
 def _cited(entry: TimelineEntry, owner: dict[str, str]) -> _Cited | None:
     match entry.event:
-        case NodePlanned() as event:
+        case events.NodePlanned() as event:
             return _Cited(event.node_id, "planner", N_("chose the stage and its provider"), event.context)
-        case DispatchIntended() as event:
+        case events.DispatchIntended() as event:
             return _Cited(
                 event.node_id,
                 "skill",
                 lazy_gettext("set the parameters of attempt {count}", count=event.attempt),
                 event.context,
             )
-        case VerdictRecorded() as event:
+        case events.VerdictRecorded() as event:
             node = owner.get(event.invocation_id, "")
             return _Cited(
                 node,
@@ -106,7 +106,7 @@ def _cited(entry: TimelineEntry, owner: dict[str, str]) -> _Cited | None:
                 lazy_gettext("judged the packet {verdict}", verdict=event.verdict.verdict),
                 event.verdict.context,
             )
-        case RecoveryAuthorised() as event:
+        case events.RecoveryAuthorised() as event:
             return _Cited(
                 event.node_id, "recovery", lazy_gettext("proposed {action}", action=word(event.action)), event.context
             )

@@ -128,6 +128,10 @@ def _decision(mission_id: str, entries: Sequence[TimelineEntry], packet_id: Pack
 
 
 def _held(facts: int) -> str:
+    if facts == 1:
+        return N_(
+            "1 fact accepted by the configured checks: every rule of the gate held. That is not proof of the truth."
+        )
     return lazy_gettext(
         "{facts} facts accepted by the configured checks: every rule of the gate held. That is not proof of the truth.",
         facts=facts,

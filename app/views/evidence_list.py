@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.views.list_params import Filter, ListParams, Paging, address, facet_filter, order_filter, paging
+from app.views import list_params
 from app.views.shell import Shell
 from harness.contracts.read_models import EvidenceItem, FacetCount, ListQuery
 
@@ -23,8 +23,8 @@ class EvidencePage:
 
     shell: Shell
     rows: tuple[EvidenceItem, ...]
-    filters: tuple[Filter, ...]
-    paging: Paging
+    filters: tuple[list_params.Filter, ...]
+    paging: list_params.Paging
     words: str
     mission: str
     everything: str
@@ -45,7 +45,7 @@ class BlobPage:
 
 def evidence_page(
     shell: Shell,
-    params: ListParams,
+    params: list_params.ListParams,
     rows: Sequence[EvidenceItem],
     following: ListQuery | None,
     *,
@@ -53,14 +53,14 @@ def evidence_page(
     tallies: Sequence[FacetCount],
 ) -> EvidencePage:
     """`found` counts the answer up to MANY + 1; `tallies` are those of the whole list."""
-    filters = tuple(facet_filter(name, title, tallies, params) for name, title in FILTERS)
+    filters = tuple(list_params.facet_filter(name, title, tallies, params) for name, title in FILTERS)
     return EvidencePage(
         shell=shell,
         rows=tuple(rows),
-        filters=(*filters, order_filter(params, by_length=False)),
-        paging=paging(PATH, params, following, shown=len(rows), found=found),
+        filters=(*filters, list_params.order_filter(params, by_length=False)),
+        paging=list_params.paging(PATH, params, following, shown=len(rows), found=found),
         words=params.words,
         mission=params.given.get("mission", ""),
-        everything=address(PATH, params.params, mission=""),
+        everything=list_params.address(PATH, params.params, mission=""),
         total=next((one.count for one in tallies if not one.facet), 0),
     )

@@ -15,18 +15,8 @@ from app.views.missions import MissionHeader, head
 from app.views.shell import Shell
 from app.views.stages import Observed, Stage, stages
 from app.views.timeline import TimelineEntry
+from harness.contracts import exploration
 from harness.contracts.errors import UnknownName
-from harness.contracts.exploration import (
-    AnyFeedback,
-    BlockedTarget,
-    Frontier,
-    GridMap,
-    MapChanged,
-    MapUpdate,
-    Reached,
-    TargetAnswer,
-    TargetQuestion,
-)
 from harness.contracts.ids import NodeId
 from harness.contracts.revision_events import GraphRevised
 from harness.projections.exploration import ExplorationDecision, decisions, updates
@@ -37,10 +27,10 @@ from harness.projections.mission import Mission, NodeState
 class Recorded:
     """What was stored of one choice: both records, and the maps before and after the way there; None: not there."""
 
-    question: TargetQuestion | None = None
-    answer: TargetAnswer | None = None
-    before: GridMap | None = None
-    after: GridMap | None = None
+    question: exploration.TargetQuestion | None = None
+    answer: exploration.TargetAnswer | None = None
+    before: exploration.GridMap | None = None
+    after: exploration.GridMap | None = None
 
 
 @dataclass(frozen=True)
@@ -74,7 +64,7 @@ class ChoiceDetail:
     at_s: float | None
     k: int
     position: int | None
-    edges: tuple[Frontier, ...]
+    edges: tuple[exploration.Frontier, ...]
     target_m: tuple[float, float]
     known: tuple[str, ...]
     left: int
@@ -87,7 +77,7 @@ class ChoiceDetail:
     answer: str
     recorded: bool
     look: Stage | None
-    change: MapUpdate | None
+    change: exploration.MapUpdate | None
     floor: ExploredFloor | None
 
 
@@ -120,7 +110,7 @@ class _Told:
     mission: Mission
     entries: Sequence[TimelineEntry]
     stages: Mapping[str, Stage]
-    maps: Mapping[NodeId, MapUpdate]
+    maps: Mapping[NodeId, exploration.MapUpdate]
 
 
 def shown_of(mission: Mission, leg: str) -> ExplorationDecision | None:
@@ -219,17 +209,17 @@ def _given_up(leg: NodeState) -> str:
     return lazy_gettext("given up: {failure}. {reason}", failure=word(last.failure), reason=last.reason)
 
 
-def _known(word_of: AnyFeedback) -> str:
+def _known(word_of: exploration.AnyFeedback) -> str:
     """What the proposer was told of an earlier target, in words."""
     place = _placed(word_of.target_m)
     match word_of:
-        case Reached(moved_m=moved_m):
+        case exploration.Reached(moved_m=moved_m):
             return lazy_gettext("({x}, {y}) was reached, {moved} m on the way.", **place, moved=f"{moved_m:.1f}")
-        case BlockedTarget(failure=failure, reason=reason):
+        case exploration.BlockedTarget(failure=failure, reason=reason):
             return lazy_gettext(
                 "({x}, {y}) was given up: {failure}. {reason}", **place, failure=word(failure), reason=reason
             )
-        case MapChanged(opened_m2=opened, closed_m2=closed):
+        case exploration.MapChanged(opened_m2=opened, closed_m2=closed):
             return lazy_gettext(
                 "On the way to ({x}, {y}) {opened} m² became known as free, {closed} m² as closed.",
                 **place,

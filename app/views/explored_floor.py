@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import groupby
 
 from app.views.svg_floor import polyline, view_box
-from harness.contracts.exploration import FREE, OCCUPIED, GridMap, TargetAnswer, TargetQuestion
+from harness.contracts import exploration
 from harness.contracts.values import Point
 
 EDGE_M = (0.28, 0.7)
@@ -53,11 +53,11 @@ class ExploredFloor:
 
 
 def explored_floor(
-    before: GridMap | None,
-    after: GridMap | None,
+    before: exploration.GridMap | None,
+    after: exploration.GridMap | None,
     *,
-    question: TargetQuestion | None,
-    answer: TargetAnswer | None,
+    question: exploration.TargetQuestion | None,
+    answer: exploration.TargetAnswer | None,
 ) -> ExploredFloor | None:
     """None where the map or the question is not kept any more. `after` is None until the way there was mapped."""
     if before is None or question is None:
@@ -67,8 +67,8 @@ def explored_floor(
     longest = max((one.length_m for one in question.frontiers), default=1.0)
     return ExploredFloor(
         box=_box(after or before, question),
-        free=_cells(before, lambda index: before.cells[index] == FREE),
-        closed=_cells(after or before, lambda index: (after or before).cells[index] == OCCUPIED),
+        free=_cells(before, lambda index: before.cells[index] == exploration.FREE),
+        closed=_cells(after or before, lambda index: (after or before).cells[index] == exploration.OCCUPIED),
         gained=_cells(after, _gained(before, after)) if after else "",
         keep_out=tuple(polyline(region) for region in question.keep_out_m),
         route=polyline(answer.route_m) if answer else "",
@@ -88,13 +88,13 @@ def explored_floor(
     )
 
 
-def _gained(before: GridMap, after: GridMap) -> Callable[[int], bool]:
+def _gained(before: exploration.GridMap, after: exploration.GridMap) -> Callable[[int], bool]:
     """Floor that was not known to be free and is now; nothing where the two are maps of different floors."""
     same = (before.columns, before.rows, before.origin_m) == (after.columns, after.rows, after.origin_m)
-    return lambda index: same and after.cells[index] == FREE and before.cells[index] != FREE
+    return lambda index: same and after.cells[index] == exploration.FREE and before.cells[index] != exploration.FREE
 
 
-def _cells(grid: GridMap, wanted: Callable[[int], bool]) -> str:
+def _cells(grid: exploration.GridMap, wanted: Callable[[int], bool]) -> str:
     """The wanted cells as one path: a rectangle for every run of them in a row."""
     return "".join(
         f"M{grid.origin_m[0] + first * grid.cell_m:.2f} {-(grid.origin_m[1] + (row + 1) * grid.cell_m):.2f}"
@@ -103,7 +103,7 @@ def _cells(grid: GridMap, wanted: Callable[[int], bool]) -> str:
     )
 
 
-def _runs(grid: GridMap, wanted: Callable[[int], bool]) -> Iterator[tuple[int, int, int]]:
+def _runs(grid: exploration.GridMap, wanted: Callable[[int], bool]) -> Iterator[tuple[int, int, int]]:
     """(row, first column, how many) of every stretch of wanted cells."""
     for row in range(grid.rows):
         column = 0
@@ -114,7 +114,7 @@ def _runs(grid: GridMap, wanted: Callable[[int], bool]) -> Iterator[tuple[int, i
             column += count
 
 
-def _box(grid: GridMap, question: TargetQuestion) -> str:
+def _box(grid: exploration.GridMap, question: exploration.TargetQuestion) -> str:
     """Around everything that is known, and the robot."""
     known = [(row, column, count) for row, column, count in _runs(grid, lambda index: grid.cells[index] != 0)]
     xs = [grid.origin_m[0] + side * grid.cell_m for _, first, count in known for side in (first, first + count)]

@@ -151,7 +151,7 @@ def wrong_start(typed: Mapping[str, str], template: TaskTemplate | None, robots:
     if not goal:
         wrong.append(Wrong("goal", N_("Say the goal in your own words.")))
     if len(goal) > GOAL_SIGNS:
-        wrong.append(Wrong("goal", lazy_gettext("Keep the goal below {count} signs.", count=GOAL_SIGNS)))
+        wrong.append(Wrong("goal", lazy_gettext("Keep the goal below {count} characters.", count=GOAL_SIGNS)))
     for parameter in template.parameters if template else ():
         value = typed.get(parameter.name, "").strip()
         if not value and parameter.default is None:
@@ -196,7 +196,7 @@ def wrong_reason(reason: str) -> list[str]:
     if not reason.strip():
         return [N_("Say why: the reason is kept with the decision.")]
     return (
-        [lazy_gettext("Keep the reason below {count} signs.", count=REASON_SIGNS)]
+        [lazy_gettext("Keep the reason below {count} characters.", count=REASON_SIGNS)]
         if len(reason.strip()) > REASON_SIGNS
         else []
     )

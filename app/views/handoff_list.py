@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app.i18n.catalogues import N_
-from app.views.list_params import Filter, ListParams, Paging, address, facet_filter, order_filter, paging
+from app.views import list_params
 from app.views.missions import Counted, ListTab, tabs
 from app.views.shell import Shell
 from harness.contracts.read_models import HandoffItem, ListQuery
@@ -26,8 +26,8 @@ class HandoffsPage:
     shell: Shell
     rows: tuple[HandoffItem, ...]
     groups: tuple[ListTab, ...]
-    filters: tuple[Filter, ...]
-    paging: Paging
+    filters: tuple[list_params.Filter, ...]
+    paging: list_params.Paging
     words: str
     group: str
     live: bool
@@ -36,7 +36,11 @@ class HandoffsPage:
 
 
 def handoffs_page(
-    shell: Shell, params: ListParams, items: Sequence[HandoffItem], following: ListQuery | None, counted: Counted
+    shell: Shell,
+    params: list_params.ListParams,
+    items: Sequence[HandoffItem],
+    following: ListQuery | None,
+    counted: Counted,
 ) -> HandoffsPage:
     """The rows of one page, in the order they come in."""
     chosen = params.given.get("status", "")
@@ -45,14 +49,14 @@ def handoffs_page(
         rows=tuple(items),
         groups=tabs(PATH, GROUPS, params, counted),
         filters=(
-            facet_filter("robot", "robot", counted.tallies, params),
-            facet_filter("failure", "why", counted.tallies, params),
-            order_filter(params, by_length=False),
+            list_params.facet_filter("robot", "robot", counted.tallies, params),
+            list_params.facet_filter("failure", "why", counted.tallies, params),
+            list_params.order_filter(params, by_length=False),
         ),
-        paging=paging(PATH, params, following, shown=len(items), found=counted.groups[chosen]),
+        paging=list_params.paging(PATH, params, following, shown=len(items), found=counted.groups[chosen]),
         words=params.words,
         group=chosen,
         live=not params.deep,
-        query=address("", params.params),
+        query=list_params.address("", params.params),
         total=next((one.count for one in counted.tallies if not one.facet), 0),
     )

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, reasoned, word
+from app.views import handoff_steps
 from app.views.handoff_shown import ACTIONS, ShownDifference, ShownQuestion, shown_question
-from app.views.handoff_steps import DecisionStep, HandoffEventLine, HandoffEvents, history, similar, steps
 from app.views.places import SiteMap
 from app.views.robots import CameraView, LastReport
 from app.views.shell import Shell
@@ -20,6 +20,8 @@ from harness.projections.missions_list import stage_sentence
 
 FRESH_S = 60.0
 REASONS = (N_("seen on camera"), N_("checked on site"), N_("path is clear now"), N_("not safe"))
+NOTIFIED = {"sound": N_("chime"), "next_person": N_("next on call"), "outside": N_("external")}
+"""Who or what was notified at each level of escalation."""
 NO_ANSWER = {
     "hold": N_("the robot stays where it is"),
     "lie_down": N_("the robot lies down where it is"),
@@ -92,10 +94,10 @@ class HandoffPage:
     escalated: tuple[str, ...]
     choices: tuple[AlternativeAction, ...]
     attestable: tuple[Condition, ...]
-    steps: tuple[DecisionStep, ...]
+    steps: tuple[handoff_steps.DecisionStep, ...]
     following: str
     similar: tuple[HandoffItem, ...]
-    lines: tuple[HandoffEventLine, ...]
+    lines: tuple[handoff_steps.HandoffEventLine, ...]
     reasons: tuple[str, ...]
     typed: str
     key: str
@@ -111,7 +113,7 @@ class HandoffInputs:
     person: str
     key: str
     shown: str
-    told: HandoffEvents
+    told: handoff_steps.HandoffEvents
     earlier: Sequence[HandoffItem]
     map: SiteMap
     robot: LastReport | None = None
@@ -172,13 +174,13 @@ def handoff_page(shell: Shell, handoff: Handoff, mission: Mission, surface: Hand
         marks=_marks(opened, surface.live_at),
         hold=_holding(handoff, surface),
         viewers=tuple(name for name in surface.viewers if name != surface.person),
-        escalated=tuple(word(level) for level in handoff.escalated),
+        escalated=tuple(NOTIFIED[level] for level in handoff.escalated),
         choices=_choices(opened),
         attestable=_attestable(opened, mission),
-        steps=steps(handoff, mission, surface.told),
+        steps=handoff_steps.steps(handoff, mission, surface.told),
         following=_following(handoff, mission),
-        similar=similar(surface.earlier, handoff),
-        lines=history(surface.told),
+        similar=handoff_steps.similar(surface.earlier, handoff),
+        lines=handoff_steps.history(surface.told),
         reasons=REASONS,
         typed=surface.typed,
         key=surface.key,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, reasoned, word
-from app.views.list_params import Filter, ListParams, Paging, address, facet_filter, order_filter, paging
+from app.views import list_params
 from app.views.measures import fields
 from app.views.shell import Shell
 from app.views.timeline import TimelineEntry
@@ -73,8 +73,8 @@ class MissionsPage:
     shell: Shell
     rows: tuple[MissionItem, ...]
     groups: tuple[ListTab, ...]
-    filters: tuple[Filter, ...]
-    paging: Paging
+    filters: tuple[list_params.Filter, ...]
+    paging: list_params.Paging
     words: str
     group: str
     live: bool
@@ -92,13 +92,13 @@ def listed_stage(text: str) -> str:
 
 
 def tabs(
-    path: str, groups: Sequence[tuple[str, str, dict[str, str]]], params: ListParams, counted: Counted
+    path: str, groups: Sequence[tuple[str, str, dict[str, str]]], params: list_params.ListParams, counted: Counted
 ) -> tuple[ListTab, ...]:
     """The tabs of a list: each with its count, and the one that is chosen."""
     return tuple(
         ListTab(
             title=title,
-            href=address(path, params.params, status=value),
+            href=list_params.address(path, params.params, status=value),
             count=str(counted.groups[value])
             if counted.groups[value] <= MANY
             else lazy_gettext("over {many}", many=MANY),
@@ -109,14 +109,18 @@ def tabs(
 
 
 def missions_page(
-    shell: Shell, params: ListParams, rows: Sequence[MissionItem], following: ListQuery | None, counted: Counted
+    shell: Shell,
+    params: list_params.ListParams,
+    rows: Sequence[MissionItem],
+    following: ListQuery | None,
+    counted: Counted,
 ) -> MissionsPage:
     """The rows of one page, in the order they come in."""
     chosen = params.given.get("status", "")
     filters = (
-        facet_filter("robot", "robot", counted.tallies, params),
-        facet_filter("template", "template", counted.tallies, params),
-        order_filter(params, by_length=True),
+        list_params.facet_filter("robot", "robot", counted.tallies, params),
+        list_params.facet_filter("template", "template", counted.tallies, params),
+        list_params.order_filter(params, by_length=True),
     )
     total = next((one.count for one in counted.tallies if not one.facet), 0)
     return MissionsPage(
@@ -124,11 +128,11 @@ def missions_page(
         rows=tuple(rows),
         groups=tabs(PATH, GROUPS, params, counted),
         filters=filters,
-        paging=paging(PATH, params, following, shown=len(rows), found=counted.groups[chosen]),
+        paging=list_params.paging(PATH, params, following, shown=len(rows), found=counted.groups[chosen]),
         words=params.words,
         group=chosen,
         live=not params.deep,
-        query=address("", params.params),
+        query=list_params.address("", params.params),
         total=total,
     )
 

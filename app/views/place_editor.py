@@ -134,13 +134,13 @@ def wrong_place(typed: Mapping[str, str], site: Site) -> list[Wrong]:
     if not SLUG.fullmatch(place_id):
         wrong.append(Wrong("place_id", "An identifier is small letters, digits and _, and begins with a letter."))
     if not 1 <= len(name) <= NAME_SIGNS:
-        wrong.append(Wrong("name", lazy_gettext("A name has 1 to {count} signs.", count=NAME_SIGNS)))
+        wrong.append(Wrong("name", lazy_gettext("A name has 1 to {count} characters.", count=NAME_SIGNS)))
     aliases = _aliases(typed)
     if len(aliases) > ALIASES or any(len(one) > NAME_SIGNS for one in aliases):
         wrong.append(
             Wrong(
                 "aliases",
-                lazy_gettext("At most {count} other names of {signs} signs.", count=ALIASES, signs=NAME_SIGNS),
+                lazy_gettext("At most {count} other names of {signs} characters.", count=ALIASES, signs=NAME_SIGNS),
             )
         )
     wrong += taken(place_id, (name, *aliases), site)

@@ -10,14 +10,7 @@ from app.views.missions import MissionHeader, head
 from app.views.shell import Shell
 from app.views.stages import Observed, Stage, stages
 from app.views.timeline import TimelineEntry
-from harness.contracts.events import (
-    DispatchIntended,
-    HandoffAnswered,
-    NodeCommitted,
-    PacketRetained,
-    RecoveryAuthorised,
-    StopRequested,
-)
+from harness.contracts import events
 from harness.contracts.ids import NodeId
 from harness.contracts.protocol import Receipt
 from harness.contracts.revision_events import AttestationRecorded, CompletionDisputed
@@ -157,7 +150,7 @@ def pictures(entries: Sequence[TimelineEntry]) -> tuple[tuple[str, str, float], 
     """(blob, stage, sensor time) of every camera frame, by time."""
     taken: dict[str, tuple[str, str, float]] = {}
     for entry in entries:
-        if isinstance(entry.event, PacketRetained):
+        if isinstance(entry.event, events.PacketRetained):
             packet = entry.event.packet
             for one in (*packet.before, *packet.after):
                 if one.kind == "image":
@@ -171,9 +164,9 @@ def timings(mission: Mission, entries: Sequence[TimelineEntry]) -> tuple[Timing,
     accepted: dict[NodeId, float] = {}
     for entry in entries:
         match entry.event:
-            case DispatchIntended(node_id=node_id):
+            case events.DispatchIntended(node_id=node_id):
                 sent.setdefault(node_id, entry.mission_s)
-            case NodeCommitted(node_id=node_id, aborting=False):
+            case events.NodeCommitted(node_id=node_id, aborting=False):
                 accepted[node_id] = entry.mission_s
             case _:
                 continue
@@ -193,7 +186,7 @@ def _words(entries: Sequence[TimelineEntry]) -> tuple[DeclaredResult, ...]:
     return tuple(
         _word(receipt, entry.event.packet.identity.node_id)
         for entry in entries
-        if isinstance(entry.event, PacketRetained)
+        if isinstance(entry.event, events.PacketRetained)
         for receipt in entry.event.packet.receipts
     )
 
@@ -214,7 +207,7 @@ def _deeds(entries: Sequence[TimelineEntry], unanswered: Unanswered | None) -> t
     found: list[ReportAction] = []
     for entry in entries:
         match entry.event:
-            case HandoffAnswered(actor=actor, decision=decision, reason=reason):
+            case events.HandoffAnswered(actor=actor, decision=decision, reason=reason):
                 found.append(
                     ReportAction(
                         entry.mission_s,
@@ -224,7 +217,7 @@ def _deeds(entries: Sequence[TimelineEntry], unanswered: Unanswered | None) -> t
                 )
                 if decision == "expired" and unanswered is not None:
                     found.append(ReportAction(entry.mission_s, "robot", no_answer_taken(unanswered)))
-            case StopRequested(actor=actor, reason=reason):
+            case events.StopRequested(actor=actor, reason=reason):
                 found.append(
                     ReportAction(entry.mission_s, actor.name, lazy_gettext("asked to stop: {reason}", reason=reason))
                 )
@@ -240,7 +233,7 @@ def _deeds(entries: Sequence[TimelineEntry], unanswered: Unanswered | None) -> t
                         entry.mission_s, actor.name, lazy_gettext("attested {condition_id}", condition_id=condition_id)
                     )
                 )
-            case RecoveryAuthorised(action=action, failure=failure, cost=cost):
+            case events.RecoveryAuthorised(action=action, failure=failure, cost=cost):
                 text = lazy_gettext(
                     "{action} after {failure}, cost {cost}", action=word(action), failure=word(failure), cost=cost
                 )

@@ -109,8 +109,8 @@ def review_page(
 
 def _stale(review: Review, pointer: Pointer) -> str:
     return lazy_gettext(
-        "Its baseline {baseline} is no longer current: that is {current} since revision {revision}. Nobody can approve "
-        "it; propose the change anew on what is current.",
+        "Its baseline {baseline} is no longer current: {current} is, since revision {revision}. It cannot be "
+        "approved; propose the change again on the current version.",
         baseline=review.baseline[:12],
         current=pointer.configuration[:12],
         revision=pointer.revision,

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import word
+from rsi_reviews import contracts
 from rsi_reviews.bounds import paired
-from rsi_reviews.contracts import BETTER, FAMILIES, CaseResult, Manifest, Metric, ResultSet
 
 TWO_SIDED = 0.025
 WIDTH = 460.0
 ROW = 26.0
 FLIPS = 50
-Pair = tuple[CaseResult, CaseResult]
+Pair = tuple[contracts.CaseResult, contracts.CaseResult]
 """The same case under the baseline and under the candidate."""
 
 
@@ -80,7 +80,10 @@ class MeasuredResults:
 
 
 def measured(
-    results: ResultSet, manifest: Manifest, regression: Collection[str], situations: Mapping[str, str]
+    results: contracts.ResultSet,
+    manifest: contracts.Manifest,
+    regression: Collection[str],
+    situations: Mapping[str, str],
 ) -> MeasuredResults:
     """`regression`: the cases that the declared metric is judged on; `situations` says in words what a case is."""
     pairs = pairs_of(results, manifest.baseline)
@@ -101,13 +104,13 @@ def measured(
     )
 
 
-def pairs_of(results: ResultSet, baseline: str) -> list[Pair]:
+def pairs_of(results: contracts.ResultSet, baseline: str) -> list[Pair]:
     """Cases that have a result under both configurations, in the order in which they were run."""
     before = {one.case: one for one in results.results if one.configuration == baseline}
     return [(before[one.case], one) for one in results.results if one.configuration != baseline and one.case in before]
 
 
-def passes(result: CaseResult) -> bool:
+def passes(result: contracts.CaseResult) -> bool:
     """Verified completion, without any false completion, duplicate start or safety violation."""
     broken = (
         result.contract_false_completion + result.epistemic_false_completion
@@ -116,7 +119,7 @@ def passes(result: CaseResult) -> bool:
     return result.outcome == "finished" and result.verified_completion >= 1.0 and not broken
 
 
-def case_row(pair: Pair, metric: Metric, situations: Mapping[str, str]) -> CaseRow:
+def case_row(pair: Pair, metric: contracts.Metric, situations: Mapping[str, str]) -> CaseRow:
     before, after = pair
     gain = _gain(pair, metric)
     flip = {(True, False): N_("pass to fail"), (False, True): N_("fail to pass")}.get((passes(before), passes(after)))
@@ -134,16 +137,16 @@ def case_row(pair: Pair, metric: Metric, situations: Mapping[str, str]) -> CaseR
     )
 
 
-def _gain(pair: Pair, metric: Metric) -> float:
+def _gain(pair: Pair, metric: contracts.Metric) -> float:
     difference = float(getattr(pair[1], metric) - getattr(pair[0], metric))
-    return difference if BETTER[metric] == "higher" else -difference
+    return difference if contracts.BETTER[metric] == "higher" else -difference
 
 
 def _families(
-    judged: Sequence[Pair], every: Sequence[Pair], manifest: Manifest, *, key: str
+    judged: Sequence[Pair], every: Sequence[Pair], manifest: contracts.Manifest, *, key: str
 ) -> tuple[tuple[FamilyRow, ...], PlotShape]:
-    parts = {name: [pair for pair in judged if pair[0].family == name] for name in FAMILIES}
-    flips = {name: [pair for pair in every if pair[0].family == name] for name in FAMILIES}
+    parts = {name: [pair for pair in judged if pair[0].family == name] for name in contracts.FAMILIES}
+    flips = {name: [pair for pair in every if pair[0].family == name] for name in contracts.FAMILIES}
     named = [("all", list(judged), list(every))]
     named += [(name, part, flips[name]) for name, part in parts.items() if part]
     found = []
@@ -183,5 +186,5 @@ def _families(
     )
 
 
-def _mean(pairs: Sequence[Pair], side: int, metric: Metric) -> float:
+def _mean(pairs: Sequence[Pair], side: int, metric: contracts.Metric) -> float:
     return sum(float(getattr(pair[side], metric)) for pair in pairs) / len(pairs)

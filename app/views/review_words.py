@@ -10,19 +10,7 @@ from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.ids import RobotId
 from harness.contracts.values import Moment
-from rsi_reviews.commands import (
-    ApproveCandidate,
-    AuthoriseRelease,
-    BeginCanary,
-    CandidateCommand,
-    Confirm,
-    OpenReview,
-    RecallReview,
-    RejectCandidate,
-    RequestChanges,
-    RollBack,
-    WithdrawCandidate,
-)
+from rsi_reviews import commands
 from rsi_reviews.deciders import decide
 from rsi_reviews.pointer_rules import decide as pointing
 from rsi_reviews.pointers import Pointer
@@ -66,7 +54,7 @@ def _asked(status: str) -> Sequence[tuple[str, str, bool, bool]]:
                 ("approve", N_("Hold to approve"), True, False),
                 ("authorise", N_("Hold to authorise the release"), True, False),
                 ("request-changes", N_("Request changes"), False, False),
-                ("recall", N_("Take it back"), False, False),
+                ("recall", N_("Withdraw"), False, False),
                 ("reject", N_("Reject"), False, True),
             )
         case "authorised":
@@ -81,38 +69,38 @@ def _asked(status: str) -> Sequence[tuple[str, str, bool, bool]]:
             return ()
 
 
-def _command(word: str, review: Review, pointer: Pointer, actor: Actor, *, robot: str) -> CandidateCommand:
+def _command(word: str, review: Review, pointer: Pointer, actor: Actor, *, robot: str) -> commands.CandidateCommand:
     fields: dict[str, Any] = {"actor": actor, "reason": "asked", "key": KEY}
     seen: dict[str, Any] = {"cycle": review.cycle, "subject": review.subject_digest}
     policy = pointer.policy
     rollback = review.manifest.rollback if review.manifest else review.baseline
     match word:
         case "submit":
-            return OpenReview(**fields)
+            return commands.OpenReview(**fields)
         case "approve":
-            return ApproveCandidate(policy=policy, **seen, **fields)
+            return commands.ApproveCandidate(policy=policy, **seen, **fields)
         case "authorise":
-            return AuthoriseRelease(policy=policy, rollback=rollback, proven=rollback, **seen, **fields)
+            return commands.AuthoriseRelease(policy=policy, rollback=rollback, proven=rollback, **seen, **fields)
         case "request-changes":
-            return RequestChanges(**seen, **fields)
+            return commands.RequestChanges(**seen, **fields)
         case "recall":
-            return RecallReview(**fields)
+            return commands.RecallReview(**fields)
         case "reject":
-            return RejectCandidate(**seen, **fields)
+            return commands.RejectCandidate(**seen, **fields)
         case "release":
-            return BeginCanary(robot_id=RobotId(robot), policy=policy, **seen, **fields)
+            return commands.BeginCanary(robot_id=RobotId(robot), policy=policy, **seen, **fields)
         case "rollback":
-            return RollBack(**fields)
+            return commands.RollBack(**fields)
         case _:
-            return WithdrawCandidate(**fields)
+            return commands.WithdrawCandidate(**fields)
 
 
 def _rests_on(word: str, review: Review, pointer: Pointer) -> Any:
     """What the pointer would be asked to confirm with this word; None where it is asked nothing."""
     match word:
         case "submit":
-            return Confirm(baseline=review.baseline, configuration=review.configuration)
+            return commands.Confirm(baseline=review.baseline, configuration=review.configuration)
         case "approve" | "authorise" | "release":
-            return Confirm(baseline=review.baseline, policy=pointer.policy, configuration=review.configuration)
+            return commands.Confirm(baseline=review.baseline, policy=pointer.policy, configuration=review.configuration)
         case _:
             return None

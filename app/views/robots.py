@@ -217,7 +217,7 @@ def _localisation(word: RobotReportSeen) -> str:
         return "lost"
     if status.pose_age_s is None:
         return N_("no pose")
-    return "old" if status.pose_age_s > OLD_POSE_S else N_("has a fix")
+    return "old" if status.pose_age_s > OLD_POSE_S else N_("localised")
 
 
 def camera_view(robot_id: str, shots: Shots, *, now_s: float) -> CameraView:
@@ -274,7 +274,7 @@ def robot_card(
 ) -> RobotCard:
     """`missions` are this robot's open ones, newest first: the one that moves it, else the oldest, is its mission."""
     robot_id = RobotId(word.robot_id)
-    wheel = control.wheels.get(robot_id)
+    teleoperation = control.wheels.get(robot_id)
     mine = [one for one in missions if one.robot_id == word.robot_id and not one.replay]
     mission = next((one for one in mine if one.invocation is not None), mine[-1] if mine else None)
     return RobotCard(
@@ -283,8 +283,8 @@ def robot_card(
         camera=camera,
         mission=mission,
         queued=max(len(mine) - 1, 0),
-        control=_in_control(mission, wheel, control.retreating(robot_id)),
-        driver=wheel.actor.name if wheel else "",
+        control=_in_control(mission, teleoperation, control.retreating(robot_id)),
+        driver=teleoperation.actor.name if teleoperation else "",
         retreating=control.retreating(robot_id) is not None,
         retreat=retreat,
         retreated=robot_id in control.retreats,
@@ -292,12 +292,12 @@ def robot_card(
     )
 
 
-def _in_control(mission: Mission | None, wheel: TeleoperationSession | None, retreat: Retreating | None) -> str:
+def _in_control(mission: Mission | None, teleoperation: TeleoperationSession | None, retreat: Retreating | None) -> str:
     """Who moves the robot now, in words."""
     if retreat is not None:
         return lazy_gettext("the way to {place}", place=retreat.intent.place)
-    if wheel is not None:
-        return lazy_gettext("{who}, by hand from {device}", who=wheel.actor.name, device=wheel.device)
+    if teleoperation is not None:
+        return lazy_gettext("{who}, by hand from {device}", who=teleoperation.actor.name, device=teleoperation.device)
     if mission is None:
         return "nobody"
     match mission.status:

@@ -50,18 +50,16 @@ def _over(intent: RetreatIntended, ended: RetreatEnded) -> str:
     match ended.outcome:
         case "reached":
             return lazy_gettext(
-                "Last sent to {place}: measured {distance} m from it, declared {declared}. Nothing is accepted of it.",
+                "Sent to {place}: measured {distance} m from it, declared {declared}. No facts are accepted from this.",
                 place=intent.place,
                 distance=f"{ended.measured.get('distance_m', 0.0):.2f}",
                 declared=ended.declared,
             )
         case "short":
-            return lazy_gettext(
-                "Last sent to {place}: not shown to be there. {reason}.", place=intent.place, reason=reason
-            )
+            return lazy_gettext("Sent to {place}; arrival not confirmed. {reason}.", place=intent.place, reason=reason)
         case _:
             return lazy_gettext(
-                "Last sent to {place}: nobody can say how it ended, and it is not sent again. {reason}.",
+                "Sent to {place}: how it ended is unknown, and it is not sent again. {reason}.",
                 place=intent.place,
                 reason=reason,
             )

@@ -4,43 +4,8 @@ from typing import Literal, assert_never
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, listed, word
+from harness.contracts import events
 from harness.contracts.control import AutonomySet
-from harness.contracts.events import (
-    CommitRejected,
-    CompletionReported,
-    ContractCompiled,
-    ContractRecompiled,
-    DispatchIntended,
-    EpochChanged,
-    FailureClassified,
-    FailureReported,
-    GoalVerified,
-    HandoffAnswered,
-    HandoffRequested,
-    InvocationAccepted,
-    InvocationEnded,
-    InvocationResumed,
-    InvocationStopRequested,
-    MissionActivated,
-    MissionCreated,
-    MissionEnded,
-    MissionEvent,
-    MissionPaused,
-    MissionResumed,
-    NodeCommitted,
-    NodeFailed,
-    NodePlanned,
-    ObservationRecorded,
-    OperatorRetryGranted,
-    PacketRetained,
-    PreconditionRefused,
-    RecoveryAuthorised,
-    StopAcknowledged,
-    StopRequested,
-    VerdictRecorded,
-    VetoCleared,
-    VetoRaised,
-)
 from harness.contracts.revision_events import (
     AttestationRecorded,
     CompletionDisputed,
@@ -68,32 +33,32 @@ FAMILY: dict[str, Family] = {
 }  # fmt: skip
 
 
-def sentence(event: MissionEvent) -> str:
+def sentence(event: events.MissionEvent) -> str:
     """What happened, as a person would say it."""
     match event:
-        case MissionCreated():
+        case events.MissionCreated():
             return lazy_gettext("{requested_by} asked: “{goal}”", requested_by=event.requested_by.name, goal=event.goal)
-        case ContractCompiled():
+        case events.ContractCompiled():
             return lazy_gettext(
                 "Compiled to {count} stages under {template}",
                 count=len(event.contract.nodes),
                 template=event.contract.template,
             )
-        case ContractRecompiled():
+        case events.ContractRecompiled():
             return lazy_gettext(
                 "Compiled again: configuration {configuration} became current before it began",
                 configuration=event.configuration[:12],
             )
-        case MissionActivated():
+        case events.MissionActivated():
             return N_("The mission began")
-        case NodePlanned():
+        case events.NodePlanned():
             return lazy_gettext(
                 "{node_id}: {provider_id} chosen. {reason}",
                 node_id=event.node_id,
                 provider_id=event.provider_id,
                 reason=event.reason,
             )
-        case DispatchIntended():
+        case events.DispatchIntended():
             kind = N_("verify only") if event.verify_only else event.capability
             return lazy_gettext(
                 "{node_id}: attempt {attempt} intended, {kind} by {provider_id}, k {k_ctx}",
@@ -103,50 +68,52 @@ def sentence(event: MissionEvent) -> str:
                 provider_id=event.provider_id,
                 k_ctx=event.k_ctx,
             )
-        case InvocationAccepted():
+        case events.InvocationAccepted():
             return lazy_gettext("The provider accepted {invocation_id}", invocation_id=event.invocation_id)
-        case InvocationStopRequested():
+        case events.InvocationStopRequested():
             return lazy_gettext(
                 "Stop of {invocation_id} requested: {reason}", invocation_id=event.invocation_id, reason=event.reason
             )
-        case InvocationResumed():
+        case events.InvocationResumed():
             return lazy_gettext("The supervisor went on with {invocation_id}", invocation_id=event.invocation_id)
-        case InvocationEnded():
+        case events.InvocationEnded():
             return lazy_gettext(
                 "{invocation_id} ended {status}: {reason}",
                 invocation_id=event.invocation_id,
                 status=event.status,
                 reason=event.reason,
             )
-        case PreconditionRefused():
+        case events.PreconditionRefused():
             return lazy_gettext(
                 "{node_id} waits: {precondition} does not hold. {reason}",
                 node_id=event.node_id,
                 precondition=event.precondition,
                 reason=event.reason,
             )
-        case PacketRetained():
+        case events.PacketRetained():
             return _packet(event)
-        case VerdictRecorded():
+        case events.VerdictRecorded():
             return lazy_gettext(
                 "Verdict {verdict}: {reason}",
                 verdict=event.verdict.verdict,
                 reason=event.verdict.reason or N_("every condition was tested"),
             )
-        case NodeCommitted():
+        case events.NodeCommitted() if len(event.facts) == 1:
+            return lazy_gettext("Accepted: {node_id}, 1 fact, under every rule of the gate", node_id=event.node_id)
+        case events.NodeCommitted():
             return lazy_gettext(
                 "Accepted: {node_id}, {count} facts, under every rule of the gate",
                 node_id=event.node_id,
                 count=len(event.facts),
             )
-        case CommitRejected():
+        case events.CommitRejected():
             return lazy_gettext(
                 "Refused: {node_id} by rule {rule}. {message}",
                 node_id=event.node_id,
                 rule=event.rule,
                 message=event.reason,
             )
-        case ObservationRecorded():
+        case events.ObservationRecorded():
             against = (
                 lazy_gettext(", against {contradicts}", contradicts=listed(event.contradicts))
                 if event.contradicts
@@ -158,22 +125,22 @@ def sentence(event: MissionEvent) -> str:
                 source=event.reference.source,
                 against=against,
             )
-        case EpochChanged():
+        case events.EpochChanged():
             return lazy_gettext(
                 "Map epoch changed to {map_version}: {reason}", map_version=event.map_version, reason=event.reason
             )
-        case VetoRaised():
+        case events.VetoRaised():
             return lazy_gettext("{layer} raised a veto: {reason}", layer=event.layer, reason=event.reason)
-        case VetoCleared():
+        case events.VetoCleared():
             return lazy_gettext("{layer} cleared its veto: {reason}", layer=event.layer, reason=event.reason)
-        case FailureClassified():
+        case events.FailureClassified():
             return lazy_gettext(
                 "{node_id}: {failure}. {reason}",
                 node_id=event.node_id,
                 failure=word(event.failure),
                 reason=event.reason,
             )
-        case RecoveryAuthorised():
+        case events.RecoveryAuthorised():
             price = lazy_gettext("costs {cost}", cost=event.cost) if event.cost else "free"
             return lazy_gettext(
                 "{node_id}: {action} authorised after {failure} ({price})",
@@ -182,7 +149,7 @@ def sentence(event: MissionEvent) -> str:
                 failure=word(event.failure),
                 price=price,
             )
-        case NodeFailed():
+        case events.NodeFailed():
             return lazy_gettext("{node_id} failed for good: {reason}", node_id=event.node_id, reason=event.reason)
         case GraphRevised():
             again = listed(event.reopened) or N_("no stage")
@@ -195,14 +162,14 @@ def sentence(event: MissionEvent) -> str:
             )
         case ConstraintsTightened():
             return lazy_gettext("{layer} added a restriction: {reason}", layer=event.layer, reason=event.reason)
-        case HandoffRequested():
+        case events.HandoffRequested():
             return lazy_gettext(
                 "{node_id}: a person is asked, after {failure}. {reason}",
                 node_id=event.node_id,
                 failure=word(event.failure),
                 reason=event.reason,
             )
-        case HandoffAnswered():
+        case events.HandoffAnswered():
             return lazy_gettext(
                 "{actor} ({channel}): {decision}. {reason}",
                 actor=event.actor.name,
@@ -210,7 +177,7 @@ def sentence(event: MissionEvent) -> str:
                 decision=word(event.decision),
                 reason=event.reason,
             )
-        case OperatorRetryGranted():
+        case events.OperatorRetryGranted():
             return lazy_gettext("{node_id}: one further attempt granted by a person", node_id=event.node_id)
         case AttestationRecorded():
             return lazy_gettext(
@@ -234,64 +201,69 @@ def sentence(event: MissionEvent) -> str:
                 autonomy=word(event.autonomy),
                 reason=event.reason,
             )
-        case MissionPaused():
+        case events.MissionPaused():
             return lazy_gettext("{actor} paused the mission: {reason}", actor=event.actor.name, reason=event.reason)
-        case MissionResumed():
+        case events.MissionResumed():
             return lazy_gettext("{actor} resumed the mission: {reason}", actor=event.actor.name, reason=event.reason)
-        case StopRequested():
+        case events.StopRequested():
             return lazy_gettext("{actor} asked to stop: {reason}", actor=event.actor.name, reason=event.reason)
-        case StopAcknowledged():
+        case events.StopAcknowledged():
             at_rest = N_("body static") if event.static else N_("body not shown static")
             return lazy_gettext("Stop acknowledged, {at_rest}. {reason}", at_rest=at_rest, reason=event.reason)
-        case GoalVerified():
+        case events.GoalVerified():
             return lazy_gettext(
                 "Goal verdict {verdict}: {reason}",
                 verdict=event.verdict.verdict,
                 reason=event.verdict.reason or N_("original conditions tested again"),
             )
-        case MissionEnded():
+        case events.MissionEnded():
             return lazy_gettext("The mission ended {status}: {reason}", status=word(event.status), reason=event.reason)
-        case CompletionReported():
+        case events.CompletionReported():
             return lazy_gettext("Reported to the user: {text}", text=event.text)
-        case FailureReported():
+        case events.FailureReported():
             return lazy_gettext("Reported to the user, not as a completion: {text}", text=event.text)
         case _:
             assert_never(event)
 
 
-def tone(event: MissionEvent) -> Tone:
+def tone(event: events.MissionEvent) -> Tone:
     """Colour only where a person should look."""
     match event:
         case (
-            CommitRejected() | NodeFailed() | CompletionDisputed() | VetoRaised() | FailureReported() | StopRequested()
+            events.CommitRejected()
+            | events.NodeFailed()
+            | CompletionDisputed()
+            | events.VetoRaised()
+            | events.FailureReported()
+            | events.StopRequested()
         ):
             return "bad"
-        case VerdictRecorded() | GoalVerified():
+        case events.VerdictRecorded() | events.GoalVerified():
             return _judged(event)
-        case MissionEnded():
+        case events.MissionEnded():
             return "good" if event.status == "succeeded" else "bad"
         case (
-            FailureClassified()
-            | RecoveryAuthorised()
-            | HandoffRequested()
-            | PreconditionRefused()
-            | MissionPaused()
+            events.FailureClassified()
+            | events.RecoveryAuthorised()
+            | events.HandoffRequested()
+            | events.PreconditionRefused()
+            | events.MissionPaused()
             | AutonomySet()
         ):
             return "warn"
-        case NodeCommitted() | CompletionReported():
+        case events.NodeCommitted() | events.CompletionReported():
             return "good"
         case _:
             return "plain"
 
 
-def _judged(event: VerdictRecorded | GoalVerified) -> Tone:
+def _judged(event: events.VerdictRecorded | events.GoalVerified) -> Tone:
     if event.verdict.verdict == "satisfied":
         return "good"
     return "bad" if event.verdict.verdict in ("violated", "unsafe") else "warn"
 
 
-def _packet(event: PacketRetained) -> str:
+def _packet(event: events.PacketRetained) -> str:
     packet = event.packet
     pieces = len(packet.before) + len(packet.after) + len(packet.estimates)
     kept = lazy_gettext("{pieces} references, {count} receipts", pieces=pieces, count=len(packet.receipts))

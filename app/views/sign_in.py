@@ -23,10 +23,13 @@ REASONS: Mapping[str, tuple[str, str]] = {
     "code_refused": (N_("The identity provider takes a sign-in once, and this one was used or is too old."), TRY_AGAIN),
     "token_invalid": (N_("What the identity provider says of you cannot be believed."), ASK_AN_ADMIN),
     "token_unsigned": (N_("What the identity provider says of you is not signed with a key of its own."), ASK_AN_ADMIN),
-    "bad_signature": (N_("What was said of you is not signed by the identity provider."), ASK_AN_ADMIN),
-    "token_expired": (N_("What the identity provider said of you is no longer good."), TRY_AGAIN),
-    "nonce_mismatch": (N_("What the identity provider said was meant for another sign-in."), TRY_AGAIN),
-    "person_mismatch": (N_("The identity provider told of somebody else than who signed in there."), ASK_AN_ADMIN),
+    "bad_signature": (N_("The answer about you is not signed by the identity provider."), ASK_AN_ADMIN),
+    "token_expired": (N_("The identity provider's answer about you has expired."), TRY_AGAIN),
+    "nonce_mismatch": (N_("The identity provider's answer belongs to another sign-in."), TRY_AGAIN),
+    "person_mismatch": (
+        N_("The identity provider answered for a different person than the one who signed in."),
+        ASK_AN_ADMIN,
+    ),
     "role_missing": (
         N_("The identity provider knows you, and you have no role in this console."),
         N_("Ask an admin of this console for a role for one of your groups, or to link your account."),

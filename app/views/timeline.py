@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext
-from app.views.sentences import FAMILY, Family, Tone, sentence, tone
+from app.views import sentences
 from harness.contracts.events import MissionEvent
 
-LANES: tuple[tuple[Family, str], ...] = (
+LANES: tuple[tuple[sentences.Family, str], ...] = (
     ("person", "people"),
     ("plan", N_("plan C1")),
     ("dispatch", N_("dispatch C2")),
@@ -20,7 +20,7 @@ LANES: tuple[tuple[Family, str], ...] = (
 
 NARROWEST = 0.4
 """Two ticks of a lane that are closer than this, in percent of the axis, are shown as the louder one."""
-LOUDEST: tuple[Tone, ...] = ("plain", "good", "warn", "bad")
+LOUDEST: tuple[sentences.Tone, ...] = ("plain", "good", "warn", "bad")
 AROUND = 60
 
 
@@ -44,7 +44,7 @@ class Tick:
 
     position: int
     left: float
-    tone: Tone
+    tone: sentences.Tone
     text: str
     href: str
 
@@ -92,14 +92,14 @@ def timeline(mission_id: str, entries: Sequence[TimelineEntry], *, axis: Axis, a
     """Entries must not be empty: a mission begins with one. Ticks that would cover each other are one tick."""
     begin_s = entries[0].mission_s
     chosen = f"&node={node}" if node else ""
-    ticks: dict[Family, list[Tick]] = {family: [] for family, _ in LANES}
+    ticks: dict[sentences.Family, list[Tick]] = {family: [] for family, _ in LANES}
     for entry in entries:
-        lane, left = ticks[FAMILY[entry.kind]], axis.left_of(entry.mission_s)
+        lane, left = ticks[sentences.FAMILY[entry.kind]], axis.left_of(entry.mission_s)
         tick = Tick(
             position=entry.position,
             left=left,
-            tone=tone(entry.event),
-            text=lazy_gettext("{position}: {text}", position=entry.position, text=sentence(entry.event)),
+            tone=sentences.tone(entry.event),
+            text=lazy_gettext("{position}: {text}", position=entry.position, text=sentences.sentence(entry.event)),
             href=f"/missions/{mission_id}?at={entry.position}{chosen}#timeline",
         )
         if lane and left - lane[-1].left < NARROWEST and LOUDEST.index(lane[-1].tone) >= LOUDEST.index(tick.tone):
@@ -135,10 +135,10 @@ def line(mission_id: str, entry: TimelineEntry, *, begin_s: float, at: int | Non
         position=entry.position,
         elapsed_s=entry.mission_s - begin_s,
         recorded_s=entry.recorded_s,
-        lane=dict(LANES)[FAMILY[entry.kind]],
+        lane=dict(LANES)[sentences.FAMILY[entry.kind]],
         kind=entry.kind,
-        tone=tone(entry.event),
-        text=sentence(entry.event),
+        tone=sentences.tone(entry.event),
+        text=sentences.sentence(entry.event),
         href=f"/missions/{mission_id}/events/{entry.position}",
         current=entry.position == at,
     )

@@ -17,30 +17,21 @@ from app.auth.next_url import OVERVIEW, safe_next_url
 from app.auth.permissions import NotPermitted
 from app.i18n.catalogues import N_
 from app.web.rendering import render
-from harness.contracts.errors import (
-    BlobDamaged,
-    ConcurrencyConflict,
-    ContractInvalid,
-    HarnessError,
-    LogDamaged,
-    ProviderFailed,
-    StoreUnavailable,
-    UnknownName,
-)
+from harness.contracts import errors
 
-STATUS: tuple[tuple[type[HarnessError], int], ...] = (
+STATUS: tuple[tuple[type[errors.HarnessError], int], ...] = (
     (NotPermitted, 403),
-    (UnknownName, 404),
-    (ContractInvalid, 422),
-    (ConcurrencyConflict, 409),
-    (BlobDamaged, 404),
-    (ProviderFailed, 502),
-    (StoreUnavailable, 503),
-    (LogDamaged, 500),
+    (errors.UnknownName, 404),
+    (errors.ContractInvalid, 422),
+    (errors.ConcurrencyConflict, 409),
+    (errors.BlobDamaged, 404),
+    (errors.ProviderFailed, 502),
+    (errors.StoreUnavailable, 503),
+    (errors.LogDamaged, 500),
 )
 
 
-class PortBusy(HarnessError):
+class PortBusy(errors.HarnessError):
     """The console's port cannot be listened on."""
 
     code = "port_busy"
@@ -142,8 +133,8 @@ def _sign_in(scope: Scope) -> str:
 def install(app: FastAPI) -> None:
     """Every failure that leaves a route becomes one of the two answers."""
 
-    @app.exception_handler(HarnessError)
-    def harness_error(request: Request, error: HarnessError) -> Response:
+    @app.exception_handler(errors.HarnessError)
+    def harness_error(request: Request, error: errors.HarnessError) -> Response:
         status = next((number for kind, number in STATUS if isinstance(error, kind)), 500)
         return told(request, status=status, code=error.code, what=error.what, where=error.where, do=error.do)
 

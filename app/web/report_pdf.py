@@ -30,8 +30,8 @@ PICTURE_MM = 88.0
 MARGIN_MM = 14.0
 CAPTION_MM = 6.0
 LABELS = lazy_gettext(
-    "Declared: the word of a provider or a service. Measured: what the harness measured itself. Accepted: what passed "
-    "the gate's configured checks; that is not proof of the truth."
+    "Declared: stated by a provider or a service. Measured: measured by the harness itself. Accepted: passed the "
+    "gate's configured checks, which is no proof of the truth."
 )
 GREY = FontFace(fill_color=(236, 238, 240), emphasis="BOLD")
 
@@ -154,16 +154,16 @@ def _drawn(paper: _Paper, page: ReportPage, pictures: Mapping[str, bytes], *, ma
     _summary(paper, page)
     _goal(paper, page)
     _stages(paper, page)
-    _words(paper, lazy_gettext("Findings: the analysis's word (declared)"), page.findings)
+    _words(paper, lazy_gettext("Findings: declared by the analysis"), page.findings)
     _pictures(paper, page, pictures)
-    _words(paper, lazy_gettext("Receipts: a service's word, not a measurement (declared)"), page.receipts)
+    _words(paper, lazy_gettext("Receipts: declared by a service, not measured"), page.receipts)
     _deeds(paper, page)
     if paper.lacking:
         paper.title_line(lazy_gettext("What could not be printed"), size=10)
         paper.paragraph(
             lazy_gettext(
-                "{count} signs are drawn as {box}: the fonts of this document lack them. The report in the console and "
-                "its JSON hold them all.",
+                "{count} characters are drawn as {box}: the fonts of this document lack them. The report in the "
+                "console and its JSON hold them all.",
                 count=paper.lacking,
                 box=MISSING,
             )

@@ -28,7 +28,7 @@ SAME_BOX_M = 0.55
 
 
 def look_at(scene: Scene, *, seed: int) -> tuple[Report, float]:
-    """The analysis of one scene, and the seconds that it took. Poses are off as the localiser's are."""
+    """The analysis of one scene, and the seconds it took. Poses have the localiser's error."""
     chance = np.random.default_rng(seed)
     x, y, first_rad = scene.pose
     position = (x + chance.normal(0, POSITION_NOISE_M), y + chance.normal(0, POSITION_NOISE_M))
@@ -50,7 +50,7 @@ def look_at(scene: Scene, *, seed: int) -> tuple[Report, float]:
 
 
 def found(scene: Scene, report: Report) -> int:
-    """How many of the boxes in the passage have a finding of their own near them."""
+    """How many of the boxes in the passage have a finding near them."""
     places = [finding.floor_point_m for finding in report.findings]
     return sum(any(math.dist(box.centre_m[:2], place) < SAME_BOX_M for place in places) for box in scene.obstructions)
 

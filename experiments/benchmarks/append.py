@@ -53,14 +53,14 @@ class AppendArm:
 
 @dataclass(frozen=True)
 class AppendTimes:
-    """Microseconds of each append: as a clock on the wall saw it, and as the calling thread worked for it."""
+    """Microseconds of each append: wall time, and the calling thread's processor time."""
 
     wall_us: list[float] = field(default_factory=list)
     cpu_us: list[float] = field(default_factory=list)
 
 
 def raw(folder: Path, *, rows: int) -> AppendArm:
-    """Nothing but the driver: one prepared insert per row in one immediate transaction."""
+    """The driver alone: one prepared insert per row in one immediate transaction."""
     connection = sqlite3.connect(folder / f"raw{rows}.db", isolation_level=None)
     pragmas = ("journal_mode=WAL", "synchronous=FULL")
     for pragma in pragmas:
@@ -84,7 +84,7 @@ def raw(folder: Path, *, rows: int) -> AppendArm:
 
 
 def raw_server(server: PostgresServer) -> AppendArm:
-    """Nothing but the driver: one insert that psycopg prepares, committed by itself."""
+    """The driver alone: one insert that psycopg prepares, committed by itself."""
     connection = psycopg.connect(server.database(), autocommit=True)
     connection.execute(
         "CREATE TABLE events (seq bigserial PRIMARY KEY, stream text NOT NULL, ver bigint NOT NULL, type text NOT NULL,"
@@ -103,7 +103,7 @@ def raw_server(server: PostgresServer) -> AppendArm:
 
 
 def ours(url: str, *, events: int, records: int = 0) -> AppendArm:
-    """The event log with everything on: version check, hash chain, and `records` of 4 KiB in the same transaction."""
+    """The event log with all features: version check, hash chain, and `records` of 4 KiB in the same transaction."""
     store = open_log(url)
     assert isinstance(store, SqlEventStore | PostgresEventStore)
     new = tuple(NewEvent(kind="Measured", body=BODY) for _ in range(events))

@@ -1,6 +1,6 @@
-"""Arms side by side: each system is a process of its own, and only the one whose turn it is runs.
+"""Runs the arms of a benchmark side by side: each system is its own process, and only the one whose turn it is runs.
 
-Turns go round in an order that shifts every round, so that a slow minute of the machine falls on everybody.
+The order of turns shifts every round, so that a slow minute of the machine affects every arm.
 """
 
 import json
@@ -23,12 +23,12 @@ LONGEST_TURN_S = 300.0
 
 
 class ArmFailed(Exception):
-    """A process of the benchmark ended or fell silent; the message is its last words."""
+    """A process of the benchmark ended or stopped answering; the message is its last output."""
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """How to start an arm: a module, its arguments after the folder, and whether it lives in the peers' environment."""
+    """How to start an arm: a module, its arguments after the folder, and whether it runs in the peers' environment."""
 
     key: str
     module: str
@@ -98,7 +98,9 @@ class RunningArm:
 
 @contextmanager
 def arms(recipes: Sequence[Recipe]) -> Iterator[dict[str, RunningArm]]:
-    """All arms that can be started, by key; a peer that cannot is named aloud. Ours and the floor must start."""
+    """All arms that can be started, by key; a peer that cannot be started is reported. Ours and the baseline
+    must start.
+    """
     BENCH.mkdir(exist_ok=True)
     with ExitStack() as stack:
         started: dict[str, RunningArm] = {}

@@ -54,14 +54,16 @@ SEEN = """() => { window.seen = {}; let newest = -1; new MutationObserver(() => 
 
 @dataclass
 class BrowserReaders:
-    """What the connections saw: when the answer with a tick came to each, and what went wrong."""
+    """What the connections received: the time at which each got the answer with a tick, and what went wrong."""
 
     seen: dict[int, list[float]] = field(default_factory=dict)
     requests: int = 0
     failed: int = 0
 
     def note(self, body: bytes, newest: int) -> int:
-        """An answer that has just come to one reader, who had seen the ticks up to `newest`; the newest now."""
+        """Record an answer that one reader just got. The reader had seen the ticks up to `newest`; returns the
+        newest now.
+        """
         told = max((int(one) for one in TICK.findall(body)), default=newest)
         for tick in range(newest + 1, told + 1):
             self.seen.setdefault(tick, []).append(time.time())
@@ -82,7 +84,7 @@ class MeasuredRun:
 
 @dataclass(frozen=True)
 class BrowserPlan:
-    """Where the console is, what is read there, and by how many; `links` let one person in each."""
+    """The console's address, what is read there, and by how many; `links` sign in one person each."""
 
     address: str
     mission_id: str
@@ -134,7 +136,7 @@ def _run(*, readers: int, pages: int, events: int, per_s: float) -> MeasuredRun:
 
 
 async def _stretch(plan: BrowserPlan, near: Connection, executable: Path) -> MeasuredRun:
-    """Let everybody in, let the console commit, and gather what was seen."""
+    """Sign everybody in, let the console commit, and collect what was seen."""
     found = BrowserReaders()
     async with async_playwright() as driver, httpx.AsyncClient() as client:
         cookie = "; ".join(f"{k}={v}" for k, v in (await client.get(plan.address + plan.links[0])).cookies.items())
@@ -161,9 +163,10 @@ async def _stretch(plan: BrowserPlan, near: Connection, executable: Path) -> Mea
 
 
 async def _reader(plan: BrowserPlan, cookie: str, found: BrowserReaders) -> None:
-    """One page without a browser: names in, regions out. Speaks HTTP/1.1 itself, to cost the machine little.
+    """A page without a browser: reads signal names, fetches regions. Speaks HTTP/1.1 itself, to use little of the
+    machine.
 
-    After each signal it does what static/js does: the whole instant at once, a little later the bar and the rail.
+    After each signal it does what static/js does: the whole region at once, a little later the bar and the rail.
     """
     topics = "&".join(f"topic={name}" for name in (f"mission/{plan.mission_id}", "mission/", "handoff/", "alert/"))
     instant, shell = asyncio.Event(), asyncio.Event()
@@ -219,7 +222,7 @@ def _request(path: str, plan: BrowserPlan, cookie: str) -> bytes:
 
 
 async def _opened(running: Browser, plan: BrowserPlan, links: Sequence[str]) -> list[Page]:
-    """Real pages of the mission, each of a person of its own, watching their own first line."""
+    """Real pages of the mission, each with its own person, observing their own first line."""
     opened = []
     for link in links:
         page = await (await running.new_context()).new_page()
@@ -234,7 +237,9 @@ async def _opened(running: Browser, plan: BrowserPlan, links: Sequence[str]) -> 
 
 
 def _console(way: Connection, events: int, per_s: float, entries: int) -> None:
-    """The console's own process: says where it is, commits when told, says when it did and what that cost."""
+    """The console's own process: reports its address, commits when asked, and reports the time and the cost of
+    each commit.
+    """
     broker = SignalBroker()
     with (
         simulated(HarnessSettings(fidelity="kinematic", speed=0), simulator=SIMULATOR, seed=1) as harness,
@@ -270,7 +275,7 @@ def _console(way: Connection, events: int, per_s: float, entries: int) -> None:
 
 
 def _under_way(harness: Harness) -> MissionId:
-    """A mission that has begun; nobody takes it further while it is watched."""
+    """A mission that has begun; nothing advances it while it is observed."""
     begun = harness.runtime.start(Start(actor=ADA, robot_id=RobotId("vbot-1"), template="warehouse-inspection", seed=1))
     assert isinstance(begun, Accepted), begun
     mission_id = harness.runtime.missions()[0].mission_id
@@ -282,7 +287,7 @@ def _under_way(harness: Harness) -> MissionId:
 def _committing(
     runtime: Runtime, broker: SignalBroker, mission_id: MissionId, *, events: int, per_s: float
 ) -> tuple[dict[int, float], float]:
-    """When each pause was in the log, and this process's CPU time over wall time meanwhile."""
+    """The time at which each pause was in the log, and this process's CPU time over wall time meanwhile."""
     committed: dict[int, float] = {}
     begun_s, used_s = time.perf_counter(), time.process_time()
     for number in range(events):

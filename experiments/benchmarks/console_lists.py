@@ -172,7 +172,7 @@ def measured(stand: FastAPI, mission: Mission, file: Path, *, count: int, rounds
 
 
 def filled(models: SqlReadModels, stand: FastAPI, mission: Mission, *, count: int) -> None:
-    """Rows of `count` missions; the mark stands at the head of the real log, so that the console follows no further."""
+    """Rows of `count` missions; the mark is at the head of the real log, so that the console follows no further."""
     console: Console = stand.state.console
     histories = console.histories
     told: list[Placed] = [(one.position, one.event) for one in histories.of(mission.mission_id)]
@@ -236,7 +236,7 @@ def _over(console: Console, lists: Lists) -> Console:
 
 
 def _timed(client: TestClient, path: str, rounds: int) -> list[float]:
-    """Milliseconds of each round, the first one left out."""
+    """Milliseconds of each round, without the first one."""
     times = []
     for _ in range(rounds + 1):
         began = time.perf_counter()

@@ -70,7 +70,7 @@ def _first_page_s() -> float:
 
 
 def _clone(folder: Path) -> None:
-    """What git keeps, and only that."""
+    """The files that git tracks, and no others."""
     command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     listed = subprocess.run(command, cwd=ROOT, capture_output=True, check=True).stdout
     for path in filter(None, listed.decode().split("\0")):

@@ -50,7 +50,7 @@ def building(points: int) -> NDArray[np.float64]:
 
 
 def stored(runtime: Runtime, points: NDArray[np.float64]) -> MapCloud:
-    """The cloud split into levels, its chunks in the runtime's blob store."""
+    """The cloud split into levels, with its chunks in the runtime's blob store."""
     origin_m = origin_of(points)
     low, high = points.min(axis=0), points.max(axis=0)
     return MapCloud(
@@ -170,7 +170,7 @@ def _drawn(page: Page) -> bool:
 
 
 def _resident_mib(browser: str) -> float:
-    """Memory of every process of this browser that is only its own, in MiB: shared pages are counted once each."""
+    """Memory that only this browser's processes use, in MiB; pages that they share are counted once each."""
     total = 0
     name = Path(browser).resolve().name
     for folder in Path("/proc").iterdir():

@@ -1,4 +1,4 @@
-"""The floor under every durable figure: one fsynced 600-byte row in raw sqlite3 (WAL, synchronous=FULL)."""
+"""Measures the lower bound of every durable figure: one fsynced 600-byte row in raw sqlite3 (WAL, synchronous=FULL)."""
 
 import json
 import sqlite3
@@ -61,7 +61,7 @@ def _appends(floor: DurabilityFloor) -> Callable[[dict[str, Any]], dict[str, Any
 
 
 def _approvals(floor: DurabilityFloor) -> Callable[[dict[str, Any]], dict[str, Any]]:
-    """Durable approval, waking the waiting thread, durable resumption: seconds, each."""
+    """Seconds of each approval: a durable approval, waking the waiting thread, a durable resumption."""
 
     def turn(request: dict[str, Any]) -> dict[str, Any]:
         waits: list[float] = []

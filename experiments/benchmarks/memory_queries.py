@@ -68,7 +68,7 @@ CHUNK = 20_000
 
 
 def provenance(number: int) -> Provenance:
-    """As a record of a real mission carries it."""
+    """Provenance as a record of a real mission has it."""
     mission = f"msn_{number // 8:07d}"
     return Provenance(
         position=number + 1,
@@ -147,7 +147,7 @@ def pose(number: int, draw: random.Random, last: dict[str, str]) -> MemoryRecord
 
 
 def sighting(number: int, draw: random.Random, last: dict[str, str]) -> MemoryRecord:
-    """One of many passages, on a grid of 200 m by 200 m; each sighting speaks for twelve hours."""
+    """A sighting of one of many passages, on a grid of 200 m by 200 m; each is valid for twelve hours."""
     passage = draw.randrange(PASSAGES)
     subject = f"passage/{passage}"
     supersedes = (last[subject],) if subject in last else ()
@@ -203,7 +203,7 @@ def fill(index: SqlMemoryIndex, count: int) -> float:
 
 
 def questions(index: SqlMemoryIndex, path: Path, count: int) -> dict[str, Callable[[random.Random], int]]:
-    """Each question asks once, with a random key, and says how many records it was answered with."""
+    """Each question queries once with a random key and returns how many records it got."""
     raw = sqlite3.connect(path)
     now_s = START_S + count
 
@@ -244,7 +244,7 @@ def questions(index: SqlMemoryIndex, path: Path, count: int) -> dict[str, Callab
 
 
 def measure(asked: dict[str, Callable[[random.Random], int]], *, queries: int) -> list[dict[str, Any]]:
-    """Every question in turn, `queries` times, after a few to warm up."""
+    """Every question in turn, `queries` times, after some warm-up queries."""
     draw = random.Random(11)
     times: dict[str, list[float]] = {name: [] for name in asked}
     answers: dict[str, list[int]] = {name: [] for name in asked}
@@ -270,7 +270,9 @@ def measure(asked: dict[str, Callable[[random.Random], int]], *, queries: int) -
 
 
 def follow(missions: int, folder: Path) -> dict[str, Any]:
-    """How fast a log of real missions becomes an index: one kinematic inspection, told `missions` times."""
+    """The rate at which a log of real missions becomes an index: one kinematic inspection, repeated `missions`
+    times.
+    """
     log = MemoryEventStore()
     with simulated(
         HarnessSettings(speed=0, fidelity="kinematic"), simulator=SIMULATOR, seed=3, store=MemoryEventStore()

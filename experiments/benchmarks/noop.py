@@ -1,6 +1,6 @@
-"""The no-op mission: seven stages whose provider does nothing, on the real gate, store, contexts and verification.
+"""Runs the no-op mission: seven stages whose provider does nothing, on the real gate, store, contexts and verification.
 
-What is left when nothing is to be done is the harness itself: C1, routing, C2, intent with its lease, C3 over the
+What remains when nothing has to be done is the harness itself: C1, routing, C2, intent with its lease, C3 over the
 receipt's bytes, verdict and commit, with validation and hashing on, on SQLite with every commit synced.
 """
 
@@ -84,7 +84,7 @@ def template(robot_id: RobotId, *, stages: int = STAGES) -> TaskTemplate:
 
 
 def resource_of(robot_id: RobotId) -> ResourceId:
-    """What a no-op on this robot takes a lease on."""
+    """The resource that a no-op on this robot leases."""
     return ResourceId(f"nothing-{robot_id}")
 
 
@@ -110,9 +110,9 @@ def _node(name: str, *, after: Sequence[str], resource: ResourceId) -> dict[str,
 
 
 class NoopProvider:
-    """A provider whose work is nothing: `start` ends at once with a receipt over the goal's bytes.
+    """A provider that does nothing: `start` ends at once with a receipt over the goal's bytes.
 
-    `began` is called at each start, before anything else. While `failing`, it ends failed.
+    `began` is called first at each start. While `failing`, it ends failed.
     """
 
     def __init__(self, *, clock: Clock, transcript: Digest, resource: ResourceId, began: Callable[[], None]) -> None:
@@ -187,7 +187,7 @@ class NoopProvider:
 
 
 class NoopRobot:
-    """A robot that stands and can do nothing, with an odometer that says so ten times a second.
+    """A robot that stands still and can do nothing, with odometry that reports this ten times a second.
 
     `looked` is called at the end of each observation.
     """
@@ -238,7 +238,7 @@ class NoopRobot:
 
 
 class NoopHarness:
-    """No-op robots under one supervisor, on the real parts below one folder."""
+    """No-op robots under one supervisor, on the real parts, stored below one folder."""
 
     def __init__(self, harness: Harness, providers: Mapping[RobotId, NoopProvider]) -> None:
         self.runtime, self.supervisor, self.clock = harness.runtime, harness.supervisor, harness.clock
@@ -246,7 +246,7 @@ class NoopHarness:
         self._templates = {robot_id: template(robot_id) for robot_id in providers}
 
     def begin(self, robot_id: RobotId, *, shape: TaskTemplate | None = None) -> MissionId:
-        """Create a mission that nobody has stepped yet."""
+        """Create a mission that nothing has stepped yet."""
         start = Start(actor=OPERATOR, robot_id=robot_id, template="no-op")
         decision = self.runtime.start(start, template=shape or self._templates[robot_id])
         if isinstance(decision, Refused):
@@ -254,7 +254,7 @@ class NoopHarness:
         return next(event.mission_id for event in decision.events if isinstance(event, MissionCreated))
 
     def run(self, robot_id: RobotId) -> Mission:
-        """A mission to its end. Raises RuntimeError if it ends otherwise than succeeded."""
+        """Run a mission to its end. Raises RuntimeError if it ends otherwise than succeeded."""
         mission = self.supervisor.run(self.begin(robot_id))
         if mission.status != "succeeded":
             raise RuntimeError(f"the no-op mission ended {mission.status}: {mission.reason}")

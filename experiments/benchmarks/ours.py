@@ -1,4 +1,4 @@
-"""Our own arm: no-op missions, approvals of a waiting mission, and folds of a whole log."""
+"""Implements this project's own arm: no-op missions, approvals of a waiting mission, and folds of a whole log."""
 
 import sys
 import time
@@ -74,7 +74,7 @@ class Approvals:
 
 
 def _asked(noop: NoopHarness, mission_id: MissionId) -> MissionId:
-    """Let a mission whose provider fails run until it waits for a person, who then takes a moment."""
+    """Run a mission whose provider fails until it waits for a person, who then takes a moment."""
     for _ in range(MOST_STEPS):
         wake_s = noop.supervisor.step(mission_id)
         status = noop.runtime.mission(mission_id).status
@@ -103,7 +103,7 @@ def _approval(noop: NoopHarness, mission_id: MissionId) -> tuple[HandoffId, Appr
 
 
 def filled(folder: Path, *, events: int) -> tuple[SqlEventStore, int]:
-    """A log of at least `events` events: one real no-op mission's, over and over in streams of their own."""
+    """A log of at least `events` events: those of one real no-op mission, repeated in streams of their own."""
     (folder / "model").mkdir()
     with noop_harness(folder / "model") as noop:
         model = noop.runtime.events(noop.run(ONE).mission_id)

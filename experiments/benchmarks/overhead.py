@@ -69,7 +69,7 @@ def measure(*, count: int, missions: int) -> list[Figure]:
 
 
 def said_by(started: dict[str, RunningArm]) -> dict[str, Any]:
-    """Versions of everything that ran, and the durability in force in each."""
+    """Versions of everything that ran, and the durability setting of each."""
     versions: dict[str, str] = {}
     for arm in started.values():
         versions |= arm.said["versions"]

@@ -1,4 +1,6 @@
-"""What a benchmark found, as one record: printed in a table and kept as JSON with what it was measured on."""
+"""Stores the result of a benchmark as one record: printed in a table and kept as JSON with the machine and the
+versions.
+"""
 
 import json
 import os
@@ -14,7 +16,7 @@ BEGIN, END = "<!-- figures: written by `make bench` -->", "<!-- end of figures -
 
 
 class Target(msgspec.Struct, frozen=True):
-    """What the figure should be: `of` is the peer or floor whose multiple `value` is; empty for a plain figure."""
+    """The target of a figure: `of` is the peer or lower bound whose multiple `value` is; empty for a plain figure."""
 
     text: str
     value: float
@@ -52,7 +54,7 @@ def figure(
     targets: Sequence[Target] = (),
     detail: dict[str, Any] | None = None,
 ) -> Figure:
-    """A row with its ratios worked out. `said`: versions and durability of all arms."""
+    """A row with its ratios computed. `said`: versions and durability of all arms."""
     beside = dict(peer or {}) | ({"floor": floor} if floor is not None else {})
     ratio = {system: round(ours / value, 3) for system, value in beside.items() if value}
     return Figure(
@@ -96,7 +98,7 @@ def table(figures: Sequence[Figure]) -> str:
 
 
 def keep(figures: Sequence[Figure], *, path: Path = RESULTS) -> None:
-    """Write these rows into the results; rows of other names stay as they are."""
+    """Write these rows into the results; rows with other names stay unchanged."""
     path.parent.mkdir(parents=True, exist_ok=True)
     before = json.loads(path.read_text(encoding="utf-8")) if path.exists() else []
     mine = {one.name for one in figures}
@@ -107,7 +109,7 @@ def keep(figures: Sequence[Figure], *, path: Path = RESULTS) -> None:
 
 
 def _show(rows: Sequence[dict[str, Any]]) -> None:
-    """The same rows as the table of the page, between its two marks."""
+    """Write the same rows into the table of the page, between its two marks."""
     figures = [msgspec.convert(row, Figure) for row in rows if "targets" in row]
     before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
     _, _, after = rest.partition(END)

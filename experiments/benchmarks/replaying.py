@@ -110,7 +110,7 @@ def _cut(path: Path, to: Path, *, share: float) -> Path:
 
 
 def recordings() -> list[Path]:
-    """The project's own, and the real one where it is; what is not there is said."""
+    """The project's own recording, and the real ones where they exist; missing ones are reported."""
     real = Path(os.environ.get("REGEN_DATA", ROOT.parent / "shared" / "data")) / REAL
     for path in (OWN, real):
         if not path.exists():

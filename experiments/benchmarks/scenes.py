@@ -1,4 +1,4 @@
-"""Random storage scenes for image analysis: a passage with or without boxes, and things that look like boxes."""
+"""Draws random storage scenes for image analysis: a passage with or without boxes, and objects that look like boxes."""
 
 import math
 
@@ -17,7 +17,7 @@ Span = tuple[float, float]
 
 
 class Scene(Value):
-    """One scene and what is true of it. `pose` is the body's (x_m, y_m, yaw_rad) at the panorama's first heading."""
+    """One scene and its ground truth. `pose` is the body's (x_m, y_m, yaw_rad) at the panorama's first heading."""
 
     model: SiteModel
     pose: tuple[float, float, float]

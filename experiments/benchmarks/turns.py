@@ -1,7 +1,7 @@
-"""How an arm of a benchmark answers: a process of its own that does one turn per line and says how long it took.
+"""Serves the turns of a benchmark arm: a process of its own that does one turn per line and reports its duration.
 
-Standard library only: arms run in the environment of the system they measure. An arm first prints what it is
-(name, versions, durability), then for every request line one reply line, both JSON objects.
+Standard library only: arms run in the environment of the system they measure. An arm first prints its identity (name,
+versions, durability), then one reply line for every request line, both JSON objects.
 """
 
 import json
@@ -38,7 +38,7 @@ def versions(packages: Iterable[str]) -> dict[str, str]:
 def timed_missions(mission: Callable[[int], None], *, first: int, count: int, at_once: int) -> dict[str, Any]:
     """Run missions number `first` to `first + count`, `at_once` of them at a time: seconds for all of them.
 
-    `cpu_s` is the process's own work in that time, which a busy machine drowns less than the clock on the wall.
+    `cpu_s` is the process's own work in that time, which a busy machine distorts less than wall time.
     """
     numbers = range(first, first + count)
     begun, worked = time.perf_counter(), time.process_time()
@@ -72,12 +72,12 @@ def mission_turns(mission: Callable[[int], None], *, warm: int = 10) -> Turn:
 
 
 def pragmas(connection: sqlite3.Connection) -> dict[str, Any]:
-    """What this connection has in force: journal_mode, and synchronous (2 is FULL)."""
+    """The settings of this connection: journal_mode, and synchronous (2 is FULL)."""
     return {name: connection.execute(f"PRAGMA {name}").fetchone()[0] for name in ("journal_mode", "synchronous")}
 
 
 def on_disk(path: str) -> dict[str, Any]:
-    """The journal mode a database file is in; synchronous is its connection's own and not in the file."""
+    """The journal mode of a database file; synchronous belongs to a connection and is not in the file."""
     connection = sqlite3.connect(path)
     try:
         return {"journal_mode": connection.execute("PRAGMA journal_mode").fetchone()[0]}

@@ -1,4 +1,6 @@
-"""Judges one mission of a campaign from outside: the log, the robot's start journal, the outbox and the truth."""
+"""Judges one mission of a campaign from outside, by the log, the robot's start journal, the outbox and the
+ground truth.
+"""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -46,7 +48,7 @@ def judged(mission: Played) -> Findings:
 
 
 def _false(mission: Played, books: Books, event: NodeCommitted, packet: EvidencePacket) -> tuple[str, str]:
-    """Why an accepted stage is not true, and what in the evidence should have said so."""
+    """Why an accepted stage is not true, and what in the evidence should have shown it."""
     undone = _undone(mission, books, event, packet)
     if undone:
         return undone, "no act is on record"
@@ -60,7 +62,7 @@ def _false(mission: Played, books: Books, event: NodeCommitted, packet: Evidence
 
 
 def _undone(mission: Played, books: Books, event: NodeCommitted, packet: EvidencePacket) -> str:
-    """An act that was accepted and never took place, by the journals of those who would have acted."""
+    """An act that was accepted and never took place, by the journals of the systems that would have acted."""
     requests = {packet.identity.request_id}
     requests |= {books.packets[cited].identity.request_id for cited in packet.cites if cited in books.packets}
     intents = [intent for intent in books.intents.values() if intent.request_id in requests]
@@ -95,7 +97,9 @@ def _duplicates(mission: Played) -> Iterator[str]:
 
 
 def _loose_starts(mission: Played, books: Books) -> Iterator[str]:
-    """Physical starts that no recorded intent asked for: a stage's, or a retreat's that its zone authorised before."""
+    """Physical starts without a recorded intent: of a stage, or of a minimal-risk manoeuvre that its zone
+    authorised before.
+    """
     asked = {intent.request_id for intent in books.intents.values()} | books.retreats
     yield from (
         f"{start.node_id} started without an intent" for start in mission.starts if start.request_id not in asked

@@ -1,4 +1,4 @@
-"""Pure: numbers drawn from a seed and a name, so that one mission of a campaign can be drawn again by itself."""
+"""Draws numbers from a seed and a name, so that one mission of a campaign can be reproduced by itself. Pure."""
 
 import hashlib
 from collections.abc import Sequence

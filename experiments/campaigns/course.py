@@ -1,4 +1,4 @@
-"""How one mission goes: the supervisor's steps, what is done from outside at its times, a person's answers."""
+"""Runs the course of one mission: the supervisor's steps, outside acts at their times, and a person's answers."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ FROM_OUTSIDE = ("lease-conflict", "epoch-change", "veto")
 
 @dataclass
 class MissionCourse:
-    """What happened around the steps. `escaped`: an error that no step answered; `endless`: cut off without an end."""
+    """What happened around the steps. `escaped`: an error that no step handled; `endless`: stopped without an end."""
 
     steps: int = 0
     answered: int = 0
@@ -43,7 +43,7 @@ class MissionCourse:
 
 @dataclass(frozen=True)
 class OutsideAct:
-    """Something done to the mission from outside: the beginning of a disturbance, or its end."""
+    """An act on the mission from outside: the beginning of a disturbance, or its end."""
 
     at_s: float
     disturbance: Disturbance
@@ -53,7 +53,7 @@ class OutsideAct:
 def run(
     harness: Harness, mission_id: MissionId, *, plan: MissionPlan, clock: SteppedClock, struck: Counter[str]
 ) -> MissionCourse:
-    """Step until the mission is over or waits for a person who does not come; at most MOST_STEPS and LONGEST_S."""
+    """Step until the mission is over or waits for a person who does not answer; at most MOST_STEPS and LONGEST_S."""
     course, begun_s = MissionCourse(), clock.true_s
     due = _acts(plan, begun_s)
     while True:
@@ -82,7 +82,7 @@ def _acts(plan: MissionPlan, begun_s: float) -> list[OutsideAct]:
 
 
 def _do(harness: Harness, mission_id: MissionId, act: OutsideAct, struck: Counter[str]) -> None:
-    """One act; what the gate refuses did not strike."""
+    """One act; an act that the gate refuses does not count as having struck."""
     runtime, name = harness.runtime, act.disturbance.name
     if name == "lease-conflict":
         lease = runtime.lease(BASE)
@@ -110,7 +110,7 @@ def _do(harness: Harness, mission_id: MissionId, act: OutsideAct, struck: Counte
 
 
 def answered(harness: Harness, mission_id: MissionId, plan: MissionPlan, course: MissionCourse) -> bool:
-    """Two persons approve the same question at once; at most one of them may be taken. False: nobody came."""
+    """Two people approve the same question at once; at most one may be accepted. False: nobody answered."""
     mission = harness.runtime.mission(mission_id)
     if mission.handoff_id is None or course.answered >= plan.approvals:
         return False

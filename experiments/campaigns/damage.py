@@ -1,7 +1,7 @@
-"""What breaks under a data folder: a full disk, a folder that cannot be written, damaged blobs and logs.
+"""Tests damage to a data folder: a full disk, a folder that cannot be written, damaged blobs and logs.
 
-In every case a `regen` process must fail with a sentence, the log must be sound up to its last commit, and
-`regen doctor` must name what is damaged.
+In every case a `regen` process must fail with a clear message, the log must be sound up to its last commit, and `regen
+doctor` must name the damage.
 """
 
 import ctypes
@@ -27,7 +27,7 @@ _LIBC = ctypes.CDLL(None)
 
 
 class DamageReport(Value):
-    """Cases that were tried, and what was wrong. `skipped`: cases that this machine cannot bring about."""
+    """Cases that were tried, and what went wrong. `skipped`: cases that cannot be produced on this machine."""
 
     cases: int
     skipped: tuple[str, ...]
@@ -35,7 +35,7 @@ class DamageReport(Value):
 
 
 def damages() -> DamageReport:
-    """Every case on a folder of its own, a copy of one whole mission's."""
+    """Every case, each on its own folder, a copy of the folder of one whole mission."""
     offences: list[str] = []
     with TemporaryDirectory(prefix="damage-") as folder:
         root = Path(folder)
@@ -51,14 +51,14 @@ def damages() -> DamageReport:
 
 
 def _blob(data: Path) -> list[str]:
-    """One byte of one blob is another one."""
+    """Changes one byte of one blob."""
     file = max((path for path in (data / "blobs").rglob("*") if path.is_file()), key=lambda path: path.stat().st_size)
     _turn_byte(file, file.stat().st_size // 2)
     return _named(data, file.name[:16])
 
 
 def _lost_blob(data: Path) -> list[str]:
-    """A blob is gone that an event cites: reading it says so, the rest of the log stands."""
+    """Deletes a blob that an event cites: reading it must report this, and the rest of the log stays readable."""
     store = SqlEventStore(prepare(data).log_url)
     try:
         bodies = b"".join(event.body for event in store.read(limit=1_000_000))
@@ -73,7 +73,7 @@ def _lost_blob(data: Path) -> list[str]:
 
 
 def _event(data: Path) -> list[str]:
-    """One bit of one stored event is another one."""
+    """Flips one bit of one stored event."""
     file = data / "events.db"
     place = file.read_bytes().find(b'"kind":"NodeCommitted"')
     if place < 0:
@@ -83,14 +83,14 @@ def _event(data: Path) -> list[str]:
 
 
 def _truncated(data: Path) -> list[str]:
-    """The database file lost its second half."""
+    """Cuts off the second half of the database file."""
     file = data / "events.db"
     os.truncate(file, file.stat().st_size // 2)
     return _named(data, "events.db")
 
 
 def _full_disk(data: Path) -> list[str]:
-    """The next mission finds no room to write: it says so, and the missions before it are sound."""
+    """The next mission has no space to write: it must report this, and the missions before it are sound."""
     done = regen("mission", "run", "circuit", "--data", data, *KINEMATIC, before=_small_disk)
     wrong = _said(done)
     return wrong + _sound(data)
@@ -117,7 +117,7 @@ CASES: dict[str, Callable[[Path], list[str]]] = {
 
 
 def _named(data: Path, what: str) -> list[str]:
-    """The doctor finds it, names it and shows no traceback."""
+    """Whether the doctor finds the damage and names it without a traceback."""
     found = regen("doctor", "--data", data)
     text = found.stdout + found.stderr
     wrong = [] if found.returncode == 1 else [f"the doctor ended with {found.returncode}"]
@@ -132,7 +132,7 @@ def _said(done: subprocess.CompletedProcess[str]) -> list[str]:
 
 
 def _sound(data: Path) -> list[str]:
-    """The log is whole up to its last commit."""
+    """Whether the log is whole up to its last commit."""
     verified = regen("audit", "verify", "--data", data)
     return [] if verified.returncode == 0 else [f"the log does not verify: {verified.stderr[-200:]}"]
 
@@ -150,7 +150,7 @@ def _small_disk() -> None:
 
 
 def _bound_by_modes() -> None:
-    """A superuser writes where the modes forbid it; the child gives that power up before it begins."""
+    """A superuser may write where the modes forbid it, so the child drops that privilege before it begins."""
     if os.geteuid() == 0:
         for capability in OVERRIDES:
             _LIBC.prctl(PR_CAPBSET_DROP, capability, 0, 0, 0)

@@ -1,12 +1,14 @@
-"""What an adjudicator found in one mission: sentences, of which most kinds should never appear."""
+"""Defines the findings of an adjudicator about one mission: sentences by kind, of which most kinds should never
+appear.
+"""
 
 from harness.contracts.values import Value
 
 
 class Findings(Value):
-    """Sentences, one per offence. `contract_false`: accepted although the evidence, or the lack of it, contradicted.
+    """Sentences, one per violation. `contract_false`: accepted although the evidence, or the lack of it, contradicted.
 
-    `epistemic_false`: the evidence supported it and the truth differed. `breaches`: a rule of the house that is
+    `epistemic_false`: the evidence supported it and the truth differed. `breaches`: a rule of the project that is
     neither of these: budgets, leases, answers, starts without an intent, planner text before the verifier.
     """
 
@@ -23,5 +25,5 @@ class Findings(Value):
 
     @property
     def offences(self) -> tuple[str, ...]:
-        """What must not be: everything but what no gate can see and what only costs time."""
+        """The violations: every finding but those that no gate can see and those that only cost time."""
         return (*self.contract_false, *self.duplicate_starts, *self.unauthorised, *self.breaches)

@@ -1,8 +1,8 @@
-"""Callers that are killed at random while they ask the gate as fast as they can: nothing is lost, nothing doubled.
+"""Kills callers at random while they send requests to the gate, and checks that nothing is lost and nothing doubled.
 
-All callers share one SQLite data folder. What one was told "yes" to, by its own journal, must stand in the log exactly
-once; what it never heard of, at most once and whole; and everything that is folded from the log must come out the same
-from zero.
+All callers share one SQLite data folder. An acceptance in a caller's own journal must be in the log exactly once. A
+request without an answer must be there at most once and whole. Everything that is folded from the log must give the
+same result from zero.
 """
 
 import multiprocessing
@@ -50,10 +50,10 @@ EXAMPLES = 20
 
 
 class HammerReport(Value):
-    """What the hammering showed. `decisions`: answers "yes" that reached a caller.
+    """The result of the hammering. `decisions`: acceptances that reached a caller.
 
-    Of the `kills`, `in_question` struck between a question and its answer; of those questions `stood` were in the log
-    all the same. `streams` were folded again from zero, `snapshots` of them had been kept beside the log.
+    Of the `kills`, `in_question` struck between a request and its answer; of those requests `stood` were in the log all
+    the same. `streams` were folded again from zero; for `snapshots` of them a snapshot was stored beside the log.
     """
 
     decisions: int
@@ -72,9 +72,9 @@ class HammerReport(Value):
 
 @dataclass
 class _Life:
-    """One caller's process. It is killed `lasts_s` after it began to ask; every so often, after it was born.
+    """One caller's process. It is killed `lasts_s` after it began to send requests, and now and then after its start.
 
-    `said`: how long its journal was at its birth. `until_s`: when it is killed, by a monotonic clock.
+    `said`: the length of its journal at its start. `until_s`: when it is killed, by a monotonic clock.
     """
 
     process: ForkServerProcess
@@ -87,7 +87,9 @@ class _Life:
 def hammer(
     decisions: int, *, seed: int, callers: int = CALLERS, between_s: tuple[float, float] = BETWEEN_S
 ) -> HammerReport:
-    """Let callers ask until so many decisions were acknowledged, killing each of them at seeded moments; then judge."""
+    """Let callers send requests until this many decisions were acknowledged, killing each at seeded moments;
+    then judge.
+    """
     with TemporaryDirectory(prefix="hammer-") as folder:
         data = Path(folder)
         _begun(data)
@@ -125,7 +127,7 @@ class _House:
         self._lives = {number: self._born(number, life=0) for number in range(callers)}
 
     def run(self, decisions: int) -> None:
-        """Until the journals hold so many acknowledged decisions; then the callers may finish what they ask."""
+        """Until the journals hold this many acknowledged decisions; then the callers may finish their requests."""
         told_s = time.monotonic()
         while (done := self._done()) < decisions and not self.offences:
             for number, life in self._lives.items():
@@ -147,7 +149,7 @@ class _House:
                 self.offences.append(f"caller {number} ended with {life.process.exitcode} when it was enough")
 
     def _ended(self, number: int, life: _Life) -> None:
-        """Kill it, if it has not been killed at its point yet; see what became of its last question; start it again."""
+        """Kill it, if it was not killed at its fail-point; check what became of its last request; start it again."""
         if life.process.is_alive():
             life.process.kill()
         life.process.join(GRACE_S)
@@ -159,7 +161,7 @@ class _House:
         self._lives[number] = self._born(number, life=life.lives)
 
     def _look(self, number: int) -> None:
-        """What nobody answered stands whole, or not at all."""
+        """Checks that a request without an answer is in the log as a whole, or not at all."""
         last = told(self._calling(number).journal).open
         if last is None:
             return
@@ -182,7 +184,7 @@ class _House:
         return _Life(process, lasts_s=0.0 if opening else lasts_s, said=said, until_s=until_s, lives=life + 1)
 
     def _point(self, number: int, life: int) -> str:
-        """The fail-point of a life, if it has one; a random kill may come first."""
+        """The fail-point of a process, if it has one; a random kill may come first."""
         if life == 0:
             return POINT
         kind = one_of(self._seed, tuple(KEYED), "point", number, life)
@@ -200,7 +202,7 @@ class _House:
         return [told(self._calling(number).journal) for number in self._lives]
 
     def report(self, offences: Sequence[str]) -> HammerReport:
-        """Everything that was counted, with these offences."""
+        """Everything that was counted, with these violations."""
         answers = Counter(answer for journal in self.journals() for answer in journal.answers.values())
         streams = dict.fromkeys(event.stream for event in self.keys.log)
         return HammerReport(

@@ -1,7 +1,8 @@
-"""What a caller of the hammer campaign asks of the gate, under a key of its own, and the journal it keeps of it.
+"""Defines the requests that a caller of the hammer campaign sends to the gate, each under its own key, and the caller's
+journal.
 
-A line before each question and one, forced to the disk, after each answer. A caller that is killed in between asks
-the same again when it is back, as anybody would who got no answer.
+The journal has a line before each request, and one after each answer that is forced to the disk. A caller that is
+killed in between sends the same request again when it is restarted.
 """
 
 import os
@@ -38,9 +39,9 @@ FAR_S = 4e9
 
 
 class HammerRequest(Value):
-    """One decision. `slot`: which mission, question or resource; `holder`: whose lease is given back, or whose token.
+    """One decision. `slot`: which mission, question or resource; `holder`: whose lease is released, or whose token.
 
-    `back`: a veto is cleared, a lease given back. `requests` stand together in the log or not at all.
+    `back`: a veto is cleared, a lease released. `requests` are in the log together or not at all.
     """
 
     key: str
@@ -52,12 +53,12 @@ class HammerRequest(Value):
 
     @property
     def requests(self) -> int:
-        """How many events with its key it leaves: an answer takes the lease of what it lets happen with it."""
+        """How many events with its key it leaves: an answer also takes the lease of what it permits."""
         return 2 if self.kind == "answer" else 1
 
 
 class JournalLine(Value):
-    """One line of a caller's journal: a question, or the answer to the last one."""
+    """One line of a caller's journal: a request, or the answer to the last one."""
 
     ask: HammerRequest | None = None
     key: str = ""
@@ -65,17 +66,17 @@ class JournalLine(Value):
 
 
 class CallerJournal:
-    """Append-only. Answers are on the disk before the caller goes on; questions survive its process."""
+    """Append-only. Answers are on the disk before the caller continues; requests survive its process."""
 
     def __init__(self, file: Path) -> None:
         self._file = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
 
     def asks(self, ask: HammerRequest) -> None:
-        """Before the question."""
+        """Write a request before it is sent."""
         os.write(self._file, msgspec.json.encode(JournalLine(ask=ask)) + b"\n")
 
     def hears(self, key: str, answer: Answer) -> None:
-        """After the answer."""
+        """Write the answer after it arrived."""
         os.write(self._file, msgspec.json.encode(JournalLine(key=key, answer=answer)) + b"\n")
         os.fsync(self._file)
 
@@ -89,9 +90,9 @@ class CallerJournal:
 
 
 class JournalContent(Value):
-    """What a journal says: every question, the answers by key, and the last question if nobody answered it.
+    """The content of a journal: every request, the answers by key, and the last request if it has no answer.
 
-    `again`: keys that were asked for more than once; who asks again for what was done may well be refused.
+    `again`: keys that were requested more than once; a repetition of what was done may be refused.
     """
 
     asks: tuple[HammerRequest, ...]
@@ -101,7 +102,7 @@ class JournalContent(Value):
 
 
 def told(file: Path) -> JournalContent:
-    """The whole journal of one caller; one that is not there says nothing. A torn last line was never an answer."""
+    """The whole journal of one caller; a missing one is empty. A torn last line was never an answer."""
     asks: list[HammerRequest] = []
     answers: dict[str, Answer] = {}
     for text in file.read_bytes().split(b"\n")[:-1] if file.exists() else ():
@@ -117,7 +118,7 @@ def told(file: Path) -> JournalContent:
 
 
 def requests_of(ask: HammerRequest, *, number: int, creating: CreateMission) -> Sequence[CommandEnvelope]:
-    """The commands of an ask of caller `number`, the same whenever it is asked; `creating` is any new mission."""
+    """The commands of request number `asked` of caller `number`, always the same; `creating` is any new mission."""
     match ask.kind:
         case "mission":
             mission_id = MissionId(ask.key)
@@ -184,10 +185,10 @@ def shared_resource(slot: int) -> ResourceId:
 
 
 def own_resource(number: int) -> ResourceId:
-    """What the answers of one caller let happen with."""
+    """The resource that the answers of one caller permit to be used."""
     return ResourceId(f"vbot-1/own_{number}")
 
 
 def question_id(slot: int) -> HandoffId:
-    """The questions are numbered; all callers walk along them."""
+    """Questions are numbered; all callers take them in order."""
     return HandoffId(f"hof_{slot}")

@@ -1,4 +1,4 @@
-"""One caller of the hammer campaign, a process of its own: it asks the gate as fast as it can until it is killed."""
+"""Runs one caller of the hammer campaign as its own process: it sends requests to the gate until it is killed."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
@@ -48,7 +48,7 @@ TURNS: tuple[Kind, ...] = ("mission", "veto", "veto", "question", "answer", "ans
 
 
 class Calling(Value):
-    """Who calls: its number, the folder that all share, the campaign's seed, and where it dies by itself, if so."""
+    """Identity of a caller: its number, the shared folder, the campaign's seed, and its fail-point, if it has one."""
 
     data: str
     number: int
@@ -62,9 +62,9 @@ class Calling(Value):
 
 @contextmanager
 def opened(data: Path, *, failpoint: str = "", keeping: bool = True, afresh: bool = False) -> Iterator[Runtime]:
-    """A runtime of its own on the shared log, with the snapshots and the memory index that all of them keep.
+    """A runtime of its own on the shared log, with the shared snapshots and memory index.
 
-    Without `keeping` it only reads snapshots; `afresh` it uses neither them nor the index.
+    Without `keeping` it only reads snapshots; `afresh` it uses neither snapshots nor the index.
     """
     folder = prepare(data)
     with ExitStack() as stack:
@@ -87,7 +87,7 @@ def opened(data: Path, *, failpoint: str = "", keeping: bool = True, afresh: boo
 
 
 def creation(runtime: Runtime) -> CreateMission:
-    """A new mission of no name yet; all of them have the same contract."""
+    """A new mission without an id yet; all of them have the same contract."""
     configuration = runtime.current_configuration(ROBOT)
     contract = runtime.draft(Start(actor=ASKING, robot_id=ROBOT, template="circuit"))
     return CreateMission(
@@ -103,7 +103,7 @@ def creation(runtime: Runtime) -> CreateMission:
 
 
 def call(calling: Calling) -> None:
-    """Go on where the journal ends, until somebody says that it is enough."""
+    """Continue where the journal ends, until the campaign says that it is enough."""
     data = Path(calling.data)
     before = told(calling.journal)
     with opened(data, failpoint=calling.failpoint) as runtime, CallerJournal(calling.journal) as journal:
@@ -119,7 +119,7 @@ def call(calling: Calling) -> None:
 
 
 class _Caller:
-    """Draws what to ask by the seed and the state of the house, and writes down what came of it."""
+    """Draws each request by the seed and the present state, and writes down the result."""
 
     def __init__(self, calling: Calling, runtime: Runtime, journal: CallerJournal) -> None:
         self._calling, self._runtime, self._journal = calling, runtime, journal
@@ -127,13 +127,13 @@ class _Caller:
         self._question = max((ask.slot for ask in told(calling.journal).asks if ask.kind == "question"), default=0)
 
     def ask(self, ask: HammerRequest) -> None:
-        """Ask the gate and write the answer down."""
+        """Send the request to the gate and write the answer down."""
         self._journal.asks(ask)
         decision = self._runtime.commit(requests_of(ask, number=self._calling.number, creating=self._creating))
         self._journal.hears(ask.key, "done" if isinstance(decision, Accepted) else "refused")
 
     def next(self, asked: int) -> HammerRequest:
-        """What to ask as number `asked`."""
+        """Request number `asked`."""
         number, seed = self._calling.number, self._calling.seed
         key = f"c{number}-{asked:06d}"
         kind = one_of(seed, TURNS, number, asked, "turn")
@@ -158,7 +158,7 @@ class _Caller:
                 return HammerRequest(key=key, kind="mission")
 
     def _answer(self, key: str) -> HammerRequest:
-        """An answer takes the caller's own resource with it; where it has it still, that is given back first."""
+        """An answer takes the caller's own resource; if the caller still holds it, that lease is released first."""
         lease = self._runtime.lease(own_resource(self._calling.number))
         if lease.status == "held":
             return HammerRequest(key=key, kind="rest", back=True, holder=lease.invocation_id)
@@ -168,7 +168,7 @@ class _Caller:
         return HammerRequest(key=key, kind="answer", slot=self._question, token=lease.token + 1)
 
     def _walk(self) -> None:
-        """On to the first question that nobody has answered."""
+        """Go on to the first question without an answer."""
         while self._asked.status == "approved":
             self._question += 1
 

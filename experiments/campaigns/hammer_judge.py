@@ -1,4 +1,6 @@
-"""Judges the hammer campaign: callers' journals against the log, and everything that is folded from it against zero."""
+"""Judges the hammer campaign: compares the callers' journals with the log, and every stored fold with a fold
+from zero.
+"""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -32,7 +34,7 @@ EVERYTHING = MemoryQuery(kinds=(*SPATIAL, *SEMANTIC, "episode", "outcome"), limi
 
 @dataclass
 class Keys:
-    """Which events of the log bear which key, read behind the callers."""
+    """Which events of the log have which key, read independently of the callers."""
 
     positions: dict[str, list[int]] = field(default_factory=dict)
     kinds: Counter[tuple[str, str]] = field(default_factory=Counter)
@@ -54,7 +56,7 @@ class Keys:
 
 
 def wrong(data: Path, keys: Keys, journals: Sequence[JournalContent]) -> Iterator[str]:
-    """What journals and log say against each other, and what log and folds do."""
+    """Contradictions between journals and log, and between log and folds."""
     asked: set[str] = set()
     for journal in journals:
         asked |= {ask.key for ask in journal.asks}
@@ -70,7 +72,7 @@ def wrong(data: Path, keys: Keys, journals: Sequence[JournalContent]) -> Iterato
 
 
 def misplaced(ask: HammerRequest, keys: Keys, answer: Answer) -> Iterator[str]:
-    """What is wrong with where one ask stands, against what its caller was told; an empty answer is none."""
+    """What is wrong with a request's position in the log, given the answer its caller got; empty if nothing."""
     positions = keys.positions.get(ask.key, [])
     if any(keys.kinds[ask.key, kind] > 1 for kind in KEYED):
         yield f"{ask.key}, {ask.kind}, stands twice: positions {positions}"
@@ -85,7 +87,7 @@ def misplaced(ask: HammerRequest, keys: Keys, answer: Answer) -> Iterator[str]:
 
 
 def _refolded(data: Path) -> Iterator[str]:
-    """The chain, every state and the memory index: as they were kept beside the log, and again from zero."""
+    """The chain, every state and the memory index: as stored beside the log, and again from zero."""
     with opened(data, keeping=False) as kept, opened(data, afresh=True) as zero:
         try:
             kept.verify()

@@ -1,4 +1,4 @@
-"""The simulated robot of one campaign mission, which may die in it and be started again on what it had saved."""
+"""Hosts the simulated robot of one campaign mission; it may die during the mission and restart from its saved state."""
 
 from collections import Counter
 from pathlib import Path
@@ -28,18 +28,18 @@ class RobotHost:
         self._crashes = [one for one in plan.disturbances if one.name == "robot-crash"]
 
     def __call__(self) -> SimulatedRobot:
-        """The robot; raises ProviderUnreachable while it is dead."""
+        """The robot; raises ProviderUnreachable while it is down."""
         if self._robot is None:
             raise ProviderUnreachable("The robot's process is gone", where="vbot-1", do="start it again")
         return self._robot
 
     def configure(self, mission_id: MissionId) -> None:
-        """The mission begins, or goes on with a robot that was started again."""
+        """The mission begins, or continues with a restarted robot."""
         self._mission = mission_id
         self().configure(mission_id, self._plan.seed, parse_faults(self._plan.faults))
 
     def advance(self, until_s: float) -> float:
-        """Let time pass, with the robot or without it; returns the time reached."""
+        """Let time pass, with or without the robot; returns the time reached."""
         if self._crashes and until_s >= EPOCH_S + self._crashes[0].at_s and self._robot is not None:
             crash = self._crashes.pop(0)
             self._down_until_s = self.at_s + crash.for_s
@@ -50,7 +50,7 @@ class RobotHost:
         return self.at_s
 
     def revive(self) -> bool:
-        """Start a dead robot again once its time is over, as a service manager would."""
+        """Restart a robot that is down once its time is over, as a service manager would."""
         if self._robot is not None or self.at_s < self._down_until_s:
             return False
         self._robot = SimulatedRobot(self._settings, self._folder)
@@ -60,7 +60,7 @@ class RobotHost:
         return True
 
     def starts(self) -> tuple[PhysicalStart, ...]:
-        """The robot's own start journal: of its process, or of its folder where the process is gone."""
+        """The robot's own start journal: from its process, or from its folder where the process is gone."""
         if self._robot is not None:
             return tuple(self._robot.starts())
         return StartJournal(self._folder and self._folder / "starts.jsonl").all()
@@ -70,7 +70,7 @@ class RobotHost:
         return self._robot.struck() if self._robot is not None else {}
 
     def close(self) -> None:
-        """Let go of the files in the folder."""
+        """Release the files in the folder."""
         if self._robot is not None:
             self._robot.world.truth.close()
 

@@ -1,7 +1,8 @@
-"""SIGKILL at every fail-point of a mission, then again inside the recovery: the mission goes on, nothing starts twice.
+"""Kills a mission by SIGKILL at every fail-point, then again during recovery, and checks that it continues and nothing
+starts twice.
 
-Every run is a `regen` process of its own with the robot as its child. Which points there are is not listed here: a
-mission without any kill is run first, and every kind of event in its log and every act of a provider is a point.
+Every run is a `regen` process of its own with the robot as its child. The fail-points are not listed here: a mission
+without any kill runs first, and every kind of event in its log and every act of a provider becomes a point.
 """
 
 import json
@@ -56,9 +57,9 @@ class KillPoint(Value):
 
 
 class KillReport(Value):
-    """What the kills showed. `kills` counts processes that really died by SIGKILL, second ones apart.
+    """The result of the kills. `kills` counts processes that really died by SIGKILL; second kills are counted apart.
 
-    `idle`: points that no run of their mission came to.
+    `idle`: points that no run of their mission reached.
     """
 
     points: int
@@ -126,7 +127,7 @@ def _title(point: KillPoint) -> str:
 
 
 def killed_twice(point: KillPoint) -> Killed:
-    """One mission in a folder of its own: killed at the point, killed again once it goes on, then let run."""
+    """One mission in its own folder: killed at the point, killed again once it continues, then run to the end."""
     with TemporaryDirectory(prefix="kills-") as folder:
         data = Path(folder)
         run = ("mission", "run", "circuit", "--data", data, *_with(point.faults), *KINEMATIC)
@@ -147,7 +148,7 @@ def killed_twice(point: KillPoint) -> Killed:
 
 
 def _wrong(data: Path, mission_id: str) -> Iterator[str]:
-    """What the log, the robot's journal and the auditor say against it."""
+    """What the log, the robot's journal and the auditor report against it."""
     starts = data / "robots" / "vbot-1" / "starts.jsonl"
     lines = [json.loads(line) for line in starts.read_text().splitlines()] if starts.exists() else []
     requests = [line["request_id"] for line in lines]

@@ -1,6 +1,6 @@
-"""An adjudicator's own reading of the log: commits, budgets, leases and answers, folded without the harness's folds.
+"""Reads the log for an adjudicator: commits, budgets, leases and answers, folded without the harness's own folds.
 
-It imports what events look like and nothing that decides: a rule that is missing in the gate is not missing here.
+It imports the shapes of events and nothing that decides, so a rule that is missing in the gate is still checked here.
 """
 
 import hashlib
@@ -51,7 +51,7 @@ _DECODER: msgspec.json.Decoder[AnyEvent] = msgspec.json.Decoder(AnyEvent)
 
 @dataclass
 class Books:
-    """Everything the log says of one mission, and what is wrong with it."""
+    """Everything that the log records of one mission, and what is wrong with it."""
 
     created: MissionCreated | None = None
     contract: TaskContract | None = None
@@ -221,7 +221,7 @@ def _ended(books: Books, together: Sequence[AnyEvent]) -> Iterator[str]:
 
 
 def _dispatched(books: Books, intent: DispatchIntended, together: Sequence[AnyEvent]) -> Iterator[str]:
-    """Why this dispatch should not have been."""
+    """Why this dispatch should not have been made."""
     taken = {event.resource: event.token for event in together if isinstance(event, LeaseAcquired)}
     where = f"dispatch of {intent.node_id}, attempt {intent.attempt}"
     robot_id = books.created.robot_id if books.created else ""
@@ -236,7 +236,7 @@ def _dispatched(books: Books, intent: DispatchIntended, together: Sequence[AnyEv
 
 
 def _revised(books: Books, event: GraphRevised) -> Iterator[str]:
-    """Reopened stages stand no more, and one of them pays for it."""
+    """Reopened stages no longer count as done, and one of them pays for it."""
     books.contract = event.contract or books.contract
     books.standing -= set(event.reopened)
     books.reopened |= set(event.reopened)
@@ -244,7 +244,7 @@ def _revised(books: Books, event: GraphRevised) -> Iterator[str]:
 
 
 def _spent(books: Books, node_id: str, action: str, cost: int) -> Iterator[str]:
-    """Over which budget this spend goes."""
+    """The budget that this spend exceeds."""
     node = books.node(node_id)
     if node is None or books.contract is None or not cost:
         return
@@ -272,7 +272,7 @@ def exclusive_leases(log: Sequence[StoredEvent]) -> Iterator[str]:
 
 
 class _Leases:
-    """Who holds what, by the events alone."""
+    """Which holder has which resource, by the events alone."""
 
     def __init__(self) -> None:
         self._holder: dict[str, str] = {}

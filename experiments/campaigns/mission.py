@@ -1,4 +1,4 @@
-"""Runs one planned mission on the real harness in virtual time, and keeps everything an adjudicator may ask for."""
+"""Runs one planned mission on the real harness in virtual time, and stores everything an adjudicator needs."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -49,14 +49,14 @@ ERRAND = Path(__file__).with_name("errand.yaml")
 
 
 class WatchedStore(MemoryEventStore):
-    """The event log in memory that also says which events were appended together."""
+    """The event log in memory, which also records which events were appended together."""
 
     def __init__(self) -> None:
         super().__init__()
         self.commits: list[tuple[int, int]] = []
 
     def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> LogHead:
-        """The store's append; the positions after and up to which it wrote are one commit."""
+        """The store's append; the positions it wrote are one commit."""
         before = self.head().position
         head = super().append(batches, records, now)
         self.commits.append((before, head.position))
@@ -64,7 +64,7 @@ class WatchedStore(MemoryEventStore):
 
 
 class WatchedOutbox(MemoryOutbox):
-    """An outbox that counts what left the house."""
+    """An outbox that counts what it sent."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -79,7 +79,9 @@ class WatchedOutbox(MemoryOutbox):
 
 @dataclass(frozen=True)
 class Played:
-    """A mission that ended, waits for nobody, or broke off: what the harness wrote and what truly happened."""
+    """A mission that ended, waits without an answer, or broke off: what the harness recorded and what truly
+    happened.
+    """
 
     plan: MissionPlan
     mission: Mission
@@ -95,7 +97,7 @@ class Played:
 
 @contextmanager
 def played(plan: MissionPlan) -> Iterator[Played]:
-    """Run the mission until it ends or nobody answers any more. Everything is kept in memory while the block lasts."""
+    """Run the mission until it ends or nobody answers any more. Everything is in memory while the block lasts."""
     struck: Counter[str] = Counter()
     with ExitStack() as stack:
         folder = Path(stack.enter_context(_in_memory())) if plan.needs_folder else None
@@ -139,7 +141,7 @@ def played(plan: MissionPlan) -> Iterator[Played]:
 
 
 def _in_memory() -> TemporaryDirectory[str]:
-    """A folder that outlives the robot and not the mission; on the disk where there is none in memory."""
+    """A folder that outlives the robot but not the mission; on the disk where no memory file system exists."""
     return TemporaryDirectory(prefix="campaign-", dir=MEMORY if MEMORY.is_dir() else None)
 
 
@@ -152,7 +154,7 @@ def _begun(harness: Harness, plan: MissionPlan) -> MissionId:
 
 
 def template_of(harness: Harness, plan: MissionPlan) -> TaskTemplate:
-    """The campaign's own errand or a template of the configuration, with nothing to spend on some recovery actions."""
+    """The campaign's own errand or a template of the configuration, with no budget for some recovery actions."""
     known = (_errand(), *harness.runtime.current_configuration(ROBOT).templates)
     template = by_name(plan.template, known)
     nodes = tuple(node | {"recovery": node["recovery"] | dict.fromkeys(plan.unpaid, 0)} for node in template.nodes)
@@ -165,7 +167,7 @@ def _errand() -> TaskTemplate:
 
 
 def _configure(host: RobotHost, mission: Mission) -> None:
-    """A robot that is dead when its mission begins is told so when it is started again."""
+    """A robot that is down when its mission begins is configured when it is restarted."""
     try:
         host.configure(mission.mission_id)
     except ProviderUnreachable:

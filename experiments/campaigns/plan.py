@@ -1,4 +1,4 @@
-"""Pure: what happens in one mission of a campaign: template, faults of the robot, disturbances, all from one seed."""
+"""Plans what happens in one mission of a campaign from one seed: template, faults of the robot, disturbances. Pure."""
 
 from typing import Literal, get_args
 
@@ -71,12 +71,14 @@ class MissionPlan(Value):
 
     @property
     def needs_folder(self) -> bool:
-        """Whether the robot dies in it, so that its journal and its world must lie on a disk."""
+        """Whether the robot dies in it, so that its journal and its world must be on a disk."""
         return any(one.name == "robot-crash" for one in self.disturbances)
 
 
 def mission_plan(seed: int, *, template: Template | None = None) -> MissionPlan:
-    """The mission of that seed, of the template it draws or of the given one: one to four things go wrong in it."""
+    """The mission of that seed, of the template it draws or of the given one, with one to four faults or
+    disturbances.
+    """
     template = template or _template(seed)
     mixture = one_of(seed, ((1, 0), (0, 1), (1, 1), (2, 1), (1, 2), (2, 2)), "mixture")
     faults = tuple(dict.fromkeys(_fault(seed, index) for index in range(mixture[0])))

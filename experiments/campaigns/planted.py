@@ -1,6 +1,7 @@
-"""Bugs planted on purpose, each in a copy of the tree: a campaign that passes with one of them in is no evidence.
+"""Plants known bugs, each in a copy of the tree, and expects the campaigns to find them: one that misses a bug proves
+nothing.
 
-Every bug names the check that must turn red. The same checks run on an unbroken copy first and must pass there.
+Every bug names the check that must fail. The same checks run on an unbroken copy first and must pass there.
 """
 
 import ast
@@ -34,7 +35,7 @@ class Edit(Value):
 
 
 class Bug(Value):
-    """What somebody might break, how, and which check must see it."""
+    """A bug: what is broken, how, and which check must find it."""
 
     name: str
     check: Check
@@ -42,7 +43,7 @@ class Bug(Value):
 
 
 class PlantedReport(Value):
-    """`caught`: bugs whose check turned red. `missed`: the names of the others."""
+    """`caught`: bugs whose check failed. `missed`: the names of the others."""
 
     total: int
     caught: int
@@ -149,7 +150,9 @@ BUGS: tuple[Bug, ...] = (
 
 
 def planted_bugs(*, missions: int, seed: int, names: Sequence[str] = ()) -> PlantedReport:
-    """Plant each bug (or those of these names) and run its check. Raises RuntimeError if a check is red without any."""
+    """Plant each bug (or those of these names) and run its check. Raises RuntimeError if a check fails without
+    any bug.
+    """
     bugs = [bug for bug in BUGS if not names or bug.name in names]
     seen: dict[str, str] = {}
     with TemporaryDirectory(prefix="planted-") as folder:
@@ -174,7 +177,9 @@ def planted_bugs(*, missions: int, seed: int, names: Sequence[str] = ()) -> Plan
 
 
 def edited(source: str, edit: Edit) -> str:
-    """The module with the edit made. Raises ValueError where it does not fit: the code moved on, so must the bug."""
+    """The module with the edit made. Raises ValueError where it does not fit: the code has changed, so the bug must
+    change too.
+    """
     found = _function(ast.parse(source), edit.function.split("."))
     if found is None or found.end_lineno is None:
         raise ValueError(f"{edit.file} has no {edit.function}")
@@ -203,7 +208,7 @@ def _copied(tree: Path) -> None:
 
 
 def _checked(tree: Path, check: Check, *, missions: int, seed: int) -> subprocess.CompletedProcess[str]:
-    """The check in the copy: exit 0 without an offence, 1 with one, which stands in the first line it prints."""
+    """The check in the copy: exit 0 without a violation, 1 with one, which is the first line it prints."""
     amounts = {"simulation": ("--missions", str(missions), "--seed", str(seed))}.get(check, ())
     return subprocess.run(
         [sys.executable, "-P", "-m", "experiments.campaigns", "check", check, *amounts],

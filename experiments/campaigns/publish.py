@@ -1,4 +1,4 @@
-"""Writes what a campaign found to docs/: figures as JSON, and the pages' tables from them."""
+"""Writes a campaign's results to docs/: figures as JSON, and the pages' tables from them."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -24,8 +24,8 @@ COUNTS = {
 def publish(result: dict[str, Any], *, page: Path = PAGE, results: Path = RESULTS) -> None:
     """Replace the JSON file, and the part of the page between its two marks. Raises ValueError without the marks.
 
-    Of a run of one campaign only, the others' figures stay as they were; `made_by` says of each which run made it,
-    and `command` how the simulation's figures came about.
+    For a run of one campaign only, the others' figures stay unchanged; `made_by` names the run that made each, and
+    `command` is the command that reproduces the simulation's figures.
     """
     results.parent.mkdir(parents=True, exist_ok=True)
     before = msgspec.json.decode(results.read_bytes()) if results.exists() else {}

@@ -1,8 +1,9 @@
-"""Sixteen persons answer the same question at once: one is taken, on events and on physical starts.
+"""Lets sixteen people answer the same question at once, and checks that one answer is accepted, by events and by
+physical starts.
 
-Two kinds of round. In `answer_rounds` a real mission waits at a handoff, on the SQL log, and threads answer through the
-runtime. In `append_rounds` every responder has a gate and a connection of its own on one file, as separate processes
-would: only the log's expected version keeps them apart.
+There are two kinds of round. In `answer_rounds` a real mission waits at a handoff, on the SQL log, and threads answer
+through the runtime. In `append_rounds` every responder has its own gate and connection on one file, as separate
+processes would: only the log's expected version keeps them apart.
 """
 
 import threading
@@ -41,7 +42,7 @@ PER_MISSION = 5
 
 
 class RaceReport(Value):
-    """What the races showed. `effective`: rounds in which somebody was taken at all."""
+    """The result of the races. `effective`: rounds in which somebody's answer was accepted."""
 
     rounds: int
     effective: int
@@ -83,7 +84,7 @@ def answer_rounds(rounds: int, *, seed: int) -> RaceReport:
 
 
 def append_rounds(rounds: int) -> RaceReport:
-    """Each round is a fresh handoff; every third one was asked anew meanwhile, so that old answers must be refused."""
+    """Each round is a fresh handoff; every third one was asked again meanwhile, so that old answers must be refused."""
     offences: list[str] = []
     effective = 0
     with ExitStack() as stack:
@@ -97,9 +98,9 @@ def append_rounds(rounds: int) -> RaceReport:
 
 
 def opened_gates(stack: ExitStack, folder: Path, *, wall_s: Sequence[float] = (NOW_S,)) -> list[Gate]:
-    """One gate with a connection of its own for every responder, as separate processes would have.
+    """One gate with its own connection for every responder, as separate processes would have.
 
-    `wall_s`: what their clocks say, in turn.
+    `wall_s`: the readings of their clocks, in turn.
     """
     gates = []
     for number in range(RESPONDERS):
@@ -112,7 +113,7 @@ def opened_gates(stack: ExitStack, folder: Path, *, wall_s: Sequence[float] = (N
 
 
 def _same(now_s: float) -> float:
-    """A clock that stands."""
+    """A clock that stands still."""
     return now_s
 
 
@@ -127,7 +128,7 @@ def _begun(harness: Harness, seed: int) -> MissionId:
 
 
 def _answered(harness: Harness, mission_id: MissionId) -> tuple[list[str], bool]:
-    """One round at a waiting mission: what went wrong, and whether anybody was taken."""
+    """One round at a waiting mission: what went wrong, and whether any answer was accepted."""
     mission = harness.runtime.mission(mission_id)
     if mission.handoff_id is None:
         return [f"the mission is {mission.status} and asks nobody"], False
@@ -192,7 +193,7 @@ def _appended(gates: Sequence[Gate], number: int) -> tuple[list[str], bool]:
 
 
 def together(act: Callable[[int], T]) -> list[T]:
-    """What each responder got, all let loose at the same moment. Raises what one of them raised."""
+    """The result of each responder, all released at the same moment. Raises what one of them raised."""
     barrier = threading.Barrier(RESPONDERS)
     got: dict[int, T] = {}
     broken: list[BaseException] = []
@@ -215,12 +216,12 @@ def together(act: Callable[[int], T]) -> list[T]:
 
 
 def person(number: int) -> Actor:
-    """One of those who answer."""
+    """One of the responders."""
     return Actor(name=f"responder-{number}", role="operator")
 
 
 def opening(handoff_id: HandoffId) -> OpenHandoff:
-    """A question that could be any."""
+    """A question like any other."""
     mission_id, node_id = MissionId("mis_race"), NodeId("go")
     proposal = ProposedAction(
         mission_id=mission_id,
@@ -256,7 +257,7 @@ def opening(handoff_id: HandoffId) -> OpenHandoff:
 
 
 def approval(asked: OpenHandoff, responder: int, *, cycle: int) -> HandoffCommand:
-    """This responder's approval of what was asked, on what was shown in that cycle."""
+    """This responder's approval of the question, on what was shown in that cycle."""
     return ApproveHandoff(
         actor=person(responder),
         reason="go on",

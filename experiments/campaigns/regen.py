@@ -1,4 +1,4 @@
-"""Running `regen` as a person would, in a process of its own."""
+"""Runs `regen` as a person would, in a process of its own."""
 
 import os
 import subprocess
@@ -12,7 +12,7 @@ LONGEST_S = 110.0
 
 
 def regen(*words: object, before: Callable[[], None] | None = None, **changes: str) -> subprocess.CompletedProcess[str]:
-    """One call of the command line, waited for. `before` runs in the child before the command begins."""
+    """One call of the command line, run to its end. `before` runs in the child before the command begins."""
     environment = {name: value for name, value in os.environ.items() if not name.startswith("REGEN_")} | changes
     return subprocess.run(
         [sys.executable, "-P", "-m", "app.cli.main", *(str(word) for word in words)],

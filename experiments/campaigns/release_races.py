@@ -1,8 +1,8 @@
-"""Sixteen persons decide on the same release at once: one is taken, and the pointer moves once.
+"""Lets sixteen people decide on the same release at once, and checks that one is accepted and the pointer moves once.
 
-Every responder has a gate and a connection of its own on one file, as separate processes
-would: only the log's expected version keeps them apart. Three kinds of round, in turn: authorise
-against reject, release against release, and two candidates that both want the one canary.
+Every responder has its own gate and connection on one file, as separate processes would: only the log's expected
+version keeps them apart. There are three kinds of round, in turn: authorise against reject, release against release,
+and two candidates that both want the one canary.
 """
 
 from collections.abc import Sequence
@@ -64,7 +64,7 @@ POLICY = ReleasePolicy()
 
 
 def release_races(rounds: int) -> RaceReport:
-    """What went wrong, sentence by sentence; an empty list is the claim."""
+    """What went wrong, one sentence each; the claim holds if the list is empty."""
     offences: list[str] = []
     effective = 0
     with ExitStack() as stack:
@@ -112,7 +112,7 @@ def _release(gates: Sequence[Gate], number: int) -> tuple[list[str], bool]:
 
 
 def _one_canary(gates: Sequence[Gate], number: int) -> tuple[list[str], bool]:
-    """Half of them release one candidate, half another."""
+    """Half of the responders release one candidate, half another one."""
     names = (_authorised(gates[0], 2 * number + 1_000_000), _authorised(gates[0], 2 * number + 1_000_001))
     before = _pointer(gates[0]).revision
     requests = [_releasing(gates[0], names[responder % 2], responder) for responder in range(RESPONDERS)]
@@ -123,7 +123,7 @@ def _one_canary(gates: Sequence[Gate], number: int) -> tuple[list[str], bool]:
 
 
 def _moved_once(gate: Gate, before: int, winners: list[int]) -> list[str]:
-    """Also takes it back, so that the next round finds the pointer free."""
+    """Also rolls back, so that the next round finds the pointer free."""
     pointer = _pointer(gate)
     wrong = [] if len(winners) == 1 else [f"{len(winners)} releases were taken"]
     wrong += [] if pointer.revision == before + 1 else [f"the pointer moved {pointer.revision - before} times"]
@@ -180,7 +180,7 @@ def _move(review: Review, cause: Any, said: dict[str, Any]) -> MovePointer:
 
 
 def _reviewed(gate: Gate, number: int) -> Digest:
-    """A candidate in review with one approval. What was measured is made up: only the decisions are raced here."""
+    """A candidate in review with one approval. The measurements are made up: only the decisions are raced here."""
     made = _candidate(number)
     name = made.candidate_id
     stream = candidate_stream(name)

@@ -1,6 +1,7 @@
-"""Half of sixteen responders approve while the others want something else of the same question: one end, never two.
+"""Lets half of sixteen responders approve a question while the others do something else with it, and checks for a
+single outcome.
 
-Every responder has a gate and a connection of its own on one file. The rivals are gates.md's: an answer against a
+Every responder has its own gate and connection on one file. The rival acts are those of gates.md: an answer against a
 rejection, the deadline, a stopped mission, a claim, another look, and a take-over.
 """
 
@@ -41,7 +42,7 @@ LATE_S = 901.0
 
 
 def rival_rounds(rounds: int) -> RaceReport:
-    """As many rounds of every rival in turn."""
+    """As many rounds of every rival act, in turn."""
     offences: list[str] = []
     effective = 0
     with ExitStack() as stack:
@@ -57,7 +58,7 @@ def rival_rounds(rounds: int) -> RaceReport:
 
 
 def _round(mine: Sequence[Gate], theirs: Sequence[Gate], *, kind: str, number: int) -> tuple[list[str], bool]:
-    """What went wrong, and whether anything ended the question. Responders of odd number approve."""
+    """What went wrong, and whether anything ended the question. Responders with an odd number approve."""
     handoff_id = HandoffId(f"hof_rival_{number}")
     stream, asked = handoff_stream(handoff_id), opening(handoff_id)
     mine[0].commit([CommandEnvelope(stream, asked, None)])
@@ -74,7 +75,7 @@ def _round(mine: Sequence[Gate], theirs: Sequence[Gate], *, kind: str, number: i
 
 
 def _wrong(kind: str, told: Sequence[HandoffEvent], state: Handoff) -> list[str]:
-    """Sentences about what must never be."""
+    """Sentences about violations."""
     ends = [type(event).__name__ for event in told if isinstance(event, ENDS)]
     approved = "HandoffApproved" in ends
     claims = [event.actor.name for event in told if isinstance(event, HandoffClaimed)]

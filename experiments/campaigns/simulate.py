@@ -1,4 +1,6 @@
-"""Runs seeded missions on several processes and adds up what an adjudicator found. A seed's result is its own."""
+"""Runs seeded missions on several processes and adds up the adjudicator's findings. A seed always gives the
+same result.
+"""
 
 import gc
 import multiprocessing
@@ -22,13 +24,13 @@ Chunk = Callable[[list[int]], Tally]
 
 
 class CampaignWorkersLost(HarnessError):
-    """Worker processes that died, or from which nothing came for long: the campaign has counted nothing since."""
+    """Worker processes that died or sent nothing for a long time; missions after that are not counted."""
 
     code = "workers_lost"
 
 
 def mission_seed(campaign_seed: int, number: int) -> int:
-    """The seed of mission `number` of a campaign; two campaigns share none but by chance in 2**48."""
+    """The seed of mission `number` of a campaign; two campaigns share one only by chance, 1 in 2**48."""
     return int(uniform(campaign_seed, "mission", number) * 2**48)
 
 
@@ -46,7 +48,7 @@ def one_mission(seed: int) -> Tally:
 
 
 def simulated_campaign(seeds: list[int], *, processes: int, minutes: float | None = None) -> Tally:
-    """All missions, or as many as `minutes` allow; progress goes to stderr. The tally says how many there were."""
+    """All missions, or as many as `minutes` allow; progress goes to stderr. The tally holds their number."""
     begun_s, told_s = time.monotonic(), 0.0
     whole = Tally()
     for tally in _chunks(seeds, processes=processes):
@@ -104,7 +106,7 @@ def spread(
 
 
 def played_and_judged(seeds: list[int]) -> Tally:
-    """One chunk. Garbage is collected after it and not in it: a mission leaves few cycles and much that stays."""
+    """One chunk. Garbage is collected after it and not during it: a mission leaves few cycles and much that stays."""
     whole = Tally()
     gc.disable()
     try:

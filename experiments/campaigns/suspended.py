@@ -1,6 +1,6 @@
-"""A lease holder that is suspended past its lease and then continued: the robot refuses its fencing token.
+"""Suspends a lease holder past its lease and continues it, and checks that the robot refuses its fencing token.
 
-The robot is a process of its own behind the HTTP provider protocol, the holder another one, stopped with SIGSTOP.
+The robot is its own process behind the HTTP provider protocol, the holder another one, stopped with SIGSTOP.
 """
 
 import multiprocessing
@@ -58,7 +58,7 @@ class SuspensionReport(Value):
 def suspensions(rounds: int) -> SuspensionReport:
     """Suspend the holder in every round until its lease expired and somebody else worked with the next token.
 
-    A token that was not refused ends the rounds: the robot now obeys somebody who has no lease.
+    A token that was not refused ends the rounds: the robot then obeys somebody who has no lease.
     """
     offences: list[str] = []
     refused = 0
@@ -106,7 +106,7 @@ class _Gate:
 
 
 def _round(number: int, *, gate: _Gate, robot: HttpRobot, holder: SpawnProcess, line: Connection) -> str:
-    """One suspension; the name of what the holder met when it went on."""
+    """One suspension; the name of the error that the holder met when it continued."""
     slow, quick = _request(number, "slow"), _request(number, "quick")
     old = gate.take(slow[1], slow[0].mission_id)
     line.send("are you there")
@@ -130,7 +130,7 @@ def _round(number: int, *, gate: _Gate, robot: HttpRobot, holder: SpawnProcess, 
 
 
 def _hold(url: str, token: str, line: Connection) -> None:
-    """The holder's process: when told what to start, it starts it and says what it met."""
+    """The holder's process: starts what it is asked to start and reports the result."""
     robot = HttpRobot(url, token)
     provider = next(one for one in robot.providers() if one.card.provider_id == "route-follower")
     while True:

@@ -1,4 +1,4 @@
-"""Pure: adds up what was found over many missions, and says how much each count proves."""
+"""Adds up findings over many missions, and computes how much each count proves. Pure."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -28,7 +28,7 @@ class Tally:
     offences: list[tuple[int, str]] = field(default_factory=list)
 
     def add(self, seed: int, findings: Findings, *, struck: dict[str, int], end: str) -> None:
-        """Take one mission in."""
+        """Add a mission."""
         self.missions += 1
         self.quiet += not struck
         self.struck.update(struck)
@@ -44,7 +44,7 @@ class Tally:
         self.offences = sorted(self.offences)[:EXAMPLES]
 
     def join(self, other: "Tally") -> None:
-        """Take another tally in; the order of joining changes nothing."""
+        """Add another tally; the order of joining makes no difference."""
         self.missions += other.missions
         self.quiet += other.quiet
         for mine, theirs in (
@@ -60,7 +60,7 @@ class Tally:
 
     @property
     def clean(self) -> bool:
-        """Whether nothing was found that must not be."""
+        """Whether no violation was found."""
         return not self.offences
 
 
@@ -70,7 +70,7 @@ def counted(tally: Tally, name: str) -> dict[str, float]:
 
 
 def summary(tally: Tally) -> dict[str, Any]:
-    """What is published of a tally."""
+    """The published part of a tally."""
     return {
         "missions": tally.missions,
         "missions_without_a_strike": tally.quiet,
@@ -88,7 +88,7 @@ def summary(tally: Tally) -> dict[str, Any]:
 
 
 def _complete(struck: Counter[str]) -> dict[str, int]:
-    """With a zero for whatever never struck: nobody should take its absence for a pass."""
+    """With a zero for whatever never struck, so that its absence is not read as a pass."""
     return {name: struck[name] for name in (*ROBOT_FAULTS, *DISTURBANCES)}
 
 

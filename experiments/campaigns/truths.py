@@ -1,4 +1,4 @@
-"""An adjudicator's reading of the truth: was the body where the harness says it was, and did the evidence say so?"""
+"""Checks by ground truth whether the body was where the harness says it was, and whether the evidence said so."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -31,7 +31,7 @@ def metric_of(node: Node) -> Metric | None:
 
 
 def truly_reached(effect: Metric, truth: Sequence[Truth], *, from_s: float, at_s: float) -> str:
-    """Why the body was not where the effect wants it at an instant, by ground truth; empty if it was."""
+    """Why the body was not where the effect requires it at an instant, by ground truth; empty if it was."""
     poses = [one for one in truth if one.at_s <= at_s]
     if not poses:
         return "nothing is known of the body"
@@ -54,7 +54,7 @@ def truly_reached(effect: Metric, truth: Sequence[Truth], *, from_s: float, at_s
 
 
 def contradicted(effect: Metric, packet: EvidencePacket, blobs: Blobs, *, whole: bool) -> str:
-    """What in the packet's own evidence speaks against it; empty if nothing does.
+    """What in the packet's own evidence contradicts the claim; empty if nothing does.
 
     `whole` also compares localiser and odometry over the last two seconds of motion, as the contract's checks do.
     Where a clock stepped back, the provider's end lies after the newest sample, and the tail cut there holds little or
@@ -87,7 +87,7 @@ def _moved_m(odometry: Sequence[Odometry]) -> float:
 
 
 def torn(samples: Trajectory) -> str:
-    """Whether localiser and odometry tell different stories of the two seconds before standstill.
+    """Whether localiser and odometry disagree over the two seconds before standstill.
 
     Both are read at the same sensor times: where the localiser drops out at the edge of the two seconds, so does the
     comparison.

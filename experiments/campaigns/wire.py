@@ -1,6 +1,6 @@
-"""The line between harness and robot in a campaign: decorators of the ports that lose, delay, repeat and swap messages.
+"""Simulates the link between harness and robot: decorators of the ports that lose, delay, repeat and swap messages.
 
-Nothing here is part of the harness. What strikes, and which call it strikes, is drawn from the mission's seed.
+Nothing here is part of the harness. Which disturbance strikes, and which call, is drawn from the mission's seed.
 """
 
 from collections import Counter
@@ -36,7 +36,7 @@ class SteppedClock:
         return self._clock.now().mission_s
 
     def now(self) -> Moment:
-        """Both clocks now, mission time with the steps that are under way."""
+        """Both clocks now; mission time includes the present steps."""
         moment = self._clock.now()
         offset_s = self._offset_s(moment.mission_s) if self._steps else 0.0
         return replace(moment, mission_s=moment.mission_s + offset_s) if offset_s else moment
@@ -97,7 +97,7 @@ class FaultyWire:
 
 
 class WiredProvider:
-    """A provider at the other end of the wire. `local` providers may fall silent by themselves."""
+    """A provider at the other end of the wire. `local` providers may stop answering by themselves."""
 
     def __init__(
         self, provider: Callable[[], Provider], wire: FaultyWire, *, card: CapabilityCard, local: bool

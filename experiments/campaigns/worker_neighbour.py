@@ -1,4 +1,6 @@
-"""Somebody who takes the bases of other workers' robots and gives them back: dispatches and leases meet in one log."""
+"""Takes leases on the bases of other workers' robots and releases them, so that dispatches and leases meet in
+one log.
+"""
 
 from collections.abc import Callable
 
@@ -17,9 +19,9 @@ EVERY = 3
 
 
 class Neighbour:
-    """Takes one base of the fleet at a time. `runtime` is asked for anew: the house may have been opened again.
+    """Takes one base of the fleet at a time. `runtime` is looked up at each turn, because it may have been reopened.
 
-    `taken` and `refused` count what it asked for. Every turn may raise StoreUnavailable; the next one looks at the log.
+    `taken` and `refused` count its requests. Every turn may raise StoreUnavailable; the next one reads the log.
     """
 
     def __init__(self, shift: Shift, runtime: Callable[[], Runtime]) -> None:
@@ -29,11 +31,11 @@ class Neighbour:
 
     @property
     def holds(self) -> bool:
-        """Whether a base may be its own still."""
+        """Whether it may still hold a base."""
         return self._borrowed is not None
 
     def turn(self) -> None:
-        """Now and then: take, or give back."""
+        """Now and then, take a lease or release it."""
         self._turns += 1
         if self._turns % EVERY:
             return
@@ -43,7 +45,7 @@ class Neighbour:
             self.give_back()
 
     def give_back(self) -> None:
-        """What it has by the log; without effect if it has nothing."""
+        """Release what it holds by the log; no effect if it holds nothing."""
         if self._borrowed is None:
             return
         resource, mine = self._borrowed

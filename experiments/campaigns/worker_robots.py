@@ -1,4 +1,6 @@
-"""What one worker of the shared database has: its shift, its store, and robots that outlive the house above them."""
+"""Holds what one worker of the shared database owns: its shift, its store, and robots that outlive the harness
+above them.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -25,7 +27,7 @@ BASE = "mobile_base"
 
 
 class Shift(Value):
-    """What one worker is to do, on which database. `robots` are its own, `fleet` everybody's. `folder` holds ENOUGH."""
+    """The work of one worker, and its database. `robots` are its own, `fleet` is shared. `folder` holds ENOUGH."""
 
     url: str
     folder: str
@@ -36,7 +38,7 @@ class Shift(Value):
 
 
 class AcknowledgedStore(PostgresEventStore):
-    """The log in the shared database; it notes which appends were answered."""
+    """The log in the shared database; it records which appends were answered."""
 
     def __init__(self, url: str, acknowledged: list[tuple[int, str]]) -> None:
         super().__init__(url)
@@ -50,7 +52,7 @@ class AcknowledgedStore(PostgresEventStore):
 
 
 class Robots:
-    """The robots of one worker with their clocks; they outlive the house that commands them."""
+    """The robots of one worker with their clocks; they outlive the harness that commands them."""
 
     def __init__(self, shift: Shift) -> None:
         self._parts = Parts(
@@ -67,7 +69,7 @@ class Robots:
         self.connections = {RobotId(name): self._connection(name) for name in shift.robots}
 
     def house(self, store: AcknowledgedStore) -> Harness:
-        """One house over these robots on that log."""
+        """One harness over these robots on that log."""
         clocks: dict[RobotId, Clock] = {robot_id: connection.clock for robot_id, connection in self.connections.items()}
         clock = next(iter(clocks.values()))
         runtime = runtime_on(replace(self._parts, store=store, clock=clock), clocks)
@@ -76,13 +78,13 @@ class Robots:
             supervisor=Supervisor(runtime=runtime, connections=self.connections),
             robots={robot_id: connection.robot for robot_id, connection in self.connections.items()},
             clock=clock,
-            wheel=Teleoperation(runtime=runtime, connections=self.connections),
+            teleoperation=Teleoperation(runtime=runtime, connections=self.connections),
             clocks=clocks,
             cameras={},
         )
 
     def again(self, harness: Harness) -> Harness:
-        """The house with a supervisor that knows nothing of what was under way: it meets it from the log."""
+        """The harness with a new supervisor, which finds open work in the log."""
         return replace(harness, supervisor=Supervisor(runtime=harness.runtime, connections=self.connections))
 
     def _connection(self, name: str) -> RobotConnection:

@@ -1,7 +1,7 @@
-"""One worker on a shared database: missions of its own robots, one step of each in turn, until its list is done.
+"""Runs one worker on a shared database: missions of its own robots, one step of each in turn, until its list is done.
 
-When the database goes away, the worker tries again until it answers and then meets what was open from the log, as the
-supervisor does; its robots stay up and stand by their dead man meanwhile.
+When the database goes away, the worker retries until it answers and then recovers open work from the log, as the
+supervisor does. Its robots stay up and stop by their heartbeat timeout meanwhile.
 """
 
 import time
@@ -43,7 +43,7 @@ ENOUGH, AT_WORK = "enough", "at-work"
 
 @dataclass
 class Worked:
-    """What one worker found. `acknowledged`: the log's end after each append that was answered, and its digest."""
+    """The findings of one worker. `acknowledged`: the log's end after each append that was answered, and its digest."""
 
     tally: Tally = field(default_factory=Tally)
     acknowledged: list[tuple[int, str]] = field(default_factory=list)
@@ -54,7 +54,7 @@ class Worked:
 
 @dataclass
 class _Errand:
-    """A mission that is under way on one robot, and how far that robot's lease had come before."""
+    """A mission in progress on one robot, and the log position of that robot's lease before it."""
 
     plan: MissionPlan
     mission_id: MissionId
@@ -104,12 +104,12 @@ class _ShiftWorker:
         return self._worked
 
     def close(self) -> None:
-        """Close the log, whatever its database says."""
+        """Close the log, whatever its database answers."""
         with suppress(StoreUnavailable):
             self._store.close()
 
     def _idle(self, name: str) -> bool:
-        """Whether a turn of this robot asks the database nothing."""
+        """Whether a turn of this robot needs no database request."""
         return name not in self._errands and name not in self._beginning
 
     def _more(self) -> bool:
@@ -118,7 +118,7 @@ class _ShiftWorker:
     # the house ------------------------------------------------------------------------------------------------------
 
     def _opened(self) -> tuple[AcknowledgedStore, Harness]:
-        """Log and house, as soon as the database answers; raises StoreUnavailable if that stays away too long."""
+        """Log and harness, as soon as the database answers; raises StoreUnavailable if it stays away too long."""
         until_s = time.monotonic() + LONGEST_AWAY_S
         while True:
             with ExitStack() as stack:
@@ -135,7 +135,7 @@ class _ShiftWorker:
             time.sleep(RETRY_S)
 
     def _missed(self, error: StoreUnavailable) -> None:
-        """Time passes for the robots, whose dead man stops them; what was under way is then met again from the log.
+        """Time passes for the robots, which stop by their heartbeat timeout; open work is then recovered from the log.
 
         Raises StoreUnavailable if the database stays away too long.
         """
@@ -153,7 +153,9 @@ class _ShiftWorker:
     # missions -------------------------------------------------------------------------------------------------------
 
     def _turn(self, name: str) -> None:
-        """Begin a mission, or one step of it. Raises StoreUnavailable; the same turn is right again afterwards."""
+        """Begin a mission, or take one step of it. Raises StoreUnavailable; the same turn may be repeated
+        afterwards.
+        """
         if self._forgets:
             self._harness = self._robots.again(self._harness)
             self._forgets = False
@@ -178,7 +180,7 @@ class _ShiftWorker:
             self._judge(name, errand)
 
     def _begin(self, name: str) -> None:
-        """Create the next mission; one whose creation was not answered may be there already."""
+        """Create the next mission; one whose creation was not answered may already exist."""
         plan = self._beginning.get(name)
         found = self._harness.supervisor.unfinished(RobotId(name)) if plan is not None else []
         if plan is None:
@@ -210,7 +212,9 @@ class _ShiftWorker:
         del self._beginning[name]
 
     def _judge(self, name: str, errand: _Errand) -> None:
-        """What the adjudicator says of a mission that is over, from the database's log and this robot's truth."""
+        """The adjudicator's findings on a mission that is over, from the database's log and this robot's ground
+        truth.
+        """
         runtime, robot = self._harness.runtime, self._robots.robots[name]
         log = self._log(name, errand)
         mission = runtime.mission(errand.mission_id)
@@ -244,5 +248,5 @@ class _ShiftWorker:
 
 
 def as_errand(plan: MissionPlan) -> MissionPlan:
-    """The plan as an errand without disturbances of the line: here the database is what fails."""
+    """The plan as an errand without disturbances of the link: here the database is what fails."""
     return msgspec.structs.replace(plan, template="errand", disturbances=())

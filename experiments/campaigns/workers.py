@@ -1,7 +1,8 @@
-"""Several workers on one PostgreSQL that is restarted under them: nothing lost, nothing doubled, leases exclusive.
+"""Runs several workers on one PostgreSQL that is restarted under them: nothing may be lost or doubled, leases stay
+exclusive.
 
-The server is the campaign's own. Every worker is a process with robots of its own; all of them also take each other's
-bases, so that dispatches and leases meet. What an append was acknowledged with must stand in the log at the end.
+The server belongs to the campaign. Every worker is a process with its own robots. Workers also take leases on each
+other's bases, so that dispatches and leases meet. Every acknowledged append must be in the log at the end.
 """
 
 import math
@@ -42,10 +43,10 @@ ONCE = {"MissionCreated": "mission_id", "DispatchIntended": "request_id", "NodeC
 
 
 class WorkersReport(Value):
-    """What the workers showed. `outages`: times that a worker lost the database in the middle of something.
+    """The result of the workers. `outages`: times that a worker lost the database in the middle of a request.
 
-    `acknowledged`: appends that were answered. `foreign_leases`: bases that workers took from each other's robots, and
-    `contended` what was refused because somebody else had the base.
+    `acknowledged`: appends that were answered. `foreign_leases`: leases that workers took on each other's bases;
+    `contended`: requests refused because somebody else held the base.
     """
 
     missions: int
@@ -77,9 +78,9 @@ def worked_missions(
     most: int = MOST_RESTARTS,
     minutes: float | None = None,
 ) -> WorkersReport:
-    """Play so many missions, or what `minutes` allow, while the server goes away at seeded moments; then judge.
+    """Run this many missions, or what `minutes` allow, while the server goes away at seeded moments; then judge.
 
-    The first restart is counted from when a worker is at work; `most` is how many there are at the most.
+    The first restart is timed from when a worker is at work; `most` is the largest number of restarts.
     """
     begun_s = time.monotonic()
     with TemporaryDirectory(prefix="workers-") as folder, running_server() as server:
@@ -128,7 +129,7 @@ class _Restarter:
         self._next_s = math.inf
 
     def plan(self) -> None:
-        """Draw when the next one is."""
+        """Draw the time of the next restart."""
         wait_s = between(self._seed, *self._every_s, "every", self.restarts)
         self._next_s = time.monotonic() + wait_s if self.restarts < self._most else math.inf
 
@@ -138,7 +139,7 @@ class _Restarter:
         return max(0.0, self._next_s - time.monotonic())
 
     def restart(self) -> None:
-        """Now: away for a while, and back again."""
+        """Restart now: away for a while, and back again."""
         mode = one_of(self._seed, MODES, "mode", self.restarts)
         self._server.stop(mode)
         time.sleep(between(self._seed, *AWAY_S, "away", self.restarts))
@@ -149,7 +150,7 @@ class _Restarter:
 
 
 def _worked(shifts: Sequence[Shift], restarter: _Restarter, *, minutes: float | None) -> list[Worked]:
-    """What the workers found. Raises WorkersLost where one of them dies."""
+    """The workers' findings. Raises WorkersLost where one of them dies."""
     folder, begun_s, told_s = Path(shifts[0].folder), time.monotonic(), time.monotonic()
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["experiments.campaigns.worker_shift"])
@@ -185,7 +186,7 @@ def _done(folder: Path) -> int:
 
 
 def _wrong(log: Sequence[StoredEvent], worked: Sequence[Worked]) -> Iterator[str]:
-    """What log and workers say against each other, and what is in the log twice."""
+    """Contradictions between log and workers, and what is in the log twice."""
     for one in worked:
         yield from (f"mission of seed {seed}: {sentence}" for seed, sentence in one.tally.offences)
         yield from lost(log, one.acknowledged)

@@ -1,4 +1,4 @@
-"""Clocks: mission time is the robot's. One follows a robot that runs by itself, one drives a robot in lockstep."""
+"""Clocks that read mission time from the robot: one follows a free-running robot, one drives a robot in lockstep."""
 
 import threading
 import time
@@ -13,7 +13,7 @@ RESYNC_S = 0.5
 class RobotClock:
     """Mission time read from a robot and extrapolated at its speed between readings; it never runs backwards.
 
-    `read` returns the robot's mission time. While the robot does not answer, time goes on by extrapolation.
+    `read` returns the robot's mission time. While the robot does not answer, time is extrapolated.
     """
 
     def __init__(self, read: Callable[[], float], speed: float) -> None:

@@ -1,4 +1,4 @@
-"""Pure: a big cloud as chunks from coarse to fine, so that a view shows its whole extent first and refines after."""
+"""Splits a large point cloud into chunks from coarse to fine, so that a view shows its full extent first. Pure."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ def origin_of(points: Doubles) -> tuple[float, float, float]:
 
 
 def chunks(points: Doubles, origin_m: tuple[float, float, float]) -> Iterator[LevelChunk]:
-    """Every point once. Those of the levels down to a voxel size together fill each voxel of it that is filled."""
+    """Every point exactly once. The levels down to a voxel size together cover every occupied voxel of that size."""
     local = (points - np.asarray(origin_m)).astype(np.float32)
     left = np.ones(len(local), dtype=bool)
     for voxel_m in LEVELS_M:

@@ -1,4 +1,4 @@
-"""Point cloud files: PCD and PLY, read through pypcd4 and trimesh, judged before anything is kept."""
+"""Reads PCD and PLY point cloud files through pypcd4 and trimesh, and checks them before anything is stored."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -25,7 +25,7 @@ _DO = "export it again as PCD or PLY with x, y and z"
 
 
 def read_cloud(file: Path, *, metres_per_unit: float = 1.0) -> tuple[NDArray[np.float64], int]:
-    """Finite points in metres, N x 3, and how many were left out as not finite or out of this world.
+    """Finite points in metres, N x 3, and how many were left out as not finite or out of range.
 
     Raises CloudInvalid for a file that is missing, too large, of another format, truncated, or without a point.
     """

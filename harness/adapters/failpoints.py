@@ -1,8 +1,8 @@
-"""Named points at which this process dies by SIGKILL: how crash tests reach every durable boundary.
+"""Named points at which this process kills itself with SIGKILL, so that crash tests reach every durable boundary.
 
 A name is WHEN:WHAT or WHEN:WHAT#N. WHEN is `before` or `after`; WHAT is an event kind (an append that holds such
 an event, such as `after:DispatchIntended`) or a provider's act (`start`, `report`, `find`, `keepalive`, `resume`,
-`stop`); N says the how-manieth time, 1 if not said. Without a name the port itself is returned: no cost at all.
+`stop`); N is the occurrence, 1 by default. Without a name the port itself is returned, at no cost.
 """
 
 import os
@@ -12,10 +12,10 @@ from collections.abc import Callable, Sequence
 from threading import Lock
 from typing import Literal, TypeVar
 
+from harness.contracts import ports
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import Digest, RequestId, StreamId
-from harness.contracts.ports import Batch, EventStore, LogHead, Provider, Record, StoredEvent
 from harness.contracts.protocol import InvocationReport, StartRequest
 from harness.contracts.upcasting import name_of
 from harness.contracts.values import Moment, Value
@@ -35,7 +35,7 @@ class Failpoint(Value):
 
 
 def parse(name: str) -> Failpoint:
-    """The failpoint of that name; raises UnknownName for anything that could never strike."""
+    """The failpoint of that name; raises UnknownName for one that could never be reached."""
     match = _NAME.fullmatch(name)
     if match is None or not (match[2] in _ACTS or match[2][0].isupper()):
         raise UnknownName(
@@ -46,18 +46,18 @@ def parse(name: str) -> Failpoint:
     return Failpoint(when="before" if match[1] == "before" else "after", what=match[2], nth=int(match[3] or 1))
 
 
-def with_failpoint(store: EventStore, plan: Failpoint | None) -> EventStore:
-    """`store` itself, unless the plan strikes at an append."""
+def with_failpoint(store: ports.EventStore, plan: Failpoint | None) -> ports.EventStore:
+    """Wraps `store` if the failpoint is at an append; otherwise returns it."""
     return FailpointStore(store, plan) if plan and plan.what not in _ACTS else store
 
 
-def provider_with_failpoint(provider: Provider, plan: Failpoint | None) -> Provider:
-    """`provider` itself, unless the plan strikes at a provider's act. Each provider counts by itself."""
+def provider_with_failpoint(provider: ports.Provider, plan: Failpoint | None) -> ports.Provider:
+    """Wraps `provider` if the failpoint is at a provider's act. Each provider counts separately."""
     return FailpointProvider(provider, plan) if plan and plan.what in _ACTS else provider
 
 
 class _Trigger:
-    """Counts occurrences and strikes at the planned one."""
+    """Counts occurrences and kills the process at the planned one."""
 
     def __init__(self, plan: Failpoint) -> None:
         self._plan = plan
@@ -84,22 +84,22 @@ def _die() -> None:
 
 
 class FailpointStore:
-    """An event store that dies around one append. Everything else goes straight through."""
+    """An event store that kills the process at one append. Everything else is passed through."""
 
-    def __init__(self, store: EventStore, plan: Failpoint) -> None:
+    def __init__(self, store: ports.EventStore, plan: Failpoint) -> None:
         self._store = store
         self._what = plan.what
         self._trigger = _Trigger(plan)
 
-    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> LogHead:
+    def append(self, batches: Sequence[ports.Batch], records: Sequence[ports.Record], now: Moment) -> ports.LogHead:
         """The store's append; a refused one counts as an occurrence too."""
         occurs = any(name_of(event.kind) == self._what for batch in batches for event in batch.events)
         return self._trigger.around(lambda: self._store.append(batches, records, now), occurs=occurs)
 
-    def load(self, stream: StreamId, after: int = 0) -> list[StoredEvent]:
+    def load(self, stream: StreamId, after: int = 0) -> list[ports.StoredEvent]:
         return self._store.load(stream, after)
 
-    def read(self, after: int = 0, limit: int = 1000) -> list[StoredEvent]:
+    def read(self, after: int = 0, limit: int = 1000) -> list[ports.StoredEvent]:
         return self._store.read(after, limit)
 
     def streams(self, prefix: str) -> list[StreamId]:
@@ -111,13 +111,13 @@ class FailpointStore:
     def ended_missions(self, after: int, upto: int) -> list[StreamId]:
         return self._store.ended_missions(after, upto)
 
-    def record(self, digest: Digest) -> Record:
+    def record(self, digest: Digest) -> ports.Record:
         return self._store.record(digest)
 
-    def head(self) -> LogHead:
+    def head(self) -> ports.LogHead:
         return self._store.head()
 
-    def verify(self) -> LogHead:
+    def verify(self) -> ports.LogHead:
         return self._store.verify()
 
     def close(self) -> None:
@@ -125,9 +125,9 @@ class FailpointStore:
 
 
 class FailpointProvider:
-    """A provider that dies around one act."""
+    """A provider that kills the process at one act."""
 
-    def __init__(self, provider: Provider, plan: Failpoint) -> None:
+    def __init__(self, provider: ports.Provider, plan: Failpoint) -> None:
         self._provider = provider
         self._what = plan.what
         self._trigger = _Trigger(plan)

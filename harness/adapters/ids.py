@@ -1,4 +1,4 @@
-"""Fresh names: the system's cannot be guessed where that matters, the seeded ones repeat for suites and tests."""
+"""Generates identifiers: unguessable ones for the product, repeatable seeded ones for suites and tests."""
 
 import hashlib
 import secrets
@@ -16,9 +16,9 @@ _TIME_BITS, _CHANCE_BITS = 30, 10
 
 
 class SystemIds:
-    """Mission names `msn_` and 8 characters of Crockford base32: seconds, then chance; they rise within a process.
+    """Mission names `msn_` and 8 characters of Crockford base32: seconds, then random bits; they rise within a process.
 
-    `wall` gives seconds since the Unix epoch, `chance` that many random bits.
+    `wall` gives seconds since the Unix epoch; `chance` gives the requested number of random bits.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Which command a stretch of a stream's events answered: read where it was stored with its commit (D58)."""
+"""Reads the command that a group of a stream's events answered, as stored with its commit (D58)."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -15,7 +15,8 @@ MOST_EVENTS = 16
 
 
 class CommandUnreadable(Exception):
-    """The command that an event names is not there, was changed or says something that is not there; says which."""
+    """The command that an event names is missing, was changed or refers to something missing; the message says
+    which."""
 
 
 def command_at(runtime: Runtime, tail: Sequence[StoredEvent], union: Any, *, tokens: Iterable[str] = ()) -> Any | None:
@@ -39,5 +40,5 @@ def command_at(runtime: Runtime, tail: Sequence[StoredEvent], union: Any, *, tok
 
 
 def tokens_in(event: Any) -> list[str]:
-    """The claim token and the key that an event says."""
+    """The claim token and the key that an event contains."""
     return [token for name in TOKENS if isinstance(token := getattr(event, name, None), str)]

@@ -1,4 +1,4 @@
-"""Collects a mission's dossier from the log, and judges one that was opened. Reads no file, signs nothing."""
+"""Collects a mission's dossier from the log, and checks one that was opened. Reads no file, signs nothing."""
 
 import re
 from collections.abc import Mapping
@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 from harness.auditing.places import PlaceChange, place_changes, place_differences, place_history
 from harness.auditing.replay import ReplayReport, replay_mission
+from harness.contracts import ids
 from harness.contracts.dossier import EVENTS, FORMAT, RECORDS, DossierContents
 from harness.contracts.errors import BlobDamaged, UnknownName
-from harness.contracts.ids import Digest, MissionId, StreamId, mission_stream, sha256
 from harness.contracts.ports import Record
 from harness.contracts.values import Count, Value, encode
 from harness.projections.mission import Mission
@@ -29,26 +29,26 @@ class Collected:
 class DossierVerdict(Value):
     """What an offline check found. `differences` of the replay are empty for a sound dossier.
 
-    `reconstructed`: decisions whose command was guessed back from events, in a log from before commands were stored.
+    `reconstructed`: decisions whose command was inferred from events, in a log from before commands were stored.
     `places` are the changes to places up to the mission's end; a dossier of an earlier release has none.
     """
 
-    mission_id: MissionId
+    mission_id: ids.MissionId
     status: str
     events: int
     records: int
     blobs: int
-    absent: tuple[Digest, ...]
+    absent: tuple[ids.Digest, ...]
     public_key: str
     trusted: bool
     head_position: int
-    head_digest: Digest
+    head_digest: ids.Digest
     differences: tuple[str, ...]
     places: tuple[PlaceChange, ...] = ()
     reconstructed: Count = 0
 
 
-def collect(runtime: Runtime, mission_id: MissionId, *, exported_by: str, exported_at_s: float) -> Collected:
+def collect(runtime: Runtime, mission_id: ids.MissionId, *, exported_by: str, exported_at_s: float) -> Collected:
     """Events of the mission, its handoffs and its places, every record and blob they cite, directly or by a record.
 
     Raises UnknownName for a mission that does not exist.
@@ -63,7 +63,7 @@ def collect(runtime: Runtime, mission_id: MissionId, *, exported_by: str, export
     )
     bodies = b"\n".join(event.body for event in events)
     records, files = _resolved(runtime, _cited(bodies) | {mission.configuration})
-    needed = {Digest(found.decode()) for found in _EVIDENCE.findall(bodies)}
+    needed = {ids.Digest(found.decode()) for found in _EVIDENCE.findall(bodies)}
     files[EVENTS] = b"".join(encode(event) + b"\n" for event in events)
     files[RECORDS] = b"".join(encode(record) + b"\n" for record in records)
     contents = DossierContents(
@@ -78,14 +78,14 @@ def collect(runtime: Runtime, mission_id: MissionId, *, exported_by: str, export
         head=runtime.head(),
         events=len(events),
         records=len(records),
-        files={name: sha256(body) for name, body in sorted(files.items())},
+        files={name: ids.sha256(body) for name, body in sorted(files.items())},
         absent=tuple(sorted(digest for digest in needed if f"blobs/{digest}" not in files)),
     )
     return Collected(contents=contents, files=files)
 
 
 def judge(runtime: Runtime, contents: DossierContents, *, public_key: str, trusted: bool) -> DossierVerdict:
-    """Fold and derive again what the dossier holds, and compare it with what it says of itself."""
+    """Fold and derive again what the dossier holds, and compare it with its own statements."""
     mission = runtime.mission(contents.mission_id)
     report: ReplayReport = replay_mission(runtime, contents.mission_id)
     differences = [*report.differences, *place_differences(runtime, mission)]
@@ -108,30 +108,30 @@ def judge(runtime: Runtime, contents: DossierContents, *, public_key: str, trust
     )
 
 
-def _streams(runtime: Runtime, mission: Mission) -> list[StreamId]:
+def _streams(runtime: Runtime, mission: Mission) -> list[ids.StreamId]:
     handoffs = [
         stream
         for stream in runtime.streams("handoff/")
         if (opened := runtime.fold(stream).opened) is not None and opened.mission_id == mission.mission_id
     ]
-    return [mission_stream(mission.mission_id), *_lease_streams(runtime, mission), *handoffs]
+    return [ids.mission_stream(mission.mission_id), *_lease_streams(runtime, mission), *handoffs]
 
 
-def _lease_streams(runtime: Runtime, mission: Mission) -> list[StreamId]:
-    """Leases are shared with other missions; their streams are needed whole to decide again what was decided."""
+def _lease_streams(runtime: Runtime, mission: Mission) -> list[ids.StreamId]:
+    """Leases are shared with other missions; their streams are needed whole to repeat the decisions."""
     body = b"\n".join(event.body for event in runtime.events(mission.mission_id))
     return [stream for stream in runtime.streams("lease/") if stream.removeprefix("lease/").encode() in body]
 
 
-def _cited(body: bytes) -> set[Digest]:
-    return {Digest(found.decode()) for found in _DIGEST.findall(body)}
+def _cited(body: bytes) -> set[ids.Digest]:
+    return {ids.Digest(found.decode()) for found in _DIGEST.findall(body)}
 
 
-def _resolved(runtime: Runtime, cited: set[Digest]) -> tuple[list[Record], dict[str, bytes]]:
+def _resolved(runtime: Runtime, cited: set[ids.Digest]) -> tuple[list[Record], dict[str, bytes]]:
     """Records and blobs among these digests, and among those that the records cite in turn."""
     records: list[Record] = []
     blobs: dict[str, bytes] = {}
-    seen: set[Digest] = set()
+    seen: set[ids.Digest] = set()
     while cited:
         digest = cited.pop()
         if digest in seen:
@@ -148,7 +148,7 @@ def _resolved(runtime: Runtime, cited: set[Digest]) -> tuple[list[Record], dict[
     return sorted(records, key=lambda one: one.digest), blobs
 
 
-def _sound(runtime: Runtime, digest: Digest) -> bool:
+def _sound(runtime: Runtime, digest: ids.Digest) -> bool:
     if not runtime.has_blob(digest):
         return False
     try:

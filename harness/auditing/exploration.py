@@ -1,18 +1,11 @@
-"""Which target and which map an exploring mission comes to again, from what was stored with its choices (R224)."""
+"""Derives an exploring mission's targets and maps again from what was stored with its choices (R224)."""
 
 from collections.abc import Callable
 from typing import Any
 
 from harness.auditing.prose import same
+from harness.contracts import exploration
 from harness.contracts.evidence import EvidencePacket
-from harness.contracts.exploration import (
-    UNKNOWN,
-    GridMap,
-    MapUpdate,
-    TargetAnswer,
-    TargetChoice,
-    TargetQuestion,
-)
 from harness.contracts.ids import Digest, NodeId, sha256
 from harness.contracts.observations import Trajectory
 from harness.contracts.reasons import Explanation
@@ -29,17 +22,19 @@ from harness.runtime import Runtime
 Stored = Callable[[Digest, type[Any]], Any]
 
 
-def new_choices(mission: Mission, proposed: TaskContract) -> dict[NodeId, TargetChoice]:
+def new_choices(mission: Mission, proposed: TaskContract) -> dict[NodeId, exploration.TargetChoice]:
     """The targets that a revision brings."""
     known = choices(required_contract(mission))
     return {leg: choice for leg, choice in choices(proposed).items() if leg not in known}
 
 
-def target_differences(runtime: Runtime, mission: Mission, choice: TargetChoice, *, stored: Stored) -> list[str]:
-    """How a choice differs from what its question leads to again; made on the mission as it was before it."""
-    question: TargetQuestion = stored(choice.question, TargetQuestion)
-    answer: TargetAnswer = stored(choice.answer, TargetAnswer)
-    grid = decode(runtime.blob(question.map), GridMap)
+def target_differences(
+    runtime: Runtime, mission: Mission, choice: exploration.TargetChoice, *, stored: Stored
+) -> list[str]:
+    """How a choice differs from what its question leads to now; derived on the mission as it was before it."""
+    question: exploration.TargetQuestion = stored(choice.question, exploration.TargetQuestion)
+    answer: exploration.TargetAnswer = stored(choice.answer, exploration.TargetAnswer)
+    grid = decode(runtime.blob(question.map), exploration.GridMap)
     edges = frontiers(grid, Ways(grid, question.position_m, keep_out_m=question.keep_out_m))
     known = updates(mission)
     shown = {
@@ -66,15 +61,15 @@ def target_differences(runtime: Runtime, mission: Mission, choice: TargetChoice,
     return found
 
 
-def map_differences(runtime: Runtime, mission: Mission, update: MapUpdate) -> list[str]:
-    """How a map differs from what its packets' sweeps draw again on the map before it."""
+def map_differences(runtime: Runtime, mission: Mission, update: exploration.MapUpdate) -> list[str]:
+    """How a map differs from what its packets' sweeps produce on the map before it."""
     known = updates(mission)
     packets = unmapped(mission)
-    before = decode(runtime.blob(update.before), GridMap)
+    before = decode(runtime.blob(update.before), exploration.GridMap)
     found = []
     if known and known[-1][1].after != update.before:
         found.append("the map was drawn on another one than the mission's last")
-    if not known and (cells_of(before) != UNKNOWN).any():
+    if not known and (cells_of(before) != exploration.UNKNOWN).any():
         found.append("the first map was drawn on one that knew something")
     if tuple(packet.identity.packet_id for packet in packets) != update.packets:
         found.append("the map was drawn from other packets than those that were new")
@@ -91,5 +86,5 @@ def _trajectories(runtime: Runtime, packets: tuple[EvidencePacket, ...]) -> list
     return [decode(runtime.blob(one.blob), Trajectory) for packet in packets for one in packet.estimates]
 
 
-def _place(answer: TargetAnswer) -> str:
+def _place(answer: exploration.TargetAnswer) -> str:
     return f"({answer.chosen.target_m[0]:.2f}, {answer.chosen.target_m[1]:.2f})" if answer.chosen else "none"

@@ -1,4 +1,4 @@
-"""Pure: which commands the events of a mission from before commands were stored answered: guessed back (D57, R146)."""
+"""Infers the commands behind a mission's events in logs from before commands were stored (D57, R146). Pure."""
 
 from collections.abc import Sequence
 
@@ -146,7 +146,7 @@ def _worked(tail: Tail) -> MissionCommand | None:
 
 
 def _dispatched(tail: Tail) -> MissionCommand | None:
-    """An intent with what paid for it: a plan, a rung, or an approval."""
+    """An intent with what paid for it: a plan, a recovery step, or an approval."""
     near = tail[:LONGEST]
     place = next((index for index, event in enumerate(near) if isinstance(event, DispatchIntended)), None)
     if place is None:
@@ -191,7 +191,7 @@ def _attestation(seen: AttestationRecorded) -> RecordAttestation:
 
 
 def _pays(event: MissionEvent) -> bool:
-    """Whether it may stand before an intent of the same commit; a rung that waits is a commit of its own."""
+    """Whether it may precede an intent in the same commit; a step that waits is a commit of its own."""
     if isinstance(event, RecoveryAuthorised):
         return event.until_s is None
     return isinstance(event, NodePlanned | HandoffAnswered | OperatorRetryGranted | AttestationRecorded)
@@ -205,17 +205,17 @@ def _proposal(paid: RecoveryAuthorised) -> RecoveryProposal:
 
 def _recovered(tail: Tail) -> MissionCommand | None:
     match tail:
-        case [RecoveryAuthorised() as rung, InvocationStopRequested() as requested, *_]:
+        case [RecoveryAuthorised() as step, InvocationStopRequested() as requested, *_]:
             return StopInvocation(
                 invocation_id=requested.invocation_id,
                 reason=requested.reason,
-                recovery=_proposal(rung),
-                recovery_context=rung.context,
+                recovery=_proposal(step),
+                recovery_context=step.context,
             )
         case [InvocationStopRequested() as requested, *_]:
             return StopInvocation(invocation_id=requested.invocation_id, reason=requested.reason)
-        case [RecoveryAuthorised(until_s=float() as until_s) as rung, *_]:
-            return AuthoriseWait(node_id=rung.node_id, proposal=_proposal(rung), context=rung.context, until_s=until_s)
+        case [RecoveryAuthorised(until_s=float() as until_s) as step, *_]:
+            return AuthoriseWait(node_id=step.node_id, proposal=_proposal(step), context=step.context, until_s=until_s)
         case [NodeFailed() as failed, *_]:
             return FailNode(node_id=failed.node_id, reason=failed.reason, context=failed.context)
         case [GraphRevised(contract=None), *_]:

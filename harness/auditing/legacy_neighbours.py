@@ -1,119 +1,71 @@
-"""Pure: which commands the events of leases and handoffs from before commands were stored answered: guessed back."""
+"""Infers the commands behind lease and handoff events in logs from before commands were stored. Pure."""
 
+from harness.contracts import commands, handoff_commands, handoff_events, lease_events
 from harness.contracts.actors import Actor
-from harness.contracts.commands import (
-    AcquireLease,
-    ApproveHandoff,
-    AttestHandoff,
-    ExpireHandoff,
-    FreeLease,
-    HandoffCommand,
-    LeaseCommand,
-    MarkDispatched,
-    OpenHandoff,
-    QuarantineLease,
-    RecordEffect,
-    RefreshHandoff,
-    RejectHandoff,
-    ReleaseLease,
-    SupersedeHandoff,
-)
 from harness.contracts.errors import LogDamaged
-from harness.contracts.handoff_commands import (
-    CloseQuestion,
-    DropClaim,
-    Escalate,
-    ExtendDeadline,
-    HandoffTurn,
-    RecordNoAnswer,
-    ReturnControl,
-    TakeClaim,
-    TakeControl,
-    VoidApproval,
-)
-from harness.contracts.handoff_events import (
-    HandoffApproved,
-    HandoffAttested,
-    HandoffClaimed,
-    HandoffClosed,
-    HandoffDispatched,
-    HandoffEffectObserved,
-    HandoffEscalated,
-    HandoffEvent,
-    HandoffExpired,
-    HandoffExtended,
-    HandoffHandedBack,
-    HandoffOpened,
-    HandoffRefreshed,
-    HandoffRejected,
-    HandoffReleased,
-    HandoffSuperseded,
-    HandoffTakenOver,
-    HandoffVoided,
-    NoAnswerTaken,
-)
-from harness.contracts.lease_events import LeaseAcquired, LeaseEvent, LeaseFreed, LeaseQuarantined, LeaseReleased
 from harness.projections.handoffs import Handoff
 
 HandoffTurned = (
-    HandoffClaimed
-    | HandoffReleased
-    | HandoffExtended
-    | HandoffEscalated
-    | HandoffTakenOver
-    | HandoffHandedBack
-    | HandoffClosed
+    handoff_events.HandoffClaimed
+    | handoff_events.HandoffReleased
+    | handoff_events.HandoffExtended
+    | handoff_events.HandoffEscalated
+    | handoff_events.HandoffTakenOver
+    | handoff_events.HandoffHandedBack
+    | handoff_events.HandoffClosed
 )
 
 
-def asked_of_lease(event: LeaseEvent) -> LeaseCommand | None:
+def asked_of_lease(event: lease_events.LeaseEvent) -> commands.LeaseCommand | None:
     """The command that this event answered."""
     match event:
-        case LeaseAcquired():
-            return AcquireLease(
+        case lease_events.LeaseAcquired():
+            return commands.AcquireLease(
                 resource=event.resource,
                 mission_id=event.mission_id,
                 invocation_id=event.invocation_id,
                 token=event.token,
                 expires_s=event.expires_s,
             )
-        case LeaseReleased():
-            return ReleaseLease(invocation_id=event.invocation_id, reason=event.reason)
-        case LeaseQuarantined():
-            return QuarantineLease(invocation_id=event.invocation_id, reason=event.reason)
-        case LeaseFreed():
-            return FreeLease(actor=event.actor, static=event.static, reason=event.reason)
+        case lease_events.LeaseReleased():
+            return commands.ReleaseLease(invocation_id=event.invocation_id, reason=event.reason)
+        case lease_events.LeaseQuarantined():
+            return commands.QuarantineLease(invocation_id=event.invocation_id, reason=event.reason)
+        case lease_events.LeaseFreed():
+            return commands.FreeLease(actor=event.actor, static=event.static, reason=event.reason)
         case _:
             return None
 
 
-def asked_of_handoff(handoff: Handoff, event: HandoffEvent) -> tuple[HandoffCommand, float | None] | None:
+def asked_of_handoff(
+    handoff: Handoff, event: handoff_events.HandoffEvent
+) -> tuple[commands.HandoffCommand, float | None] | None:
     """The command that this event answered, and the wall time it was decided at where the event says it."""
     match event:
-        case HandoffOpened():
+        case handoff_events.HandoffOpened():
             return _opening(event), event.opened_at_s
-        case HandoffRefreshed():
+        case handoff_events.HandoffRefreshed():
             return _refreshing(event), None
-        case HandoffApproved() | HandoffRejected() | HandoffAttested():
+        case handoff_events.HandoffApproved() | handoff_events.HandoffRejected() | handoff_events.HandoffAttested():
             return _decision(handoff, event), event.at_s
-        case HandoffExpired():
-            return ExpireHandoff(), event.at_s
-        case HandoffVoided():
-            return VoidApproval(reason=event.reason), event.at_s
-        case NoAnswerTaken():
+        case handoff_events.HandoffExpired():
+            return commands.ExpireHandoff(), event.at_s
+        case handoff_events.HandoffVoided():
+            return handoff_commands.VoidApproval(reason=event.reason), event.at_s
+        case handoff_events.NoAnswerTaken():
             return _unanswered(event), event.at_s
-        case HandoffSuperseded():
-            return SupersedeHandoff(reason=event.reason), None
-        case HandoffDispatched():
-            return MarkDispatched(invocation_id=event.invocation_id), None
-        case HandoffEffectObserved():
-            return RecordEffect(outcome=event.outcome, reason=event.reason), None
+        case handoff_events.HandoffSuperseded():
+            return commands.SupersedeHandoff(reason=event.reason), None
+        case handoff_events.HandoffDispatched():
+            return commands.MarkDispatched(invocation_id=event.invocation_id), None
+        case handoff_events.HandoffEffectObserved():
+            return commands.RecordEffect(outcome=event.outcome, reason=event.reason), None
         case _:
             return _turn(handoff, event), event.at_s
 
 
-def _opening(event: HandoffOpened) -> OpenHandoff:
-    return OpenHandoff(
+def _opening(event: handoff_events.HandoffOpened) -> commands.OpenHandoff:
+    return commands.OpenHandoff(
         handoff_id=event.handoff_id,
         mission_id=event.mission_id,
         robot_id=event.robot_id,
@@ -134,8 +86,8 @@ def _opening(event: HandoffOpened) -> OpenHandoff:
     )
 
 
-def _refreshing(event: HandoffRefreshed) -> RefreshHandoff:
-    return RefreshHandoff(
+def _refreshing(event: handoff_events.HandoffRefreshed) -> commands.RefreshHandoff:
+    return commands.RefreshHandoff(
         k=event.k,
         proposal=event.proposal,
         snapshot=event.snapshot,
@@ -146,21 +98,22 @@ def _refreshing(event: HandoffRefreshed) -> RefreshHandoff:
 
 
 def _held(handoff: Handoff, actor: Actor) -> str:
-    """The token of the claim that the person held; none where the question was nobody's or somebody else's."""
+    """The token of the claim that the person held; none where the question was unclaimed or somebody else's."""
     return handoff.claim.claim if handoff.claim is not None and handoff.claim.actor.name == actor.name else ""
 
 
 def _decision(
-    handoff: Handoff, event: HandoffApproved | HandoffRejected | HandoffAttested
-) -> ApproveHandoff | RejectHandoff | AttestHandoff:
-    """A claim that had lapsed is as none at all: the token of a live one stands in the handoff."""
+    handoff: Handoff,
+    event: handoff_events.HandoffApproved | handoff_events.HandoffRejected | handoff_events.HandoffAttested,
+) -> commands.ApproveHandoff | commands.RejectHandoff | commands.AttestHandoff:
+    """A claim that had lapsed counts as none: the token of a live one is in the handoff."""
     live = handoff.claim is not None and handoff.claim.until_at_s > event.at_s
     claim = _held(handoff, event.actor) if live else ""
     match event:
-        case HandoffApproved():
+        case handoff_events.HandoffApproved():
             return _approval(handoff, event, claim)
-        case HandoffRejected():
-            return RejectHandoff(
+        case handoff_events.HandoffRejected():
+            return commands.RejectHandoff(
                 actor=event.actor,
                 reason=event.reason,
                 key=event.key,
@@ -168,8 +121,8 @@ def _decision(
                 subject=event.subject,
                 claim=claim,
             )
-        case HandoffAttested():
-            return AttestHandoff(
+        case handoff_events.HandoffAttested():
+            return commands.AttestHandoff(
                 actor=event.actor,
                 reason=event.reason,
                 key=event.key,
@@ -179,12 +132,12 @@ def _decision(
             )
 
 
-def _approval(handoff: Handoff, event: HandoffApproved, claim: str) -> ApproveHandoff:
-    """Where an earlier release did not keep the fresh look, the shown snapshot stands for it."""
+def _approval(handoff: Handoff, event: handoff_events.HandoffApproved, claim: str) -> commands.ApproveHandoff:
+    """Where an earlier release did not store the fresh observation, the shown snapshot replaces it."""
     opened = handoff.opened
     if opened is None:
         raise LogDamaged("An answer stands before the question it answers", where="HandoffApproved")
-    return ApproveHandoff(
+    return commands.ApproveHandoff(
         actor=event.actor,
         reason=event.reason,
         key=event.key,
@@ -198,28 +151,30 @@ def _approval(handoff: Handoff, event: HandoffApproved, claim: str) -> ApproveHa
     )
 
 
-def _unanswered(event: NoAnswerTaken) -> RecordNoAnswer:
-    return RecordNoAnswer(action=event.action, done=event.done, measured=event.measured, reason=event.reason)
+def _unanswered(event: handoff_events.NoAnswerTaken) -> handoff_commands.RecordNoAnswer:
+    return handoff_commands.RecordNoAnswer(
+        action=event.action, done=event.done, measured=event.measured, reason=event.reason
+    )
 
 
-def _turn(handoff: Handoff, event: HandoffTurned) -> HandoffTurn:
-    """Claims, deadlines, calls and control."""
+def _turn(handoff: Handoff, event: HandoffTurned) -> handoff_commands.HandoffTurn:
+    """Claims, deadlines, notifications and control."""
     match event:
-        case HandoffClaimed():
-            return TakeClaim(actor=event.actor, claim=event.claim)
-        case HandoffReleased():
+        case handoff_events.HandoffClaimed():
+            return handoff_commands.TakeClaim(actor=event.actor, claim=event.claim)
+        case handoff_events.HandoffReleased():
             held = handoff.claim.claim if handoff.claim is not None else ""
-            return DropClaim(actor=event.actor, claim=held, reason=event.reason)
-        case HandoffExtended():
-            return ExtendDeadline(actor=event.actor, reason=event.reason)
-        case HandoffEscalated():
-            return Escalate(level=event.level)
-        case HandoffTakenOver():
-            return TakeControl(
+            return handoff_commands.DropClaim(actor=event.actor, claim=held, reason=event.reason)
+        case handoff_events.HandoffExtended():
+            return handoff_commands.ExtendDeadline(actor=event.actor, reason=event.reason)
+        case handoff_events.HandoffEscalated():
+            return handoff_commands.Escalate(level=event.level)
+        case handoff_events.HandoffTakenOver():
+            return handoff_commands.TakeControl(
                 actor=event.actor, claim=event.claim, device=event.device, key=event.key, reason=event.reason
             )
-        case HandoffHandedBack():
-            return ReturnControl(
+        case handoff_events.HandoffHandedBack():
+            return handoff_commands.ReturnControl(
                 actor=event.actor,
                 claim=_held(handoff, event.actor),
                 key=event.key,
@@ -227,7 +182,7 @@ def _turn(handoff: Handoff, event: HandoffTurned) -> HandoffTurn:
                 k=event.k,
                 fresh=event.fresh,
             )
-        case HandoffClosed():
-            return CloseQuestion(
+        case handoff_events.HandoffClosed():
+            return handoff_commands.CloseQuestion(
                 actor=event.actor, claim=_held(handoff, event.actor), key=event.key, reason=event.reason
             )

@@ -1,4 +1,4 @@
-"""The places of a dossier: the changes that go into it, and whether they explain what its mission was compiled with."""
+"""Collects the place changes of a dossier, and checks that they explain what its mission was compiled with."""
 
 from collections.abc import Iterator, Mapping
 
@@ -16,7 +16,7 @@ from harness.runtime import COMPILED, Runtime
 
 
 class PlaceChange(Value):
-    """One change to a place. `during`: it was made while the mission was under way, which keeps what it began with."""
+    """One change to a place. `during`: it was made while the mission was under way, which keeps its original places."""
 
     position: int
     place_id: PlaceId
@@ -35,7 +35,7 @@ def place_history(runtime: Runtime, mission: Mission) -> list[StoredEvent]:
 
 
 def place_changes(runtime: Runtime, mission: Mission) -> tuple[PlaceChange, ...]:
-    """What `place_history` says, in order."""
+    """The changes of `place_history`, in order."""
     first = runtime.events(mission.mission_id)[0].position
     told = [(one.position, DECIDER.codec.decode(one)) for one in place_history(runtime, mission)]
     return tuple(
@@ -53,7 +53,7 @@ def place_changes(runtime: Runtime, mission: Mission) -> tuple[PlaceChange, ...]
 
 
 def place_differences(runtime: Runtime, mission: Mission) -> Iterator[str]:
-    """Where the changes do not count up, or the contract was bound to another place than they say."""
+    """Where the changes are not numbered in sequence, or the contract was bound to a different place."""
     places = stood = Places()
     compiled = [one.position for one in runtime.events(mission.mission_id) if one.kind in COMPILED]
     for stored in place_history(runtime, mission):

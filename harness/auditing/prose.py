@@ -1,4 +1,4 @@
-"""Pure: whether what was derived again is what is stored; the words of a sentence that an older release wrote aside."""
+"""Compares values derived again with stored ones, ignoring sentences that an older release wrote. Pure."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -15,7 +15,7 @@ def is_old(bodies: Iterable[bytes]) -> bool:
 
 
 def same(derived: Any, stored: Any, *, old: bool) -> bool:
-    """Whether both are equal; in an old stream a reason stands for any sentence in its place."""
+    """Whether both are equal; in an old stream a reason matches any sentence in its place."""
     if encode(derived) == encode(stored):
         return True
     return old and _alike(msgspec.to_builtins(derived), msgspec.to_builtins(stored))

@@ -1,8 +1,8 @@
-"""Replay for an auditor: fold again, ask every role again, decide again, and say what differs. Touches no robot (R145).
+"""Replays missions for an auditor: folds, derives and decides again, and lists every difference. Moves no robot (R145).
 
 Every decision is made again from the command that was stored with it. In a log from before commands were stored they
-are guessed back from the events, and the report says how many. Randomness has no part in a decision; a model's output
-is read where it was stored, never sampled again (R146).
+are inferred from the events, and the report says how many. Randomness has no part in a decision; a model's output is
+read from storage, never sampled again (R146).
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -16,16 +16,15 @@ from harness.auditing import legacy, legacy_neighbours
 from harness.auditing.commands import CommandUnreadable, command_at, tokens_in
 from harness.auditing.prose import is_old, same
 from harness.auditing.roles import RoleReplay
+from harness.contracts import ids, values
 from harness.contracts.commands import HandoffCommand, LeaseCommand, MissionCommand
 from harness.contracts.decider import Decider
 from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.errors import ContractInvalid, LogDamaged
 from harness.contracts.events import ContractCompiled, MissionEvent
-from harness.contracts.ids import Digest, HandoffId, MissionId, ResourceId, StreamId, mission_stream, sha256
 from harness.contracts.ports import StoredEvent
 from harness.contracts.reasons import plain
 from harness.contracts.stored_commands import command_of
-from harness.contracts.values import Count, Moment, Value, digest, encode
 from harness.gate.decide import DECIDER
 from harness.gate.handoffs import DECIDER as HANDOFF
 from harness.gate.leases import DECIDER as LEASE
@@ -37,32 +36,32 @@ NONE_STORED = "no command is stored with it, though commands are stored before i
 UNEQUAL = "the state folded from zero is not, byte for byte, the live one"
 
 
-class ReplayReport(Value):
+class ReplayReport(values.Value):
     """What was derived again, counted, and every difference with its position. `state`: digest of the folded mission.
 
     `unanswered` verdicts were given by nobody and cannot be derived; `decisions` are the gate's on the mission,
     `leases` and `handoffs` those on its resources and questions; `targets` and `maps` are those of an exploration.
-    `reconstructed`: how many of these decisions had no stored command, so that it was guessed back from their events.
+    `reconstructed`: how many of these decisions had no stored command, so that it was inferred from their events.
     """
 
-    mission_id: MissionId
-    events: Count
-    plans: Count
-    routings: Count
-    skills: Count
-    verdicts: Count
-    unanswered: Count
-    recoveries: Count
-    goals: Count
-    decisions: Count
-    leases: Count
-    handoffs: Count
-    k: Count
-    state: Digest
+    mission_id: ids.MissionId
+    events: values.Count
+    plans: values.Count
+    routings: values.Count
+    skills: values.Count
+    verdicts: values.Count
+    unanswered: values.Count
+    recoveries: values.Count
+    goals: values.Count
+    decisions: values.Count
+    leases: values.Count
+    handoffs: values.Count
+    k: values.Count
+    state: ids.Digest
     differences: tuple[str, ...]
-    targets: Count = 0
-    maps: Count = 0
-    reconstructed: Count = 0
+    targets: values.Count = 0
+    maps: values.Count = 0
+    reconstructed: values.Count = 0
 
 
 @dataclass
@@ -73,13 +72,13 @@ class _Replay:
     differences: list[str] = field(default_factory=list)
     old: bool = False
     reconstructed: int = 0
-    storing: set[StreamId] = field(default_factory=set)
+    storing: set[ids.StreamId] = field(default_factory=set)
 
     def differ(self, stored: StoredEvent, what: str) -> None:
         self.differences.append(f"position {stored.position}, {stored.stream}, {stored.kind}: {what}")
 
     def command(self, tail: Sequence[StoredEvent], union: Any, tokens: Iterable[str] = ()) -> tuple[bool, Any]:
-        """Whether these events say which command they answered, and the command; None where it cannot be read."""
+        """Whether these events name the command they answered, and the command; None where it cannot be read."""
         first = tail[0]
         try:
             command = command_at(self.runtime, tail, union, tokens=tokens)
@@ -96,7 +95,7 @@ class _Replay:
         return False, None
 
 
-def replay_mission(runtime: Runtime, mission_id: MissionId) -> ReplayReport:
+def replay_mission(runtime: Runtime, mission_id: ids.MissionId) -> ReplayReport:
     """Reconstruct progress from the log and derive again every decision from what was stored with it.
 
     Raises UnknownName for a mission that does not exist.
@@ -105,8 +104,8 @@ def replay_mission(runtime: Runtime, mission_id: MissionId) -> ReplayReport:
     replay, roles = _Replay(runtime), RoleReplay(runtime)
     stored = runtime.events(mission_id)
     mission, decisions = _mission(replay, roles, stored)
-    if encode(mission) != encode(live):
-        replay.differences.append(f"{mission_stream(mission_id)}: {UNEQUAL}")
+    if values.encode(mission) != values.encode(live):
+        replay.differences.append(f"{ids.mission_stream(mission_id)}: {UNEQUAL}")
     leases = sum(_leases(replay, stream, mission_id) for stream in runtime.streams("lease/"))
     handoffs = sum(_handoff(replay, stream, mission_id) for stream in runtime.streams("handoff/"))
     return ReplayReport(
@@ -117,7 +116,7 @@ def replay_mission(runtime: Runtime, mission_id: MissionId) -> ReplayReport:
         leases=leases,
         handoffs=handoffs,
         k=mission.k,
-        state=digest(mission),
+        state=values.digest(mission),
         differences=tuple(replay.differences),
         reconstructed=replay.reconstructed,
     )
@@ -126,7 +125,7 @@ def replay_mission(runtime: Runtime, mission_id: MissionId) -> ReplayReport:
 def replay_all(runtime: Runtime) -> Iterator[ReplayReport]:
     """Every mission of the log, oldest first."""
     for stream in runtime.streams("mission/"):
-        yield replay_mission(runtime, MissionId(stream.partition("/")[2]))
+        yield replay_mission(runtime, ids.MissionId(stream.partition("/")[2]))
 
 
 def _mission(replay: _Replay, roles: RoleReplay, stored: Sequence[StoredEvent]) -> tuple[Mission, int]:
@@ -162,17 +161,17 @@ class _Written(msgspec.Struct):
 
 
 def _as_written(derived: MissionEvent, stored: StoredEvent) -> MissionEvent:
-    """A contract's digest is of the bytes it was written in: an earlier release may have written fewer fields."""
+    """A contract's digest covers the bytes as they were written: an earlier release may have written fewer fields."""
     if not isinstance(derived, ContractCompiled) or stored.kind != type(derived).__name__:
         return derived
-    written = sha256(bytes(msgspec.json.decode(stored.body, type=_Written).contract))
+    written = ids.sha256(bytes(msgspec.json.decode(stored.body, type=_Written).contract))
     return replace(derived, contract_digest=written)
 
 
 def _decided(
     replay: _Replay, mission: Mission, tail: Sequence[MissionEvent], stored_tail: Sequence[StoredEvent]
 ) -> list[MissionEvent]:
-    """The events the gate answers with again to what these events answered."""
+    """The events of the gate's new decision on the command that these events answered."""
     stored = stored_tail[0]
     said, command = replay.command(stored_tail, MissionCommand)
     if not said:
@@ -181,7 +180,7 @@ def _decided(
             replay.differ(stored, "no command leads to this event here")
     if command is None:
         return []
-    now = Moment(mission_s=stored.mission_s, wall_s=stored.recorded_s)
+    now = values.Moment(mission_s=stored.mission_s, wall_s=stored.recorded_s)
     try:
         decision = DECIDER.decide(mission, command, now)
     except (ContractInvalid, KeyError, ValueError) as error:
@@ -201,7 +200,7 @@ def _accepted(replay: _Replay, decision: Decision[Any], stored: StoredEvent) -> 
             return list(decision.events)
 
 
-def _leases(replay: _Replay, stream: StreamId, mission_id: MissionId) -> int:
+def _leases(replay: _Replay, stream: ids.StreamId, mission_id: ids.MissionId) -> int:
     """The lease decisions on one resource; counts and reports those about this mission."""
     lease, decisions = LEASE.initial, 0
     stored = replay.runtime.stream(stream)
@@ -211,18 +210,18 @@ def _leases(replay: _Replay, stream: StreamId, mission_id: MissionId) -> int:
             said, command = replay.command(stored[index:], LeaseCommand)
             command = command if said else legacy_neighbours.asked_of_lease(event)
             decisions += 1
-            now = Moment(mission_s=one.mission_s, wall_s=one.recorded_s)
+            now = values.Moment(mission_s=one.mission_s, wall_s=one.recorded_s)
             if command is not None:
                 _same(replay, _accepted(replay, LEASE.decide(lease, command, now), one), event, one)
         lease = after
-    if encode(lease) != encode(replay.runtime.lease(ResourceId(stream.partition("/")[2]))):
+    if values.encode(lease) != values.encode(replay.runtime.lease(ids.ResourceId(stream.partition("/")[2]))):
         replay.differences.append(f"{stream}: {UNEQUAL}")
     return decisions
 
 
-def _handoff(replay: _Replay, stream: StreamId, mission_id: MissionId) -> int:
+def _handoff(replay: _Replay, stream: ids.StreamId, mission_id: ids.MissionId) -> int:
     """The decisions at one handoff, if it is this mission's."""
-    live = replay.runtime.handoff(HandoffId(stream.partition("/")[2]))
+    live = replay.runtime.handoff(ids.HandoffId(stream.partition("/")[2]))
     if live.opened is None or live.opened.mission_id != mission_id:
         return 0
     handoff, decisions = HANDOFF.initial, 0
@@ -235,11 +234,11 @@ def _handoff(replay: _Replay, stream: StreamId, mission_id: MissionId) -> int:
         if not said:
             command, wall_s = legacy_neighbours.asked_of_handoff(handoff, event) or (None, None)
         decisions += 1
-        now = Moment(mission_s=one.mission_s, wall_s=one.recorded_s if wall_s is None else wall_s)
+        now = values.Moment(mission_s=one.mission_s, wall_s=one.recorded_s if wall_s is None else wall_s)
         if command is not None:
             _same(replay, _accepted(replay, HANDOFF.decide(handoff, command, now), one), event, one)
         handoff = HANDOFF.apply(handoff, event)
-    if encode(handoff) != encode(live):
+    if values.encode(handoff) != values.encode(live):
         replay.differences.append(f"{stream}: {UNEQUAL}")
     return decisions
 
@@ -262,4 +261,4 @@ def _decoded(replay: _Replay, decider: Decider[Any, Any, Any], stored: Sequence[
 
 
 def _short(event: Any) -> str:
-    return encode(event).decode()[:160]
+    return values.encode(event).decode()[:160]

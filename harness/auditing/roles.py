@@ -1,5 +1,7 @@
-"""Which output each role gives again for what it was shown: C1 plan, routing, C2 skill, C3 verdicts, C4 recovery, and
-where an exploring mission goes next."""
+"""Derives each role's output again from what it was shown, and compares it with what is stored.
+
+Covers the C1 plan, routing, the C2 skill, C3 verdicts, C4 recovery, and the targets of an exploring mission.
+"""
 
 from collections.abc import Callable, Iterator
 from typing import TypeVar
@@ -8,21 +10,9 @@ import msgspec
 
 from harness.auditing.exploration import map_differences, new_choices, target_differences
 from harness.auditing.prose import same
+from harness.contracts import events
 from harness.contracts.contexts import Context
 from harness.contracts.errors import HarnessError
-from harness.contracts.events import (
-    ContractCompiled,
-    ContractRecompiled,
-    DispatchIntended,
-    GoalVerified,
-    HandoffRequested,
-    MissionEvent,
-    NodeFailed,
-    NodePlanned,
-    ObservationRecorded,
-    RecoveryAuthorised,
-    VerdictRecorded,
-)
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.proposals import CandidateSet, PlanProposal, RecoveryProposal
 from harness.contracts.reasons import Explanation, parts, plain
@@ -48,15 +38,15 @@ class Differs(Exception):
 
 
 class RoleReplay:
-    """Derives again what each event says a role decided. `derived` counts them by kind."""
+    """Derives again what each event says a role decided. `derived` counts the results by kind."""
 
     def __init__(self, runtime: Runtime) -> None:
         self._runtime = runtime
         self.old = False
         self.derived = dict.fromkeys((*ROLES, "unanswered"), 0)
 
-    def differences(self, mission: Mission, event: MissionEvent) -> Iterator[str]:
-        """Differences of one event, made on the mission as it was before it."""
+    def differences(self, mission: Mission, event: events.MissionEvent) -> Iterator[str]:
+        """Differences of one event, derived on the mission as it was before it."""
         for check in self._checks(mission, event):
             try:
                 check()
@@ -65,32 +55,32 @@ class RoleReplay:
             except HarnessError as error:
                 yield f"what was shown cannot be read: {error}"
 
-    def _checks(self, mission: Mission, event: MissionEvent) -> tuple[Callable[[], None], ...]:
+    def _checks(self, mission: Mission, event: events.MissionEvent) -> tuple[Callable[[], None], ...]:
         match event:
-            case NodePlanned():
+            case events.NodePlanned():
                 return (lambda: self._plan(mission, event),)
-            case DispatchIntended():
+            case events.DispatchIntended():
                 return (lambda: self._routing(mission, event), lambda: self._skill(event))
-            case ContractCompiled():
+            case events.ContractCompiled():
                 return (lambda: self._policy(mission.configuration, event),)
-            case ContractRecompiled():
+            case events.ContractRecompiled():
                 return (lambda: self._policy(event.configuration, event),)
-            case VerdictRecorded():
+            case events.VerdictRecorded():
                 return (lambda: self._verdict(event.verdict),)
-            case GoalVerified():
+            case events.GoalVerified():
                 return (lambda: self._goal(event),)
-            case RecoveryAuthorised():
+            case events.RecoveryAuthorised():
                 return (lambda: self._recovery(event),)
-            case HandoffRequested() | NodeFailed():
+            case events.HandoffRequested() | events.NodeFailed():
                 return (lambda: self._escalation(event),)
             case GraphRevised():
                 return (lambda: self._targets(mission, event),)
-            case ObservationRecorded():
+            case events.ObservationRecorded():
                 return (lambda: self._map(mission, event),)
             case _:
                 return ()
 
-    def _plan(self, mission: Mission, event: NodePlanned) -> None:
+    def _plan(self, mission: Mission, event: events.NodePlanned) -> None:
         c1 = self._stored(event.context, Context)
         own = plan(c1)
         if c1.k != mission.k:
@@ -106,13 +96,13 @@ class RoleReplay:
         if not same(expected, (event.node_id, event.reason), old=self.old):
             raise Differs(f"C1 led to {event.node_id}; derived again it leads to {expected[0]}")
 
-    def _policy(self, pinned: Digest, event: ContractCompiled | ContractRecompiled) -> None:
+    def _policy(self, pinned: Digest, event: events.ContractCompiled | events.ContractRecompiled) -> None:
         if event.policy != self._runtime.stored_configuration(pinned).recovery:
             raise Differs(
                 f"the recovery policy is not that of configuration {pinned[:12]}, which the mission is pinned to"
             )
 
-    def _routing(self, mission: Mission, event: DispatchIntended) -> None:
+    def _routing(self, mission: Mission, event: events.DispatchIntended) -> None:
         if event.question is None or event.candidates is None:
             return
         stored = self._stored(event.candidates, CandidateSet)
@@ -126,7 +116,7 @@ class RoleReplay:
         if again.chosen != event.provider_id:
             raise Differs(f"routing chose {again.chosen}; {event.provider_id} was sent")
 
-    def _skill(self, event: DispatchIntended) -> None:
+    def _skill(self, event: events.DispatchIntended) -> None:
         again = propose_skill(self._stored(event.context, Context))
         self.derived["skills"] += 1
         if (again.provider_id, encode(again.parameters)) != (event.provider_id, encode(event.parameters)):
@@ -144,14 +134,14 @@ class RoleReplay:
         if not same(again, stored, old=self.old):
             raise Differs(f"the verdict was {stored.verdict}; derived again it is {again.verdict}")
 
-    def _goal(self, event: GoalVerified) -> None:
+    def _goal(self, event: events.GoalVerified) -> None:
         again = verify_goal(self._stored(event.verdict.context, Context), self._runtime.blob)
         self.derived["goals"] += 1
         if not same(again, event.verdict, old=self.old):
             raise Differs(f"the goal verdict was {event.verdict.verdict}; derived again it is {again.verdict}")
 
-    def _recovery(self, event: RecoveryAuthorised) -> None:
-        """What C4 proposed; a rung that a person chose at a handoff is theirs."""
+    def _recovery(self, event: events.RecoveryAuthorised) -> None:
+        """What C4 proposed; a step that a person chose at a handoff is theirs."""
         if event.handoff_id is not None:
             return
         again = recover(self._stored(event.context, Context))
@@ -160,7 +150,7 @@ class RoleReplay:
         if not same((again.action, again.failure, again.cost, again.reason), taken, old=self.old):
             raise Differs(f"C4 led to {event.action}; derived again it leads to {again.action} ({plain(again.reason)})")
 
-    def _escalation(self, event: HandoffRequested | NodeFailed) -> None:
+    def _escalation(self, event: events.HandoffRequested | events.NodeFailed) -> None:
         """A person, or the end of a stage: C4 proposed it, or what C4 proposed was not possible."""
         if event.context is None:
             return
@@ -177,7 +167,7 @@ class RoleReplay:
             if differing := target_differences(self._runtime, mission, choice, stored=self._stored):
                 raise Differs("; ".join(differing))
 
-    def _map(self, mission: Mission, event: ObservationRecorded) -> None:
+    def _map(self, mission: Mission, event: events.ObservationRecorded) -> None:
         if not is_update(event.reference):
             return
         self.derived["maps"] += 1

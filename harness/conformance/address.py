@@ -1,4 +1,4 @@
-"""A robot at an HTTP address on the kit's bench: the providers it serves, in its own time."""
+"""Connects the conformance kit to a robot at an HTTP address: the providers it serves, in its own time."""
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -16,9 +16,9 @@ REAL_TIME = 1.0
 
 @contextmanager
 def addressed(url: str, token: str) -> Iterator[tuple[dict[ProviderId, Stand], tuple[CapabilityCard, ...]]]:
-    """Stands by provider, and the cards, of the robot at `url`. Raises ProviderUnreachable if nobody answers.
+    """A `Stand` per provider, and the cards, of the robot at `url`. Raises ProviderUnreachable if it does not answer.
 
-    A robot that says so (`/clock` with speed 0) is run in lockstep; any other in its own time.
+    A robot whose `/clock` has speed 0 is run in lockstep; any other in its own time.
     """
     with ExitStack() as stack:
         robot = HttpRobot(url.rstrip("/"), token)

@@ -1,4 +1,4 @@
-"""A provider's own statement for the kit: requests it can be tried with, rows it meets, rows it is exempt from, why."""
+"""Reads a provider's conformance file: sample requests, the rows it meets, and its exemptions with reasons."""
 
 import base64
 import binascii
@@ -21,8 +21,8 @@ class ConformanceFile(Value):
     """One conformance file.
 
     `done`: parameters of requests that end as succeeded. `long`: of requests that are under way for 5 s or more, or
-    that wait for a poll. Of several, the one whose `target` lies farthest from the robot is taken, so that there is
-    way to go. A string `@name` stands for the digest of the blob of that name (base64 in the file).
+    that wait for a poll. Of several, the one whose `target` lies farthest from the robot is used, so that there is
+    some distance to cover. A string `@name` stands for the digest of the blob of that name (base64 in the file).
     """
 
     provider_id: ProviderId
@@ -34,7 +34,7 @@ class ConformanceFile(Value):
 
 
 def shipped(provider_id: ProviderId) -> ConformanceFile:
-    """The file that ships for a provider of the installed crew. Raises UnknownName."""
+    """The conformance file that ships for an installed provider. Raises UnknownName."""
     entry = _SHIPPED.joinpath(f"{provider_id}.yaml")
     if not entry.is_file():
         raise UnknownName(
@@ -62,7 +62,7 @@ def filled(parameters: Parameters, blobs: dict[str, Digest]) -> Parameters:
 
 
 def kept(declaration: ConformanceFile, keep: Callable[[bytes], Digest]) -> dict[str, Digest]:
-    """The file's blobs, stored where the provider finds them."""
+    """Store the file's blobs where the provider finds them."""
     return {name: keep(_bytes(text)) for name, text in declaration.blobs.items()}
 
 

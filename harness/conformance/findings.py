@@ -1,4 +1,4 @@
-"""The kit's results: what a row saw, whether that is enough, and why a row was not tried."""
+"""Results of the conformance kit: what a row observed, whether it passes, and why a row was not tried."""
 
 from collections.abc import Callable
 from typing import Literal
@@ -14,14 +14,14 @@ UNTYPED = (ArithmeticError, AssertionError, AttributeError, LookupError, OSError
 
 
 class RuleObservation(Value):
-    """What one row saw, as a sentence, and whether it is as the contract wants."""
+    """What one row observed, as a sentence, and whether it meets the contract."""
 
     met: bool
     text: str
 
 
 class ConformanceFinding(Value):
-    """One row of one provider. `text` is what was seen, or why the row is exempt."""
+    """One row of one provider. `text` is what was observed, or why the row is exempt."""
 
     row: str
     title: str
@@ -30,7 +30,7 @@ class ConformanceFinding(Value):
 
 
 class Checked(Value):
-    """One provider against all rows."""
+    """The findings of one provider on all rows."""
 
     provider_id: ProviderId
     version: str
@@ -58,7 +58,7 @@ def unless(holds: bool, wrong: str) -> str:
 
 
 def refusal(act: Callable[[], object], *kinds: type[HarnessError]) -> str:
-    """What is wrong with the refusal that `act` must be answered with; empty for a typed one that says what to do."""
+    """What is wrong with the refusal that `act` must get; empty for a typed one that gives a remedy."""
     wanted = kinds or (ProviderFailed, UnknownName)
     try:
         act()

@@ -1,4 +1,4 @@
-"""The conformance kit: every row of the lifecycle contract against one provider, each on a bench of its own."""
+"""The conformance kit: tries every row of the lifecycle contract against one provider, each on a fresh bench."""
 
 from collections.abc import Callable, Sequence
 
@@ -26,7 +26,7 @@ def check(
     """Try every row; a row that the file exempts is not tried, unless the card binds the provider to it.
 
     `mission_id` names this check and was never used before. Raises ContractInvalid for a file with unknown rows, and
-    what the stand raises if there is nothing to try.
+    what `stand` raises if there is no provider to try.
     """
     strange = sorted({*declaration.meets, *declaration.exempt} - set(NAMES))
     if strange:

@@ -1,4 +1,4 @@
-"""How a body moved by the robot's own odometry: never by its localiser, never by the provider's word."""
+"""Measures a body's motion by the robot's own odometry, never by its localiser or the provider's report."""
 
 import math
 from collections.abc import Callable, Sequence

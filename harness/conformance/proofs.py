@@ -1,4 +1,4 @@
-"""Rows about what a provider says and leaves behind: identity, order, progress, failures, receipts, evidence."""
+"""Rows about a provider's reports and evidence: identity, order, progress, failures, receipts."""
 
 import math
 from collections.abc import Iterator
@@ -7,18 +7,17 @@ from itertools import pairwise
 from harness.conformance.findings import RuleObservation, judged, unless
 from harness.conformance.stops import DEADLINE_S, deadline
 from harness.conformance.test_bench import POLL_S, Bench
+from harness.contracts import observations, protocol
 from harness.contracts.errors import HarnessError
 from harness.contracts.ids import Digest, sha256
-from harness.contracts.observations import Battery, Image, Imu, Odometry, Pose, Sample, Scan
-from harness.contracts.protocol import KEEPALIVE_LOST, TERMINAL, InvocationReport, Receipt, StartRequest
 
-SAMPLES: dict[str, type[Sample]] = {
-    "pose": Pose,
-    "odometry": Odometry,
-    "imu": Imu,
-    "scan": Scan,
-    "image": Image,
-    "battery": Battery,
+SAMPLES: dict[str, type[observations.Sample]] = {
+    "pose": observations.Pose,
+    "odometry": observations.Odometry,
+    "imu": observations.Imu,
+    "scan": observations.Scan,
+    "image": observations.Image,
+    "battery": observations.Battery,
 }
 SHARE_SLIP = 0.05
 
@@ -34,7 +33,7 @@ def completes(bench: Bench) -> RuleObservation:
 
 
 def identity_echo(bench: Bench) -> RuleObservation:
-    """Every report speaks of the request it was asked about: mission, node, attempt, request, provider."""
+    """Every report names the request it was asked about: mission, node, attempt, request, provider."""
     bench.done()
     wrong = sorted(
         {
@@ -49,7 +48,7 @@ def identity_echo(bench: Bench) -> RuleObservation:
 def progress(bench: Bench) -> RuleObservation:
     """Statuses follow one another as they may, progress is a share that does not fall, all numbers are numbers."""
     bench.done()
-    by_handle: dict[str, list[InvocationReport]] = {}
+    by_handle: dict[str, list[protocol.InvocationReport]] = {}
     for _, report in bench.log:
         by_handle.setdefault(report.handle, []).append(report)
     wrong = [one for reports in by_handle.values() for one in _disorder(reports)]
@@ -58,7 +57,7 @@ def progress(bench: Bench) -> RuleObservation:
 
 
 def failure_words(bench: Bench) -> RuleObservation:
-    """A failure carries a word of the card; nothing else does."""
+    """A failure carries a failure code of the card; nothing else does."""
     deadline(bench)
     words = bench.card.failure_words
     failed = [report for _, report in bench.log if report.status == "failed"]
@@ -66,7 +65,7 @@ def failure_words(bench: Bench) -> RuleObservation:
     odd |= {
         f"{r.status} with the failure {r.failure}"
         for _, r in bench.log
-        if r.failure and r.status != "failed" and (r.status, r.failure) != ("blocked", KEEPALIVE_LOST)
+        if r.failure and r.status != "failed" and (r.status, r.failure) != ("blocked", protocol.KEEPALIVE_LOST)
     }
     used = sorted({report.failure for report in failed})
     return judged(
@@ -85,7 +84,7 @@ def evidence_promised(bench: Bench) -> RuleObservation:
     sensed = [s for s in bench.observations.collect() if s.at_s >= begun_s - POLL_S]
     kinds |= {word for word, kind in SAMPLES.items() if any(isinstance(sample, kind) for sample in sensed)}
     missing = [word for word in bench.card.evidence if word not in kinds]
-    blobs = [s.blob for s in sensed if isinstance(s, Image | Scan)][-3:]
+    blobs = [s.blob for s in sensed if isinstance(s, observations.Image | observations.Scan)][-3:]
     return judged(
         f"{', '.join(bench.card.evidence)}; {len(ended.receipts)} receipts, {len(sensed)} samples",
         unless(ended.status == "succeeded", f"it ended {ended.status}"),
@@ -107,24 +106,24 @@ def receipts_bound(bench: Bench) -> RuleObservation:
 
 
 def late_repeat(bench: Bench) -> RuleObservation:
-    """After the end, a late repeat of the start and repeated questions get the same last word, and start nothing."""
+    """After the end, a late repeat of the start and repeated questions get the same last report, and start nothing."""
     request, ended = bench.done()
     repeated = bench.start(request)
     asked = [bench.report(ended.handle) for _ in range(3)]
     return judged(
         "the same last word four times, nothing begun again",
-        unless(ended.status in TERMINAL, f"it never ended: {ended.status}"),
+        unless(ended.status in protocol.TERMINAL, f"it never ended: {ended.status}"),
         unless(repeated == ended, f"a late repeat of the start was answered with {repeated.status}, another report"),
         unless(all(one == ended for one in asked), "the last word changed when asked again"),
         unless(bench.begun(request) in (None, 1), "the late repeat was a second physical start"),
     )
 
 
-def _disorder(reports: list[InvocationReport]) -> Iterator[str]:
+def _disorder(reports: list[protocol.InvocationReport]) -> Iterator[str]:
     for earlier, later in pairwise(reports):
-        if earlier.status in TERMINAL and later.status != earlier.status:
+        if earlier.status in protocol.TERMINAL and later.status != earlier.status:
             yield f"{later.status} after {earlier.status}"
-        if earlier.status == "stopping" and later.status not in (*TERMINAL, "stopping"):
+        if earlier.status == "stopping" and later.status not in (*protocol.TERMINAL, "stopping"):
             yield f"{later.status} after stopping"
         if later.at_s < earlier.at_s:
             yield "time steps back between two reports"
@@ -140,7 +139,9 @@ def _disorder(reports: list[InvocationReport]) -> Iterator[str]:
             yield "a declared value is no number"
 
 
-def _unbound(bench: Bench, request: StartRequest, ended: InvocationReport, receipt: Receipt) -> Iterator[str]:
+def _unbound(
+    bench: Bench, request: protocol.StartRequest, ended: protocol.InvocationReport, receipt: protocol.Receipt
+) -> Iterator[str]:
     begun_s = bench.asked_s(request)
     if receipt.request_id != request.identity.request_id:
         yield f"receipt {receipt.receipt_id} belongs to another request"

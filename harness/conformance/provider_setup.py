@@ -1,4 +1,4 @@
-"""The installed crew on the kit's bench: simulated robot, local providers, recording navigator; all in virtual time."""
+"""Sets up the installed providers for the kit: simulated robot, local providers, recording navigator; virtual time."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -6,13 +6,13 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+from harness import bootstrap
 from harness.adapters.clock import LockstepClock
 from harness.adapters.ids import SystemIds
 from harness.adapters.providers.recording.reader import Recording, open_recording
 from harness.adapters.providers.recording.robot import CARD as RECORDING_NAVIGATOR
 from harness.adapters.providers.recording.robot import RecordedRobot
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
-from harness.bootstrap import NullSignals, Parts, camera_of, local_providers, simulated
 from harness.conformance.subject import ProviderUnderTest, Stand
 from harness.contracts.actors import Actor
 from harness.contracts.capabilities import CapabilityCard
@@ -36,7 +36,7 @@ KIT = Actor(name="conformance kit", role="harness")
 def installed_cards(folder: Path, simulator: Simulator) -> tuple[CapabilityCard, ...]:
     """Cards of every installed provider. `folder` is scratch space."""
     robot = _plain(simulator)
-    local = _local(folder, _parts(), camera_of(robot.robot))
+    local = _local(folder, _parts(), bootstrap.camera_of(robot.robot))
     return (*_cards(robot), *(provider.card for provider in local), RECORDING_NAVIGATOR)
 
 
@@ -62,14 +62,14 @@ def _cards(robot: InProcessRobot) -> tuple[CapabilityCard, ...]:
 def installed(
     folder: Path, settings: HarnessSettings, simulator: Simulator, *, recording: Path | None = None
 ) -> Iterator[dict[ProviderId, Stand]]:
-    """A stand for every installed provider, by name. `folder` is scratch space for journals.
+    """A `Stand` for every installed provider, by name. `folder` is scratch space for journals.
 
     `recording` is what the recording navigator replays; None: a circuit walked in the simulated site, recorded first.
     """
     numbers = count(1)
     with ExitStack() as stack:
         robot = _plain(simulator)
-        camera = camera_of(robot.robot)
+        camera = bootstrap.camera_of(robot.robot)
         stands = {card.provider_id: _on_robot(settings, simulator, card.provider_id) for card in _cards(robot)}
         for provider in _local(folder / "cards", _parts(), camera):
             stands[provider.card.provider_id] = _beside(folder, numbers, provider.card.provider_id, camera)
@@ -111,23 +111,23 @@ def _beside(folder: Path, numbers: Iterator[int], provider_id: ProviderId, camer
     return stand
 
 
-def _local(folder: Path, parts: Parts, camera: Camera) -> Sequence[Provider]:
-    return local_providers(parts, camera=camera, folder=folder)
+def _local(folder: Path, parts: bootstrap.Parts, camera: Camera) -> Sequence[Provider]:
+    return bootstrap.local_providers(parts, camera=camera, folder=folder)
 
 
-def _parts() -> Parts:
-    return Parts(
+def _parts() -> bootstrap.Parts:
+    return bootstrap.Parts(
         store=MemoryEventStore(),
         blobs=MemoryBlobStore(),
         spool=MemorySpool(),
         ids=_IDS,
         clock=LockstepClock(lambda until_s: until_s, at_s=EPOCH_S),
-        signals=NullSignals(),
+        signals=bootstrap.NullSignals(),
     )
 
 
 class _Replays:
-    """A stand over one recording, which is opened, or made, at the first row."""
+    """A `Stand` over one recording, which is opened, or made, at the first row."""
 
     def __init__(
         self, stack: ExitStack, folder: Path, settings: HarnessSettings, simulator: Simulator, path: Path | None
@@ -159,7 +159,7 @@ class _Replays:
 
 def _walked(path: Path, settings: HarnessSettings, simulator: Simulator) -> Path:
     """Record a circuit in the simulated site."""
-    with simulated(settings, simulator=simulator, seed=settings.seed) as harness:
+    with bootstrap.simulated(settings, simulator=simulator, seed=settings.seed) as harness:
         started = harness.runtime.start(Start(actor=KIT, robot_id=RobotId(settings.robot_id), template="circuit"))
         if isinstance(started, Refused):
             raise ContractInvalid(plain(started.reason))

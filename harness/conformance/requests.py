@@ -1,4 +1,4 @@
-"""Rows about requests: what is taken on, once, under which name, and what is refused with nothing begun."""
+"""Rows about requests: accepted once under one id, or refused without starting anything."""
 
 import math
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ EVIDENCE = ("pose", "odometry", "imu", "scan", "image", "battery")
 
 
 def card_complete(bench: Bench) -> RuleObservation:
-    """The twelve fields say something, bounds are bounds, and the card is the same when read again."""
+    """The twelve fields are filled in, bounds are bounds, and the card is the same when read again."""
     card = bench.card
     try:
         reread = decode(encode(card), CapabilityCard) == card

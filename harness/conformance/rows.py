@@ -1,4 +1,4 @@
-"""The rows of the kit, in the order in which they are tried, and which of them no file can exempt a provider from."""
+"""Lists the kit's rows in the order in which they are tried, and which of them no file can exempt."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from harness.contracts.capabilities import CapabilityCard
 
 @dataclass(frozen=True)
 class ConformanceRule:
-    """One promise of the protocol. `binding` says whether a provider with this card must keep it."""
+    """One rule of the protocol. `binding` tells whether a provider with this card must meet it."""
 
     name: str
     title: str

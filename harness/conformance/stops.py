@@ -1,4 +1,4 @@
-"""Rows about ending: a stop is acknowledged only at rest, nobody at the other end means standing still."""
+"""Rows about stopping: a stop is acknowledged only at rest, and without a supervisor the robot stands still."""
 
 from harness.conformance.findings import RuleObservation, judged, unless
 from harness.conformance.motion import Motion
@@ -13,7 +13,7 @@ STOP_POLL_S = 0.1
 
 
 def acknowledged_stop(bench: Bench) -> RuleObservation:
-    """`stopping` at once, `cancelled` only with the body at rest, within what the card says."""
+    """`stopping` at once, `cancelled` only with the body at rest, within the time that the card declares."""
     report, motion = bench.moving()
     if bench.card.moves and motion is None:
         return _never_moved(report)
@@ -76,7 +76,7 @@ def deadline(bench: Bench) -> RuleObservation:
 
 
 def dead_man(bench: Bench) -> RuleObservation:
-    """Without keepalives the body stands within 2 s by its odometry, and the execution says why it is blocked."""
+    """Without keepalives the body stands within 2 s by its odometry, and the execution reports why it is blocked."""
     report, motion = bench.moving()
     if motion is None:
         return _never_moved(report)

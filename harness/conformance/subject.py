@@ -1,4 +1,4 @@
-"""What the kit holds of a provider under test: the provider, its time, its senses, and who would find it again."""
+"""The provider under test with its clock, its observations, and the way to find it again after a restart."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ class ProviderUnderTest:
     """One provider, ready for one row.
 
     `reattached` gives the provider as a restarted supervisor would get it. `observations` and `starts` are None for a
-    provider without a robot; `keep` is None where no blob can be handed in beforehand.
+    provider without a robot; `keep` is None where no blob can be stored beforehand.
     """
 
     provider: Provider

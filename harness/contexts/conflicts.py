@@ -1,4 +1,4 @@
-"""Pure: which records contradict each other, and which were replaced by newer ones. Decides for neither side."""
+"""Finds records that contradict each other, and records replaced by newer ones. Pure: decides for neither side."""
 
 from collections.abc import Mapping, Sequence
 
@@ -10,9 +10,9 @@ TOLERANCES = {"_m": 0.5, "_rad": 0.35, "_share": 0.1}
 
 
 class Statement(msgspec.Struct, frozen=True):
-    """What one source asserts at one instant. `human`: a person's word, which disambiguates.
+    """What one source asserts at one instant. `human`: a person's statement, which disambiguates.
 
-    `subject`: what it is about; empty = it stands beside later ones of its source.
+    `subject`: what it is about; empty = later ones of its source do not replace it.
     """
 
     source: str
@@ -23,7 +23,7 @@ class Statement(msgspec.Struct, frozen=True):
 
 
 def superseded(statements: Sequence[Statement]) -> dict[int, Reason]:
-    """Indices of statements that the same source, or a person about the same names, made anew later; and why."""
+    """Indices of statements that the same source, or a person on the same names, later replaced; and why."""
     old: dict[int, Reason] = {}
     replacing = [one for one in statements if one.subject or one.human]
     for index, statement in enumerate(statements):
@@ -57,7 +57,7 @@ def conflicting(statements: Sequence[Statement], *, ignored: frozenset[int]) -> 
 
 
 def _contradiction(one: Statement, other: Statement) -> str:
-    """The first name on which both speak and differ beyond its unit's tolerance; empty if they agree."""
+    """The first name that both assert and differ on beyond its unit's tolerance; empty if they agree."""
     for name in sorted(one.states.keys() & other.states.keys()):
         mine, theirs = one.states[name], other.states[name]
         if isinstance(mine, str) or isinstance(theirs, str):

@@ -1,4 +1,4 @@
-"""Pure: one packet's evidence as items for C3: what was seen, what was declared, and what a newer packet replaces."""
+"""Turns a packet's evidence into items for C3: observations, declarations, and what a newer packet replaces. Pure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Pure: what was observed lately, as items: the newest sample of each source, the robot's status, the references."""
+"""Turns recent observations into items: the newest sample per source, the robot's status, the references. Pure."""
 
 import msgspec
 
@@ -25,7 +25,7 @@ def newest_samples(view: StateView) -> list[SelectionItem]:
 
 
 def robot_status(view: StateView) -> list[SelectionItem]:
-    """The robot's own word on its condition, kind "robot"."""
+    """The robot's own status report, kind "robot"."""
     if view.status is None:
         return []
     record = ContextRecord(

@@ -1,4 +1,4 @@
-"""C1, the planner's view: what is wanted, what is open, what is accepted, where things are, what went wrong coarsely.
+"""Compiles C1, the planner's view: goal, open nodes, accepted facts, places, and coarse failures.
 
 Records, by kind: "goal" (Goal); "frontier" (list of FrontierNode, the eligible nodes in graph order); "facts" (list of
 CommittedFact, one record per node); "place" (Place) and "map"; "robot" (RobotStatus); "observation" (a sample);
@@ -66,7 +66,7 @@ def planner_context(view: StateView) -> Context:
 
 
 def goal_record(view: StateView) -> ContextRecord:
-    """The user's own words and their checksum, kind "goal"."""
+    """The user's own text and its checksum, kind "goal"."""
     asked = view.mission.requested_by
     return ContextRecord(
         kind="goal",

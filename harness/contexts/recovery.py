@@ -1,7 +1,7 @@
-"""C4, the recovery's view: which bounded response. What failed, what was tried, what is left, what else there is.
+"""Compiles C4, the recovery role's view: the failure, the attempts, the remaining budget and the alternatives.
 
 Records, by kind: "failure" (projections.Failure); "node" (FailedNode); "attempts" (list of projections.Spend: every
-authorised rung with its cost and signature); "budget" (Remaining); "ladder" (LadderState: the pinned policy's rungs
+authorised step with its cost and signature); "budget" (Remaining); "ladder" (LadderState: the pinned policy's steps
 for this failure class); "alternative" (CapabilityCard, one per provider that may still serve the node); "verdict"
 (NodeVerdict: the last one with its results, whose evidence justifies an escalation); "observed" (EvidenceReference);
 "robot" (RobotStatus).
@@ -46,7 +46,7 @@ class Remaining(Value):
 
 
 class LadderState(Value):
-    """The rungs of this failure class in order, and the policy's bounds."""
+    """The steps of this failure class in order, and the policy's bounds."""
 
     failure: FailureClass
     rungs: tuple[RecoveryAction, ...]
@@ -129,7 +129,7 @@ def _verdict(view: StateView, node_id: NodeId) -> list[SelectionItem]:
 
 
 def _evidence(view: StateView, node_id: NodeId) -> list[SelectionItem]:
-    """What this node's packets saw after execution: the observations newer than a failure are the news (D25)."""
+    """What this node's packets saw after execution: observations newer than a failure count as new (D25)."""
     items = []
     for packet in view.mission.of(node_id).packets:
         for reference in packet.after:

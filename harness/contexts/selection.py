@@ -1,4 +1,4 @@
-"""Pure: which records a role may see. Filters first, each with its reason; then the item budget (D22)."""
+"""Selects the records a role may see: filters first, each with its reason, then the item budget (D22). Pure."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ EARLY_S = 1e-6
 
 
 class SelectionItem(msgspec.Struct, frozen=True):
-    """A record that asks to be let in.
+    """A candidate record for a role's context.
 
     `scope`: the nodes it is about; empty = the whole mission. `speaks_at_s` and `limit_s`: its age counts at that
     instant and may not exceed the limit; without them it does not age. `states`: named values it asserts, compared
@@ -37,7 +37,7 @@ class SelectionItem(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Selection:
-    """What a role asks the compiler for."""
+    """What a role requests from the compiler."""
 
     role: Role
     node_id: NodeId | None
@@ -73,7 +73,7 @@ def compile_context(view: StateView, items: Iterable[SelectionItem], *, selectio
 
 
 def withhold(record: ContextRecord, reason: str, detail: Reason) -> Withheld:
-    """The trace of a record that was kept out."""
+    """The trace of a record that was left out."""
     return Withheld(kind=record.kind, source=record.source, reason=reason, detail=detail)  # type: ignore[arg-type]
 
 

@@ -1,10 +1,10 @@
-"""C2, the skill's view: how to do one subgoal with the selected provider.
+"""Compiles C2, the skill role's view: what it needs to do one subgoal with the selected provider.
 
 Records, by kind: "node" (Node: one subgoal, its typed parameters are the grounded targets); "card" (CapabilityCard);
 "attempt" (Attempt: which attempt this would be, and the recovery action that asked for it); "facts" (list of
 CommittedFact of everything the node builds on); "constraints" (Constraints); "robot" (RobotStatus); "observation" (a
 sample); "observed" (EvidenceReference); "example" (verified operational examples, at most three); "intention" (what a
-planner said: usable here, evidence nowhere).
+planner proposed: usable here, never evidence).
 """
 
 from msgspec.structs import replace

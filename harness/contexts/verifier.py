@@ -1,4 +1,4 @@
-"""C3, the verifier's view, of one packet and of the goal: did it happen? No planner's conclusion, no provider's prose.
+"""Compiles C3, the verifier's view of one packet or of the goal, without planner conclusions or provider prose.
 
 Of a packet: "conditions" (list of Condition); "policy" (VerificationPolicy); "execution" (Execution); "card"
 (CapabilityCard); "constraints" (SafetyState); "goal" (Goal); "facts" (list of CommittedFact this node builds on);
@@ -13,14 +13,7 @@ and "before": the history on which a circuit is tested.
 
 from msgspec.structs import replace
 
-from harness.contexts.evidence import (
-    provider_word,
-    seen,
-    sources_of,
-    trajectory_record,
-    without_prose,
-    without_prose_facts,
-)
+from harness.contexts import evidence
 from harness.contexts.observed import other_map, recent_window
 from harness.contexts.planner import goal_record
 from harness.contexts.selection import Selection, SelectionItem, compile_context
@@ -43,7 +36,7 @@ HISTORIES = ("circuit",)
 def verifier_context(view: StateView, packet: EvidencePacket, card: CapabilityCard) -> Context:
     """C3 of one packet. Raises ContextOverflow if the mandatory records exceed the role's budget."""
     node = view.node(packet.identity.node_id)
-    sources = sources_of(view, packet)
+    sources = evidence.sources_of(view, packet)
     items = [
         SelectionItem(configured("conditions", node.node_id, node.success_conditions, at_s=view.at_s, mandatory=True)),
         SelectionItem(configured("policy", node.node_id, _node_policy(node), at_s=view.at_s, mandatory=True)),
@@ -52,8 +45,8 @@ def verifier_context(view: StateView, packet: EvidencePacket, card: CapabilityCa
         SelectionItem(configured("constraints", "contract", _safety_state(view), at_s=view.at_s)),
         SelectionItem(replace(goal_record(view), mandatory=False)),
         *_facts(view, node),
-        *(item for source in sources for item in provider_word(source, node=node)),
-        *(item for source in sources for item in seen(view, source, node=node)),
+        *(item for source in sources for item in evidence.provider_word(source, node=node)),
+        *(item for source in sources for item in evidence.seen(view, source, node=node)),
         *(SelectionItem(record) for record in view.proposals),
     ]
     selection = Selection(
@@ -70,7 +63,7 @@ def goal_context(view: StateView) -> Context:
     """C3 of the goal. Raises ContextOverflow if the mandatory records exceed the role's budget."""
     contract = view.contract
     packets = _committing(view)
-    facts = without_prose_facts(view.mission.facts)
+    facts = evidence.without_prose_facts(view.mission.facts)
     items = [
         SelectionItem(goal_record(view)),
         SelectionItem(configured("conditions", "goal", contract.completion_conditions, at_s=view.at_s, mandatory=True)),
@@ -149,7 +142,7 @@ def _required(condition: Condition, nodes: tuple[Node, ...]) -> int:
 
 
 def _facts(view: StateView, node: Node) -> list[SelectionItem]:
-    facts = without_prose_facts(relevant_facts(view, node.node_id))
+    facts = evidence.without_prose_facts(relevant_facts(view, node.node_id))
     if not facts:
         return []
     needed = any(isinstance(one.effect, Relational | Symbolic) for one in node.success_conditions)
@@ -174,7 +167,7 @@ def _node(view: StateView, node_id: NodeId, packet: EvidencePacket) -> Selection
     node = CommittedNode(
         node_id=node_id,
         identity=packet.identity,
-        requests=tuple(source.packet.identity.request_id for source in sources_of(view, packet)),
+        requests=tuple(source.packet.identity.request_id for source in evidence.sources_of(view, packet)),
         dispatched_s=packet.dispatched_s,
         terminal_s=packet.terminal_s,
         committed_k=view.mission.of(node_id).committed_k or 0,
@@ -184,9 +177,9 @@ def _node(view: StateView, node_id: NodeId, packet: EvidencePacket) -> Selection
 
 def _receipts(view: StateView, packets: dict[NodeId, EvidencePacket]) -> list[SelectionItem]:
     receipts = [
-        without_prose(receipt)
+        evidence.without_prose(receipt)
         for packet in packets.values()
-        for source in sources_of(view, packet)
+        for source in evidence.sources_of(view, packet)
         if not source.replaced
         for receipt in source.packet.receipts
     ]
@@ -210,7 +203,7 @@ def _histories(view: StateView, packets: dict[NodeId, EvidencePacket]) -> list[S
     for node_id, packet in packets.items():
         if not _targets(view.node(node_id)) & wanted:
             continue
-        for source in sources_of(view, packet):
+        for source in evidence.sources_of(view, packet):
             if source.lasting:
                 items += [_past(view, source.packet, reference) for reference in source.packet.before]
                 sealed = [one for one in source.packet.estimates if one.kind == "trajectory"]
@@ -221,7 +214,7 @@ def _histories(view: StateView, packets: dict[NodeId, EvidencePacket]) -> list[S
 def _past(view: StateView, packet: EvidencePacket, reference: EvidenceReference) -> SelectionItem:
     """Samples of a finished execution, or of the seconds before it: its interval is what they speak of."""
     if reference.kind == "trajectory":
-        record = trajectory_record(packet, reference, current=False, mandatory=True)
+        record = evidence.trajectory_record(packet, reference, current=False, mandatory=True)
     else:
         record = referenced(reference.kind, reference)
     return SelectionItem(record, barred=other_map(view, record, reference.map_version))

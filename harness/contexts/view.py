@@ -1,4 +1,4 @@
-"""What the context compiler is given: one state version, the instant it speaks for, and what was seen just now."""
+"""Input of the context compiler: one state version, the instant it applies to, and recent samples."""
 
 from typing import Any
 
@@ -17,10 +17,10 @@ from harness.projections.mission import Mission, required_contract
 
 
 class StateView(Value):
-    """All four roles are compiled from this and nothing else (R67).
+    """One state version, from which all four roles' contexts are compiled (R67).
 
     `at_s` is mission time. `recent` are the newest samples, oldest first. `examples` are verified operational
-    examples (kind "example"), `proposals` what planners and models said (kind "intention"): C2 may read both, C3
+    examples (kind "example"), `proposals` what planners and models proposed (kind "intention"): C2 may read both, C3
     neither. `history` counts failures coarsely: name -> failure class -> how many. `recovery` is the pinned
     configuration's policy: without it C4 carries no ladder.
     """

@@ -1,4 +1,4 @@
-"""The common shapes of events and commands, and who asks for things."""
+"""Base classes of events and commands, and the actor who issues a command."""
 
 from typing import Literal
 
@@ -16,7 +16,7 @@ class Command(Value, tag_field="command"):
 
 
 class Actor(Value):
-    """Who asked, in which role, by which channel."""
+    """Who issued a command, in which role and through which channel."""
 
     name: Name
     role: Name

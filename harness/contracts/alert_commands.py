@@ -1,4 +1,4 @@
-"""What is asked of an alert: by the watch that raises and clears it, and by people who look after it."""
+"""Commands about alerts: the alert service raises and clears them, people acknowledge, shelve and assign them."""
 
 from typing import Literal
 
@@ -9,7 +9,10 @@ from harness.contracts.values import Count, Name, NonNegative, Positive
 
 
 class RaiseAlert(Command, tag=True):
-    """`at_s`: when it happened. A source that was told before, or a condition that stands already, adds nothing."""
+    """Raise an alert for something that happened at `at_s`.
+
+    A source that was already reported, or a condition that is already active, adds nothing.
+    """
 
     occurrence: Occurrence
     at_s: NonNegative
@@ -30,7 +33,7 @@ class NoteNotification(Command, tag=True):
 
 
 class AcknowledgeAlert(Command, tag=True):
-    """`seen` is the count that the person saw: what happened since then is not acknowledged with it."""
+    """Acknowledge an alert. `seen` is the count the person saw: later occurrences are not acknowledged with it."""
 
     actor: Actor
     seen: Count

@@ -1,6 +1,6 @@
-"""Alerts: what a person should know, one per cause, with everything that people did about it.
+"""Events of alerts: each alert stands for one cause and records what happened and what people did about it.
 
-States after ISA-18.2: unacknowledged, acknowledged, returned to normal without acknowledgement, normal; shelved until
+States follow ISA-18.2: unacknowledged, acknowledged, returned to normal without acknowledgement, normal; shelved until
 an instant; suppressed with a reason. Instants are wall seconds since the Unix epoch.
 """
 
@@ -21,10 +21,10 @@ LONGEST_SHELF_S = 24 * 3600.0
 
 
 class Occurrence(Value):
-    """One thing that went wrong. `cause` says what with whom: everything with the same cause is one alert.
+    """One thing that went wrong. `cause` names what and for whom: everything with the same cause is one alert.
 
-    `condition` names what lasts until it is cleared; empty for what happened at an instant. `source` is the position
-    of the log's event that told it, 0 if it was observed live. `link` is the page where something can be done.
+    `condition` names what lasts until it is cleared; empty for what happened at an instant. `source` is the position of
+    the log event that reported it, 0 if it was observed live. `link` is the page where something can be done.
     """
 
     cause: Name
@@ -40,14 +40,14 @@ class Occurrence(Value):
 
 
 class AlertRaised(Event, tag=True):
-    """It happened, or it happened again with the same cause."""
+    """Something went wrong, for the first time or again with the same cause."""
 
     occurrence: Occurrence
     at_s: float
 
 
 class AlertCleared(Event, tag=True):
-    """A condition does not hold any more. `source` as in the occurrence."""
+    """A condition no longer holds. `source` as in the occurrence."""
 
     condition: Name
     reason: Explanation
@@ -56,7 +56,7 @@ class AlertCleared(Event, tag=True):
 
 
 class AlertAcknowledged(Event, tag=True):
-    """A person has seen it. What happened at an instant is over with this; what lasts stays acknowledged."""
+    """A person acknowledged the alert. A momentary occurrence is closed by this; a lasting one stays acknowledged."""
 
     actor: Actor
     note: str
@@ -64,7 +64,7 @@ class AlertAcknowledged(Event, tag=True):
 
 
 class AlertShelved(Event, tag=True):
-    """Out of the way until an instant; it comes back by itself."""
+    """The alert is hidden until an instant, then returns by itself."""
 
     actor: Actor
     reason: Name
@@ -73,7 +73,7 @@ class AlertShelved(Event, tag=True):
 
 
 class AlertSuppressed(Event, tag=True):
-    """Out of the way until somebody restores it."""
+    """The alert is hidden until somebody restores it."""
 
     actor: Actor
     reason: Name
@@ -81,7 +81,7 @@ class AlertSuppressed(Event, tag=True):
 
 
 class AlertRestored(Event, tag=True):
-    """Back from the shelf or from suppression."""
+    """A shelved or suppressed alert is shown again."""
 
     actor: Actor
     reason: str
@@ -89,7 +89,7 @@ class AlertRestored(Event, tag=True):
 
 
 class AlertAssigned(Event, tag=True):
-    """Somebody is to look after it; an empty name takes that back."""
+    """Somebody was assigned to the alert; an empty name removes the assignment."""
 
     actor: Actor
     assignee: str
@@ -97,9 +97,9 @@ class AlertAssigned(Event, tag=True):
 
 
 class AlertNotified(Event, tag=True):
-    """What became of telling people outside. `service` names a configured service, never its address.
+    """The result of one external notification. `service` names a configured service, never its address.
 
-    `sent` is the service's word that it took the message; nobody has read it for that.
+    `sent` means that the service reported accepting the message, not that anybody read it.
     """
 
     service: Name
@@ -122,7 +122,7 @@ AlertEvent = (
 
 
 def alert_id(cause: str) -> str:
-    """The one alert of a cause."""
+    """The id of the one alert for a cause."""
     return f"alert_{sha256(cause.encode())[:16]}"
 
 

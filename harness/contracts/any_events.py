@@ -1,4 +1,4 @@
-"""Every event of every stream."""
+"""The union of the events of all streams."""
 
 from harness.contracts.alert_events import AlertEvent
 from harness.contracts.control import ControlEvent

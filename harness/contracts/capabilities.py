@@ -1,9 +1,9 @@
-"""Capability cards: what a provider says it can do, in twelve fields (R57), and how it may be supervised."""
+"""Capability cards: what a provider declares it can do, in twelve fields (R57), and how it may be supervised."""
 
 from typing import Literal
 
+from harness.contracts import values
 from harness.contracts.ids import ProviderId, ResourceId
-from harness.contracts.values import Name, NonNegative, Positive, Share, Value
 
 Capability = Literal[
     "take_request", "navigate", "capture_panorama", "observe", "analyse_passage", "deliver_message", "speak",
@@ -12,10 +12,10 @@ Capability = Literal[
 Risk = Literal["low", "medium", "high"]
 
 
-class Parameter(Value):
+class Parameter(values.Value):
     """One parameter a provider takes: its type and, for numbers, its unit and bounds."""
 
-    name: Name
+    name: values.Name
     type: Literal["number", "string", "point", "points", "boolean", "digests", "frame"]
     required: bool = True
     unit: str = ""
@@ -23,34 +23,34 @@ class Parameter(Value):
     maximum: float | None = None
 
 
-class Latency(Value):
+class Latency(values.Value):
     """Expected duration: a constant part and a part per metre of route, seconds."""
 
-    base_s: NonNegative
-    per_metre_s: NonNegative = 0.0
+    base_s: values.NonNegative
+    per_metre_s: values.NonNegative = 0.0
 
 
-class CancelBehaviour(Value):
+class CancelBehaviour(values.Value):
     """How a stop ends: `acknowledged` providers report `cancelled` only once they stand still."""
 
     acknowledged: bool
-    within_s: Positive
+    within_s: values.Positive
 
 
-class Estimates(Value):
+class Estimates(values.Value):
     """The provider's own priors for routing, each in [0, 1] (D23), and its cost in any unit."""
 
-    success: Share
-    risk: Share
-    uncertainty: Share
-    cost: NonNegative
+    success: values.Share
+    risk: values.Share
+    uncertainty: values.Share
+    cost: values.NonNegative
 
 
-class CapabilityCard(Value):
+class CapabilityCard(values.Value):
     """The twelve fields of the paper, the capability they serve, and supervision facts (D12, D13)."""
 
     provider_id: ProviderId
-    version: Name
+    version: values.Name
     embodiments: tuple[str, ...]
     parameters: tuple[Parameter, ...]
     preconditions: tuple[str, ...]

@@ -1,9 +1,10 @@
-"""What is asked of the gate, in the imperative. Data: asking is not deciding."""
+"""Commands that the gate decides, in the imperative: plain data without any logic."""
 
 from typing import Literal
 
 import msgspec
 
+from harness.contracts import ids, revision_commands
 from harness.contracts.actors import Actor, Command
 from harness.contracts.alert_commands import AlertCommand
 from harness.contracts.capabilities import Risk
@@ -13,41 +14,24 @@ from harness.contracts.events import DispatchIntended, NodePlanned
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
 from harness.contracts.handoff_commands import HandoffTurn
 from harness.contracts.handoff_events import NoAnswer, ProposedAction, Snapshot
-from harness.contracts.ids import (
-    ConditionId,
-    Digest,
-    HandoffId,
-    InvocationId,
-    MissionId,
-    NodeId,
-    ResourceId,
-    RobotId,
-)
 from harness.contracts.maps import AttachCloud
 from harness.contracts.place_events import PlaceCommand
 from harness.contracts.places import Otherwise
 from harness.contracts.proposals import RecoveryProposal, Signature
 from harness.contracts.protocol import InvocationStatus
 from harness.contracts.reasons import Explanation
-from harness.contracts.revision_commands import (
-    DisputeCompletion,
-    RecordAttestation,
-    ReviseContract,
-    TightenConstraints,
-    WithdrawMission,
-)
 from harness.contracts.tasks import TaskContract
 from harness.contracts.values import Count, Name
 from harness.contracts.verdicts import GoalVerdict, NodeVerdict
 
 
 class CreateMission(Command, tag=True):
-    mission_id: MissionId
-    robot_id: RobotId
+    mission_id: ids.MissionId
+    robot_id: ids.RobotId
     goal: Name
     template: Name
     requested_by: Actor
-    configuration: Digest
+    configuration: ids.Digest
     contract: TaskContract
     policy: RecoveryPolicy
     seed: int = 0
@@ -58,9 +42,9 @@ class CreateMission(Command, tag=True):
 
 
 class RecompileContract(Command, tag=True):
-    """The goal compiled under the configuration that is current now; only before the mission is active (D35)."""
+    """Compile the goal again under the current configuration; allowed only before the mission is active (D35)."""
 
-    configuration: Digest
+    configuration: ids.Digest
     contract: TaskContract
     policy: RecoveryPolicy
     trial: bool = False
@@ -71,50 +55,53 @@ class ActivateMission(Command, tag=True):
 
 
 class AuthoriseDispatch(Command, tag=True):
-    """One invocation. `recovery` pays for it in the same transaction, or `approval` by a person, or an `attestation`
-    opens it: one look without motion, free (D17). `handed_back`: the approval is a hand-back and opens such a look."""
+    """Authorise one invocation, with what pays for it.
+
+    `recovery` pays for it in the same transaction, or `approval` by a person. An `attestation` opens one look without
+    motion, free (D17). `handed_back`: the approval is a hand-back and opens such a look.
+    """
 
     intent: DispatchIntended
     planned: NodePlanned | None = None
     recovery: RecoveryProposal | None = None
     signature: Signature | None = None
-    recovery_context: Digest | None = None
-    approval: HandoffId | None = None
+    recovery_context: ids.Digest | None = None
+    approval: ids.HandoffId | None = None
     approver: Actor | None = None
-    attestation: RecordAttestation | None = None
+    attestation: revision_commands.RecordAttestation | None = None
     handed_back: bool = False
     reason: Explanation = ""
 
 
 class RefusePrecondition(Command, tag=True):
-    node_id: NodeId
+    node_id: ids.NodeId
     precondition: Name
     reason: Explanation
     at_s: float
 
 
 class AcceptInvocation(Command, tag=True):
-    invocation_id: InvocationId
+    invocation_id: ids.InvocationId
     handle: Name
 
 
 class StopInvocation(Command, tag=True):
-    """The supervisor's stop: a deadline, a ladder's rung or a person's stop."""
+    """Stop an invocation on the supervisor's behalf: a deadline, a recovery step or a person's stop."""
 
-    invocation_id: InvocationId
+    invocation_id: ids.InvocationId
     reason: Explanation
     recovery: RecoveryProposal | None = None
-    recovery_context: Digest | None = None
+    recovery_context: ids.Digest | None = None
 
 
 class ResumeInvocation(Command, tag=True):
-    invocation_id: InvocationId
+    invocation_id: ids.InvocationId
 
 
 class EndInvocation(Command, tag=True):
-    """No packet can be made: the request never arrived, or the outcome is unknown."""
+    """End an invocation without a packet: the request never arrived, or the outcome is unknown."""
 
-    invocation_id: InvocationId
+    invocation_id: ids.InvocationId
     status: InvocationStatus
     failure: str
     reason: Explanation
@@ -122,49 +109,49 @@ class EndInvocation(Command, tag=True):
 
 
 class CompleteNode(Command, tag=True):
-    """The only command that can lead to a committed fact."""
+    """Complete a node; the only command that can lead to a committed fact."""
 
     packet: EvidencePacket
     verdict: NodeVerdict
 
 
 class ReportFailure(Command, tag=True):
-    """A failure that has no packet: no provider, no lease, a precondition that never came true, a timeout."""
+    """Report a failure without a packet: no provider, no lease, a precondition that never held, or a timeout."""
 
-    node_id: NodeId
-    invocation_id: InvocationId | None
+    node_id: ids.NodeId
+    invocation_id: ids.InvocationId | None
     failure: FailureClass
     reason: Explanation
     at_s: float
 
 
 class AuthoriseWait(Command, tag=True):
-    """A free rung: wait, reattach or verify again until `until_s`."""
+    """Authorise a free recovery step: wait, reattach or verify again until `until_s`."""
 
-    node_id: NodeId
+    node_id: ids.NodeId
     proposal: RecoveryProposal
-    context: Digest
+    context: ids.Digest
     until_s: float
 
 
 class FailNode(Command, tag=True):
-    node_id: NodeId
+    node_id: ids.NodeId
     reason: Explanation
-    context: Digest | None = None
+    context: ids.Digest | None = None
 
 
 class AskPerson(Command, tag=True):
-    handoff_id: HandoffId
-    node_id: NodeId
+    handoff_id: ids.HandoffId
+    node_id: ids.NodeId
     failure: FailureClass
     reason: Explanation
-    context: Digest | None = None
+    context: ids.Digest | None = None
 
 
 class AnswerMission(Command, tag=True):
-    """A handoff's decision carried into the mission; approvals come with AuthoriseDispatch instead."""
+    """Apply a handoff's decision to the mission; approvals use AuthoriseDispatch instead."""
 
-    handoff_id: HandoffId
+    handoff_id: ids.HandoffId
     decision: Literal["rejected", "expired", "superseded", "closed"]
     actor: Actor
     reason: Explanation
@@ -196,16 +183,16 @@ class JudgeGoal(Command, tag=True):
 
 
 class EndMission(Command, tag=True):
-    """Ends that are not success: success comes from JudgeGoal alone."""
+    """End a mission without success; success comes only from JudgeGoal."""
 
     status: Literal["failed", "cancelled", "safe_stopped", "handed_off"]
     reason: Explanation
 
 
 class RecordObservation(Command, tag=True):
-    node_id: NodeId | None
+    node_id: ids.NodeId | None
     reference: EvidenceReference
-    contradicts: tuple[ConditionId, ...] = ()
+    contradicts: tuple[ids.ConditionId, ...] = ()
 
 
 class ChangeEpoch(Command, tag=True):
@@ -237,16 +224,16 @@ MissionCommand = (
     | ReportFailure
     | AuthoriseWait
     | FailNode
-    | ReviseContract
-    | TightenConstraints
+    | revision_commands.ReviseContract
+    | revision_commands.TightenConstraints
     | AskPerson
-    | DisputeCompletion
+    | revision_commands.DisputeCompletion
     | AnswerMission
     | SetAutonomy
     | PauseMission
     | ResumeMission
     | StopMission
-    | WithdrawMission
+    | revision_commands.WithdrawMission
     | AcknowledgeStop
     | JudgeGoal
     | EndMission
@@ -258,22 +245,25 @@ MissionCommand = (
 
 
 class AcquireLease(Command, tag=True):
-    resource: ResourceId
-    mission_id: MissionId
-    invocation_id: InvocationId
+    resource: ids.ResourceId
+    mission_id: ids.MissionId
+    invocation_id: ids.InvocationId
     token: Count
     expires_s: float
 
 
 class ReleaseLease(Command, tag=True):
-    """Only with the holder at rest: `static` is the measured displacement by a source outside the localiser."""
+    """Release a lease, only while its holder is at standstill.
 
-    invocation_id: InvocationId
+    `static` is the displacement measured by a source outside the localiser.
+    """
+
+    invocation_id: ids.InvocationId
     reason: Explanation
 
 
 class QuarantineLease(Command, tag=True):
-    invocation_id: InvocationId
+    invocation_id: ids.InvocationId
     reason: Explanation
 
 
@@ -287,17 +277,17 @@ LeaseCommand = AcquireLease | ReleaseLease | QuarantineLease | FreeLease
 
 
 class OpenHandoff(Command, tag=True):
-    handoff_id: HandoffId
-    mission_id: MissionId
-    robot_id: RobotId
-    node_id: NodeId
+    handoff_id: ids.HandoffId
+    mission_id: ids.MissionId
+    robot_id: ids.RobotId
+    node_id: ids.NodeId
     k: Count
     failure: FailureClass
     reason: Explanation
     risk: Risk
     proposal: ProposedAction | None
     snapshot: Snapshot
-    evidence: Digest
+    evidence: ids.Digest
     no_answer: NoAnswer
     deadline_at_s: float
     limit_at_s: float | None = None
@@ -310,27 +300,27 @@ class RefreshHandoff(Command, tag=True):
     k: Count
     proposal: ProposedAction | None
     snapshot: Snapshot
-    evidence: Digest
+    evidence: ids.Digest
     choices: tuple[RecoveryAction, ...] = ()
     actor: Actor | None = None
 
 
 class ApproveHandoff(Command, tag=True):
-    """`subject` and `evidence` are what the person saw, `shown` the page that showed it.
+    """Approve a handoff. `subject` and `evidence` are what the person saw, `shown` the page that showed it.
 
-    The harness adds what holds now: the state version `k` and `fresh`, a look at the robot. Without them it is
-    refused (D28).
+    The harness adds the current state: the state version `k` and `fresh`, a new observation of the robot. Without them
+    the command is refused (D28).
     """
 
     actor: Actor
     reason: Name
     key: Name
     cycle: Count
-    subject: Digest
-    evidence: Digest
+    subject: ids.Digest
+    evidence: ids.Digest
     k: Count | None = None
     fresh: Snapshot | None = None
-    shown: Digest | None = None
+    shown: ids.Digest | None = None
     claim: str = ""
 
 
@@ -339,18 +329,18 @@ class RejectHandoff(Command, tag=True):
     reason: Name
     key: Name
     cycle: Count
-    subject: Digest
+    subject: ids.Digest
     claim: str = ""
 
 
 class AttestHandoff(Command, tag=True):
-    """A person's own observation of one condition, on the question as it was shown in this cycle."""
+    """Attest one condition from a person's own observation, on the question as it was shown in this cycle."""
 
     actor: Actor
     reason: str
     key: Name
     cycle: Count
-    condition_id: ConditionId
+    condition_id: ids.ConditionId
     claim: str = ""
 
 
@@ -363,9 +353,9 @@ class SupersedeHandoff(Command, tag=True):
 
 
 class MarkDispatched(Command, tag=True):
-    """About to be sent. `actor` is whose word it rests on: their role is asked for once more."""
+    """Mark an invocation as about to be sent. `actor` is the person who authorised it; their role is checked again."""
 
-    invocation_id: InvocationId
+    invocation_id: ids.InvocationId
     actor: Actor | None = None
 
 

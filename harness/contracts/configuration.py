@@ -1,12 +1,12 @@
-"""Configuration H_j: four sections and nothing else (R154). Its id is its digest; the gate is not in it."""
+"""Configuration H_j: four sections and nothing else (R154), identified by its digest; the gate is not part of it."""
 
 from typing import Annotated, Literal
 
 from msgspec import Meta
 
+from harness.contracts import values
 from harness.contracts.ids import Digest
 from harness.contracts.tasks import TaskTemplate
-from harness.contracts.values import Count, NonNegative, Positive, Share, Value, digest
 
 FailureClass = Literal[
     "target_not_found", "no_progress", "unsafe_action", "stale_evidence", "violated", "ambiguous", "timeout",
@@ -26,46 +26,57 @@ SHARE = {"unit": "share"}
 WEIGHT = {"unit": "weight"}
 
 
-class ContextRules(Value):
+class ContextRules(values.Value):
     """Item budgets per role, and what may enter a context (D22)."""
 
-    c1_items: Annotated[Count, Meta(description="Records the planner is shown at most", extra=RECORDS)]
-    c2_items: Annotated[Count, Meta(description="Records a skill is shown at most", extra=RECORDS)]
-    c2_examples: Annotated[Count, Meta(description="Verified examples a skill is shown at most", extra=RECORDS)]
-    c3_items: Annotated[Count, Meta(description="Records the verifier is shown at most", extra=RECORDS)]
-    c4_items: Annotated[Count, Meta(description="Records recovery is shown at most", extra=RECORDS)]
+    c1_items: Annotated[values.Count, Meta(description="Records the planner is shown at most", extra=RECORDS)]
+    c2_items: Annotated[values.Count, Meta(description="Records a skill is shown at most", extra=RECORDS)]
+    c2_examples: Annotated[values.Count, Meta(description="Verified examples a skill is shown at most", extra=RECORDS)]
+    c3_items: Annotated[values.Count, Meta(description="Records the verifier is shown at most", extra=RECORDS)]
+    c4_items: Annotated[values.Count, Meta(description="Records recovery is shown at most", extra=RECORDS)]
     minimum_confidence: Annotated[
-        Share, Meta(description="Confidence below which a record is withheld from every role", extra=SHARE)
+        values.Share, Meta(description="Confidence below which a record is withheld from every role", extra=SHARE)
     ]
-    pose_age_s: Annotated[Positive, Meta(description="Age beyond which a pose is withheld as stale", extra=SECONDS)]
+    pose_age_s: Annotated[
+        values.Positive, Meta(description="Age beyond which a pose is withheld as stale", extra=SECONDS)
+    ]
     image_age_s: Annotated[
-        Positive, Meta(description="Age beyond which an image or an analysis is withheld as stale", extra=SECONDS)
+        values.Positive,
+        Meta(description="Age beyond which an image or an analysis is withheld as stale", extra=SECONDS),
     ]
 
 
-class RoutingPreferences(Value):
+class RoutingPreferences(values.Value):
     """Non-negative weights of the score (R59) and the Beta prior of the history penalty (D23)."""
 
-    success: Annotated[NonNegative, Meta(description="How much a declared chance of success counts", extra=WEIGHT)]
-    risk: Annotated[NonNegative, Meta(description="How much declared risk counts against a provider", extra=WEIGHT)]
+    success: Annotated[
+        values.NonNegative, Meta(description="How much a declared chance of success counts", extra=WEIGHT)
+    ]
+    risk: Annotated[
+        values.NonNegative, Meta(description="How much declared risk counts against a provider", extra=WEIGHT)
+    ]
     uncertainty: Annotated[
-        NonNegative, Meta(description="How much declared uncertainty counts against a provider", extra=WEIGHT)
+        values.NonNegative, Meta(description="How much declared uncertainty counts against a provider", extra=WEIGHT)
     ]
     latency: Annotated[
-        NonNegative, Meta(description="How much expected time over the stage's timeout counts against", extra=WEIGHT)
+        values.NonNegative,
+        Meta(description="How much expected time over the stage's timeout counts against", extra=WEIGHT),
     ]
     cost: Annotated[
-        NonNegative, Meta(description="How much cost relative to the dearest candidate counts against", extra=WEIGHT)
+        values.NonNegative,
+        Meta(description="How much cost relative to the dearest candidate counts against", extra=WEIGHT),
     ]
     history: Annotated[
-        NonNegative, Meta(description="How much verified failures in the same setting count against", extra=WEIGHT)
+        values.NonNegative,
+        Meta(description="How much verified failures in the same setting count against", extra=WEIGHT),
     ]
     history_half_life: Annotated[
-        Positive, Meta(description="Newer outcomes after which an outcome counts half", extra={"unit": "outcomes"})
+        values.Positive,
+        Meta(description="Newer outcomes after which an outcome counts half", extra={"unit": "outcomes"}),
     ]
 
 
-class RecoveryPolicy(Value):
+class RecoveryPolicy(values.Value):
     """Ladders by failure class. Every ladder ends in `human`; limits are the contract's."""
 
     ladders: Annotated[
@@ -73,14 +84,16 @@ class RecoveryPolicy(Value):
         Meta(description="What is tried after a failure of this class, in order", extra={"unit": "rungs"}),
     ]
     approval_share: Annotated[
-        Share, Meta(description="Part of a stage's recovery budget that is spent without asking a person", extra=SHARE)
+        values.Share,
+        Meta(description="Part of a stage's recovery budget that is spent without asking a person", extra=SHARE),
     ]
     wait_s: Annotated[
-        Positive, Meta(description="How long a free rung waits, and a spending one may stay impossible", extra=SECONDS)
+        values.Positive,
+        Meta(description="How long a free rung waits, and a spending one may stay impossible", extra=SECONDS),
     ]
 
 
-class Configuration(Value):
+class Configuration(values.Value):
     """H: what a mission is pinned to from COMPILED on (D35)."""
 
     context_rules: ContextRules
@@ -91,4 +104,4 @@ class Configuration(Value):
     @property
     def configuration_id(self) -> Digest:
         """SHA-256 of the canonical JSON. A version read back from the log keeps the id it is stored under."""
-        return digest(self)
+        return values.digest(self)

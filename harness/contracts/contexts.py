@@ -6,10 +6,10 @@ from typing import Any, Literal, TypeVar
 
 import msgspec
 
+from harness.contracts import values
 from harness.contracts.ids import Digest, MissionId, NodeId
 from harness.contracts.observations import Origin
 from harness.contracts.reasons import Explanation
-from harness.contracts.values import Count, Name, Share, Value, digest
 
 Role = Literal["planner", "skill", "verifier", "recovery"]
 Blobs = Callable[[Digest], bytes]
@@ -18,15 +18,15 @@ Blobs = Callable[[Digest], bytes]
 T = TypeVar("T")
 
 
-class ContextRecord(Value):
+class ContextRecord(values.Value):
     """One item. `value` is a contract value as JSON builtins; `blob` cites bulk bytes (trajectory, image, scan)."""
 
-    kind: Name
+    kind: values.Name
     origin: Origin
-    source: Name
+    source: values.Name
     at_s: float
     value: Any
-    confidence: Share = 1.0
+    confidence: values.Share = 1.0
     mandatory: bool = False
     blob: Digest | None = None
 
@@ -35,22 +35,22 @@ class ContextRecord(Value):
         return msgspec.convert(self.value, kind)
 
 
-class Withheld(Value):
-    """What the compiler kept out, and why: stale, low_confidence, conflict, origin, budget, superseded."""
+class Withheld(values.Value):
+    """What the compiler left out, and why: stale, low_confidence, conflict, origin, budget, superseded."""
 
-    kind: Name
-    source: Name
+    kind: values.Name
+    source: values.Name
     reason: Literal["stale", "low_confidence", "conflict", "origin", "budget", "superseded", "scope"]
     detail: Explanation = ""
 
 
-class Context(Value, dict=True):
-    """A role's view of one state version. `at_s` is the instant it speaks for, in mission time."""
+class Context(values.Value, dict=True):
+    """A role's view of one state version. `at_s` is the mission time it describes."""
 
     role: Role
     mission_id: MissionId
     node_id: NodeId | None
-    k: Count
+    k: values.Count
     at_s: float
     configuration: Digest
     records: tuple[ContextRecord, ...]
@@ -58,8 +58,8 @@ class Context(Value, dict=True):
 
     @cached_property
     def digest(self) -> Digest:
-        """Names the context by its content; computed once."""
-        return digest(self)
+        """The digest that identifies the context by its content; computed once."""
+        return values.digest(self)
 
     def all(self, kind: str) -> tuple[ContextRecord, ...]:
         return tuple(record for record in self.records if record.kind == kind)

@@ -1,7 +1,7 @@
-"""Who may let robots act, and how far: autonomy levels, hand driving and posture, as commands and as facts.
+"""Commands and events of site control: autonomy levels, teleoperation and posture.
 
-A mission acts under the stricter of its own level and the house's limit. Driving by hand holds the lease of the
-robot's base, so that nothing else moves the robot meanwhile.
+A mission acts under the stricter of its own level and the site's limit. Teleoperation holds the lease of the robot's
+base, so that nothing else moves the robot meanwhile.
 """
 
 from typing import Literal, get_args
@@ -17,18 +17,18 @@ Autonomy = Literal["manual", "approve_each_motion", "approve_risky", "autonomous
 LEVELS: tuple[Autonomy, ...] = get_args(Autonomy)
 Posture = Literal["standing", "lying"]
 CONTROL = StreamId("control/house")
-"""The one stream of the house's control."""
+"""The one stream of the site's control."""
 
 
 def stricter(one: Autonomy, other: Autonomy) -> Autonomy:
-    """The level that leaves more to people."""
+    """The level that leaves more decisions to people."""
     return min(one, other, key=LEVELS.index)
 
 
 class AutonomySet(Event, tag=True):
-    """A person set how far this mission decides alone. `scope` house: the limit that holds for every mission.
+    """A person set how much this mission decides alone. `scope` house: the limit for every mission.
 
-    The next dispatch is the first that it binds; what runs goes on.
+    It applies from the next dispatch; what already runs goes on.
     """
 
     autonomy: Autonomy
@@ -38,7 +38,7 @@ class AutonomySet(Event, tag=True):
 
 
 class AutonomyLimited(Event, tag=True):
-    """A person set the limit for the whole house: for missions under way and for those to come."""
+    """A person set the autonomy limit of the whole site, for current and future missions."""
 
     autonomy: Autonomy
     actor: Actor
@@ -46,7 +46,7 @@ class AutonomyLimited(Event, tag=True):
 
 
 class WheelTaken(Event, tag=True):
-    """A person began to drive a robot by hand. `token` fences the base against everybody else."""
+    """A person took control of a robot. `token` is the fencing token that keeps everybody else off the base."""
 
     robot_id: RobotId
     session: RequestId
@@ -57,7 +57,7 @@ class WheelTaken(Event, tag=True):
 
 
 class WheelReturned(Event, tag=True):
-    """Driving by hand ended. `measured` is what showed the body at rest, empty if nothing did."""
+    """Teleoperation ended. `measured` is what showed the body at standstill, empty if nothing did."""
 
     robot_id: RobotId
     session: RequestId
@@ -67,7 +67,7 @@ class WheelReturned(Event, tag=True):
 
 
 class PostureOrdered(Event, tag=True):
-    """A person had a robot lie down or stand up."""
+    """A person ordered a robot to lie down or stand up."""
 
     robot_id: RobotId
     posture: Posture
@@ -106,7 +106,7 @@ class EndTeleoperation(Command, tag=True):
 
 
 class RequireNoTeleoperation(Command, tag=True):
-    """Goes with a hand-back in one commit: refused while somebody drives the robot by hand. Leads to no event."""
+    """Refuse the commit while somebody teleoperates the robot; used with a hand-back. Leads to no event."""
 
     robot_id: RobotId
 

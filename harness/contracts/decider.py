@@ -1,4 +1,4 @@
-"""A decider: the four pure parts that make a stream of events mean something."""
+"""The decider of a stream: initial state, decide, apply and codec, all pure."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -21,7 +21,8 @@ Event = TypeVar("Event")
 
 
 class Codec(Generic[Event]):
-    """Events of one union to and from canonical JSON; those of earlier releases are brought up on the way in."""
+    """Converts the events of one union to and from canonical JSON; events of earlier releases are upcast on
+    decoding."""
 
     def __init__(self, union: Any, upcasters: Iterable[Upcaster] = UPCASTERS) -> None:
         self._union = union
@@ -29,7 +30,7 @@ class Codec(Generic[Event]):
         self._upcasting = Upcasting(upcasters)
 
     def encode(self, event: Event, *, command: Digest | None = None) -> NewEvent:
-        """As it is stored. `command`: the record of the command that this event begins to answer."""
+        """The stored form. `command` is the record of the command that this event is the first answer to."""
         body = encode(event) if command is None else with_command(encode(event), command)
         return NewEvent(kind=self._upcasting.written(type(event).__name__), body=body)
 
@@ -58,7 +59,7 @@ class Codec(Generic[Event]):
 
 @dataclass(frozen=True)
 class Decider(Generic[State, Command, Event]):
-    """`decide` answers a command from state and the instant alone; `apply` folds one event."""
+    """`decide` answers a command from the state and the instant alone; `apply` folds one event."""
 
     initial: State
     apply: Callable[[State, Event], State]

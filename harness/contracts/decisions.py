@@ -1,4 +1,4 @@
-"""What a decider answers. A refusal is a value: the rule that was broken, and a typed reason."""
+"""What a decider returns: accepted events, or a refusal as a value with the broken rule and a typed reason."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,29 +12,29 @@ E = TypeVar("E")
 
 @dataclass(frozen=True)
 class Accepted(Generic[E]):
-    """These events happen; empty means the request was already met and nothing changes."""
+    """These events happen; no events means that the request was already met and nothing changes."""
 
     events: tuple[E, ...]
 
 
 @dataclass(frozen=True)
 class Refused:
-    """Nothing happens. `rule` names what was broken and never changes; the edge makes a sentence of `reason`."""
+    """Nothing happens. `rule` names what was broken and never changes; the app renders `reason` as a sentence."""
 
     rule: str
     reason: Reason
 
 
 def refused(rule: str, reason: Reason | None = None, /, **facts: Fact) -> Refused:
-    """`refused("lease_held", resource="base")`; with a reason of its own where a rule has several sentences."""
+    """Build a refusal: `refused("lease_held", resource="base")`; pass a reason where a rule has several sentences."""
     return Refused(rule, because(rule, **facts) if reason is None else reason)
 
 
 Decision = Accepted[E] | Refused
 
 Authority = Callable[[Command], Refused | None]
-"""Whether whoever gave a command may still give it: asked anew in every round of a commit."""
+"""Whether the actor may still give a command: checked again in every round of a commit."""
 
 
 def unquestioned(command: Command) -> Refused | None:
-    """The answer where nobody keeps accounts."""
+    """Authorise everybody; used where no accounts exist."""

@@ -1,4 +1,4 @@
-"""A mission's dossier: everything that was decided about it and on what, in one signed file."""
+"""A mission's dossier: every decision about it and what it was based on, in one signed file."""
 
 from harness.contracts.ids import Digest, MissionId, RobotId
 from harness.contracts.ports import LogHead
@@ -11,8 +11,8 @@ CONTENTS, SIGNATURE, EVENTS, RECORDS = "dossier.json", "signature.json", "events
 class DossierContents(Value):
     """What the signature covers. `files` maps every other name in the file to its SHA-256.
 
-    `absent` is evidence that packets cite and that was missing or damaged when it was written: a dossier says what
-    it lacks. `head` is the log's head then: the anchor to compare with one kept elsewhere.
+    `absent` lists evidence that packets cite and that was missing or damaged when the dossier was written. `head` is
+    the log's head at that time: the anchor to compare with a copy stored elsewhere.
     """
 
     format: str

@@ -1,20 +1,21 @@
 """Typed effects (R13): what must become true, in five kinds, and the conditions that test them.
 
-A predicate's name picks the function in `verification/predicates`; a name without a function is ambiguous, never true.
+A predicate's name selects the function in `verification/predicates`; a name without a function is ambiguous, never
+true.
 """
 
 from typing import Annotated, Literal
 
 import msgspec
 
+from harness.contracts import values
 from harness.contracts.ids import ConditionId, NodeId
-from harness.contracts.values import Count, Name, Point, Positive, Value
 
 
-class Effect(Value, tag_field="type"):
+class Effect(values.Value, tag_field="type"):
     """Base of the five kinds."""
 
-    predicate: Name
+    predicate: values.Name
 
 
 class Symbolic(Effect, tag="symbolic"):
@@ -26,11 +27,11 @@ class Symbolic(Effect, tag="symbolic"):
 class Metric(Effect, tag="metric"):
     """A planar quantity against a bound: frame, target and tolerance are mandatory (R17)."""
 
-    frame: Name
-    map_version: Name
-    target_m: Point
-    tolerance_m: Positive
-    route_m: tuple[Point, ...] = ()
+    frame: values.Name
+    map_version: values.Name
+    target_m: values.Point
+    tolerance_m: values.Positive
+    route_m: tuple[values.Point, ...] = ()
     bounds: dict[str, float] = msgspec.field(default_factory=dict)
 
 
@@ -40,20 +41,20 @@ class Relational(Effect, tag="relational"):
     A relation in the map states its region: a polygon in `frame` of `map_version`, metres.
     """
 
-    relation: Name
-    subject: Name
-    object: Name
+    relation: values.Name
+    subject: values.Name
+    object: values.Name
     frame: str = ""
     map_version: str = ""
-    region_m: tuple[Point, ...] = ()
+    region_m: tuple[values.Point, ...] = ()
 
 
 class Visual(Effect, tag="visual"):
     """`frames` images of at least this size that satisfy the predicate."""
 
     frames: Annotated[int, msgspec.Meta(ge=1)]
-    width_px: Count
-    height_px: Count
+    width_px: values.Count
+    height_px: values.Count
 
 
 class Temporal(Effect, tag="temporal"):
@@ -62,8 +63,8 @@ class Temporal(Effect, tag="temporal"):
     `stable` tests `inner` at every look of the interval; its `bound` is the longest time without a look, seconds.
     """
 
-    interval_s: Positive
-    bound: Positive
+    interval_s: values.Positive
+    bound: values.Positive
     nodes: tuple[NodeId, ...] = ()
     inner: Symbolic | Metric | Relational | Visual | None = None
 
@@ -74,19 +75,19 @@ FactKind = Literal["event", "state"]
 Independence = Annotated[int, msgspec.Meta(ge=0, le=2)]
 
 
-class Condition(Value):
+class Condition(values.Value):
     """One declared test. `fact` says whether its fact is permanent or holds only while it is true (D20)."""
 
     condition_id: ConditionId
-    text: Name
+    text: values.Name
     effect: AnyEffect
     fact: FactKind = "event"
     independence: Independence | None = None
 
 
-class Precondition(Value):
+class Precondition(values.Value):
     """Tested again at every dispatch (R18). `target_m` and `tolerance_m` go with `at_place`."""
 
     predicate: Literal["localised", "hardware_stop_released", "at_place", "static"]
-    target_m: Point | None = None
+    target_m: values.Point | None = None
     tolerance_m: float | None = None

@@ -1,4 +1,4 @@
-"""Failures of the harness, one tree.
+"""The tree of errors that the harness raises, each with what happened, where, and what to do.
 
 HarnessError                 something went wrong that a person can act on
 ├── ContractInvalid          a task contract, template, place or parameter breaks a rule

@@ -1,4 +1,4 @@
-"""What happened, in the past tense. Of missions; leases and handoffs have modules of their own.
+"""Events of a mission, in the past tense; leases and handoffs have modules of their own.
 
 Events marked (k+1) advance the mission's decision basis when folded (D2).
 """
@@ -7,22 +7,11 @@ from typing import Literal
 
 import msgspec
 
+from harness.contracts import ids
 from harness.contracts.actors import Actor, Event
 from harness.contracts.configuration import FailureClass, RecoveryAction, RecoveryPolicy
 from harness.contracts.control import Autonomy, AutonomySet
 from harness.contracts.evidence import CommittedFact, EvidencePacket, EvidenceReference
-from harness.contracts.ids import (
-    ConditionId,
-    Digest,
-    HandoffId,
-    InvocationId,
-    MissionId,
-    NodeId,
-    PacketId,
-    ProviderId,
-    RequestId,
-    RobotId,
-)
 from harness.contracts.proposals import Signature
 from harness.contracts.protocol import InvocationStatus, Parameters
 from harness.contracts.reasons import Explanation, Reason
@@ -42,12 +31,12 @@ from harness.contracts.verdicts import GoalVerdict, NodeVerdict
 class MissionCreated(Event, tag=True):
     """`trial`: the configuration it is pinned to is in canary, so a person approves each motion (D28, D34)."""
 
-    mission_id: MissionId
-    robot_id: RobotId
+    mission_id: ids.MissionId
+    robot_id: ids.RobotId
     goal: str
     template: Name
     requested_by: Actor
-    configuration: Digest
+    configuration: ids.Digest
     seed: int
     labels: dict[str, str] = msgspec.field(default_factory=dict)
     autonomy: Autonomy = "autonomous"
@@ -59,7 +48,7 @@ class ContractCompiled(Event, tag=True):
     """From here on the mission is pinned to its configuration (D35)."""
 
     contract: TaskContract
-    contract_digest: Digest
+    contract_digest: ids.Digest
     policy: RecoveryPolicy
 
 
@@ -69,10 +58,10 @@ class ContractRecompiled(Event, tag=True):
     Whatever was approved for the contract it `replaces` is void.
     """
 
-    configuration: Digest
-    replaces: Digest
+    configuration: ids.Digest
+    replaces: ids.Digest
     contract: TaskContract
-    contract_digest: Digest
+    contract_digest: ids.Digest
     policy: RecoveryPolicy
     trial: bool = False
 
@@ -87,31 +76,31 @@ class MissionActivated(Event, tag=True):
 class NodePlanned(Event, tag=True):
     """C1 chose a node and routing a provider; context, candidate set and the planner's proposal are records.
 
-    `refused`: why the planner's proposal was not taken up; then the harness's own plan was (R41).
+    `refused`: why the planner's proposal was refused; the harness then used its own plan (R41).
     """
 
-    node_id: NodeId
-    provider_id: ProviderId
-    context: Digest
-    candidates: Digest
+    node_id: ids.NodeId
+    provider_id: ids.ProviderId
+    context: ids.Digest
+    candidates: ids.Digest
     reason: Explanation
     planner: Name = "graph-order-1"
-    proposal: Digest | None = None
+    proposal: ids.Digest | None = None
     refused: Explanation = ""
 
 
 class DispatchIntended(Event, tag=True):
     """Recorded, with its leases, before the robot moves (D9). `k_ctx` is k after this transaction's spend.
 
-    `question` and `candidates` are the records of what routing was asked and answered. `aborting`: it runs because a
-    required stage failed, and will not count as its own stage (D26).
+    `question` and `candidates` are the records of routing's input and output. `aborting`: it runs because a required
+    stage failed, and will not count as its own stage (D26).
     """
 
-    node_id: NodeId
+    node_id: ids.NodeId
     attempt: Count
-    request_id: RequestId
-    invocation_id: InvocationId
-    provider_id: ProviderId
+    request_id: ids.RequestId
+    invocation_id: ids.InvocationId
+    provider_id: ids.ProviderId
     provider_version: Name
     capability: Name
     parameters: Parameters
@@ -119,41 +108,41 @@ class DispatchIntended(Event, tag=True):
     k_ctx: Count
     deadline_s: float
     dispatched_s: float
-    context: Digest
+    context: ids.Digest
     before: tuple[EvidenceReference, ...] = ()
-    blobs: tuple[Digest, ...] = ()
+    blobs: tuple[ids.Digest, ...] = ()
     verify_only: bool = False
-    cites: tuple[PacketId, ...] = ()
+    cites: tuple[ids.PacketId, ...] = ()
     action: RecoveryAction | None = None
-    handoff_id: HandoffId | None = None
+    handoff_id: ids.HandoffId | None = None
     moves: bool = False
-    question: Digest | None = None
-    candidates: Digest | None = None
+    question: ids.Digest | None = None
+    candidates: ids.Digest | None = None
     aborting: bool = False
 
 
 class InvocationAccepted(Event, tag=True):
     """Only for providers that are reattached by handle, not by request id (R88)."""
 
-    invocation_id: InvocationId
+    invocation_id: ids.InvocationId
     handle: Name
 
 
 class InvocationStopRequested(Event, tag=True):
-    invocation_id: InvocationId
+    invocation_id: ids.InvocationId
     reason: Explanation
 
 
 class InvocationResumed(Event, tag=True):
-    """The supervisor came back and goes on with the same invocation (D12)."""
+    """A restarted supervisor continues the same invocation (D12)."""
 
-    invocation_id: InvocationId
+    invocation_id: ids.InvocationId
 
 
 class InvocationEnded(Event, tag=True):
-    """The execution is over without a packet to judge: it never started, was stopped, or its outcome is unknown."""
+    """The execution ended without a packet to judge: it never started, was stopped, or its outcome is unknown."""
 
-    invocation_id: InvocationId
+    invocation_id: ids.InvocationId
     status: InvocationStatus
     failure: str
     reason: Explanation
@@ -162,7 +151,7 @@ class InvocationEnded(Event, tag=True):
 class PreconditionRefused(Event, tag=True):
     """A precondition did not hold at dispatch; the node waits until `give_up_s` (R18)."""
 
-    node_id: NodeId
+    node_id: ids.NodeId
     precondition: Name
     reason: Explanation
     give_up_s: float
@@ -173,7 +162,7 @@ class PacketRetained(Event, tag=True):
 
 
 class VerdictRecorded(Event, tag=True):
-    invocation_id: InvocationId
+    invocation_id: ids.InvocationId
     verdict: NodeVerdict
 
 
@@ -183,20 +172,20 @@ class NodeCommitted(Event, tag=True):
     `aborting`: accepted as an abort-return, which never counts as the stage (D26).
     """
 
-    node_id: NodeId
-    invocation_id: InvocationId
-    packet_id: PacketId
+    node_id: ids.NodeId
+    invocation_id: ids.InvocationId
+    packet_id: ids.PacketId
     facts: tuple[CommittedFact, ...]
-    withdrawn: tuple[ConditionId, ...] = ()
+    withdrawn: tuple[ids.ConditionId, ...] = ()
     aborting: bool = False
 
 
 class CommitRejected(Event, tag=True):
     """(k+1) The gate refused; `rule` is the name of the first rule that was broken."""
 
-    node_id: NodeId
-    invocation_id: InvocationId
-    packet_id: PacketId
+    node_id: ids.NodeId
+    invocation_id: ids.InvocationId
+    packet_id: ids.PacketId
     rule: Name
     reason: Reason
 
@@ -204,9 +193,9 @@ class CommitRejected(Event, tag=True):
 class ObservationRecorded(Event, tag=True):
     """A referenced observation; (k+1) only if it contradicts a committed fact or bound precondition."""
 
-    node_id: NodeId | None
+    node_id: ids.NodeId | None
     reference: EvidenceReference
-    contradicts: tuple[ConditionId, ...] = ()
+    contradicts: tuple[ids.ConditionId, ...] = ()
 
 
 class EpochChanged(Event, tag=True):
@@ -234,42 +223,42 @@ class VetoCleared(Event, tag=True):
 
 
 class FailureClassified(Event, tag=True):
-    """What C4 is asked about: the class, the rung it stands on, what was tried and what is left (R128)."""
+    """The input of C4: the failure class, the current step of the ladder, what was tried and what is left (R128)."""
 
-    node_id: NodeId
-    invocation_id: InvocationId | None
+    node_id: ids.NodeId
+    invocation_id: ids.InvocationId | None
     failure: FailureClass
     reason: Explanation
     at_s: float
 
 
 class RecoveryAuthorised(Event, tag=True):
-    """(k+1 if it costs) One rung. `left_node` and `left_mission` are the total budgets after it.
+    """(k+1 if it costs) One recovery step. `left_node` and `left_mission` are the total budgets after it.
 
     `handoff_id`: a person chose it there, whatever C4 proposed.
     """
 
-    node_id: NodeId
+    node_id: ids.NodeId
     failure: FailureClass
     action: RecoveryAction
     cost: Count
     attempt: Count
     signature: Signature | None
-    excluded: tuple[ProviderId, ...]
-    context: Digest
+    excluded: tuple[ids.ProviderId, ...]
+    context: ids.Digest
     reason: Explanation
     until_s: float | None = None
     left_node: Count | None = None
     left_mission: Count | None = None
-    handoff_id: HandoffId | None = None
+    handoff_id: ids.HandoffId | None = None
 
 
 class NodeFailed(Event, tag=True):
-    """Given up for good. `context` is the C4 that led to it."""
+    """The node failed for good. `context` is the C4 that led to it."""
 
-    node_id: NodeId
+    node_id: ids.NodeId
     reason: Explanation
-    context: Digest | None = None
+    context: ids.Digest | None = None
 
 
 # mission: people and ends -------------------------------------------------------------------------------------------
@@ -278,17 +267,17 @@ class NodeFailed(Event, tag=True):
 class HandoffRequested(Event, tag=True):
     """The mission waits for a person; the handoff has its own stream. `context` is the C4 that led to it."""
 
-    handoff_id: HandoffId
-    node_id: NodeId
+    handoff_id: ids.HandoffId
+    node_id: ids.NodeId
     failure: FailureClass
     reason: Explanation
-    context: Digest | None = None
+    context: ids.Digest | None = None
 
 
 class HandoffAnswered(Event, tag=True):
     """(k+1 for an approval or a hand-back) The person's decision, as the mission sees it."""
 
-    handoff_id: HandoffId
+    handoff_id: ids.HandoffId
     decision: Literal["approved", "rejected", "expired", "superseded", "attested", "handed_back", "closed"]
     actor: Actor
     reason: Explanation
@@ -297,11 +286,11 @@ class HandoffAnswered(Event, tag=True):
 class OperatorRetryGranted(Event, tag=True):
     """(k+1) One further attempt outside the budget, authorised by a person (D1)."""
 
-    node_id: NodeId
+    node_id: ids.NodeId
     attempt: Count
     action: RecoveryAction
-    provider_id: ProviderId | None
-    handoff_id: HandoffId
+    provider_id: ids.ProviderId | None
+    handoff_id: ids.HandoffId
 
 
 class MissionPaused(Event, tag=True):
@@ -315,7 +304,7 @@ class MissionResumed(Event, tag=True):
 
 
 class StopRequested(Event, tag=True):
-    """A person or policy wants the mission stopped: STOPPING until acknowledged, then static."""
+    """A person or policy requested a stop: STOPPING until acknowledged, then at standstill."""
 
     actor: Actor
     reason: Explanation
@@ -351,7 +340,7 @@ class CompletionReported(Event, tag=True):
 
 
 class FailureReported(Event, tag=True):
-    """Not a completion report: other words, other type (R120)."""
+    """Not a completion report: different text, different type (R120)."""
 
     text: Explanation
 

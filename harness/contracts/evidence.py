@@ -4,8 +4,8 @@ from typing import Any
 
 import msgspec
 
+from harness.contracts import ids
 from harness.contracts.effects import FactKind
-from harness.contracts.ids import ConditionId, Digest, InvocationId, MissionId, NodeId, PacketId, ProviderId, RequestId
 from harness.contracts.observations import Origin
 from harness.contracts.protocol import InvocationStatus, Receipt
 from harness.contracts.values import Count, Name, Share, Value
@@ -20,7 +20,7 @@ class EvidenceReference(Value):
     from_s: float
     until_s: float
     confidence: Share
-    blob: Digest
+    blob: ids.Digest
     frame: str = ""
     map_version: str = ""
     values: dict[str, float | str] = msgspec.field(default_factory=dict)
@@ -29,13 +29,13 @@ class EvidenceReference(Value):
 class PacketIdentity(Value):
     """I: task, node, provider, execution and packet (R94)."""
 
-    mission_id: MissionId
-    node_id: NodeId
+    mission_id: ids.MissionId
+    node_id: ids.NodeId
     attempt: Count
-    request_id: RequestId
-    invocation_id: InvocationId
-    packet_id: PacketId
-    provider_id: ProviderId
+    request_id: ids.RequestId
+    invocation_id: ids.InvocationId
+    packet_id: ids.PacketId
+    provider_id: ids.ProviderId
     provider_version: Name
 
 
@@ -51,7 +51,7 @@ class EvidencePacket(Value):
 
     identity: PacketIdentity
     k_ctx: Count
-    configuration: Digest
+    configuration: ids.Digest
     dispatched_s: float
     terminal_s: float
     collected_s: float
@@ -63,18 +63,18 @@ class EvidencePacket(Value):
     estimates: tuple[EvidenceReference, ...]
     proposed: tuple[ProposedFact, ...]
     receipts: tuple[Receipt, ...] = ()
-    cites: tuple[PacketId, ...] = ()
+    cites: tuple[ids.PacketId, ...] = ()
     verify_only: bool = False
 
 
 class CommittedFact(Value):
-    """A fact the gate admitted: accepted by configured checks, not infallible truth (R36)."""
+    """A fact the gate admitted: accepted by the configured checks, not infallible truth (R36)."""
 
     name: Name
     kind: FactKind
-    node_id: NodeId
-    condition_id: ConditionId
-    packet_id: PacketId
+    node_id: ids.NodeId
+    condition_id: ids.ConditionId
+    packet_id: ids.PacketId
     k: Count
     at_s: float
     arguments: dict[str, Any]

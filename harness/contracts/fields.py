@@ -1,6 +1,7 @@
-"""Every field of a configuration with its unit, its bound and what it means; read from the types that enforce them.
+"""Lists every field of a configuration with its unit, bound and meaning, read from the types that enforce them.
 
-A template's stages, conditions and constraints are open text until they are bound; they are listed as what they become.
+A template's stages, conditions and constraints are open text until they are bound; they are listed as their bound
+types.
 """
 
 from collections.abc import Iterator, Mapping
@@ -9,9 +10,9 @@ from typing import Any, Literal, get_args
 import msgspec
 from msgspec import inspect
 
+from harness.contracts import tasks
 from harness.contracts.configuration import Configuration
 from harness.contracts.effects import Condition, Precondition
-from harness.contracts.tasks import Constraints, EvidencePolicy, Node, RecoveryLimits, TaskTemplate, TemplateParameter
 from harness.contracts.values import Value
 
 Section = Literal["context_rules", "templates", "routing", "recovery"]
@@ -29,16 +30,16 @@ class Field(Value):
 
 
 OPEN: Mapping[str, Any] = {
-    "templates[].nodes[]": Node,
+    "templates[].nodes[]": tasks.Node,
     "templates[].completion_conditions[]": Condition,
-    "templates[].constraints": Constraints,
+    "templates[].constraints": tasks.Constraints,
 }
 """What the open parts of a template become when they are bound."""
 
 Owner = tuple[type[msgspec.Struct], str]
 Words = Mapping[str, tuple[str, str]]
 MEANINGS: Mapping[type[msgspec.Struct], Words] = {
-    TaskTemplate: {
+    tasks.TaskTemplate: {
         "name": ("name", "What the template is chosen by"),
         "version": ("name", "Its author's version"),
         "title": ("text", "How people see it"),
@@ -46,13 +47,13 @@ MEANINGS: Mapping[type[msgspec.Struct], Words] = {
         "phrases": ("text", "Words by which a goal finds this template, in the order of the templates"),
         "recovery_total": ("steps", "Recovery steps of all stages together"),
     },
-    TemplateParameter: {
+    tasks.TemplateParameter: {
         "name": ("name", "What the template refers to it by"),
         "type": ("name", "What it is bound to: a place of the site, a text or a number"),
         "title": ("text", "How people see it"),
         "default": ("as its type", "What is taken where the person gives nothing"),
     },
-    Node: {
+    tasks.Node: {
         "node_id": ("name", "The stage's name in its graph"),
         "subgoal": ("text", "What the stage is for"),
         "capabilities": ("names", "What a provider must be able to do to serve the stage"),
@@ -64,14 +65,14 @@ MEANINGS: Mapping[type[msgspec.Struct], Words] = {
         "risk": ("class", "How dangerous the stage is; high risk needs a person's approval"),
         "runs_after_failure": ("yes or no", "Whether the stage still runs once a required one has failed"),
     },
-    EvidencePolicy: {
+    tasks.EvidencePolicy: {
         "mandatory": ("kinds", "What a packet must hold"),
         "pose_age_s": ("s", "Age beyond which a pose proves nothing"),
         "image_age_s": ("s", "Age beyond which an image proves nothing"),
         "minimum_confidence": ("share", "Confidence below which an observation proves nothing"),
         "attestation": ("yes or no", "Whether a person's own observation may stand in"),
     },
-    RecoveryLimits: {
+    tasks.RecoveryLimits: {
         "re_perceive": ("steps", "Looks again without moving"),
         "adjust_view": ("steps", "Looks again for longer, without moving"),
         "retry": ("steps", "The stage again as it was"),
@@ -79,7 +80,7 @@ MEANINGS: Mapping[type[msgspec.Struct], Words] = {
         "switch_skill": ("steps", "Another provider"),
         "total": ("steps", "All of these together"),
     },
-    Constraints: {
+    tasks.Constraints: {
         "speed_cap_mps": ("m/s", "Fastest the body may be asked to move"),
         "keep_out": ("places", "Where the body may not go"),
         "resources": ("names", "All that may be used; none named states no limit"),
@@ -138,7 +139,7 @@ def _leaf(kind: inspect.Type, bare: inspect.Type, path: str, owner: Owner) -> Fi
 
 
 def bound(kind: inspect.Type) -> str:
-    """What a value of this type must keep, in words; empty where the type alone is the bound."""
+    """The bound of a value of this type, in words; empty where the type alone is the bound."""
     match kind:
         case inspect.Metadata():
             return bound(kind.type)

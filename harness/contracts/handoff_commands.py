@@ -1,4 +1,4 @@
-"""What is asked at a handoff beside its decision: whose question it is, how long it waits, who has control."""
+"""Commands at a handoff besides its decision: claims, deadlines, escalation and control of the robot."""
 
 from harness.contracts.actors import Actor, Command
 from harness.contracts.configuration import RecoveryAction
@@ -6,18 +6,18 @@ from harness.contracts.handoff_events import EscalationLevel, NoAnswer, Snapshot
 from harness.contracts.reasons import Explanation, Reason
 from harness.contracts.values import Count, Name
 
-# asked of the gate, by the desk ---------------------------------------------------------------------------------------
+# decided by the gate, sent by the handoff service ---------------------------------------------------------------------
 
 
 class TakeClaim(Command, tag=True):
-    """Mine to answer for a minute; the same token again renews it. `claim` is made by the claimant's page."""
+    """Claim the question for a minute; the same token again renews it. `claim` is made by the claimant's page."""
 
     actor: Actor
     claim: Name
 
 
 class DropClaim(Command, tag=True):
-    """Given up by its holder, or by the clock (channel timeout) once it lapsed."""
+    """Drop a claim: given up by its holder, or lapsed (channel timeout)."""
 
     actor: Actor
     claim: Name
@@ -25,20 +25,20 @@ class DropClaim(Command, tag=True):
 
 
 class ExtendDeadline(Command, tag=True):
-    """ "On my way": once, within the zone's limit."""
+    """Extend the deadline ("On my way") once, within the zone's limit."""
 
     actor: Actor
     reason: Name
 
 
 class Escalate(Command, tag=True):
-    """Nobody has claimed it for so long: the level that is due now."""
+    """Escalate an unclaimed question to the level that is due now."""
 
     level: EscalationLevel
 
 
 class TakeControl(Command, tag=True):
-    """A person drives the robot from `device`: the deadline pauses, and a claim must stay alive."""
+    """Take control of the robot from `device`: the deadline pauses, and a claim must stay alive."""
 
     actor: Actor
     claim: Name
@@ -48,7 +48,7 @@ class TakeControl(Command, tag=True):
 
 
 class ReturnControl(Command, tag=True):
-    """Handed back by a person. The harness adds what it sees afresh, and the state version `k` it is seen at."""
+    """Return control. The harness adds a fresh observation and the state version `k` it was made at."""
 
     actor: Actor
     claim: Name
@@ -59,7 +59,7 @@ class ReturnControl(Command, tag=True):
 
 
 class CloseQuestion(Command, tag=True):
-    """Closed without handing back: the mission ends handed off."""
+    """Close the question without handing back: the mission ends handed off."""
 
     actor: Actor
     claim: Name
@@ -68,13 +68,13 @@ class CloseQuestion(Command, tag=True):
 
 
 class VoidApproval(Command, tag=True):
-    """Something changed between the decision and the dispatch: nothing is sent (D28)."""
+    """Void an approval because something changed between decision and dispatch: nothing is sent (D28)."""
 
     reason: Explanation
 
 
 class RecordNoAnswer(Command, tag=True):
-    """What the robot really did because nobody answered, and what shows it."""
+    """Record what the robot did because nobody answered, and what shows it."""
 
     action: NoAnswer
     done: bool
@@ -94,11 +94,11 @@ HandoffTurn = (
     | RecordNoAnswer
 )
 
-# asked by a person, for the harness to look first ---------------------------------------------------------------------
+# sent by a person; the harness observes before the gate decides -------------------------------------------------------
 
 
 class LookAgain(Command, tag=True):
-    """Observe without motion and show the handoff as it is now: becomes a RefreshHandoff of what was seen."""
+    """Observe without motion and show the current handoff: becomes a RefreshHandoff with the new observation."""
 
     actor: Actor
 

@@ -1,11 +1,11 @@
-"""What happens at a handoff, in the past tense, and exactly what a person is shown and decides on."""
+"""Events of a handoff, in the past tense, and exactly what a person is shown and decides on."""
 
 from typing import Literal
 
+from harness.contracts import ids
 from harness.contracts.actors import Actor, Event
 from harness.contracts.capabilities import Risk
 from harness.contracts.configuration import FailureClass, RecoveryAction
-from harness.contracts.ids import ConditionId, Digest, HandoffId, InvocationId, MissionId, NodeId, ProviderId, RobotId
 from harness.contracts.places import Otherwise
 from harness.contracts.protocol import Parameters
 from harness.contracts.reasons import Explanation, Reason
@@ -18,21 +18,21 @@ EscalationLevel = Literal["sound", "next_person", "outside"]
 class ProposedAction(Value):
     """Exactly what an approval would let run, once. Its canonical bytes are what the person sees and digests."""
 
-    mission_id: MissionId
-    node_id: NodeId
+    mission_id: ids.MissionId
+    node_id: ids.NodeId
     attempt: Count
     action: RecoveryAction
-    provider_id: ProviderId
+    provider_id: ids.ProviderId
     provider_version: str
     parameters: Parameters
-    configuration: Digest
+    configuration: ids.Digest
     graph_revision: Count
     limits: dict[str, float]
     spends: Count
 
 
 class Snapshot(Value):
-    """What the robot looked like when the person looked: bound into the approval (D28)."""
+    """The robot's state when the person looked; bound into the approval (D28)."""
 
     at_s: float
     taken_at_s: float
@@ -40,30 +40,30 @@ class Snapshot(Value):
     y_m: float
     yaw_rad: float
     static: bool
-    results: Digest
-    image: Digest | None
+    results: ids.Digest
+    image: ids.Digest | None
 
 
 class HandoffOpened(Event, tag=True):
-    """`limit_at_s`: how far "on my way" can move the deadline; None in logs that know no extension.
+    """A handoff was opened. `limit_at_s`: how far the deadline can be extended; None in logs without extensions.
 
-    `choices`: what else of the ladder could be proposed instead. `safe_place`: where a retreat would go, by its name,
-    and `otherwise` what the robot does where it cannot go there; both empty without one.
+    `choices`: which other steps of the ladder could be proposed instead. `safe_place`: the name of the place a retreat
+    would go to, and `otherwise` what the robot does where it cannot go there; both empty without one.
     """
 
-    handoff_id: HandoffId
-    mission_id: MissionId
-    robot_id: RobotId
-    node_id: NodeId
+    handoff_id: ids.HandoffId
+    mission_id: ids.MissionId
+    robot_id: ids.RobotId
+    node_id: ids.NodeId
     k: Count
     cycle: Count
     failure: FailureClass
     reason: Explanation
     risk: Risk
     proposal: ProposedAction | None
-    subject: Digest
+    subject: ids.Digest
     snapshot: Snapshot
-    evidence: Digest
+    evidence: ids.Digest
     no_answer: NoAnswer
     opened_at_s: float
     deadline_at_s: float
@@ -74,20 +74,20 @@ class HandoffOpened(Event, tag=True):
 
 
 class HandoffRefreshed(Event, tag=True):
-    """Observed again (cycle+1): a new snapshot, and the proposal as it would run now; `actor` asked for it."""
+    """The robot was observed again (cycle+1): a new snapshot and the current proposal; `actor` asked for it."""
 
     cycle: Count
     k: Count
     proposal: ProposedAction | None
-    subject: Digest
+    subject: ids.Digest
     snapshot: Snapshot
-    evidence: Digest
+    evidence: ids.Digest
     choices: tuple[RecoveryAction, ...] = ()
     actor: Actor | None = None
 
 
 class HandoffClaimed(Event, tag=True):
-    """This person answers it, until `until_at_s`; a renewal is the same token again."""
+    """This person answers the handoff, until `until_at_s`; a renewal has the same token."""
 
     actor: Actor
     claim: Name
@@ -96,7 +96,7 @@ class HandoffClaimed(Event, tag=True):
 
 
 class HandoffReleased(Event, tag=True):
-    """The claim is gone: given up, or lapsed (channel timeout). `deadline_at_s`: the one that runs on."""
+    """The claim was given up or lapsed (channel timeout). `deadline_at_s` is the deadline that runs on."""
 
     actor: Actor
     reason: Explanation
@@ -105,7 +105,7 @@ class HandoffReleased(Event, tag=True):
 
 
 class HandoffExtended(Event, tag=True):
-    """ "On my way": the one extension."""
+    """The deadline was extended ("On my way"); possible once."""
 
     actor: Actor
     reason: str
@@ -114,14 +114,14 @@ class HandoffExtended(Event, tag=True):
 
 
 class HandoffEscalated(Event, tag=True):
-    """Still unclaimed: at once a sound, after a minute the next person, after three a channel outside (D27)."""
+    """Still unclaimed: a sound at once, the next person after a minute, an external channel after three (D27)."""
 
     level: EscalationLevel
     at_s: float
 
 
 class HandoffTakenOver(Event, tag=True):
-    """A person drives the robot from `device`. The deadline pauses with `left_s` to go."""
+    """A person took control of the robot from `device`. The deadline pauses with `left_s` left."""
 
     actor: Actor
     claim: Name
@@ -133,7 +133,7 @@ class HandoffTakenOver(Event, tag=True):
 
 
 class HandoffHandedBack(Event, tag=True):
-    """The robot is the harness's again, as `fresh` shows it; one look without motion follows."""
+    """The harness has control of the robot again, as `fresh` shows it; one look without motion follows."""
 
     actor: Actor
     reason: str
@@ -144,7 +144,7 @@ class HandoffHandedBack(Event, tag=True):
 
 
 class HandoffClosed(Event, tag=True):
-    """A person keeps the robot: the mission ends handed off."""
+    """A person keeps control of the robot: the mission ends handed off."""
 
     actor: Actor
     reason: str
@@ -153,17 +153,18 @@ class HandoffClosed(Event, tag=True):
 
 
 class HandoffApproved(Event, tag=True):
-    """`fresh`: what was observed at that moment and compared with what was seen; `shown`: the bytes on the screen."""
+    """The handoff was approved. `fresh`: the observation at that moment, compared with what the person saw; `shown`:
+    the displayed bytes."""
 
     actor: Actor
     reason: str
     key: Name
     cycle: Count
-    subject: Digest
-    evidence: Digest
+    subject: ids.Digest
+    evidence: ids.Digest
     at_s: float
     fresh: Snapshot | None = None
-    shown: Digest | None = None
+    shown: ids.Digest | None = None
 
 
 class HandoffRejected(Event, tag=True):
@@ -171,23 +172,23 @@ class HandoffRejected(Event, tag=True):
     reason: str
     key: Name
     cycle: Count
-    subject: Digest
+    subject: ids.Digest
     at_s: float
 
 
 class HandoffAttested(Event, tag=True):
-    """A person said what they saw of one condition. It lets one look without motion happen; it satisfies nothing."""
+    """A person attested one condition. It lets one look without motion happen; it satisfies nothing."""
 
     actor: Actor
     reason: str
     key: Name
     cycle: Count
-    condition_id: ConditionId
+    condition_id: ids.ConditionId
     at_s: float
 
 
 class HandoffVoided(Event, tag=True):
-    """The approval did not reach its dispatch: something it was bound to changed. Nothing was sent."""
+    """The approval was void before its dispatch: something it was bound to changed. Nothing was sent."""
 
     reason: Explanation
     at_s: float
@@ -198,7 +199,7 @@ class HandoffExpired(Event, tag=True):
 
 
 class NoAnswerTaken(Event, tag=True):
-    """What the robot did because nobody answered; `done` only where `measured` or its own word shows it."""
+    """What the robot did because nobody answered; `done` only where `measured` or its own report shows it."""
 
     action: NoAnswer
     done: bool
@@ -212,11 +213,11 @@ class HandoffSuperseded(Event, tag=True):
 
 
 class HandoffDispatched(Event, tag=True):
-    invocation_id: InvocationId
+    invocation_id: ids.InvocationId
 
 
 class HandoffEffectObserved(Event, tag=True):
-    """What became of the one dispatch: confirmed by the gate, failed, or unknown. Never assumed."""
+    """The result of the one dispatch: confirmed by the gate, failed, or unknown. Never assumed."""
 
     outcome: Literal["confirmed", "failed", "unknown"]
     reason: Explanation

@@ -1,20 +1,20 @@
-"""Signing in at an identity provider: what it says of a person, and every reason for which that is not believed.
+"""Sign-in at an identity provider: the claims about a person, and every reason for which a sign-in is refused.
 
-SignInRefused            somebody came back from the issuer, or wanted to go there, and is not let in
-├── IssuerUnreachable    no answer, or none that can be read: nothing is known of this person
+SignInRefused            a sign-in was refused, before or after the visit to the issuer
+├── IssuerUnreachable    no answer, or an unreadable one: nothing is known of this person
 ├── IssuerWrong          another issuer answers, or an address outside the configured hosts is named
-├── IssuerDeclined       the issuer sent the person back without a word for them
+├── IssuerDeclined       the issuer sent the person back without confirming them
 ├── ClientRefused        the issuer does not take this console's client id or secret
-├── StateMismatch        this browser began no such sign-in, it is over, or it was used
+├── StateMismatch        this browser began no such sign-in, it expired, or it was used
 ├── CodeRefused          the issuer does not take the code: used before, late, or another client's
 ├── TokenInvalid         the identity token lacks something, or is for somebody else
 │   ├── TokenUnsigned    signed by nobody, or with a key that both sides share
 │   ├── SignatureBad     the issuer's keys did not sign it
-│   ├── TokenExpired     it was good, and is not any more
+│   ├── TokenExpired     it was valid and has expired
 │   ├── NonceMismatch    it was made for another sign-in
-│   └── PersonMismatch   what was asked with it is said of somebody else
-├── RoleMissing          the person is known, and nothing here gives them a role
-└── AccountDisabled      the person is known, and an admin turned them away
+│   └── PersonMismatch   the userinfo answer is about somebody else
+├── RoleMissing          the person is known, but no rule gives them a role
+└── AccountDisabled      the person is known, but an admin disabled the account
 """
 
 from collections.abc import Callable
@@ -25,7 +25,7 @@ from harness.contracts.values import Name, Value
 
 
 class Claims(Value):
-    """What a verified identity token says of a person. (issuer, subject) is who they are; `name` is only a wish.
+    """The claims of a verified identity token. (issuer, subject) identifies the person; `name` is only a suggestion.
 
     `groups` may come from the issuer's userinfo endpoint instead, where the token has none.
     """
@@ -37,7 +37,7 @@ class Claims(Value):
 
 
 class SignInAttempt(Value):
-    """The secrets of one sign-in, each unguessable and used once: `verifier` of PKCE stays here until the exchange."""
+    """The secrets of one sign-in, each unguessable and used once; the PKCE `verifier` stays here until the exchange."""
 
     state: Name
     nonce: Name
@@ -112,20 +112,20 @@ class IdentityProvider(Protocol):
 
     @property
     def back(self) -> str:
-        """Where the issuer sends people: an address of this console, the one that is registered there."""
+        """The registered address of this console to which the issuer sends people back."""
         ...
 
     def begin(self, attempt: SignInAttempt) -> str:
-        """Where to send the browser."""
+        """The address to send the browser to."""
         ...
 
     def finish(self, attempt: SignInAttempt, *, code: str, issuer: str, by_groups: Callable[[str], bool]) -> Claims:
-        """Who came back with `code`; `issuer` is what the answer says of itself, empty if it says nothing.
+        """The claims of the person who returned with `code`; `issuer` is the answer's own, empty if it names none.
 
-        `by_groups` says of a subject whether their groups are wanted: they may have to be asked for.
+        `by_groups` says for a subject whether their groups are needed: they may require a further request.
         """
         ...
 
     def leave(self, after: str) -> str:
-        """Where a person signs out at the issuer and is sent to `after`; empty if the issuer offers no such place."""
+        """The issuer's sign-out address, returning to `after`; empty if the issuer offers none."""
         ...

@@ -1,4 +1,4 @@
-"""Names of things, as types, and the few identities that are derived and never chosen.
+"""Id types, and the few ids that are derived and never chosen.
 
 The task's identity is its mission's id: one mission is one run of one task contract. Task > node > invocation.
 """
@@ -45,7 +45,7 @@ def mission_stream(mission_id: MissionId) -> StreamId:
 
 
 def leased(robot_id: RobotId, resource: str) -> ResourceId:
-    """A robot's resource as leases name it: cards and contracts say `mobile_base`, every robot has one."""
+    """A robot's resource as leases name it; cards and contracts say `mobile_base`, which every robot has."""
     return ResourceId(f"{robot_id}/{resource}")
 
 

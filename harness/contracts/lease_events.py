@@ -1,4 +1,4 @@
-"""What happens to a lease, in the past tense."""
+"""Events of a lease, in the past tense."""
 
 from harness.contracts.actors import Actor, Event
 from harness.contracts.ids import InvocationId, MissionId, ResourceId
@@ -22,7 +22,7 @@ class LeaseReleased(Event, tag=True):
 
 
 class LeaseQuarantined(Event, tag=True):
-    """The holder may be moving: nobody gets the resource until it is freed (D14)."""
+    """The holder may be moving: the resource stays unavailable until it is freed (D14)."""
 
     invocation_id: InvocationId
     reason: Explanation

@@ -1,4 +1,4 @@
-"""The point cloud of a map version: its bytes, where it lies, and who attached it. Metres, in the map's frame."""
+"""The point cloud of a map version: its chunks, its origin and who attached it, in metres in the map's frame."""
 
 from harness.contracts.actors import Actor, Command, Event
 from harness.contracts.ids import Digest, StreamId

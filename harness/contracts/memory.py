@@ -1,73 +1,62 @@
-"""Memory records: what the harness keeps beyond one mission, each with where it came from and how far it may be used.
+"""Memory records: what the harness remembers beyond one mission, each with its provenance and permitted use.
 
-A record is written once and never changed. What became of it, its standing, follows from later records that
-supersede it or conflict with it. Working memory is a view of the mission and is not stored.
+A record is written once and never changed. Its standing follows from later records that supersede it or conflict with
+it. Working memory is a view of the mission and is not stored.
 """
 
 from typing import Annotated, Literal
 
 import msgspec
 
+from harness.contracts import ids, values
 from harness.contracts.capabilities import Capability, CapabilityCard
 from harness.contracts.configuration import FailureClass, RecoveryAction, RecoveryPolicy
 from harness.contracts.evidence import EvidenceReference
-from harness.contracts.ids import (
-    ConditionId,
-    Digest,
-    InvocationId,
-    MissionId,
-    NodeId,
-    PacketId,
-    ProviderId,
-    RobotId,
-    StreamId,
-)
 from harness.contracts.places import Place
 from harness.contracts.protocol import Parameters
 from harness.contracts.reasons import Explanation
 from harness.contracts.tasks import Constraints
-from harness.contracts.values import Count, Name, NonNegative, Point, Share, Value
 from harness.contracts.verdicts import Verdict
 
 MemoryRole = Literal["spatial", "episodic", "operational", "semantic"]
 Verification = Literal["configured", "observed", "verified", "disputed"]
 RecordStanding = Literal["configured", "observed", "verified", "disputed", "superseded"]
 ADMISSIBLE: tuple[RecordStanding, ...] = ("configured", "observed", "verified")
-"""What a query answers with unless it asks for more: neither superseded records nor sides of an open conflict (R69)."""
+"""What a query returns by default: neither superseded records nor sides of an open conflict (R69)."""
 
 
-class Provenance(Value):
-    """Where a record came from: the event that caused it, the packet behind it, who or what said it."""
+class Provenance(values.Value):
+    """Where a record came from: the event that caused it, the packet behind it, and its source."""
 
     position: Annotated[int, msgspec.Meta(ge=1)]
-    stream: StreamId
-    mission_id: MissionId
-    sources: Annotated[tuple[Name, ...], msgspec.Meta(min_length=1)]
-    node_id: NodeId | None = None
-    packet_id: PacketId | None = None
-    blobs: tuple[Digest, ...] = ()
+    stream: ids.StreamId
+    mission_id: ids.MissionId
+    sources: Annotated[tuple[values.Name, ...], msgspec.Meta(min_length=1)]
+    node_id: ids.NodeId | None = None
+    packet_id: ids.PacketId | None = None
+    blobs: tuple[ids.Digest, ...] = ()
 
 
-class FloorBox(Value):
+class FloorBox(values.Value):
     """An axis-aligned stretch of floor in `frame` of one map version, metres."""
 
-    frame: Name
-    map_version: Name
+    frame: values.Name
+    map_version: values.Name
     x_min_m: float
     y_min_m: float
     x_max_m: float
     y_max_m: float
 
 
-class Knowledge(Value, tag_field="kind"):
-    """Base of what a record can say."""
+class Knowledge(values.Value, tag_field="kind"):
+    """Base of everything a record can contain."""
 
 
 class MapEpoch(Knowledge, tag="map"):
     """Spatial: the map version that one robot's frame is stated in."""
 
-    frame: Name
-    map_version: Name
+    frame: values.Name
+    map_version: values.Name
 
 
 class KnownPlace(Knowledge, tag="place"):
@@ -79,23 +68,23 @@ class KnownPlace(Knowledge, tag="place"):
 class KnownRegion(Knowledge, tag="region"):
     """Spatial: an entity that is a stretch of floor; its polygon in metres."""
 
-    floor_m: tuple[Point, ...]
+    floor_m: tuple[values.Point, ...]
 
 
 class KnownRelation(Knowledge, tag="relation"):
     """Spatial: `one` stands in `relation` to `other`."""
 
     relation: Literal["at", "moves_to", "leads_to"]
-    one: Name
-    other: Name
+    one: values.Name
+    other: values.Name
 
 
 class KnownPose(Knowledge, tag="pose"):
     """Spatial: the body within `within_m` of `point_m` (none: not stated); no point while it is in motion."""
 
-    robot_id: RobotId
-    point_m: Point | None = None
-    within_m: NonNegative | None = None
+    robot_id: ids.RobotId
+    point_m: values.Point | None = None
+    within_m: values.NonNegative | None = None
     yaw_rad: float | None = None
     place: str = ""
 
@@ -104,13 +93,13 @@ class Sighting(Knowledge, tag="sighting"):
     """Spatial: what an inspection found of an entity, as numbers that another inspection can contradict."""
 
     states: dict[str, float]
-    report: Digest | None = None
+    report: ids.Digest | None = None
 
 
 class DisputeRecord(Knowledge, tag="dispute"):
-    """An observation or a person contradicts what was accepted: what no longer counts, not what is true (D21)."""
+    """An observation or a person contradicts an accepted fact: says what no longer counts, not what is true (D21)."""
 
-    condition_id: ConditionId
+    condition_id: ids.ConditionId
     reason: Explanation
     observation: EvidenceReference | None = None
 
@@ -118,39 +107,39 @@ class DisputeRecord(Knowledge, tag="dispute"):
 class Episode(Knowledge, tag="episode"):
     """Episodic: one attempt whose result the verifier decided and the gate acted on."""
 
-    node_id: NodeId
-    subgoal: Name
-    attempt: Count
-    invocation_id: InvocationId
-    provider_id: ProviderId
-    provider_version: Name
+    node_id: ids.NodeId
+    subgoal: values.Name
+    attempt: values.Count
+    invocation_id: ids.InvocationId
+    provider_id: ids.ProviderId
+    provider_version: values.Name
     capability: Capability
     place: str
-    configuration: Digest
+    configuration: ids.Digest
     verdict: Verdict
     committed: bool
-    duration_s: NonNegative
+    duration_s: values.NonNegative
     action: RecoveryAction | None = None
     failure: FailureClass | None = None
 
 
 class ProviderOutcome(Knowledge, tag="outcome"):
-    """Operational: what one execution truly achieved. `residual`: expected against observed effect, 0 to 1 (R60)."""
+    """The verified result of one execution. `residual`: expected against observed effect, 0 to 1 (R60)."""
 
-    provider_id: ProviderId
-    provider_version: Name
+    provider_id: ids.ProviderId
+    provider_version: values.Name
     capability: Capability
     place: str
-    configuration: Digest
+    configuration: ids.Digest
     parameters: Parameters
     verdict: Verdict
-    residual: Share
-    duration_s: NonNegative
+    residual: values.Share
+    duration_s: values.NonNegative
     measured: dict[str, float]
 
 
 class KnownCard(Knowledge, tag="card"):
-    """Semantic: a provider's capability card, as a skill role was shown it. Its word, not a finding."""
+    """Semantic: a provider's capability card, as a skill role was shown it. It is declared, not a finding."""
 
     card: CapabilityCard
 
@@ -158,8 +147,8 @@ class KnownCard(Knowledge, tag="card"):
 class KnownRules(Knowledge, tag="rules"):
     """Semantic: the recovery rules and constraints that a template ran under in one configuration."""
 
-    configuration: Digest
-    template: Name
+    configuration: ids.Digest
+    template: values.Name
     recovery: RecoveryPolicy
     constraints: Constraints
 
@@ -170,14 +159,14 @@ AnyKnowledge = (
 )  # fmt: skip
 
 
-class MemoryRecord(Value):
+class MemoryRecord(values.Value):
     """One record. It speaks for `valid_from_s` up to, not including, `valid_until_s` (mission time; none: open)."""
 
-    record_id: Name
+    record_id: values.Name
     role: MemoryRole
-    subject: Name
+    subject: values.Name
     knowledge: AnyKnowledge
-    confidence: Share
+    confidence: values.Share
     valid_from_s: float
     valid_until_s: float | None
     verification: Verification
@@ -188,34 +177,34 @@ class MemoryRecord(Value):
 
     @property
     def kind(self) -> str:
-        """The tag of what it says: map, place, pose, sighting, outcome, ..."""
+        """The tag of its content: map, place, pose, sighting, outcome, ..."""
         return kind_of(self.knowledge)
 
 
-class Remembered(Value):
-    """A record and what became of it. `until_s`: its validity, cut short where a newer record took over."""
+class Remembered(values.Value):
+    """A record and its standing. `until_s`: its validity, cut short where a newer record replaced it."""
 
     record: MemoryRecord
     standing: RecordStanding
     until_s: float | None
 
 
-class FollowPosition(Value):
-    """How far a read model has followed the log, and by which fold. Position 0: it holds nothing."""
+class FollowPosition(values.Value):
+    """How far a read model has followed the log, and with which fold. Position 0: it holds nothing."""
 
     fold: str
-    position: Count
-    digest: Digest
+    position: values.Count
+    digest: ids.Digest
 
 
-class MemoryQuery(Value):
-    """What is asked of memory; empty fields ask for anything. Answers come newest first.
+class MemoryQuery(values.Value):
+    """A query of memory; empty fields match anything. Answers come newest first.
 
-    `valid_at_s`: only what speaks for that instant. `as_of`: as it was known at that position of the log, whatever
-    was learnt later. `region`: what touches it.
+    `valid_at_s`: only records valid at that instant. `as_of`: the state of memory at that position of the log, whatever
+    was learnt later. `region`: records that touch it.
     """
 
-    kinds: tuple[Name, ...]
+    kinds: tuple[values.Name, ...]
     subject: str = ""
     mission_id: str = ""
     provider_id: str = ""
@@ -225,13 +214,13 @@ class MemoryQuery(Value):
     verdicts: tuple[Verdict, ...] = ()
     region: FloorBox | None = None
     valid_at_s: float | None = None
-    as_of: Count | None = None
+    as_of: values.Count | None = None
     standings: Annotated[tuple[RecordStanding, ...], msgspec.Meta(min_length=1)] = ADMISSIBLE
-    minimum_confidence: Share = 0.0
+    minimum_confidence: values.Share = 0.0
     limit: Annotated[int, msgspec.Meta(ge=0, le=10_000)] = 100
 
 
-class Labels(Value):
+class Labels(values.Value):
     """The names by which a record of provider history is looked up; empty where it has none."""
 
     provider_id: str = ""
@@ -247,7 +236,7 @@ def kind_of(knowledge: Knowledge) -> str:
 
 
 def labels_of(record: MemoryRecord) -> Labels:
-    """What episodes, outcomes and cards are looked up by."""
+    """The labels that episodes, outcomes and cards are looked up by."""
     match record.knowledge:
         case Episode() | ProviderOutcome() as said:
             return Labels(

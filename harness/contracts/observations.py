@@ -1,4 +1,4 @@
-"""What sensors said: samples with a source, a sensor time and a frame. Observed, never accepted (R28)."""
+"""Sensor samples with a source, a sensor time and a frame. Observed, never accepted (R28)."""
 
 from typing import Literal
 

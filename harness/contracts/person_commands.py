@@ -1,27 +1,18 @@
-"""What a person may say at a handoff. The desk adds what the harness knows before the gate decides it."""
+"""Commands that a person may give at a handoff; the handoff service adds the current state before the gate decides."""
 
+from harness.contracts import handoff_commands
 from harness.contracts.commands import ApproveHandoff, AttestHandoff, RejectHandoff
-from harness.contracts.handoff_commands import (
-    ChooseAction,
-    CloseQuestion,
-    DropClaim,
-    ExtendDeadline,
-    LookAgain,
-    ReturnControl,
-    TakeClaim,
-    TakeControl,
-)
 
 PersonCommand = (
     ApproveHandoff
     | RejectHandoff
     | AttestHandoff
-    | TakeClaim
-    | DropClaim
-    | ExtendDeadline
-    | TakeControl
-    | ReturnControl
-    | CloseQuestion
-    | LookAgain
-    | ChooseAction
+    | handoff_commands.TakeClaim
+    | handoff_commands.DropClaim
+    | handoff_commands.ExtendDeadline
+    | handoff_commands.TakeControl
+    | handoff_commands.ReturnControl
+    | handoff_commands.CloseQuestion
+    | handoff_commands.LookAgain
+    | handoff_commands.ChooseAction
 )

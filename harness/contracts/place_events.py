@@ -1,4 +1,4 @@
-"""Changes to the places of a site: every version is kept, and a place is configured meaning, never seen by a robot."""
+"""Changes to the places of a site: every version is stored; a place is configured, never perceived by a robot."""
 
 from typing import Literal
 
@@ -19,7 +19,7 @@ class PlaceSaved(Event, tag=True):
 
 
 class PlaceRemoved(Event, tag=True):
-    """New missions cannot name it any more; those under way keep it."""
+    """New missions can no longer name it; missions under way keep it."""
 
     place_id: PlaceId
     revision: Count
@@ -29,7 +29,7 @@ class PlaceRemoved(Event, tag=True):
 
 
 class SavePlace(Command, tag=True):
-    """`basis`: the revision that the person saw, 0 for a place that is new or as it ships."""
+    """Save a place. `basis`: the revision that the person saw, 0 for a new place or one as shipped."""
 
     place: Place
     basis: Count

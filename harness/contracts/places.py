@@ -8,7 +8,7 @@ from harness.contracts.ids import PlaceId
 from harness.contracts.values import Name, Point, Positive, Value
 
 Otherwise = Literal["hold", "lie_down"]
-"""What a robot does on the spot, where it goes nowhere."""
+"""What a robot does where it is, when it cannot go to a safe place."""
 
 
 class Place(Value):
@@ -46,9 +46,10 @@ class Passage(Value):
 
 
 class Retreat(Value):
-    """The zone's safe place, authorised beforehand by name and day: the one way there, how fast, and what else (D27).
+    """The zone's safe place and the one approved path to it, with its speed limit and the fallback (D27).
 
-    The way is the part of `route` that lies ahead of the robot; where it cannot be taken the robot does `otherwise`.
+    A person authorised it beforehand, by name and day. The path is the part of `route` that lies ahead of the robot;
+    where it cannot be taken the robot does `otherwise`.
     """
 
     place_id: PlaceId

@@ -1,25 +1,13 @@
-"""Ports: what the harness needs from the world. Adapters implement them; nothing else touches the world."""
+"""Ports: the interfaces through which the harness reaches the outside world. Adapters implement them."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Protocol, TypeVar
 
+from harness.contracts import ids, protocol, read_models
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.configuration import Configuration
-from harness.contracts.ids import Digest, InvocationId, MissionId, RequestId, RobotId, StreamId
 from harness.contracts.memory import FollowPosition, MemoryQuery, MemoryRecord, Remembered
 from harness.contracts.observations import AnySample
-from harness.contracts.protocol import (
-    DriveOrder,
-    DriveReport,
-    InvocationReport,
-    Observations,
-    PhysicalStart,
-    Picture,
-    PostureOrder,
-    RobotStatus,
-    StartRequest,
-)
-from harness.contracts.read_models import FacetCount, Listing, ListPage, ListQuery, ListRow
 from harness.contracts.values import Moment, Value
 
 State = TypeVar("State")
@@ -35,7 +23,7 @@ class NewEvent(Value):
 class Batch(Value):
     """Events for one stream. `expected_version` is the number of events the stream must hold before."""
 
-    stream: StreamId
+    stream: ids.StreamId
     expected_version: int
     events: tuple[NewEvent, ...]
 
@@ -43,7 +31,7 @@ class Batch(Value):
 class Record(Value):
     """A decision's artefact (context, candidate set, output), stored in the decision's own transaction (D8)."""
 
-    digest: Digest
+    digest: ids.Digest
     kind: str
     body: bytes
 
@@ -59,21 +47,21 @@ class StoredEvent(Value):
     """
 
     position: int
-    stream: StreamId
+    stream: ids.StreamId
     version: int
     kind: str
     body: bytes
     mission_s: float
     recorded_s: float
-    previous: Digest
-    digest: Digest
+    previous: ids.Digest
+    digest: ids.Digest
 
 
 class LogHead(Value):
     """The end of the log: what an anchor exports."""
 
     position: int
-    digest: Digest
+    digest: ids.Digest
 
 
 class EventStore(Protocol):
@@ -82,22 +70,22 @@ class EventStore(Protocol):
     def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> LogHead:
         """All or nothing, durable on return. Raises ConcurrencyConflict if a stream's version differs."""
 
-    def load(self, stream: StreamId, after: int = 0) -> list[StoredEvent]:
+    def load(self, stream: ids.StreamId, after: int = 0) -> list[StoredEvent]:
         """Events of one stream with version > after, in order."""
 
     def read(self, after: int = 0, limit: int = 1000) -> list[StoredEvent]:
         """Events of all streams with position > after, in global order."""
 
-    def streams(self, prefix: str) -> list[StreamId]:
+    def streams(self, prefix: str) -> list[ids.StreamId]:
         """Streams whose name starts with `prefix`, by first position."""
 
-    def open_missions(self) -> list[StreamId]:
+    def open_missions(self) -> list[ids.StreamId]:
         """Streams of missions that hold no MissionEnded, by first position."""
 
-    def ended_missions(self, after: int, upto: int) -> list[StreamId]:
+    def ended_missions(self, after: int, upto: int) -> list[ids.StreamId]:
         """Streams whose MissionEnded has a position > after and <= upto, in the order of their ends."""
 
-    def record(self, digest: Digest) -> Record:
+    def record(self, digest: ids.Digest) -> Record:
         """Raises UnknownName."""
 
     def head(self) -> LogHead: ...
@@ -109,22 +97,22 @@ class EventStore(Protocol):
 
 
 class Configurations(Protocol):
-    """Every configuration version this log knows, and which one a robot's new missions are pinned to (R155, D35)."""
+    """Every configuration version in this log, and which one a robot's new missions are pinned to (R155, D35)."""
 
-    def current_id(self, robot_id: RobotId) -> Digest:
+    def current_id(self, robot_id: ids.RobotId) -> ids.Digest:
         """The version a new mission of this robot is pinned to."""
 
-    def current(self, robot_id: RobotId) -> Configuration:
+    def current(self, robot_id: ids.RobotId) -> Configuration:
         """Raises ConfigurationMissing as `get` does."""
 
-    def get(self, configuration_id: Digest) -> Configuration:
+    def get(self, configuration_id: ids.Digest) -> Configuration:
         """A version by its id. Raises ConfigurationMissing if it is not here or this release cannot read it."""
 
-    def on_trial(self, configuration_id: Digest) -> bool:
+    def on_trial(self, configuration_id: ids.Digest) -> bool:
         """Whether a version is in canary."""
 
-    def record(self, configuration_id: Digest) -> Record:
-        """The version's bytes as they are stored beside the decision that first names it. Raises as `get` does."""
+    def record(self, configuration_id: ids.Digest) -> Record:
+        """The version's bytes as stored with the decision that first names it. Raises as `get` does."""
 
 
 class StateSnapshot(Value):
@@ -133,48 +121,49 @@ class StateSnapshot(Value):
     `fingerprint` names the shape of the state and the code that folded it: another one makes the snapshot void.
     """
 
-    stream: StreamId
+    stream: ids.StreamId
     version: int
-    fingerprint: Digest
-    digest: Digest
+    fingerprint: ids.Digest
+    digest: ids.Digest
     body: bytes
 
 
 class Snapshots(Protocol):
-    """Folded states kept aside, so that opening a stream costs its tail. Losing one costs time and nothing else."""
+    """Folded states stored separately, so that opening a stream costs only its tail. Losing one costs only time."""
 
-    def restore(self, stream: StreamId, initial: State) -> tuple[State, int]:
+    def restore(self, stream: ids.StreamId, initial: State) -> tuple[State, int]:
         """The newest usable state and its version; `initial` and 0 if there is none. Never raises for a bad one."""
 
-    def offer(self, stream: StreamId, version: int, state: object) -> None:
-        """Take note that the stream stands there; what is worth keeping is written later, off the caller's path."""
+    def offer(self, stream: ids.StreamId, version: int, state: object) -> None:
+        """Note that the stream has reached this version; a snapshot worth storing is written later, outside the
+        caller's path."""
 
 
 class BlobStore(Protocol):
     """Content-addressed bytes."""
 
-    def put(self, body: bytes) -> Digest: ...
+    def put(self, body: bytes) -> ids.Digest: ...
 
-    def get(self, digest: Digest) -> bytes:
+    def get(self, digest: ids.Digest) -> bytes:
         """Bytes that match the digest; raises BlobDamaged if missing or changed."""
 
-    def has(self, digest: Digest) -> bool: ...
+    def has(self, digest: ids.Digest) -> bool: ...
 
-    def digests(self) -> Iterator[Digest]: ...
+    def digests(self) -> Iterator[ids.Digest]: ...
 
 
 class Spool(Protocol):
     """Unsynced samples of one invocation, until they are sealed as one blob (D8)."""
 
-    def add(self, invocation: InvocationId, samples: Iterable[AnySample]) -> None: ...
+    def add(self, invocation: ids.InvocationId, samples: Iterable[AnySample]) -> None: ...
 
-    def samples(self, invocation: InvocationId) -> list[AnySample]: ...
+    def samples(self, invocation: ids.InvocationId) -> list[AnySample]: ...
 
-    def drop(self, invocation: InvocationId) -> None: ...
+    def drop(self, invocation: ids.InvocationId) -> None: ...
 
 
 class Clock(Protocol):
-    """Both clocks, and waiting. A virtual clock advances the simulated world instead of sleeping."""
+    """Mission time, wall time and waiting. A virtual clock advances the simulated world instead of sleeping."""
 
     def now(self) -> Moment: ...
 
@@ -182,9 +171,9 @@ class Clock(Protocol):
 
 
 class Ids(Protocol):
-    """Fresh names."""
+    """Generates new ids."""
 
-    def mission(self) -> MissionId: ...
+    def mission(self) -> ids.MissionId: ...
 
     def token(self) -> str:
         """An unguessable one-time value."""
@@ -196,19 +185,19 @@ class Provider(Protocol):
     @property
     def card(self) -> CapabilityCard: ...
 
-    def start(self, request: StartRequest) -> InvocationReport:
+    def start(self, request: protocol.StartRequest) -> protocol.InvocationReport:
         """Idempotent by request id; other parameters under the same id are refused (ProviderFailed)."""
 
-    def report(self, handle: str) -> InvocationReport: ...
+    def report(self, handle: str) -> protocol.InvocationReport: ...
 
-    def find(self, request: RequestId) -> InvocationReport | None: ...
+    def find(self, request: ids.RequestId) -> protocol.InvocationReport | None: ...
 
     def keepalive(self, handle: str) -> None: ...
 
-    def resume(self, handle: str) -> InvocationReport:
+    def resume(self, handle: str) -> protocol.InvocationReport:
         """Go on after `blocked` by a lost keepalive, where the card says `resumable`."""
 
-    def stop(self, handle: str) -> InvocationReport:
+    def stop(self, handle: str) -> protocol.InvocationReport:
         """Ask to stop; the report becomes `cancelled` only once the stop is acknowledged."""
 
 
@@ -217,45 +206,45 @@ class Robot(Protocol):
 
     def providers(self) -> Sequence[Provider]: ...
 
-    def status(self) -> RobotStatus: ...
+    def status(self) -> protocol.RobotStatus: ...
 
-    def observations(self, after: int, limit: int = 5000) -> Observations: ...
+    def observations(self, after: int, limit: int = 5000) -> protocol.Observations: ...
 
-    def blob(self, digest: Digest) -> bytes: ...
+    def blob(self, digest: ids.Digest) -> bytes: ...
 
-    def starts(self) -> Sequence[PhysicalStart]:
+    def starts(self) -> Sequence[protocol.PhysicalStart]:
         """The robot's own start journal."""
 
 
 class LiveCamera(Protocol):
-    """A robot's camera as people look through it; what it shows is never evidence."""
+    """A robot's live camera for people; what it shows is never evidence."""
 
-    def picture(self) -> Picture:
-        """What it sees now, at most half a second old. Raises ProviderFailed where there is no camera."""
+    def picture(self) -> protocol.Picture:
+        """The current picture, at most half a second old. Raises ProviderFailed where there is no camera."""
 
 
 class Teleoperable(Protocol):
-    """A robot that a person may drive by hand, where nothing else moves it."""
+    """A robot that a person may teleoperate while nothing else moves it."""
 
-    def drive(self, order: DriveOrder) -> DriveReport:
+    def drive(self, order: protocol.DriveOrder) -> protocol.DriveReport:
         """Hold this velocity until the next order. Raises FencingRefused; ProviderFailed while something moves it."""
 
-    def release(self, session: RequestId) -> DriveReport:
-        """End the session; `ended` once the body stands."""
+    def release(self, session: ids.RequestId) -> protocol.DriveReport:
+        """End the session; `ended` once the body is at standstill."""
 
-    def rest(self, order: PostureOrder) -> RobotStatus:
+    def rest(self, order: protocol.PostureOrder) -> protocol.RobotStatus:
         """Lie down or stand up. Raises FencingRefused, or ProviderFailed while something moves it."""
 
 
 class MessageOutbox(Protocol):
-    """Where messages leave the house. The receipt's text is the channel's word (D22: declared)."""
+    """Sends messages to the outside. The receipt's text is the channel's own report (D22: declared)."""
 
-    def send(self, key: str, text: str, images: Sequence[Digest]) -> str:
+    def send(self, key: str, text: str, images: Sequence[ids.Digest]) -> str:
         """Idempotent by key; returns the channel's acknowledgement id."""
 
 
 class Signals(Protocol):
-    """Names of what changed, for whoever watches. Losing one costs nothing."""
+    """Publishes the names of what changed to anybody who watches. Losing one costs nothing."""
 
     def changed(self, name: str) -> None: ...
 
@@ -266,10 +255,10 @@ class MemoryIndex(Protocol):
     def mark(self) -> FollowPosition: ...
 
     def add(self, records: Sequence[MemoryRecord], *, after: FollowPosition, upto: FollowPosition) -> None:
-        """All or nothing, with the new mark. Raises ConcurrencyConflict if the index is not at `after`."""
+        """All or nothing, with the new position. Raises ConcurrencyConflict if the index is not at `after`."""
 
     def clear(self) -> None:
-        """Forget everything; the mark is at position 0."""
+        """Delete everything; the position becomes 0."""
 
     def get(self, record_id: str) -> Remembered:
         """Raises UnknownName."""
@@ -287,27 +276,27 @@ class ReadModels(Protocol):
     """Lists that follow the log. Losing them costs a rebuild and nothing else."""
 
     def mark(self) -> FollowPosition:
-        """How far they have followed the log; position 0 and no fold if they hold nothing."""
+        """How far the lists have followed the log; position 0 and no fold if they hold nothing."""
 
-    def add(self, rows: Sequence[ListRow], *, after: FollowPosition, upto: FollowPosition) -> None:
-        """Put rows in the place of those with their number. All or nothing.
+    def add(self, rows: Sequence[read_models.ListRow], *, after: FollowPosition, upto: FollowPosition) -> None:
+        """Replace the rows with those numbers. All or nothing.
 
         Raises ConcurrencyConflict if the lists are not at `after`.
         """
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Delete everything."""
 
-    def page(self, query: ListQuery) -> ListPage:
+    def page(self, query: read_models.ListQuery) -> read_models.ListPage:
         """One page of a list."""
 
-    def count(self, query: ListQuery) -> int:
+    def count(self, query: read_models.ListQuery) -> int:
         """How many rows answer the query, counted up to read_models.MANY + 1; `after` and `limit` play no part."""
 
-    def tallies(self, listing: Listing) -> list[FacetCount]:
+    def tallies(self, listing: read_models.Listing) -> list[read_models.FacetCount]:
         """Every value of every facet with its count, and the whole list under an empty facet."""
 
-    def body(self, listing: Listing, key: str) -> bytes | None:
+    def body(self, listing: read_models.Listing, key: str) -> bytes | None:
         """One item by its key."""
 
     def close(self) -> None: ...

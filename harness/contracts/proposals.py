@@ -1,4 +1,4 @@
-"""What roles propose (R50): data without authority. The harness checks each and the gate decides."""
+"""What roles propose (R50): data without authority. The harness checks each proposal and the gate decides."""
 
 from typing import Literal
 
@@ -14,7 +14,7 @@ Filter = Literal["capability", "embodiment", "parameters", "preconditions", "fre
 
 
 class ProviderCandidate(Value):
-    """One provider looked at. `refused_by` names the hard filter that refused it; `terms` are weighted score terms."""
+    """One provider considered. `refused_by` names the hard filter that refused it; `terms` are weighted score terms."""
 
     provider_id: ProviderId
     version: Name
@@ -25,7 +25,7 @@ class ProviderCandidate(Value):
 
 
 class CandidateSet(Value):
-    """All providers looked at for a node, best first, and who was chosen (R66). `chosen` may be none."""
+    """All providers considered for a node, best first, and the chosen one (R66). `chosen` may be none."""
 
     node_id: NodeId
     k: Count
@@ -49,7 +49,7 @@ class SkillProposal(Value):
 
 
 class Signature(Value):
-    """What must not be repeated without news (D25)."""
+    """What must not be repeated unless something changed (D25)."""
 
     action: RecoveryAction
     provider_id: ProviderId
@@ -59,7 +59,7 @@ class Signature(Value):
 
 
 class RecoveryProposal(Value):
-    """C4's output: one rung of the ladder. `cost` is 1 for spending actions, else 0."""
+    """C4's output: one step of the ladder. `cost` is 1 for spending actions, else 0."""
 
     action: RecoveryAction
     failure: FailureClass

@@ -1,15 +1,15 @@
-"""The provider protocol: what the supervisor says to a provider and hears back, on any transport.
+"""The provider protocol: the messages between supervisor and provider, on any transport.
 
 Start is idempotent by `request_id`. Motion needs a keepalive at least every second; without one for 2 s the provider
-stands still by itself and reports `blocked` with the failure `keepalive_lost` (D12). A request with a fencing token
-older than the newest that the provider has seen for the resource is refused.
+stops by itself and reports `blocked` with the failure `keepalive_lost` (D12). A request with a fencing token older than
+the newest that the provider has seen for the resource is refused.
 """
 
 from typing import Literal
 
 import msgspec
 
-from harness.contracts.ids import Digest, MissionId, NodeId, ProviderId, RequestId
+from harness.contracts import ids
 from harness.contracts.observations import AnySample, Camera
 from harness.contracts.values import Count, Name, Point, Value
 
@@ -22,7 +22,7 @@ InvocationStatus = Literal[
 ]
 KEEPALIVE_LOST = "keepalive_lost"
 DRIVE_DEAD_MAN_S = 0.8
-"""A robot that is driven by hand brakes by itself this long after the last order, by its own clock."""
+"""A teleoperated robot brakes by itself this long after the last order, by its own clock."""
 TERMINAL: frozenset[str] = frozenset({"succeeded", "failed", "cancelled"})
 
 
@@ -35,20 +35,20 @@ class Receipt(Value):
     ]
     at_s: float
     source: Name
-    request_id: RequestId
+    request_id: ids.RequestId
     text: str = ""
-    blob: Digest | None = None
+    blob: ids.Digest | None = None
     values: dict[str, float] = msgspec.field(default_factory=dict)
 
 
 class InvocationIdentity(Value):
     """Whose report this is. The provider echoes it; the gate compares it (R94)."""
 
-    mission_id: MissionId
-    node_id: NodeId
+    mission_id: ids.MissionId
+    node_id: ids.NodeId
     attempt: Count
-    request_id: RequestId
-    provider_id: ProviderId
+    request_id: ids.RequestId
+    provider_id: ids.ProviderId
 
 
 class StartRequest(Value):
@@ -58,10 +58,10 @@ class StartRequest(Value):
     capability: Name
     parameters: Parameters
     k_ctx: Count
-    configuration: Digest
+    configuration: ids.Digest
     deadline_s: float
     fencing: dict[str, int]
-    blobs: tuple[Digest, ...] = ()
+    blobs: tuple[ids.Digest, ...] = ()
 
 
 class Progress(Value):
@@ -85,7 +85,7 @@ class InvocationReport(Value):
     declared: dict[str, float] = msgspec.field(default_factory=dict)
     receipts: tuple[Receipt, ...] = ()
     samples: tuple[int, ...] = ()
-    blobs: tuple[Digest, ...] = ()
+    blobs: tuple[ids.Digest, ...] = ()
 
 
 class RobotStatus(Value):
@@ -109,7 +109,8 @@ class RobotStatus(Value):
 
 
 class Picture(Value):
-    """What the robot's camera sees now, for people: no evidence. `at_s` is the mission time of the shutter."""
+    """The current picture of the robot's camera, for people: not evidence. `at_s` is the mission time of the
+    shutter."""
 
     at_s: float
     width_px: Count
@@ -119,12 +120,12 @@ class Picture(Value):
 
 
 class DriveOrder(Value):
-    """One moment of driving by hand: the velocity to hold until the next order, for DRIVE_DEAD_MAN_S at most.
+    """One teleoperation order: the velocity to hold until the next order, for DRIVE_DEAD_MAN_S at most.
 
     `session` is who drives, `token` the fencing token of the base. The robot caps both velocities.
     """
 
-    session: RequestId
+    session: ids.RequestId
     token: Count
     v_mps: float = 0.0
     w_radps: float = 0.0
@@ -132,9 +133,9 @@ class DriveOrder(Value):
 
 
 class DriveReport(Value):
-    """What the robot made of a drive order: whether it may move, and what it does. Declared by the robot."""
+    """The robot's answer to a drive order: whether it may move, and what it does. Declared by the robot."""
 
-    session: RequestId
+    session: ids.RequestId
     at_s: float
     status: Literal["driving", "standing", "ended"]
     v_mps: float = 0.0
@@ -160,10 +161,10 @@ class Observations(Value):
 class PhysicalStart(Value):
     """One line of the robot's start journal: the only place where physical starts are counted (D10)."""
 
-    request_id: RequestId
-    mission_id: MissionId
-    node_id: NodeId
+    request_id: ids.RequestId
+    mission_id: ids.MissionId
+    node_id: ids.NodeId
     attempt: Count
-    provider_id: ProviderId
+    provider_id: ids.ProviderId
     at_s: float
     moves: bool

@@ -1,7 +1,6 @@
-"""Read models: lists that follow the log, so that a page of a hundred thousand missions costs what a page of ten does.
+"""Read models: lists that follow the log, so that a page costs the same with ten missions as with a hundred thousand.
 
-A row is made by a projection from events alone and may be thrown away at any time: the log makes it again, byte for
-byte.
+A row is made by a projection from events alone and may be dropped at any time: the log rebuilds it byte for byte.
 """
 
 from typing import Annotated, Literal
@@ -15,7 +14,7 @@ Listing = Literal["mission", "evidence", "handoff"]
 ListOrder = Literal["newest", "oldest", "largest"]
 LISTINGS: tuple[Listing, ...] = ("mission", "evidence", "handoff")
 MANY = 1000
-"""A search that finds more than this is not counted to its end."""
+"""A search with more results than this is not counted to its end."""
 
 
 class MissionItem(Value):
@@ -38,7 +37,7 @@ class MissionItem(Value):
 
 
 class EvidenceItem(Value):
-    """One piece of evidence of one packet, with what the verifier and the gate said of that packet.
+    """One piece of evidence of one packet, with the verifier's and the gate's decisions about that packet.
 
     `part` is before, after, estimates or receipt; a receipt's blob may be empty. Times are mission time.
     """
@@ -61,9 +60,9 @@ class EvidenceItem(Value):
 
 
 class HandoffItem(Value):
-    """One question to a person in a list. `seq` is the position of its first event; wall times.
+    """One handoff in a list. `seq` is the position of its first event; wall times.
 
-    `answered` is who decided and why, or how it ended; `holder` who has claimed it or drives the robot; `stage` the
+    `answered` is who decided and why, or how it ended; `holder` who has claimed it or controls the robot; `stage` the
     sentence of its stage in the contract, empty where the mission has none.
     """
 
@@ -85,7 +84,7 @@ class HandoffItem(Value):
 class ListRow(Value):
     """What is stored of one item. `key` names the item from outside; `body` is its canonical JSON.
 
-    It is filtered by `facets`, searched by the beginnings of `words` and by whole `ids`; `largest` sorts by `amount`.
+    It is filtered by `facets`, searched by the prefixes of `words` and by whole `ids`; `largest` sorts by `amount`.
     """
 
     listing: Listing
@@ -106,7 +105,7 @@ class Bookmark(Value):
 
 
 class ListQuery(Value):
-    """What is asked of a list: rows with every facet and, for each of `words`, that id or a word that begins so."""
+    """A query of a list: rows with every facet and, for each of `words`, that id or a word with that prefix."""
 
     listing: Listing
     facets: dict[str, str] = msgspec.field(default_factory=dict)

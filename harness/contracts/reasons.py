@@ -1,4 +1,4 @@
-"""Why something is as it is: a code and typed facts. Only the edge makes a sentence of it, in the reader's language."""
+"""Reasons as a code and typed facts; the app renders them as sentences in the reader's language."""
 
 from collections.abc import Iterator, Sequence
 
@@ -7,7 +7,7 @@ import msgspec
 from harness.contracts.values import Name, Value
 
 RECORDED, SEVERAL = "recorded", "several"
-"""The codes of a sentence that stays as it was said, in its fact `text`; and of several reasons, in `reasons`."""
+"""The codes of a stored sentence, in its fact `text`; and of several reasons, in `reasons`."""
 
 
 class Reason(Value):
@@ -21,18 +21,18 @@ class Reason(Value):
 
 
 Explanation = Reason | str
-"""Why, as the log holds it: a reason of the harness, or text that stays as it is, of a person or an older release."""
+"""A reason as the log holds it: one of the harness, or unchanged text of a person or an older release."""
 
 Fact = str | int | float | bool | Reason | tuple[Reason | str, ...] | None
 
 
 def because(code: str, /, **facts: Fact) -> Reason:
-    """`because("too_far_from_target", distance_m=7.49, bound_m=0.4)`."""
+    """Build a reason: `because("too_far_from_target", distance_m=7.49, bound_m=0.4)`."""
     return Reason(code=code, facts=facts)
 
 
 def several(reasons: Sequence[Explanation]) -> Reason | None:
-    """Several reasons as one, in their order; one alone stays itself, none is None."""
+    """Join reasons into one, in order; a single reason is returned unchanged, no reason gives None."""
     if len(reasons) == 1 and isinstance(reasons[0], Reason):
         return reasons[0]
     return because(SEVERAL, reasons=tuple(reasons)) if reasons else None
@@ -48,7 +48,7 @@ def parts(reason: Explanation) -> Iterator[Reason]:
 
 
 def plain(reason: Explanation) -> str:
-    """`code (name value, name value)`: a reason where nobody's language is known, in logs and in exceptions."""
+    """`code (name value, name value)`: a reason without any language, for logs and exceptions."""
     if isinstance(reason, str):
         return reason
     facts = ", ".join(f"{name} {_plain(value)}" for name, value in sorted(reason.facts.items()))
@@ -66,5 +66,5 @@ def _plain(value: Fact) -> str:
 
 
 def recorded(text: str) -> Reason:
-    """A sentence as an older release stored it; it stays as it was said."""
+    """A sentence as an older release stored it, shown unchanged."""
     return because(RECORDED, text=text)

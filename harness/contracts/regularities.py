@@ -1,36 +1,36 @@
-"""What a simulated site does to robots again and again. The simulated world knows it; no role of the harness does."""
+"""Recurring disturbances of a simulated site. The simulated world knows them; no role of the harness does."""
 
 from typing import Literal
 
-from harness.contracts.values import Name, Point, Positive, Share, Value
+from harness.contracts import values
 
 RegularityKind = Literal[
     "obstructed", "closed", "unlocalised", "lagging", "unready", "giving_up", "stalling", "claiming"
 ]  # fmt: skip
 
 
-class Regularity(Value):
-    """One habit of a place: in `share` of the missions, drawn from the mission's own seed, it strikes near `at_m`.
+class Regularity(values.Value):
+    """One recurring disturbance: in `share` of the missions, drawn from the mission's own seed, it occurs near `at_m`.
 
-    obstructed: boxes across the way with a gap for the careful; closed: from wall to wall. Both are gone `lasts_s`
-    after the robot first came within `radius_m`.
-    unlocalised: the localiser is silent within `radius_m`; lagging: it repeats an old pose. Both for `lasts_s` from
-    each arrival there. unready: it is silent for `lasts_s` from the mission's begin.
-    giving_up: `provider_id` ends as interrupted there; stalling: it stands there without a word; claiming: it says
-    that it arrived. Without `lasts_s` a habit lasts as long as the mission. Metres in the map frame, seconds.
+    obstructed: boxes across the path with a gap for the careful; closed: from wall to wall. Both are gone `lasts_s`
+    after the robot first came within `radius_m`. unlocalised: the localiser is silent within `radius_m`; lagging: it
+    repeats an old pose. Both for `lasts_s` from each arrival there. unready: it is silent for `lasts_s` from the start
+    of the mission. giving_up: `provider_id` ends as interrupted there; stalling: it stops there without a report;
+    claiming: it reports that it arrived. Without `lasts_s` a disturbance lasts as long as the mission. Metres in the
+    map frame, seconds.
     """
 
-    name: Name
+    name: values.Name
     kind: RegularityKind
-    share: Share
-    at_m: Point = (0.0, 0.0)
-    radius_m: Positive = 1.0
-    lasts_s: Positive | None = None
+    share: values.Share
+    at_m: values.Point = (0.0, 0.0)
+    radius_m: values.Positive = 1.0
+    lasts_s: values.Positive | None = None
     provider_id: str = ""
 
 
-class HiddenSite(Value):
-    """The regularities of one site. Before each mission a person carries the robot back to where it starts."""
+class HiddenSite(values.Value):
+    """The regularities of one site. Before each mission a person carries the robot back to its start."""
 
-    name: Name
+    name: values.Name
     regularities: tuple[Regularity, ...] = ()

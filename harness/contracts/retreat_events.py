@@ -1,41 +1,41 @@
-"""A retreat to the safe place of a zone: one motion of no mission's contract, as commands and as facts (D27).
+"""Return to the safe point of a zone: one motion outside every mission's contract, as commands and events (D27).
 
-It is no node, commits nothing, and its end is measured, never accepted. It stands in the stream of the house's control,
-beside driving by hand: a robot has one of them at a time.
+It is no node and commits nothing; its end is measured, never accepted. It is stored in the stream of the site's
+control, beside teleoperation: a robot has one of them at a time.
 """
 
 from typing import Literal
 
+from harness.contracts import ids
 from harness.contracts.actors import Actor, Command, Event
-from harness.contracts.ids import HandoffId, InvocationId, MissionId, NodeId, PlaceId, ProviderId, RequestId, RobotId
 from harness.contracts.places import Otherwise
 from harness.contracts.protocol import Parameters
 from harness.contracts.reasons import Explanation, Reason
 from harness.contracts.values import Count, Name, Point
 
-RETREAT = NodeId("retreat")
+RETREAT = ids.NodeId("retreat")
 """What a robot's start journal calls it; no contract has a node of this name."""
 RetreatOutcome = Literal["reached", "short", "unknown"]
-"""Measured at the place; measured elsewhere, or not shown to be there; nobody can say."""
+"""Measured at the place; measured elsewhere, or not shown to be there; unknown."""
 
 
 class RetreatIntended(Event, tag=True):
-    """About to be sent, with its leases in the same commit. Metres in `map_version`, seconds of mission time.
+    """A return is about to be sent, with its leases in the same commit. Metres in `map_version`, mission seconds.
 
     `actor` let it start: a person, or the clock (channel timeout) where nobody answered `handoff_id`. `authorised_by`
     is who put it into the site file, and when. `task_id` and `attempt` make its request id as those of a node do (D1).
     """
 
-    robot_id: RobotId
-    task_id: MissionId
+    robot_id: ids.RobotId
+    task_id: ids.MissionId
     attempt: Count
-    handoff_id: HandoffId | None
+    handoff_id: ids.HandoffId | None
     zone: Name
-    place_id: PlaceId
+    place_id: ids.PlaceId
     place: Name
-    request_id: RequestId
-    invocation_id: InvocationId
-    provider_id: ProviderId
+    request_id: ids.RequestId
+    invocation_id: ids.InvocationId
+    provider_id: ids.ProviderId
     provider_version: str
     capability: Name
     parameters: Parameters
@@ -54,22 +54,22 @@ class RetreatIntended(Event, tag=True):
 
 
 class RetreatStopping(Event, tag=True):
-    """A stop was asked for: by a person, or by the supervisor with its reason."""
+    """A stop was requested: by a person, or by the supervisor with its reason."""
 
-    robot_id: RobotId
-    invocation_id: InvocationId
+    robot_id: ids.RobotId
+    invocation_id: ids.InvocationId
     actor: Actor
     reason: Explanation
 
 
 class RetreatEnded(Event, tag=True):
-    """How it ended. `declared`: the provider's last word; `measured`: what was seen of it, metres.
+    """The return ended. `declared`: the provider's last report; `measured`: what was observed of it, metres.
 
     `then`: what the robot did where it could not reach the place, and whether something shows it; empty if nothing.
     """
 
-    robot_id: RobotId
-    invocation_id: InvocationId
+    robot_id: ids.RobotId
+    invocation_id: ids.InvocationId
     outcome: RetreatOutcome
     declared: str
     measured: dict[str, float]
@@ -84,7 +84,7 @@ class SendRetreat(Command, tag=True):
 
 
 class StopRetreat(Command, tag=True):
-    robot_id: RobotId
+    robot_id: ids.RobotId
     actor: Actor
     reason: Reason | Name
 

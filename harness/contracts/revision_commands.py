@@ -1,4 +1,4 @@
-"""What may be asked about a mission's graph, limits and accepted facts while it stands, in the imperative."""
+"""Commands that change a mission's graph, limits or accepted facts."""
 
 from harness.contracts.actors import Actor, Command
 from harness.contracts.ids import ConditionId, Digest, HandoffId, NodeId
@@ -8,7 +8,7 @@ from harness.contracts.values import Name
 
 
 class ReviseContract(Command, tag=True):
-    """A planner's wish for another graph, for the sake of one stage that pays for it. The harness admits or refuses."""
+    """A planner's request for another graph, paid for by one stage. The harness admits or refuses it."""
 
     node_id: NodeId
     contract: TaskContract
@@ -25,7 +25,7 @@ class TightenConstraints(Command, tag=True):
 
 
 class DisputeCompletion(Command, tag=True):
-    """A person disputes an accepted fact, while the mission runs or after it (D21)."""
+    """A person disputes an accepted fact, during or after the mission (D21)."""
 
     condition_id: ConditionId
     actor: Actor
@@ -33,14 +33,14 @@ class DisputeCompletion(Command, tag=True):
 
 
 class WithdrawMission(Command, tag=True):
-    """A person takes back a mission that has not begun: it waits for its robot, and nothing of it ever moved."""
+    """A person withdraws a mission that has not begun: it waits for its robot, and nothing was dispatched."""
 
     actor: Actor
     reason: Name
 
 
 class RecordAttestation(Command, tag=True):
-    """What a person saw with their own eyes of one condition, at `seen_s` (mission time). Goes with a dispatch."""
+    """A person's own observation of one condition, at `seen_s` (mission time). Committed with a dispatch."""
 
     handoff_id: HandoffId
     node_id: NodeId

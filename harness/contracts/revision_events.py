@@ -1,4 +1,4 @@
-"""What happens to a mission's graph, limits and accepted facts while it stands, in the past tense (R4, D21, D29)."""
+"""Events that change a mission's graph, limits and accepted facts (R4, D21, D29)."""
 
 from typing import Literal
 
@@ -14,7 +14,7 @@ from harness.contracts.values import Count, Name
 class GraphRevised(Event, tag=True):
     """(k+1) The graph was revised; goal, completion conditions and committed history stay (R4, D29).
 
-    `reopened` stages, `responsible` first, begin anew; what they had reached is kept as superseded. `contract` is the
+    `reopened` stages, `responsible` first, begin again; their earlier results are kept as superseded. `contract` is the
     revised one, none if only stages were reopened. The revision costs `responsible` one local_replan.
     """
 

@@ -1,4 +1,4 @@
-"""The port through which suites and tests run a simulated robot in their own process, whatever simulator it is."""
+"""The port through which suites and tests run a simulated robot in their own process, independent of the simulator."""
 
 from collections.abc import Callable, Sequence
 from typing import Literal, Protocol
@@ -13,10 +13,10 @@ Fidelity = Literal["mujoco", "kinematic"]
 
 
 class InProcessRobot(msgspec.Struct, frozen=True):
-    """A simulated robot in this process. Its mission time starts at `at_s` and passes only by `advance_to`.
+    """A simulated robot in this process. Its mission time starts at `at_s` and advances only by `advance_to`.
 
-    `advance_to` returns the mission time reached, in seconds. `configure` begins a mission with its seed and faults;
-    it raises UnknownName for a fault that the simulator does not know.
+    `advance_to` returns the mission time reached, in seconds. `configure` begins a mission with its seed and faults; it
+    raises UnknownName for a fault that the simulator does not know.
     """
 
     robot_id: str
@@ -29,12 +29,13 @@ class InProcessRobot(msgspec.Struct, frozen=True):
 
 
 class Simulator(Protocol):
-    """Makes simulated robots. Whoever composes a program gives it: the harness and the reviews name no simulator."""
+    """Creates simulated robots. The program's entry point passes it in: the harness and the reviews name no
+    simulator."""
 
     def robot(
         self, robot_id: str, *, seed: int, fidelity: Fidelity, hidden: HiddenSite | None = None
     ) -> InProcessRobot:
-        """A new robot in a world of its own; `hidden` is what its site does to it again and again."""
+        """A new robot in its own world; `hidden` are the recurring disturbances of its site."""
 
     def check_faults(self, names: Sequence[str]) -> None:
         """Raise UnknownName for a fault that the simulator does not know."""

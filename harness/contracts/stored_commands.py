@@ -1,7 +1,7 @@
-"""Pure: a command as it is stored with its commit. What the commit's events and records say is named, not repeated.
+"""Stores a command with its commit and reads it back; it refers to values in the commit's events and records. Pure.
 
-The record's digest stands as the last member, `command`, of the stream's first event in that commit, so that the hash
-chain covers it. Events of releases before commands were stored have no such member, and are read as they always were.
+The record's digest is the last member, `command`, of the stream's first event in that commit, so that the hash chain
+covers it. Events of releases before commands were stored have no such member, and are read unchanged.
 """
 
 import re
@@ -18,9 +18,9 @@ from harness.contracts.values import Value, encode
 
 KIND = "command"
 TOKENS = frozenset({"claim", "key"})
-"""What only its holder needs to know: stored as a digest. The events say the rest."""
+"""Secrets of their holder, stored as digests. The events hold the rest."""
 LONG = 24
-"""A text that long is named where an event says it, not repeated."""
+"""A text of at least this length is referred to in the event that holds it, not repeated."""
 
 _MEMBER = re.compile(rb',"command":"([0-9a-f]{64})"\}\Z')
 _LENGTH = len(',"command":"') + 64 + len('"}')
@@ -55,7 +55,8 @@ def without_command(body: bytes) -> bytes:
 
 
 def command_of(event: StoredEvent) -> Digest | None:
-    """The command that this event begins to answer; None inside a commit, and in a log from before they were stored."""
+    """The command that this event is the first answer to; None inside a commit, and in a log without stored
+    commands."""
     found = _MEMBER.search(event.body, max(0, len(event.body) - _LENGTH))
     return Digest(found.group(1).decode()) if found else None
 
@@ -75,7 +76,7 @@ def command_record(command: Command, events: Sequence[Any], records: Iterable[Re
 def _fields(
     value: msgspec.Struct, way: str, stored: StoredCommand, events: Sequence[Any], known: set[Digest]
 ) -> dict[str, Any]:
-    """What of this value no event and no record of the commit says."""
+    """The fields of this value that no event and no record of the commit holds."""
     left: dict[str, Any] = {}
     for name, default in _shape(type(value)):
         one, at = getattr(value, name), f"{way}{name}"
@@ -97,7 +98,7 @@ def _fields(
 
 
 def _said(value: Any, name: str, events: Sequence[Any]) -> str | None:
-    """Which event is this value, or holds it under the same name; None for a value that is shorter than the answer."""
+    """The event that is this value, or holds it under the same name; None for a value shorter than the reference."""
     if isinstance(value, _SCALARS) or (isinstance(value, str) and len(value) < LONG) or value in ((), {}):
         return None
     for index, event in enumerate(events):
@@ -136,8 +137,7 @@ def command_json(
     stored: StoredCommand, events: Sequence[bytes], records: Mapping[Digest, bytes], tokens: Iterable[str]
 ) -> bytes:
     """The command's JSON. `events` are the stream's stored bodies from the commit's first on, `tokens` those that may
-    be meant. Raises LookupError where something it names is not there.
-    """
+    be meant. Raises LookupError where something it refers to is missing."""
     command: dict[str, Any] = {"command": stored.command, **stored.fields}
     for way, said in stored.events.items():
         index, _, name = said.partition(".")

@@ -42,7 +42,7 @@ class EvidencePolicy(Value):
 
 
 class Node(Value):
-    """One stage: the paper's eight fields, and its place in the graph."""
+    """One stage: the paper's eight fields, and its position in the graph."""
 
     node_id: NodeId
     subgoal: Name

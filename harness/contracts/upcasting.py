@@ -1,7 +1,7 @@
-"""Pure: how events written by earlier releases are read today. An event that is stored is never rewritten.
+"""Brings events of earlier releases to today's shape when they are read; stored events are never rewritten. Pure.
 
-A stored kind is an event's name, and from its second shape on `Name@2`, `Name@3`. Whoever changes an event's shape
-or meaning adds an `Upcaster` from the old kind to the new one; from then on the new kind is written.
+A stored kind is an event's name, and from its second shape on `Name@2`, `Name@3`. Whoever changes an event's shape or
+meaning adds an `Upcaster` from the old kind to the new one; from then on the new kind is written.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -17,7 +17,7 @@ Body = dict[str, Any]
 
 @dataclass(frozen=True)
 class Upcaster:
-    """`upcast` makes the body of the stored kind `new` from one of `old`, and leaves what it is given as it is."""
+    """`upcast` returns a body of the stored kind `new` made from one of `old`, and leaves its argument unchanged."""
 
     old: str
     new: str
@@ -48,7 +48,7 @@ UPCASTERS: tuple[Upcaster, ...] = (
 
 
 class Upcasting:
-    """The way from every stored kind to the one that is written today. Raises ValueError for a way that forks or turns.
+    """The chain from every stored kind to the one written today. Raises ValueError for a chain that forks or cycles.
 
     A name's newest kind is the one that no upcaster leaves.
     """
@@ -67,11 +67,11 @@ class Upcasting:
         return self._written.get(name, name)
 
     def is_old(self, kind: str) -> bool:
-        """Whether events of that stored kind must be brought up before they are read."""
+        """Whether events of that stored kind must be upcast before they are read."""
         return kind in self._steps
 
     def brought_up(self, kind: str, body: Body) -> Body:
-        """What the body of that stored kind is in the newest one."""
+        """The body of that stored kind, upcast to the newest one."""
         while step := self._steps.get(kind):
             kind, body = step.new, step.upcast(body) | {"kind": name_of(step.new)}
         return body

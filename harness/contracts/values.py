@@ -1,7 +1,7 @@
-"""The common shape of every stored value: frozen, extras forbidden, typed on decoding.
+"""The common base of every stored value: frozen, extras forbidden, typed on decoding.
 
-Instants of mission time are `_s` on the robot's clock (seconds since the Unix epoch, D7); instants of wall time
-are `_at_s`, seconds since the Unix epoch too. A `Moment` carries both.
+Instants of mission time are `_s` on the robot's clock (seconds since the Unix epoch, D7); instants of wall time are
+`_at_s`, seconds since the Unix epoch too. A `Moment` carries both.
 """
 
 from typing import Annotated, Any, TypeVar, dataclass_transform

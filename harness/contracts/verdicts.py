@@ -1,4 +1,4 @@
-"""Verdicts: what the verifier says of evidence (D4). A verdict changes nothing; the gate decides."""
+"""The verifier's verdicts on evidence (D4). A verdict changes nothing; the gate decides."""
 
 from typing import Literal
 
@@ -14,7 +14,7 @@ PRECEDENCE: tuple[Verdict, ...] = ("unsafe", "stale", "violated", "ambiguous", "
 
 
 class ConditionResult(Value):
-    """One condition: measured values beside their bounds, units in the names; why; how independent (D17)."""
+    """One condition's result: measured values with their bounds, the reason and its independence level (D17)."""
 
     condition_id: ConditionId
     text: str

@@ -1,4 +1,4 @@
-"""What C3 shows the verifier of an execution, its policy and a goal's stages.
+"""What context C3 shows the verifier: an execution, its evidence policy and a goal's stages.
 
 Contexts write these values, the verifier reads them. The records that hold them are listed in
 `harness/contexts/verifier.py`.
@@ -15,7 +15,7 @@ from harness.contracts.values import Count, Point, Value
 
 
 class Execution(Value):
-    """The supervisor's record of the execution to judge, without the provider's words; mission seconds."""
+    """The supervisor's record of the execution to judge, without the provider's own report; mission seconds."""
 
     identity: PacketIdentity
     k_ctx: Count
@@ -28,7 +28,7 @@ class Execution(Value):
 
 
 class VerificationPolicy(Value):
-    """What the evidence must be. `required` is the independence level of each condition (D17)."""
+    """Requirements on the evidence. `required` is the independence level of each condition (D17)."""
 
     evidence: EvidencePolicy
     risk: Risk
@@ -36,7 +36,7 @@ class VerificationPolicy(Value):
 
 
 class SafetyState(Value):
-    """The contract's constraints with the floor regions they name (metres, contract frame), and standing vetoes."""
+    """The contract's constraints, with the floor regions they name (metres, contract frame) and active vetoes."""
 
     speed_cap_mps: float
     keep_out_m: dict[str, tuple[Point, ...]]

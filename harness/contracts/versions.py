@@ -1,4 +1,4 @@
-"""A configuration version as the log keeps it: a record whose digest is the version's id."""
+"""Makes the log record of a configuration version; the record's digest is the version's id."""
 
 from harness.contracts.configuration import Configuration
 from harness.contracts.ids import sha256
@@ -10,6 +10,6 @@ CONFIGURATION = "configuration"
 
 
 def configuration_record(configuration: Configuration) -> Record:
-    """What to store with the decision that first names this version."""
+    """The record to store with the decision that first names this version."""
     body = encode(configuration)
     return Record(digest=sha256(body), kind=CONFIGURATION, body=body)

@@ -1,4 +1,4 @@
-"""Pure: the edges of what is known that can be approached, found on the map that the lidar drew."""
+"""Finds the edges of the known area that the robot can approach, on the map drawn from the lidar. Pure."""
 
 import math
 from collections.abc import Iterator
@@ -7,8 +7,8 @@ import numpy as np
 
 from harness.contracts.exploration import UNKNOWN, Frontier, GridMap
 from harness.contracts.values import Point
+from harness.exploration import paths
 from harness.exploration.grid import cells_of, middle_of
-from harness.exploration.paths import Cell, Mask, Ways, free_floor, widened
 
 LEAST_EDGE_M = 0.8
 LEAST_WAY_M = 1.2
@@ -17,28 +17,28 @@ REACH_M = 1.4
 MOST = 12
 
 
-def frontiers(grid: GridMap, ways: Ways) -> tuple[Frontier, ...]:
+def frontiers(grid: GridMap, ways: paths.Ways) -> tuple[Frontier, ...]:
     """Edges of LEAST_EDGE_M or more with a place to stand within REACH_M of their middle, the longest first.
 
     Unknown specks between two rays of the lidar are no edge: unknown floor counts from three cells across.
     """
-    floor = free_floor(grid)
-    edge: Mask = floor & widened(_core((cells_of(grid) == UNKNOWN) & ~floor), 2)
+    floor = paths.free_floor(grid)
+    edge: paths.Mask = floor & paths.widened(_core((cells_of(grid) == UNKNOWN) & ~floor), 2)
     found = [one for cluster in _clusters(edge) if (one := _frontier(grid, ways, cluster)) is not None]
     return tuple(sorted(found, key=lambda one: (-one.length_m, one.approach_m)))[:MOST]
 
 
-def _core(unknown: Mask) -> Mask:
-    return ~widened(~unknown, 1) & ~_border(unknown)
+def _core(unknown: paths.Mask) -> paths.Mask:
+    return ~paths.widened(~unknown, 1) & ~_border(unknown)
 
 
-def _border(mask: Mask) -> Mask:
+def _border(mask: paths.Mask) -> paths.Mask:
     found = np.ones_like(mask)
     found[1:-1, 1:-1] = False
     return found
 
 
-def _clusters(edge: Mask) -> Iterator[list[Cell]]:
+def _clusters(edge: paths.Mask) -> Iterator[list[paths.Cell]]:
     left = {(int(row), int(column)) for row, column in np.argwhere(edge)}
     while left:
         ahead = [min(left)]
@@ -53,7 +53,7 @@ def _clusters(edge: Mask) -> Iterator[list[Cell]]:
         yield cluster
 
 
-def _frontier(grid: GridMap, ways: Ways, cluster: list[Cell]) -> Frontier | None:
+def _frontier(grid: GridMap, ways: paths.Ways, cluster: list[paths.Cell]) -> Frontier | None:
     """The edge with the nearest place to stand before its middle; None if it is short, near or out of reach."""
     length_m = len(cluster) * grid.cell_m / 2
     row, column = (sum(part) / len(cluster) for part in zip(*cluster, strict=True))

@@ -1,4 +1,4 @@
-"""Pure: lidar sweeps at known poses drawn into a grid of free and closed floor. Reads no clock and no ground truth."""
+"""Draws lidar sweeps at known poses into a grid of free and closed floor. Pure: reads no clock and no ground truth."""
 
 import math
 from bisect import bisect_left

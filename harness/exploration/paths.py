@@ -1,4 +1,4 @@
-"""Pure: where the body may stand on a grid, how far that is, and the way there over floor known to be free."""
+"""Computes where the body may stand on a grid, and the shortest path there over floor known to be free. Pure."""
 
 import heapq
 import math
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.contracts.exploration import FREE, OCCUPIED, UNKNOWN, GridMap, Region
+from harness.contracts import exploration
 from harness.contracts.values import Point
 from harness.exploration.grid import cell_of, cells_of, middle_of
 from harness.exploration.region import contains
@@ -28,17 +28,19 @@ _STEPS = tuple(
 
 
 class Ways:
-    """The cheapest ways from one position to every cell that can be reached without entering a keep-out."""
+    """The cheapest paths from one position to every reachable cell outside the keep-outs."""
 
-    def __init__(self, grid: GridMap, position: Point, *, keep_out_m: tuple[Region, ...] = ()) -> None:
+    def __init__(
+        self, grid: exploration.GridMap, position: Point, *, keep_out_m: tuple[exploration.Region, ...] = ()
+    ) -> None:
         self._grid = grid
         self.open = standable(grid, position) & ~_forbidden(grid, keep_out_m)
-        self._roomy = self.open & ~widened(cells_of(grid) == OCCUPIED, round(ROOM_M / grid.cell_m))
+        self._roomy = self.open & ~widened(cells_of(grid) == exploration.OCCUPIED, round(ROOM_M / grid.cell_m))
         self._length_m, self._from = self._spread(cell_of(grid, position))
         self._position = position
 
     def length_m(self, cell: Cell) -> float | None:
-        """Metres of the way to a cell; None if none is known."""
+        """Length of the path to a cell, metres; None if none is known."""
         return self._length_m.get(cell)
 
     def route_m(self, target: Point) -> tuple[Point, ...]:
@@ -63,7 +65,7 @@ class Ways:
         return tuple(kept)
 
     def _sees(self, start: Point, end: Point) -> bool:
-        """Whether the straight line leads over roomy floor only; through narrow places the way is kept as it is."""
+        """Whether the straight line leads over roomy floor only; narrow passages are not straightened."""
         steps = max(1, math.ceil(math.dist(start, end) / SIGHT_M))
         between = (
             (start[0] + (end[0] - start[0]) * step / steps, start[1] + (end[1] - start[1]) * step / steps)
@@ -91,10 +93,10 @@ class Ways:
         return length_m, before
 
 
-def standable(grid: GridMap, position: Point) -> Mask:
+def standable(grid: exploration.GridMap, position: Point) -> Mask:
     """Free floor with CLEARANCE_M to whatever is closed; around the body its own free floor is enough."""
     cells = cells_of(grid)
-    closed = widened(cells == OCCUPIED, round(CLEARANCE_M / grid.cell_m))
+    closed = widened(cells == exploration.OCCUPIED, round(CLEARANCE_M / grid.cell_m))
     rows, columns = np.mgrid[0 : grid.rows, 0 : grid.columns]
     here_row, here_column = cell_of(grid, position)
     near = np.hypot(rows - here_row, columns - here_column) * grid.cell_m <= AROUND_M
@@ -104,7 +106,7 @@ def standable(grid: GridMap, position: Point) -> Mask:
     return standing
 
 
-def _forbidden(grid: GridMap, keep_out_m: tuple[Region, ...]) -> Mask:
+def _forbidden(grid: exploration.GridMap, keep_out_m: tuple[exploration.Region, ...]) -> Mask:
     """Cells whose middle lies where the contract forbids to enter."""
     found = np.zeros((grid.rows, grid.columns), bool)
     for row, column in np.ndindex(grid.rows, grid.columns) if keep_out_m else ():
@@ -112,12 +114,14 @@ def _forbidden(grid: GridMap, keep_out_m: tuple[Region, ...]) -> Mask:
     return found
 
 
-def free_floor(grid: GridMap) -> Mask:
+def free_floor(grid: exploration.GridMap) -> Mask:
     """What the lidar saw free, and the specks between its rays: unknown cells with free floor around most of them."""
     cells = cells_of(grid)
-    free: Mask = cells == FREE
+    free: Mask = cells == exploration.FREE
     around = sum(_shifted(free, down, right).astype(np.int64) for down, right, _ in _STEPS)
-    floor: Mask = free | ((cells == UNKNOWN) & (around >= SPECK) & ~widened(cells == OCCUPIED, 1))
+    floor: Mask = free | (
+        (cells == exploration.UNKNOWN) & (around >= SPECK) & ~widened(cells == exploration.OCCUPIED, 1)
+    )
     return floor
 
 

@@ -1,4 +1,4 @@
-"""Pure: whether a point lies in a polygon of the floor."""
+"""Tests whether a point lies in a polygon of the floor. Pure."""
 
 from itertools import pairwise
 

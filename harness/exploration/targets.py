@@ -1,4 +1,4 @@
-"""Pure: who proposes the next target, which targets the harness admits, and what it takes when one is refused (R222).
+"""Asks a proposer for the next target, and admits it or falls back to the harness's own choice (R222). Pure.
 
 A proposer, a model included, sees the question and nothing else; its target has no authority.
 """
@@ -7,8 +7,8 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from harness.contracts import exploration
 from harness.contracts.decisions import Refused, refused
-from harness.contracts.exploration import BlockedTarget, Frontier, GridMap, TargetAnswer, TargetProposal, TargetQuestion
 from harness.contracts.reasons import Explanation, Reason, because
 from harness.contracts.values import Point
 from harness.exploration.grid import cell_of
@@ -23,23 +23,23 @@ LONGEST_REASON = 400
 
 @dataclass(frozen=True)
 class Proposer:
-    """Whoever proposes targets, under a name that stands in the log. `propose` may answer anything or raise.
+    """Proposes targets, under a name that is stored in the log. `propose` may return anything or raise.
 
     It sees the question and the picture's bytes; None: it has nothing to propose.
     """
 
     name: str
-    propose: Callable[[TargetQuestion, bytes], TargetProposal | None]
+    propose: Callable[[exploration.TargetQuestion, bytes], exploration.TargetProposal | None]
 
 
-def nearest_edge(question: TargetQuestion, picture: bytes = b"") -> TargetProposal | None:
-    """The edge that shows most for its way, away from what was given up. Deterministic; needs no picture."""
-    given_up = [one.target_m for one in question.feedback if isinstance(one, BlockedTarget)]
+def nearest_edge(question: exploration.TargetQuestion, picture: bytes = b"") -> exploration.TargetProposal | None:
+    """The edge that shows most for its distance, away from abandoned targets. Deterministic; needs no picture."""
+    given_up = [one.target_m for one in question.feedback if isinstance(one, exploration.BlockedTarget)]
     left = [one for one in question.frontiers if not _near(one.approach_m, given_up)]
     if not left:
         return None
     best = max(left, key=lambda one: (_worth(one), one.approach_m))
-    return TargetProposal(
+    return exploration.TargetProposal(
         target_m=best.approach_m,
         reason=because(
             "nearest_unknown_edge",
@@ -57,8 +57,10 @@ NEAREST_EDGE = Proposer(name="nearest-edge-1", propose=nearest_edge)
 """The deterministic proposer: no model."""
 
 
-def target_refusal(target: Point, *, question: TargetQuestion, grid: GridMap, ways: Ways) -> Refused | None:
-    """Why the harness does not go there, whoever proposed it; None if it may (R222)."""
+def target_refusal(
+    target: Point, *, question: exploration.TargetQuestion, grid: exploration.GridMap, ways: Ways
+) -> Refused | None:
+    """Why this target is refused, whoever proposed it; None if it is allowed (R222)."""
     said = f"({target[0]:.2f}, {target[1]:.2f})"
     row, column = cell_of(grid, target) if all(math.isfinite(part) for part in target) else (-1, -1)
     if not (0 <= row < grid.rows and 0 <= column < grid.columns):
@@ -67,12 +69,12 @@ def target_refusal(target: Point, *, question: TargetQuestion, grid: GridMap, wa
         return refused("outside_zones", because("target_outside_zones", at=said))
     if any(contains(region, target) for region in question.keep_out_m):
         return refused("keep_out", because("target_kept_out", at=said))
-    if _near(target, [one.target_m for one in question.feedback if isinstance(one, BlockedTarget)]):
+    if _near(target, [one.target_m for one in question.feedback if isinstance(one, exploration.BlockedTarget)]):
         return refused("given_up_before", because("target_given_up", at=said))
     return _way_refusal(said, question=question, way_m=ways.length_m((row, column)))
 
 
-def _way_refusal(said: str, *, question: TargetQuestion, way_m: float | None) -> Refused | None:
+def _way_refusal(said: str, *, question: exploration.TargetQuestion, way_m: float | None) -> Refused | None:
     if way_m is None:
         return refused("unreachable", because("target_unreachable", at=said))
     if way_m > question.longest_way_m:
@@ -81,9 +83,11 @@ def _way_refusal(said: str, *, question: TargetQuestion, way_m: float | None) ->
     return refused("over_budget", because("targets_spent")) if spent else None
 
 
-def answered(proposer: Proposer, *, question: TargetQuestion, grid: GridMap, picture: bytes) -> TargetAnswer:
-    """Ask, admit or refuse; a proposer that is refused or breaks stops nothing: the harness's own edge is taken."""
-    said: TargetProposal | None = None
+def answered(
+    proposer: Proposer, *, question: exploration.TargetQuestion, grid: exploration.GridMap, picture: bytes
+) -> exploration.TargetAnswer:
+    """Ask the proposer, then admit or refuse. If it is refused or raises, the harness's own edge is used."""
+    said: exploration.TargetProposal | None = None
     refused: Explanation = ""
     try:
         said = _storable(proposer.propose(question, picture))
@@ -95,9 +99,14 @@ def answered(proposer: Proposer, *, question: TargetQuestion, grid: GridMap, pic
 
 
 def settled(
-    planner: str, said: TargetProposal | None, *, refused: Explanation, question: TargetQuestion, grid: GridMap
-) -> TargetAnswer:
-    """What the harness makes of what was said; derived again from the records at replay."""
+    planner: str,
+    said: exploration.TargetProposal | None,
+    *,
+    refused: Explanation,
+    question: exploration.TargetQuestion,
+    grid: exploration.GridMap,
+) -> exploration.TargetAnswer:
+    """The target that follows from the proposal; replay derives it again from the records."""
     ways = Ways(grid, question.position_m, keep_out_m=question.keep_out_m)
     broken = target_refusal(said.target_m, question=question, grid=grid, ways=ways) if said else None
     if broken is not None:
@@ -108,10 +117,10 @@ def settled(
         fits = own is not None and target_refusal(own.target_m, question=question, grid=grid, ways=ways) is None
         chosen = own if fits else None
     route = ways.route_m(chosen.target_m) if chosen else ()
-    return TargetAnswer(planner=planner, said=said, refused=refused, chosen=chosen, route_m=route)
+    return exploration.TargetAnswer(planner=planner, said=said, refused=refused, chosen=chosen, route_m=route)
 
 
-def _worth(frontier: Frontier) -> float:
+def _worth(frontier: exploration.Frontier) -> float:
     return frontier.length_m / (frontier.way_m + WAY_COST_M)
 
 
@@ -119,16 +128,16 @@ def _near(point: Point, others: list[Point]) -> bool:
     return any(math.dist(point, other) <= NEAR_BLOCKED_M for other in others)
 
 
-def _storable(said: TargetProposal | None) -> TargetProposal | None:
-    """The proposal as values that the log can hold. Raises TypeError if it is none."""
+def _storable(said: exploration.TargetProposal | None) -> exploration.TargetProposal | None:
+    """The proposal as values that the log can hold. Raises TypeError if it is no proposal."""
     if said is None:
         return None
-    if not isinstance(said, TargetProposal):
+    if not isinstance(said, exploration.TargetProposal):
         raise TypeError(f"{type(said).__name__} is no target")
     x, y = (float(part) for part in said.target_m)
     if not (math.isfinite(x) and math.isfinite(y)):
         raise TypeError("the target is not finite")
-    return TargetProposal(
+    return exploration.TargetProposal(
         target_m=(x, y), reason=said.reason if isinstance(said.reason, Reason) else _short(str(said.reason))
     )
 

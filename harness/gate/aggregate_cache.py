@@ -1,4 +1,4 @@
-"""The newest folds of streams, kept in memory: a commit loads only the tail, and a lost fold is made again."""
+"""Caches the newest folds of streams in memory, so that a commit loads only a stream's tail."""
 
 from threading import Lock
 from typing import Any
@@ -9,15 +9,15 @@ from harness.contracts.ids import StreamId
 from harness.contracts.ports import MISSION_STREAMS
 
 KEPT_MISSIONS = 256
-"""Folds of missions: those that go on are asked for all the time; what is over is folded again when somebody looks."""
+"""How many folds of missions are cached: active ones are read all the time; ended ones are folded again on demand."""
 KEPT_STREAMS = 4096
 """Folds of everything else (leases, questions, reviews), which are small."""
 
 
 class AggregateCache:
-    """The state and version of streams as they were last folded. Safe between threads.
+    """The state and version of streams as last folded. Thread-safe.
 
-    Missions are kept apart from the rest: they are large, and must not be driven out by many small streams.
+    Missions are cached separately: they are large, and must not be evicted by many small streams.
     """
 
     def __init__(self, *, missions: int = KEPT_MISSIONS, others: int = KEPT_STREAMS) -> None:
@@ -30,12 +30,12 @@ class AggregateCache:
             return len(self._missions) + len(self._others)
 
     def get(self, stream: StreamId) -> tuple[Any, int] | None:
-        """State and version, which then count as the newest; None if they are not kept."""
+        """State and version, which then count as the newest; None if they are not cached."""
         with self._lock:
             return self._part(stream).get(stream)
 
     def put(self, stream: StreamId, state: Any, version: int) -> None:
-        """Keep them as the newest; what was asked for longest ago goes. A cache of size 0 keeps nothing."""
+        """Store them as the newest; the least recently used entry is evicted. A cache of size 0 stores nothing."""
         with self._lock:
             part = self._part(stream)
             if part.maxsize:

@@ -1,4 +1,5 @@
-"""Pure: may a person's own observation count as evidence? It opens one look and satisfies nothing (D17)."""
+"""Decides whether a person's own observation counts as evidence. It opens one look and satisfies nothing (D17).
+Pure."""
 
 from harness.contracts.commands import AuthoriseDispatch
 from harness.contracts.decisions import Refused, refused
@@ -11,7 +12,7 @@ from harness.projections.mission import Mission, required_contract
 
 
 def unattested(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
-    """Why an attestation does not open this invocation, or None: it must look and nothing else."""
+    """Why an attestation does not open this invocation, or None: the invocation may only observe."""
     if command.attestation is None:
         return None
     if command.recovery is None or command.recovery.action != "verify_again" or command.recovery.cost:
@@ -23,7 +24,7 @@ def unattested(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
 
 
 def opened(mission: Mission, command: AuthoriseDispatch) -> tuple[MissionEvent, ...]:
-    """The attestation on record, the question answered by it, and the one attempt it grants."""
+    """The recorded attestation, the question it answers, and the one attempt it grants."""
     if command.attestation is None:
         return ()
     record = attested(mission, command.attestation)

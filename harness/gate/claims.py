@@ -1,30 +1,11 @@
-"""Pure: whose question it is, how long it waits, who is called next, and who has control (D27)."""
+"""Decides who has claimed a handoff, how long it waits, who is notified next and who controls the robot (D27). Pure."""
 
 from datetime import UTC, datetime
 from typing import assert_never
 
+from harness.contracts import handoff_commands, handoff_events
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
-from harness.contracts.handoff_commands import (
-    CloseQuestion,
-    DropClaim,
-    Escalate,
-    ExtendDeadline,
-    ReturnControl,
-    TakeClaim,
-    TakeControl,
-)
-from harness.contracts.handoff_events import (
-    EscalationLevel,
-    HandoffClaimed,
-    HandoffClosed,
-    HandoffEscalated,
-    HandoffEvent,
-    HandoffExtended,
-    HandoffHandedBack,
-    HandoffReleased,
-    HandoffTakenOver,
-)
 from harness.contracts.reasons import because
 from harness.contracts.values import Moment
 from harness.projections.handoffs import Claim, Decided, Handoff
@@ -33,35 +14,43 @@ CLAIM_S = 60.0
 RENEWED_S = 15.0
 """A renewal that would add less than this is no event."""
 ON_THE_WAY_S = 600.0
-ESCALATION_S: dict[EscalationLevel, float] = {"sound": 0.0, "next_person": 60.0, "outside": 180.0}
+ESCALATION_S: dict[handoff_events.EscalationLevel, float] = {"sound": 0.0, "next_person": 60.0, "outside": 180.0}
 
-Turn = TakeClaim | DropClaim | ExtendDeadline | Escalate | TakeControl | ReturnControl | CloseQuestion
+Turn = (
+    handoff_commands.TakeClaim
+    | handoff_commands.DropClaim
+    | handoff_commands.ExtendDeadline
+    | handoff_commands.Escalate
+    | handoff_commands.TakeControl
+    | handoff_commands.ReturnControl
+    | handoff_commands.CloseQuestion
+)
 
 
-def turn(handoff: Handoff, command: Turn, now: Moment) -> Decision[HandoffEvent]:
-    """Everything about a handoff that decides nothing about the robot's next action."""
+def turn(handoff: Handoff, command: Turn, now: Moment) -> Decision[handoff_events.HandoffEvent]:
+    """Decide every command at a handoff that does not choose the robot's next action."""
     match command:
-        case TakeClaim():
+        case handoff_commands.TakeClaim():
             return _claim(handoff, command, now)
-        case DropClaim():
+        case handoff_commands.DropClaim():
             return _drop(handoff, command, now)
-        case ExtendDeadline():
+        case handoff_commands.ExtendDeadline():
             return _extend(handoff, command, now)
-        case Escalate():
+        case handoff_commands.Escalate():
             due = command.level in due_levels(handoff, now.wall_s)
-            return Accepted((HandoffEscalated(level=command.level, at_s=now.wall_s),) if due else ())
-        case TakeControl():
+            return Accepted((handoff_events.HandoffEscalated(level=command.level, at_s=now.wall_s),) if due else ())
+        case handoff_commands.TakeControl():
             return _take(handoff, command, now)
-        case ReturnControl():
+        case handoff_commands.ReturnControl():
             return _return(handoff, command, now)
-        case CloseQuestion():
+        case handoff_commands.CloseQuestion():
             return _close(handoff, command, now)
         case _:
             assert_never(command)
 
 
-def due_levels(handoff: Handoff, now_s: float) -> tuple[EscalationLevel, ...]:
-    """Levels that an unclaimed question should have reached by now and has not."""
+def due_levels(handoff: Handoff, now_s: float) -> tuple[handoff_events.EscalationLevel, ...]:
+    """Levels that an unclaimed question should have reached by now but has not."""
     if handoff.status != "open" or handoff.opened is None:
         return ()
     open_s = now_s - handoff.opened.opened_at_s
@@ -71,12 +60,12 @@ def due_levels(handoff: Handoff, now_s: float) -> tuple[EscalationLevel, ...]:
 
 
 def live_claim(handoff: Handoff, now_s: float) -> Claim | None:
-    """The claim that still counts."""
+    """The claim that is still valid."""
     return handoff.claim if handoff.claim is not None and handoff.claim.until_at_s > now_s else None
 
 
 def not_yours(handoff: Handoff, actor: Actor, claim: str, now: Moment) -> Refused | None:
-    """Why this person, with this token, may not decide; None if the question is theirs or nobody's."""
+    """Why this person, with this token, may not decide; None if the question is theirs or unclaimed."""
     held = live_claim(handoff, now.wall_s)
     if held is None:
         return refused("claim_lost") if claim else None
@@ -88,12 +77,12 @@ def not_yours(handoff: Handoff, actor: Actor, claim: str, now: Moment) -> Refuse
 
 
 def claimed_by(held: Claim) -> Refused:
-    """Names who answers it now."""
+    """The name of who answers it now."""
     return refused("claimed", because("handoff_claimed", actor=held.actor.name, until=clock(held.until_at_s)))
 
 
 def over(handoff: Handoff, now: Moment) -> Refused | None:
-    """Why nothing can be asked of it any more: decided, ended, or past its deadline."""
+    """Why nothing can be done at it any more: decided, ended, or past its deadline."""
     if not handoff.waits:
         return settled(handoff)
     opened = handoff.opened
@@ -118,9 +107,11 @@ def settled(handoff: Handoff) -> Refused:
 
 
 def same_answer(
-    handoff: Handoff, command: TakeControl | ReturnControl | CloseQuestion, decision: Decided
-) -> Decision[HandoffEvent] | None:
-    """The same word again is the same receipt."""
+    handoff: Handoff,
+    command: handoff_commands.TakeControl | handoff_commands.ReturnControl | handoff_commands.CloseQuestion,
+    decision: Decided,
+) -> Decision[handoff_events.HandoffEvent] | None:
+    """The receipt of the same answer given again."""
     answer = handoff.answer
     if answer is None:
         return None
@@ -134,11 +125,11 @@ def same_answer(
 
 
 def clock(at_s: float) -> str:
-    """A wall instant as a person reads it."""
+    """A wall instant formatted for people."""
     return datetime.fromtimestamp(at_s, UTC).strftime("%H:%M:%S UTC")
 
 
-def _claim(handoff: Handoff, command: TakeClaim, now: Moment) -> Decision[HandoffEvent]:
+def _claim(handoff: Handoff, command: handoff_commands.TakeClaim, now: Moment) -> Decision[handoff_events.HandoffEvent]:
     if refusal := over(handoff, now):
         return refusal
     held = live_claim(handoff, now.wall_s)
@@ -149,11 +140,13 @@ def _claim(handoff: Handoff, command: TakeClaim, now: Moment) -> Decision[Handof
     until_s = now.wall_s + CLAIM_S
     if held is not None and held.claim == command.claim and until_s - held.until_at_s < RENEWED_S:
         return Accepted(())
-    claimed = HandoffClaimed(actor=command.actor, claim=command.claim, at_s=now.wall_s, until_at_s=until_s)
+    claimed = handoff_events.HandoffClaimed(
+        actor=command.actor, claim=command.claim, at_s=now.wall_s, until_at_s=until_s
+    )
     return Accepted((claimed,))
 
 
-def _drop(handoff: Handoff, command: DropClaim, now: Moment) -> Decision[HandoffEvent]:
+def _drop(handoff: Handoff, command: handoff_commands.DropClaim, now: Moment) -> Decision[handoff_events.HandoffEvent]:
     held, opened = handoff.claim, handoff.opened
     if held is None or opened is None or held.claim != command.claim:
         return Accepted(())
@@ -163,11 +156,15 @@ def _drop(handoff: Handoff, command: DropClaim, now: Moment) -> Decision[Handoff
     elif held.actor.name != command.actor.name:
         return claimed_by(held)
     deadline_s = now.wall_s + handoff.control.left_s if handoff.control else opened.deadline_at_s
-    released = HandoffReleased(actor=command.actor, reason=command.reason, at_s=now.wall_s, deadline_at_s=deadline_s)
+    released = handoff_events.HandoffReleased(
+        actor=command.actor, reason=command.reason, at_s=now.wall_s, deadline_at_s=deadline_s
+    )
     return Accepted((released,))
 
 
-def _extend(handoff: Handoff, command: ExtendDeadline, now: Moment) -> Decision[HandoffEvent]:
+def _extend(
+    handoff: Handoff, command: handoff_commands.ExtendDeadline, now: Moment
+) -> Decision[handoff_events.HandoffEvent]:
     opened = handoff.opened
     if not handoff.answerable or opened is None:
         return refused("not_open", because("no_deadline_to_move", status=handoff.status))
@@ -179,11 +176,15 @@ def _extend(handoff: Handoff, command: ExtendDeadline, now: Moment) -> Decision[
     deadline_s = min(opened.deadline_at_s + ON_THE_WAY_S, limit_s)
     if deadline_s <= opened.deadline_at_s:
         return refused("zone_limit")
-    extended = HandoffExtended(actor=command.actor, reason=command.reason, at_s=now.wall_s, deadline_at_s=deadline_s)
+    extended = handoff_events.HandoffExtended(
+        actor=command.actor, reason=command.reason, at_s=now.wall_s, deadline_at_s=deadline_s
+    )
     return Accepted((extended,))
 
 
-def _take(handoff: Handoff, command: TakeControl, now: Moment) -> Decision[HandoffEvent]:
+def _take(
+    handoff: Handoff, command: handoff_commands.TakeControl, now: Moment
+) -> Decision[handoff_events.HandoffEvent]:
     opened, control = handoff.opened, handoff.control
     refusal = over(handoff, now) or not_yours(handoff, command.actor, command.claim, now)
     if refusal or opened is None:
@@ -193,7 +194,7 @@ def _take(handoff: Handoff, command: TakeControl, now: Moment) -> Decision[Hando
         return Accepted(()) if again else refused("taken_over", because("in_control_already"))
     if handoff.status != "claimed":
         return refused("not_claimed", because("claim_before_driving"))
-    taken = HandoffTakenOver(
+    taken = handoff_events.HandoffTakenOver(
         actor=command.actor,
         claim=command.claim,
         device=command.device,
@@ -205,7 +206,9 @@ def _take(handoff: Handoff, command: TakeControl, now: Moment) -> Decision[Hando
     return Accepted((taken,))
 
 
-def _return(handoff: Handoff, command: ReturnControl, now: Moment) -> Decision[HandoffEvent]:
+def _return(
+    handoff: Handoff, command: handoff_commands.ReturnControl, now: Moment
+) -> Decision[handoff_events.HandoffEvent]:
     if repeated := same_answer(handoff, command, "handed_back"):
         return repeated
     if handoff.status != "taken_over":
@@ -214,7 +217,7 @@ def _return(handoff: Handoff, command: ReturnControl, now: Moment) -> Decision[H
         return refusal
     if command.k is None or command.fresh is None or not command.fresh.static:
         return refused("not_static", because("not_static_to_hand_back"))
-    returned = HandoffHandedBack(
+    returned = handoff_events.HandoffHandedBack(
         actor=command.actor,
         reason=command.reason,
         key=command.key,
@@ -225,7 +228,9 @@ def _return(handoff: Handoff, command: ReturnControl, now: Moment) -> Decision[H
     return Accepted((returned,))
 
 
-def _close(handoff: Handoff, command: CloseQuestion, now: Moment) -> Decision[HandoffEvent]:
+def _close(
+    handoff: Handoff, command: handoff_commands.CloseQuestion, now: Moment
+) -> Decision[handoff_events.HandoffEvent]:
     if repeated := same_answer(handoff, command, "closed"):
         return repeated
     refusal = over(handoff, now) or not_yours(handoff, command.actor, command.claim, now)
@@ -233,5 +238,5 @@ def _close(handoff: Handoff, command: CloseQuestion, now: Moment) -> Decision[Ha
         return refusal
     if handoff.status == "open":
         return refused("not_claimed", because("claim_before_closing"))
-    closed = HandoffClosed(actor=command.actor, reason=command.reason, key=command.key, at_s=now.wall_s)
+    closed = handoff_events.HandoffClosed(actor=command.actor, reason=command.reason, key=command.key, at_s=now.wall_s)
     return Accepted((closed,))

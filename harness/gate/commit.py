@@ -1,4 +1,4 @@
-"""The single writer: load, decide, append. Nothing else in the house appends an event."""
+"""The single writer of the event log: load, decide, append. Nothing else appends an event."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -9,12 +9,12 @@ from weakref import WeakValueDictionary
 
 from cachetools import LRUCache
 
+from harness.contracts import ports
 from harness.contracts.actors import Command
 from harness.contracts.decider import Decider
 from harness.contracts.decisions import Accepted, Authority, Refused, unquestioned
 from harness.contracts.errors import ConcurrencyConflict
 from harness.contracts.ids import RobotId, StreamId
-from harness.contracts.ports import Batch, Clock, EventStore, Record, Snapshots
 from harness.contracts.stored_commands import command_record
 from harness.contracts.values import Moment
 from harness.gate.aggregate_cache import KEPT_STREAMS, AggregateCache
@@ -34,7 +34,7 @@ class CommandEnvelope:
 
 @dataclass(frozen=True)
 class _Decided:
-    """What the gate decided for one command, the state and version it decided on, and the events that follow."""
+    """The gate's decision on one command, the state and version it is based on, and the resulting events."""
 
     stream: StreamId
     command: Command
@@ -44,21 +44,21 @@ class _Decided:
 
 
 class Gate:
-    """The newest folds are kept, so that a commit loads only the tail; one that was given up is folded again.
+    """Decides commands and appends their events. The newest folds are cached, so that a commit loads only the tail.
 
-    `clocks` are the robots' own: an event bears the mission time of the robot that its command's envelope names.
-    `authority` is asked in every round of every commit.
-    A lock per stream, taken in the order of their names: missions that share no stream wait for the disk together.
+    `clocks` are the robots' own: an event carries the mission time of the robot that its command's envelope names.
+    `authority` is asked in every round of every commit. A lock per stream, taken in the order of their names: missions
+    that share no stream wait for the disk together.
     """
 
     def __init__(
         self,
         *,
-        store: EventStore,
-        clock: Clock,
+        store: ports.EventStore,
+        clock: ports.Clock,
         deciders: dict[str, Decider[Any, Any, Any]],
-        snapshots: Snapshots | None = None,
-        clocks: Mapping[RobotId, Clock] | None = None,
+        snapshots: ports.Snapshots | None = None,
+        clocks: Mapping[RobotId, ports.Clock] | None = None,
         folds: AggregateCache | None = None,
         authority: Authority = unquestioned,
     ) -> None:
@@ -74,12 +74,12 @@ class Gate:
         self._authority = authority
 
     def state(self, stream: StreamId) -> Any:
-        """The fold of a stream as the log has it now."""
+        """The current fold of a stream."""
         with self._lock(stream):
             return self._folded(stream)[0]
 
     def _folded(self, stream: StreamId) -> tuple[Any, int]:
-        """The fold and its version, by whoever holds the stream's lock."""
+        """The fold and its version; the caller holds the stream's lock."""
         decider = self._decider(stream)
         known = self._folds.get(stream)
         state, version = known or self._restored(stream, decider)
@@ -90,11 +90,13 @@ class Gate:
             self._advance(stream, state, version + len(tail))
         return state, version + len(tail)
 
-    def commit(self, requests: Sequence[CommandEnvelope], *, records: Sequence[Record] = ()) -> Accepted[Any] | Refused:
+    def commit(
+        self, requests: Sequence[CommandEnvelope], *, records: Sequence[ports.Record] = ()
+    ) -> Accepted[Any] | Refused:
         """Decide every request on the newest state and append all their events atomically.
 
-        Returns the first refusal, in which case nothing was appended. Somebody else's append in between is
-        answered by deciding again on what they wrote: authority, policy and expiry are tested in every round.
+        Returns the first refusal, in which case nothing was appended. If somebody else appended in between, everything
+        is decided again on the new state: authority, policy and expiry are tested in every round.
         """
         with self._holding(request.stream for request in requests):
             clock = self._clock_of(requests)
@@ -115,12 +117,12 @@ class Gate:
                     continue
                 return Accepted(tuple(event for one in decided for event in one.events))
 
-    def _clock_of(self, requests: Sequence[CommandEnvelope]) -> Clock:
+    def _clock_of(self, requests: Sequence[CommandEnvelope]) -> ports.Clock:
         """The mission time of the robot that these commands are about; the site's own where they are about none."""
         named = (request.robot_id for request in requests if request.robot_id is not None)
         return next((self._clocks[robot_id] for robot_id in named if robot_id in self._clocks), self._clock)
 
-    def _append(self, decided: Sequence[_Decided], records: Sequence[Record], now: Moment) -> None:
+    def _append(self, decided: Sequence[_Decided], records: Sequence[ports.Record], now: Moment) -> None:
         changes = [one for one in decided if one.events]
         if not changes:
             return
@@ -132,12 +134,12 @@ class Gate:
                 state = self._decider(one.stream).fold(one.state, one.events)
                 self._advance(one.stream, state, one.version + len(one.events))
 
-    def _batch(self, one: _Decided, command: Record) -> Batch:
-        """The events as they are stored: the first one names the record of the command that it begins to answer."""
+    def _batch(self, one: _Decided, command: ports.Record) -> ports.Batch:
+        """The events as they are stored: the first one names the record of the command it answers."""
         codec = self._decider(one.stream).codec
         first, *others = one.events
         events = (codec.encode(first, command=command.digest), *(codec.encode(event) for event in others))
-        return Batch(stream=one.stream, expected_version=one.version, events=events)
+        return ports.Batch(stream=one.stream, expected_version=one.version, events=events)
 
     @contextmanager
     def _holding(self, streams: Iterable[StreamId]) -> Iterator[None]:
@@ -147,7 +149,7 @@ class Gate:
             yield
 
     def _lock(self, stream: StreamId) -> RLock:
-        """Every thread that holds or wants a stream's lock has the same one; one that nobody wants is given up."""
+        """The stream's lock, the same for every thread that holds or waits for it; an unused one is dropped."""
         with self._making:
             lock = self._near.get(stream) or self._locks.setdefault(stream, RLock())
             self._near[stream] = lock

@@ -1,16 +1,9 @@
-"""Pure: what becomes of a packet and its verdict. A completion always leaves its trace (D5)."""
+"""Decides the outcome of a packet and its verdict. A completion is always recorded, also when rejected (D5). Pure."""
 
+from harness.contracts import events
 from harness.contracts.commands import CompleteNode
 from harness.contracts.decisions import Accepted, Decision
 from harness.contracts.effects import Metric
-from harness.contracts.events import (
-    CommitRejected,
-    FailureClassified,
-    MissionEvent,
-    NodeCommitted,
-    PacketRetained,
-    VerdictRecorded,
-)
 from harness.contracts.evidence import EvidencePacket
 from harness.contracts.ids import ConditionId
 from harness.contracts.reasons import Reason, because, several
@@ -23,18 +16,18 @@ from harness.verification.facts import facts_of
 from harness.verification.finding import UNAVAILABLE
 
 
-def complete(mission: Mission, command: CompleteNode) -> Decision[MissionEvent]:
+def complete(mission: Mission, command: CompleteNode) -> Decision[events.MissionEvent]:
     """PacketRetained, VerdictRecorded, then NodeCommitted or CommitRejected (and the failure's class): one commit."""
     packet, verdict = command.packet, command.verdict
     identity = packet.identity
-    trace: tuple[MissionEvent, ...] = (
-        PacketRetained(packet=packet),
-        VerdictRecorded(invocation_id=identity.invocation_id, verdict=verdict),
+    trace: tuple[events.MissionEvent, ...] = (
+        events.PacketRetained(packet=packet),
+        events.VerdictRecorded(invocation_id=identity.invocation_id, verdict=verdict),
     )
     broken = first_broken(GATE_RULES, mission, packet, verdict)
     if broken is None:
         node = required_contract(mission).node(identity.node_id)
-        committed = NodeCommitted(
+        committed = events.NodeCommitted(
             node_id=identity.node_id,
             invocation_id=identity.invocation_id,
             packet_id=identity.packet_id,
@@ -44,7 +37,7 @@ def complete(mission: Mission, command: CompleteNode) -> Decision[MissionEvent]:
         )
         return Accepted((*trace, committed))
     rule, why = broken
-    rejected = CommitRejected(
+    rejected = events.CommitRejected(
         node_id=identity.node_id,
         invocation_id=identity.invocation_id,
         packet_id=identity.packet_id,
@@ -60,7 +53,7 @@ def complete(mission: Mission, command: CompleteNode) -> Decision[MissionEvent]:
         rule=rule,
         unverified=verdict.verifier == UNAVAILABLE,
     )
-    classified = FailureClassified(
+    classified = events.FailureClassified(
         node_id=mission.invocation.intent.node_id,
         invocation_id=identity.invocation_id,
         failure=failure or "commit_rejected",
@@ -71,7 +64,7 @@ def complete(mission: Mission, command: CompleteNode) -> Decision[MissionEvent]:
 
 
 def _why(packet: EvidencePacket, verdict: NodeVerdict) -> Reason | None:
-    """What went wrong, in the shortest words that say it: how the execution ended, else what was not satisfied."""
+    """What went wrong, in short: how the execution ended, else what was not satisfied."""
     if packet.terminal != "succeeded":
         if packet.failure:
             return because("execution_over_with_failure", terminal=packet.terminal, failure=packet.failure)

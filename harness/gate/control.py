@@ -1,7 +1,11 @@
-"""Pure: may the limit be set, a wheel be taken, a retreat be sent? The lease of the base decides beside it."""
+"""Decides whether an autonomy limit, a teleoperation session or a return to the safe point is allowed. Pure.
+
+The lease of the base is decided separately, in the same commit.
+"""
 
 from typing import assert_never
 
+from harness.contracts import retreat_events
 from harness.contracts.control import (
     AutonomyLimited,
     BeginTeleoperation,
@@ -19,21 +23,12 @@ from harness.contracts.decider import Codec, Decider
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.ids import RobotId, invocation_id, request_id
 from harness.contracts.reasons import because
-from harness.contracts.retreat_events import (
-    RETREAT,
-    EndRetreat,
-    RetreatCommand,
-    RetreatIntended,
-    RetreatStopping,
-    SendRetreat,
-    StopRetreat,
-)
 from harness.contracts.values import Moment
 from harness.projections.control import SiteControl, apply
 
 
 def decide(control: SiteControl, command: ControlCommand, now: Moment) -> Decision[ControlEvent]:
-    """Accept or refuse one request to the house's control."""
+    """Accept or refuse one command to the site's control stream."""
     match command:
         case LimitAutonomy():
             limited = AutonomyLimited(autonomy=command.autonomy, actor=command.actor, reason=command.reason)
@@ -51,29 +46,29 @@ def decide(control: SiteControl, command: ControlCommand, now: Moment) -> Decisi
                 robot_id=command.robot_id, posture=command.posture, actor=command.actor, reason=command.reason
             )
             return Accepted((ordered,))
-        case SendRetreat() | StopRetreat() | EndRetreat():
+        case retreat_events.SendRetreat() | retreat_events.StopRetreat() | retreat_events.EndRetreat():
             return _retreat(control, command)
         case _:
             assert_never(command)
 
 
-def _retreat(control: SiteControl, command: RetreatCommand) -> Decision[ControlEvent]:
-    """One open retreat per robot. A stop of one that is over, and a second end, are refused and change nothing."""
+def _retreat(control: SiteControl, command: retreat_events.RetreatCommand) -> Decision[ControlEvent]:
+    """One open return per robot. A stop of one that has ended, and a second end, are refused and change nothing."""
     match command:
-        case SendRetreat(intent=intent):
+        case retreat_events.SendRetreat(intent=intent):
             return _busy(control, intent.robot_id) or _misbound(control, intent) or Accepted((intent,))
-        case StopRetreat():
+        case retreat_events.StopRetreat():
             under_way = control.retreating(command.robot_id)
             if under_way is None:
                 return refused("no_retreat", because("not_retreating", robot_id=command.robot_id))
-            stopping = RetreatStopping(
+            stopping = retreat_events.RetreatStopping(
                 robot_id=command.robot_id,
                 invocation_id=under_way.intent.invocation_id,
                 actor=command.actor,
                 reason=command.reason,
             )
             return Accepted((stopping,) if under_way.stop is None else ())
-        case EndRetreat(ended=ended):
+        case retreat_events.EndRetreat(ended=ended):
             under_way = control.retreating(ended.robot_id)
             if under_way is None or under_way.intent.invocation_id != ended.invocation_id:
                 return refused("no_retreat", because("retreat_not_open", invocation_id=ended.invocation_id))
@@ -82,9 +77,9 @@ def _retreat(control: SiteControl, command: RetreatCommand) -> Decision[ControlE
             assert_never(command)
 
 
-def _misbound(control: SiteControl, intent: RetreatIntended) -> Refused | None:
-    """Its ids are derived, so that the same retreat can be sent once only; its time is bounded."""
-    if intent.request_id != request_id(intent.task_id, RETREAT, intent.attempt):
+def _misbound(control: SiteControl, intent: retreat_events.RetreatIntended) -> Refused | None:
+    """Its ids are derived, so that the same return can be sent only once; its time is bounded."""
+    if intent.request_id != request_id(intent.task_id, retreat_events.RETREAT, intent.attempt):
         return refused("wrong_request_id", because("request_id_not_of_retreat"))
     if intent.invocation_id != invocation_id(intent.request_id):
         return refused("wrong_invocation_id")
@@ -111,8 +106,8 @@ def _take(control: SiteControl, command: BeginTeleoperation) -> Decision[Control
 
 
 def _return(control: SiteControl, command: EndTeleoperation) -> Decision[ControlEvent]:
-    wheel = control.wheels.get(command.robot_id)
-    if wheel is None or wheel.session != command.session:
+    teleoperation = control.wheels.get(command.robot_id)
+    if teleoperation is None or teleoperation.session != command.session:
         return refused("not_at_the_wheel", because("session_not_driving", robot_id=command.robot_id))
     returned = WheelReturned(
         robot_id=command.robot_id,
@@ -125,18 +120,18 @@ def _return(control: SiteControl, command: EndTeleoperation) -> Decision[Control
 
 
 def _still_held(control: SiteControl, robot_id: RobotId) -> Refused | None:
-    """Nobody drives a robot that the harness judges."""
-    wheel = control.wheels.get(robot_id)
-    if wheel is None:
+    """Nobody teleoperates a robot that the harness judges."""
+    teleoperation = control.wheels.get(robot_id)
+    if teleoperation is None:
         return None
-    return refused("wheel_held", actor=wheel.actor.name, robot_id=robot_id, device=wheel.device)
+    return refused("wheel_held", actor=teleoperation.actor.name, robot_id=robot_id, device=teleoperation.device)
 
 
 def _busy(control: SiteControl, robot_id: RobotId) -> Refused | None:
     """Who moves the robot outside every mission now, if anybody does."""
-    wheel, retreat = control.wheels.get(robot_id), control.retreating(robot_id)
-    if wheel is not None:
-        return refused("wheel_taken", actor=wheel.actor.name, robot_id=robot_id, device=wheel.device)
+    teleoperation, retreat = control.wheels.get(robot_id), control.retreating(robot_id)
+    if teleoperation is not None:
+        return refused("wheel_taken", actor=teleoperation.actor.name, robot_id=robot_id, device=teleoperation.device)
     if retreat is not None:
         return refused(
             "retreat_under_way", because("stop_retreat_first", robot_id=robot_id, place=retreat.intent.place)

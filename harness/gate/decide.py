@@ -1,51 +1,11 @@
-"""Pure: may this request change this mission, given what we know now? One arm per command."""
+"""Decides every command that changes a mission, one match arm per command. Pure."""
 
 from typing import assert_never
 
-from harness.contracts.commands import (
-    AcceptInvocation,
-    AcknowledgeStop,
-    ActivateMission,
-    AnswerMission,
-    AskPerson,
-    AuthoriseDispatch,
-    AuthoriseWait,
-    ChangeEpoch,
-    ClearVeto,
-    CompleteNode,
-    CreateMission,
-    EndInvocation,
-    EndMission,
-    FailNode,
-    JudgeGoal,
-    MissionCommand,
-    PauseMission,
-    RaiseVeto,
-    RecompileContract,
-    RecordObservation,
-    RefusePrecondition,
-    ReportFailure,
-    ResumeInvocation,
-    ResumeMission,
-    StopInvocation,
-    StopMission,
-)
+from harness.contracts import commands, events
 from harness.contracts.control import AutonomySet, SetAutonomy
 from harness.contracts.decider import Codec, Decider
 from harness.contracts.decisions import Accepted, Decision, refused
-from harness.contracts.events import (
-    ContractCompiled,
-    EpochChanged,
-    InvocationAccepted,
-    InvocationResumed,
-    MissionActivated,
-    MissionCreated,
-    MissionEvent,
-    NodeFailed,
-    ObservationRecorded,
-    VetoCleared,
-    VetoRaised,
-)
 from harness.contracts.reasons import because
 from harness.contracts.revision_commands import (
     DisputeCompletion,
@@ -55,9 +15,9 @@ from harness.contracts.revision_commands import (
 )
 from harness.contracts.tasks import check
 from harness.contracts.values import Moment, digest
+from harness.gate import ends
 from harness.gate.completion import complete
 from harness.gate.dispatch import authorise, wait
-from harness.gate.ends import acknowledge, answer, ask, end, pause, resume, stop, stop_invocation, unfinished, withdraw
 from harness.gate.goal import judge
 from harness.gate.pins import recompile
 from harness.gate.revisions import dispute, revise, tighten
@@ -65,85 +25,87 @@ from harness.projections.mission import Mission
 from harness.projections.mission_fold import apply
 
 
-def decide(mission: Mission, command: MissionCommand, now: Moment) -> Decision[MissionEvent]:
-    """Accept with events or refuse with a rule and a sentence. Raises ContractInvalid for a broken contract."""
-    if isinstance(command, CreateMission):
+def decide(mission: Mission, command: commands.MissionCommand, now: Moment) -> Decision[events.MissionEvent]:
+    """Accept with events or refuse with a rule and a reason. Raises ContractInvalid for a broken contract."""
+    if isinstance(command, commands.CreateMission):
         return _create(mission, command)
     if not mission.version:
         return refused("no_mission")
-    if mission.ended and not isinstance(command, CompleteNode | DisputeCompletion):
+    if mission.ended and not isinstance(command, commands.CompleteNode | DisputeCompletion):
         return refused("mission_ended", status=mission.status)
     return _decided(mission, command)
 
 
-def _decided(mission: Mission, command: MissionCommand) -> Decision[MissionEvent]:
+def _decided(mission: Mission, command: commands.MissionCommand) -> Decision[events.MissionEvent]:
     match command:
-        case CreateMission():
+        case commands.CreateMission():
             return refused("exists", because("mission_exists", mission_id=mission.mission_id))
-        case RecompileContract():
+        case commands.RecompileContract():
             return recompile(mission, command)
-        case ActivateMission():
+        case commands.ActivateMission():
             if mission.status != "compiled":
                 return refused("not_compiled", because("mission_is", status=mission.status))
-            return Accepted((MissionActivated(),))
-        case AuthoriseDispatch():
+            return Accepted((events.MissionActivated(),))
+        case commands.AuthoriseDispatch():
             return authorise(mission, command)
-        case AuthoriseWait():
+        case commands.AuthoriseWait():
             return wait(mission, command)
-        case CompleteNode():
+        case commands.CompleteNode():
             return complete(mission, command)
-        case RefusePrecondition() | ReportFailure() | EndInvocation():
-            return unfinished(mission, command)
-        case AcceptInvocation():
+        case commands.RefusePrecondition() | commands.ReportFailure() | commands.EndInvocation():
+            return ends.unfinished(mission, command)
+        case commands.AcceptInvocation():
             if mission.invocation is None or mission.invocation.intent.invocation_id != command.invocation_id:
                 return refused("not_open", because("invocation_not_open", invocation_id=command.invocation_id))
-            return Accepted((InvocationAccepted(invocation_id=command.invocation_id, handle=command.handle),))
-        case StopInvocation():
-            return stop_invocation(mission, command)
-        case ResumeInvocation():
-            return Accepted((InvocationResumed(invocation_id=command.invocation_id),))
-        case FailNode():
+            return Accepted((events.InvocationAccepted(invocation_id=command.invocation_id, handle=command.handle),))
+        case commands.StopInvocation():
+            return ends.stop_invocation(mission, command)
+        case commands.ResumeInvocation():
+            return Accepted((events.InvocationResumed(invocation_id=command.invocation_id),))
+        case commands.FailNode():
             node = mission.nodes.get(command.node_id)
             if node is None or node.status in ("committed", "failed", "superseded"):
                 return refused("no_open_stage", because("stage_not_open", node_id=command.node_id))
-            return Accepted((NodeFailed(node_id=command.node_id, reason=command.reason, context=command.context),))
+            return Accepted(
+                (events.NodeFailed(node_id=command.node_id, reason=command.reason, context=command.context),)
+            )
         case ReviseContract():
             return revise(mission, command)
         case TightenConstraints():
             return tighten(mission, command)
         case DisputeCompletion():
             return dispute(mission, command)
-        case AskPerson():
-            return ask(mission, command)
-        case AnswerMission():
-            return answer(mission, command)
+        case commands.AskPerson():
+            return ends.ask(mission, command)
+        case commands.AnswerMission():
+            return ends.answer(mission, command)
         case SetAutonomy():
             return _autonomy(mission, command)
-        case PauseMission():
-            return pause(mission, command)
-        case ResumeMission():
-            return resume(mission, command)
-        case StopMission():
-            return stop(mission, command)
+        case commands.PauseMission():
+            return ends.pause(mission, command)
+        case commands.ResumeMission():
+            return ends.resume(mission, command)
+        case commands.StopMission():
+            return ends.stop(mission, command)
         case WithdrawMission():
-            return withdraw(mission, command)
-        case AcknowledgeStop():
-            return acknowledge(mission, command)
-        case JudgeGoal():
+            return ends.withdraw(mission, command)
+        case commands.AcknowledgeStop():
+            return ends.acknowledge(mission, command)
+        case commands.JudgeGoal():
             return judge(mission, command)
-        case EndMission():
-            return end(mission, command)
-        case RecordObservation() | ChangeEpoch() | RaiseVeto() | ClearVeto():
+        case commands.EndMission():
+            return ends.end(mission, command)
+        case commands.RecordObservation() | commands.ChangeEpoch() | commands.RaiseVeto() | commands.ClearVeto():
             return _noted(mission, command)
         case _:
             assert_never(command)
 
 
-def _create(mission: Mission, command: CreateMission) -> Decision[MissionEvent]:
+def _create(mission: Mission, command: commands.CreateMission) -> Decision[events.MissionEvent]:
     if mission.version:
         return refused("exists", because("mission_exists", mission_id=command.mission_id))
     check(command.contract)
-    created = MissionCreated(
+    created = events.MissionCreated(
         mission_id=command.mission_id,
         robot_id=command.robot_id,
         goal=command.goal,
@@ -156,13 +118,13 @@ def _create(mission: Mission, command: CreateMission) -> Decision[MissionEvent]:
         replay=command.replay,
         trial=command.trial,
     )
-    compiled = ContractCompiled(
+    compiled = events.ContractCompiled(
         contract=command.contract, contract_digest=digest(command.contract), policy=command.policy
     )
     return Accepted((created, compiled))
 
 
-def _autonomy(mission: Mission, command: SetAutonomy) -> Decision[MissionEvent]:
+def _autonomy(mission: Mission, command: SetAutonomy) -> Decision[events.MissionEvent]:
     stands = mission.autonomy if command.scope == "mission" else mission.autonomy_limit
     if stands == command.autonomy:
         return Accepted(())
@@ -171,28 +133,29 @@ def _autonomy(mission: Mission, command: SetAutonomy) -> Decision[MissionEvent]:
 
 
 def _noted(
-    mission: Mission, command: RecordObservation | ChangeEpoch | RaiseVeto | ClearVeto
-) -> Decision[MissionEvent]:
+    mission: Mission,
+    command: commands.RecordObservation | commands.ChangeEpoch | commands.RaiseVeto | commands.ClearVeto,
+) -> Decision[events.MissionEvent]:
     match command:
-        case RecordObservation():
-            noted = ObservationRecorded(
+        case commands.RecordObservation():
+            noted = events.ObservationRecorded(
                 node_id=command.node_id, reference=command.reference, contradicts=command.contradicts
             )
             return Accepted((noted,))
-        case ChangeEpoch():
-            return Accepted((EpochChanged(map_version=command.map_version, reason=command.reason),))
-        case RaiseVeto():
+        case commands.ChangeEpoch():
+            return Accepted((events.EpochChanged(map_version=command.map_version, reason=command.reason),))
+        case commands.RaiseVeto():
             if mission.vetoes.get(command.layer) == command.reason:
                 return Accepted(())
-            return Accepted((VetoRaised(layer=command.layer, reason=command.reason),))
-        case ClearVeto():
+            return Accepted((events.VetoRaised(layer=command.layer, reason=command.reason),))
+        case commands.ClearVeto():
             if command.layer not in mission.vetoes:
                 return refused("not_its_veto", layer=command.layer)
-            return Accepted((VetoCleared(layer=command.layer, reason=command.reason),))
+            return Accepted((events.VetoCleared(layer=command.layer, reason=command.reason),))
         case _:
             assert_never(command)
 
 
-DECIDER: Decider[Mission, MissionCommand, MissionEvent] = Decider(
-    initial=Mission(), apply=apply, decide=decide, codec=Codec(MissionEvent)
+DECIDER: Decider[Mission, commands.MissionCommand, events.MissionEvent] = Decider(
+    initial=Mission(), apply=apply, decide=decide, codec=Codec(events.MissionEvent)
 )

@@ -1,4 +1,4 @@
-"""Pure: may this invocation start, and what does it cost? Every actuation passes here first (D9)."""
+"""Decides whether an invocation may start and what it costs; every actuation passes this check first (D9). Pure."""
 
 from msgspec.structs import replace
 
@@ -49,7 +49,7 @@ def _aborting(mission: Mission, intent: DispatchIntended) -> bool:
 
 
 def wait(mission: Mission, command: AuthoriseWait) -> Decision[MissionEvent]:
-    """A free rung without an invocation of its own. Waiting is bounded by the node's timeout (D24)."""
+    """A free step without an invocation of its own. Waiting is bounded by the node's timeout (D24)."""
     node = mission.of(command.node_id)
     if node.failure is None:
         return refused("no_failure", because("nothing_to_answer", node_id=command.node_id))
@@ -62,8 +62,8 @@ def wait(mission: Mission, command: AuthoriseWait) -> Decision[MissionEvent]:
         return broken
     latest = node.failure.at_s + required_contract(mission).node(command.node_id).timeout_s
     until_s = min(command.until_s, latest)
-    rung = spend(node, command.proposal, attempt=node.attempt, context=command.context, until_s=until_s)
-    return Accepted((accounted(mission, rung),))
+    step = spend(node, command.proposal, attempt=node.attempt, context=command.context, until_s=until_s)
+    return Accepted((accounted(mission, step),))
 
 
 def _unready(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
@@ -168,19 +168,19 @@ def _unpaid(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
 
 def _beyond(mission: Mission, command: AuthoriseDispatch) -> Refused | None:
     """A person may choose any action that the budget pays for, or one retry outside it; a hand-back only looks."""
-    rung = command.recovery
-    if command.handed_back and (rung is None or rung.action != "verify_again"):
+    step = command.recovery
+    if command.handed_back and (step is None or step.action != "verify_again"):
         return refused("not_a_look", because("hand_back_not_a_look"))
-    if rung is None or (rung.action == "retry" and rung.cost == 0):
+    if step is None or (step.action == "retry" and step.cost == 0):
         return None
-    if rung.cost != cost_of(rung.action):
-        return refused("wrong_cost", because("only_retry_is_free", action=rung.action, cost=cost_of(rung.action)))
-    why = over_budget(mission, command.intent.node_id, rung.action)
-    return refused(why.code, because("action_unpaid", action=rung.action, why=why)) if why else None
+    if step.cost != cost_of(step.action):
+        return refused("wrong_cost", because("only_retry_is_free", action=step.action, cost=cost_of(step.action)))
+    why = over_budget(mission, command.intent.node_id, step.action)
+    return refused(why.code, because("action_unpaid", action=step.action, why=why)) if why else None
 
 
 def waited(node: NodeState) -> bool:
-    """Whether an authorised wait opened the next attempt: what kept the stage from working is over (D24)."""
+    """Whether an authorised wait opened the next attempt: what kept the stage from working has ended (D24)."""
     last = node.spends[-1] if node.spends else None
     return last is not None and last.action == "wait" and last.attempt == node.attempt and node.failure is None
 
@@ -223,7 +223,7 @@ def _payment(mission: Mission, command: AuthoriseDispatch) -> tuple[MissionEvent
 def spend(
     node: NodeState, proposal: RecoveryProposal, *, attempt: int, context: Digest, until_s: float | None
 ) -> RecoveryAuthorised:
-    """The spend of one rung: what it costs, whom it gives up, and until when it waits."""
+    """The spend of one step: its cost, which providers it excludes, and until when it waits."""
     excluded = node.excluded
     if proposal.action == "switch_skill" and node.provider_id and node.provider_id not in excluded:
         excluded = (*excluded, node.provider_id)
@@ -241,10 +241,10 @@ def spend(
     )
 
 
-def accounted(mission: Mission, rung: RecoveryAuthorised) -> RecoveryAuthorised:
-    """The rung with what both total budgets hold after it (R128)."""
-    left_node, left_mission = left_now(mission, rung.node_id)
-    return replace(rung, left_node=left_node - rung.cost, left_mission=left_mission - rung.cost)
+def accounted(mission: Mission, step: RecoveryAuthorised) -> RecoveryAuthorised:
+    """The step with both total budgets after it (R128)."""
+    left_node, left_mission = left_now(mission, step.node_id)
+    return replace(step, left_node=left_node - step.cost, left_mission=left_mission - step.cost)
 
 
 def _bumps(event: MissionEvent) -> int:

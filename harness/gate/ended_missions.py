@@ -1,4 +1,4 @@
-"""Which missions ended under one configuration, followed along the log: each is looked at once when it has ended."""
+"""Finds the missions that ended under one configuration by following the log; each is folded once, when it ended."""
 
 from collections.abc import Callable
 from threading import Lock
@@ -10,11 +10,11 @@ from harness.contracts.ports import EventStore
 from harness.projections.mission import Mission
 
 KEPT_QUESTIONS = 8
-"""So many questions are followed at once: a canary asks one all the time."""
+"""How many queries are cached at once: a canary repeats one all the time."""
 
 
 class EndedMissions:
-    """The answer to each question is kept and only added to. `mission` folds a stream. Safe between threads.
+    """Answers are cached and only added to. `mission` folds a stream. Thread-safe.
 
     A mission's configuration is final once it has ended.
     """
@@ -26,7 +26,7 @@ class EndedMissions:
         self._lock = Lock()
 
     def under(self, configuration: Digest, *, after: int) -> tuple[StreamId, ...]:
-        """Those whose end stands behind position `after` of the log, in the order of their ends.
+        """Missions under this version that ended after position `after` of the log, in the order of their ends.
 
         Raises StoreUnavailable.
         """

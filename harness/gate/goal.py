@@ -1,11 +1,10 @@
-"""Pure: what a goal verdict leads to. Success, one more look, a stage opened again, or an honest end (D29)."""
+"""Decides what a goal verdict leads to: success, one more look, a reopened stage, or an honest end (D29). Pure."""
 
 from collections.abc import Iterator
 
+from harness.contracts import effects, events
 from harness.contracts.commands import JudgeGoal
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
-from harness.contracts.effects import AnyEffect, Metric, Relational, Symbolic, Temporal, Visual
-from harness.contracts.events import CompletionReported, FailureReported, GoalVerified, MissionEnded, MissionEvent
 from harness.contracts.ids import ConditionId, NodeId
 from harness.contracts.reasons import Explanation, Reason, because
 from harness.contracts.revision_events import GraphRevised
@@ -16,7 +15,7 @@ from harness.projections.mission import Mission, all_required_committed, require
 from harness.recovery.state import left_now, over_budget
 
 
-def judge(mission: Mission, command: JudgeGoal) -> Decision[MissionEvent]:
+def judge(mission: Mission, command: JudgeGoal) -> Decision[events.MissionEvent]:
     """The only way to SUCCEEDED: a satisfied verdict over every original completion condition (R118, R119)."""
     verdict, contract = command.verdict, required_contract(mission)
     refusal = _unready(mission, verdict)
@@ -25,24 +24,28 @@ def judge(mission: Mission, command: JudgeGoal) -> Decision[MissionEvent]:
     worst = strictest((verdict.verdict, *(result.verdict for result in verdict.results)))
     if worst == "satisfied" and not mission.vetoes and not mission.disputed:
         text = because("goal_met", goal=contract.goal.text, reason=verdict.reason)
-        done = MissionEnded(status="succeeded", reason=because("goal_verdict_satisfied"))
-        return Accepted((GoalVerified(verdict=verdict), CompletionReported(text=text), done))
+        done = events.MissionEnded(status="succeeded", reason=because("goal_verdict_satisfied"))
+        return Accepted((events.GoalVerified(verdict=verdict), events.CompletionReported(text=text), done))
     if worst == "ambiguous" and not mission.relooks and contract.recovery_total > mission.spent_total:
-        return Accepted((GoalVerified(verdict=verdict, relook=True),))
+        return Accepted((events.GoalVerified(verdict=verdict, relook=True),))
     why = _shortfall(mission, verdict)
     if worst == "violated" or mission.disputed:
         again = reopening(mission, verdict)
         if isinstance(again, GraphRevised):
-            return Accepted((GoalVerified(verdict=verdict), again))
+            return Accepted((events.GoalVerified(verdict=verdict), again))
         why = because("not_reopened", why=why, again=again)
     said = because("goal_not_met", verdict=worst, why=why)
     return Accepted(
-        (GoalVerified(verdict=verdict), FailureReported(text=said), MissionEnded(status="failed", reason=said))
+        (
+            events.GoalVerified(verdict=verdict),
+            events.FailureReported(text=said),
+            events.MissionEnded(status="failed", reason=said),
+        )
     )
 
 
 def reopening(mission: Mission, verdict: GoalVerdict) -> GraphRevised | Reason:
-    """The responsible stage opened again, paid as a local_replan; or the reason why not."""
+    """The responsible stage reopened, paid as a local_replan; or the reason why not."""
     contract = required_contract(mission)
     found = responsible(mission, verdict)
     if found is None:
@@ -64,7 +67,7 @@ def reopening(mission: Mission, verdict: GoalVerdict) -> GraphRevised | Reason:
 
 
 def responsible(mission: Mission, verdict: GoalVerdict) -> tuple[ConditionId | None, NodeId] | None:
-    """The condition that failed and the latest stage that answers for it: a disputed one first."""
+    """The condition that failed and the latest stage responsible for it: a disputed one first."""
     contract = required_contract(mission)
     if mission.disputed:
         return mission.disputed[0].condition_id, mission.disputed[0].node_id
@@ -79,26 +82,26 @@ def responsible(mission: Mission, verdict: GoalVerdict) -> tuple[ConditionId | N
     return None
 
 
-def _answering(effect: AnyEffect, contract: TaskContract) -> Iterator[NodeId]:
-    """Stages that the effect names, or that had to bring about the same."""
+def _answering(effect: effects.AnyEffect, contract: TaskContract) -> Iterator[NodeId]:
+    """Stages that the effect names, or that had to achieve the same."""
     match effect:
-        case Temporal():
+        case effects.Temporal():
             yield from effect.nodes
-        case Relational():
+        case effects.Relational():
             yield from (NodeId(effect.subject), NodeId(effect.object))
-        case Symbolic():
+        case effects.Symbolic():
             yield from (NodeId(name) for name in effect.arguments.values())
-        case Metric() | Visual():
+        case effects.Metric() | effects.Visual():
             pass
     for node in contract.nodes:
         if any(_same(effect, own.effect) for own in node.success_conditions):
             yield node.node_id
 
 
-def _same(effect: AnyEffect, own: AnyEffect) -> bool:
+def _same(effect: effects.AnyEffect, own: effects.AnyEffect) -> bool:
     """Whether a stage's own condition is about the same: the same target in the map, or the same effect."""
-    if isinstance(effect, Metric):
-        return isinstance(own, Metric) and own.target_m == effect.target_m
+    if isinstance(effect, effects.Metric):
+        return isinstance(own, effects.Metric) and own.target_m == effect.target_m
     return effect == own
 
 

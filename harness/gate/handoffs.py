@@ -1,51 +1,15 @@
-"""Pure: may this person's answer count? Bound to what was seen, once, before the deadline (D27, D28)."""
+"""Decides whether a person's answer counts: bound to what they saw, given once, before the deadline (D27, D28).
+Pure."""
 
 from math import hypot, pi
 from typing import assert_never
 
-from harness.contracts.commands import (
-    ApproveHandoff,
-    AttestHandoff,
-    ExpireHandoff,
-    HandoffCommand,
-    MarkDispatched,
-    OpenHandoff,
-    RecordEffect,
-    RefreshHandoff,
-    RejectHandoff,
-    SupersedeHandoff,
-)
+from harness.contracts import commands, handoff_commands, handoff_events
 from harness.contracts.decider import Codec, Decider
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
-from harness.contracts.handoff_commands import (
-    CloseQuestion,
-    DropClaim,
-    Escalate,
-    ExtendDeadline,
-    RecordNoAnswer,
-    ReturnControl,
-    TakeClaim,
-    TakeControl,
-    VoidApproval,
-)
-from harness.contracts.handoff_events import (
-    HandoffApproved,
-    HandoffAttested,
-    HandoffDispatched,
-    HandoffEffectObserved,
-    HandoffEvent,
-    HandoffExpired,
-    HandoffOpened,
-    HandoffRefreshed,
-    HandoffRejected,
-    HandoffSuperseded,
-    HandoffVoided,
-    NoAnswerTaken,
-    Snapshot,
-)
 from harness.contracts.reasons import because
 from harness.contracts.values import Moment, digest
-from harness.gate.claims import claimed_by, live_claim, not_yours, over, settled, turn
+from harness.gate import claims
 from harness.projections.handoffs import Handoff, apply
 
 SNAPSHOT_AGE_S = 60.0
@@ -56,53 +20,55 @@ APPROVAL_S = 120.0
 LETS_START = ("approved", "attested", "handed_back")
 
 
-def decide(handoff: Handoff, command: HandoffCommand, now: Moment) -> Decision[HandoffEvent]:
-    """Accept or refuse one request at a handoff."""
+def decide(handoff: Handoff, command: commands.HandoffCommand, now: Moment) -> Decision[handoff_events.HandoffEvent]:
+    """Accept or refuse one command at a handoff."""
     match command:
-        case OpenHandoff():
+        case commands.OpenHandoff():
             return _open(handoff, command, now)
-        case RefreshHandoff():
+        case commands.RefreshHandoff():
             return _refresh(handoff, command, now)
-        case ApproveHandoff():
+        case commands.ApproveHandoff():
             return _approve(handoff, command, now)
-        case RejectHandoff():
+        case commands.RejectHandoff():
             return _reject(handoff, command, now)
-        case AttestHandoff():
+        case commands.AttestHandoff():
             return _attest(handoff, command, now)
-        case ExpireHandoff() | SupersedeHandoff() | RecordNoAnswer():
+        case commands.ExpireHandoff() | commands.SupersedeHandoff() | handoff_commands.RecordNoAnswer():
             return _ended(handoff, command, now)
-        case MarkDispatched() | VoidApproval() | RecordEffect():
+        case commands.MarkDispatched() | handoff_commands.VoidApproval() | commands.RecordEffect():
             return _followed(handoff, command, now)
         case (
-            TakeClaim()
-            | DropClaim()
-            | ExtendDeadline()
-            | Escalate()
-            | TakeControl()
-            | ReturnControl()
-            | CloseQuestion()
+            handoff_commands.TakeClaim()
+            | handoff_commands.DropClaim()
+            | handoff_commands.ExtendDeadline()
+            | handoff_commands.Escalate()
+            | handoff_commands.TakeControl()
+            | handoff_commands.ReturnControl()
+            | handoff_commands.CloseQuestion()
         ):
-            return turn(handoff, command, now)
+            return claims.turn(handoff, command, now)
         case _:
             assert_never(command)
 
 
 def _ended(
-    handoff: Handoff, command: ExpireHandoff | SupersedeHandoff | RecordNoAnswer, now: Moment
-) -> Decision[HandoffEvent]:
-    """Ends without a person. A timeout that lost against an answer is refused with all that was to go with it."""
+    handoff: Handoff,
+    command: commands.ExpireHandoff | commands.SupersedeHandoff | handoff_commands.RecordNoAnswer,
+    now: Moment,
+) -> Decision[handoff_events.HandoffEvent]:
+    """Ends without a person. A timeout that lost against an answer is refused with everything in its commit."""
     match command:
-        case ExpireHandoff():
+        case commands.ExpireHandoff():
             late = handoff.opened is not None and now.wall_s >= handoff.opened.deadline_at_s
             if not (handoff.answerable and late):
                 return refused("not_due", status=handoff.status)
-            return Accepted((HandoffExpired(at_s=now.wall_s),))
-        case SupersedeHandoff():
-            return Accepted((HandoffSuperseded(reason=command.reason),) if handoff.waits else ())
-        case RecordNoAnswer():
+            return Accepted((handoff_events.HandoffExpired(at_s=now.wall_s),))
+        case commands.SupersedeHandoff():
+            return Accepted((handoff_events.HandoffSuperseded(reason=command.reason),) if handoff.waits else ())
+        case handoff_commands.RecordNoAnswer():
             if handoff.status != "expired" or handoff.unanswered is not None:
                 return Accepted(())
-            taken = NoAnswerTaken(
+            taken = handoff_events.NoAnswerTaken(
                 action=command.action,
                 done=command.done,
                 measured=command.measured,
@@ -115,32 +81,34 @@ def _ended(
 
 
 def _followed(
-    handoff: Handoff, command: MarkDispatched | VoidApproval | RecordEffect, now: Moment
-) -> Decision[HandoffEvent]:
-    """What became of the decision: sent once, or void, and what was seen of it."""
+    handoff: Handoff,
+    command: commands.MarkDispatched | handoff_commands.VoidApproval | commands.RecordEffect,
+    now: Moment,
+) -> Decision[handoff_events.HandoffEvent]:
+    """The result of the decision: sent once, or void, and what was observed of it."""
     match command:
-        case MarkDispatched():
+        case commands.MarkDispatched():
             if handoff.status not in LETS_START or handoff.answer is None:
                 return refused("not_approved", because("approval_not_standing", status=handoff.status))
             waited_s = now.wall_s - handoff.answer.at_s
             if waited_s > APPROVAL_S:
                 return refused("approval_late", age_s=waited_s, limit_s=APPROVAL_S)
-            return Accepted((HandoffDispatched(invocation_id=command.invocation_id),))
-        case VoidApproval():
-            void = HandoffVoided(reason=command.reason, at_s=now.wall_s)
+            return Accepted((handoff_events.HandoffDispatched(invocation_id=command.invocation_id),))
+        case handoff_commands.VoidApproval():
+            void = handoff_events.HandoffVoided(reason=command.reason, at_s=now.wall_s)
             return Accepted((void,) if handoff.status in LETS_START else ())
-        case RecordEffect():
+        case commands.RecordEffect():
             if handoff.status not in ("dispatched", "unknown"):
                 return Accepted(())
-            return Accepted((HandoffEffectObserved(outcome=command.outcome, reason=command.reason),))
+            return Accepted((handoff_events.HandoffEffectObserved(outcome=command.outcome, reason=command.reason),))
         case _:
             assert_never(command)
 
 
-def _open(handoff: Handoff, command: OpenHandoff, now: Moment) -> Decision[HandoffEvent]:
+def _open(handoff: Handoff, command: commands.OpenHandoff, now: Moment) -> Decision[handoff_events.HandoffEvent]:
     if handoff.opened is not None:
         return refused("already_open", because("handoff_exists", handoff_id=command.handoff_id))
-    opened = HandoffOpened(
+    opened = handoff_events.HandoffOpened(
         handoff_id=command.handoff_id,
         mission_id=command.mission_id,
         robot_id=command.robot_id,
@@ -165,13 +133,17 @@ def _open(handoff: Handoff, command: OpenHandoff, now: Moment) -> Decision[Hando
     return Accepted((opened,))
 
 
-def _refresh(handoff: Handoff, command: RefreshHandoff, now: Moment) -> Decision[HandoffEvent]:
+def _refresh(handoff: Handoff, command: commands.RefreshHandoff, now: Moment) -> Decision[handoff_events.HandoffEvent]:
     if not handoff.answerable:
-        return settled(handoff) if handoff.answer else refused("not_open", because("handoff_is", status=handoff.status))
-    held = live_claim(handoff, now.wall_s)
+        return (
+            claims.settled(handoff)
+            if handoff.answer
+            else refused("not_open", because("handoff_is", status=handoff.status))
+        )
+    held = claims.live_claim(handoff, now.wall_s)
     if held is not None and command.actor is not None and held.actor.name != command.actor.name:
-        return claimed_by(held)
-    refreshed = HandoffRefreshed(
+        return claims.claimed_by(held)
+    refreshed = handoff_events.HandoffRefreshed(
         cycle=handoff.cycle + 1,
         k=command.k,
         proposal=command.proposal,
@@ -184,7 +156,7 @@ def _refresh(handoff: Handoff, command: RefreshHandoff, now: Moment) -> Decision
     return Accepted((refreshed,))
 
 
-def _approve(handoff: Handoff, command: ApproveHandoff, now: Moment) -> Decision[HandoffEvent]:
+def _approve(handoff: Handoff, command: commands.ApproveHandoff, now: Moment) -> Decision[handoff_events.HandoffEvent]:
     repeated = _answered(handoff, command, "approved")
     if repeated is not None:
         return repeated
@@ -194,8 +166,8 @@ def _approve(handoff: Handoff, command: ApproveHandoff, now: Moment) -> Decision
     if command.k is None or command.fresh is None:
         return refused("not_observed")
     broken = (
-        over(handoff, now)
-        or not_yours(handoff, command.actor, command.claim, now)
+        claims.over(handoff, now)
+        or claims.not_yours(handoff, command.actor, command.claim, now)
         or _unseen(handoff, command)
         or _moved(opened.snapshot, command.fresh)
     )
@@ -205,7 +177,7 @@ def _approve(handoff: Handoff, command: ApproveHandoff, now: Moment) -> Decision
         return refused("obsolete_version", because("mission_moved_on", k=command.k, shown_k=opened.k))
     if now.wall_s - opened.snapshot.taken_at_s > SNAPSHOT_AGE_S:
         return refused("stale_snapshot")
-    approved = HandoffApproved(
+    approved = handoff_events.HandoffApproved(
         actor=command.actor,
         reason=command.reason,
         key=command.key,
@@ -219,15 +191,15 @@ def _approve(handoff: Handoff, command: ApproveHandoff, now: Moment) -> Decision
     return Accepted((approved,))
 
 
-def _reject(handoff: Handoff, command: RejectHandoff, now: Moment) -> Decision[HandoffEvent]:
+def _reject(handoff: Handoff, command: commands.RejectHandoff, now: Moment) -> Decision[handoff_events.HandoffEvent]:
     repeated = _answered(handoff, command, "rejected")
     if repeated is not None:
         return repeated
-    if broken := over(handoff, now) or not_yours(handoff, command.actor, command.claim, now):
+    if broken := claims.over(handoff, now) or claims.not_yours(handoff, command.actor, command.claim, now):
         return broken
     if command.cycle != handoff.cycle:
         return refused("wrong_cycle", cycle=handoff.cycle, shown_cycle=command.cycle)
-    rejected = HandoffRejected(
+    rejected = handoff_events.HandoffRejected(
         actor=command.actor,
         reason=command.reason,
         key=command.key,
@@ -238,15 +210,15 @@ def _reject(handoff: Handoff, command: RejectHandoff, now: Moment) -> Decision[H
     return Accepted((rejected,))
 
 
-def _attest(handoff: Handoff, command: AttestHandoff, now: Moment) -> Decision[HandoffEvent]:
+def _attest(handoff: Handoff, command: commands.AttestHandoff, now: Moment) -> Decision[handoff_events.HandoffEvent]:
     repeated = _answered(handoff, command, "attested")
     if repeated is not None:
         return repeated
-    if broken := over(handoff, now) or not_yours(handoff, command.actor, command.claim, now):
+    if broken := claims.over(handoff, now) or claims.not_yours(handoff, command.actor, command.claim, now):
         return broken
     if command.cycle != handoff.cycle:
         return refused("wrong_cycle", cycle=handoff.cycle, shown_cycle=command.cycle)
-    attested = HandoffAttested(
+    attested = handoff_events.HandoffAttested(
         actor=command.actor,
         reason=command.reason,
         key=command.key,
@@ -258,28 +230,28 @@ def _attest(handoff: Handoff, command: AttestHandoff, now: Moment) -> Decision[H
 
 
 def _answered(
-    handoff: Handoff, command: ApproveHandoff | RejectHandoff | AttestHandoff, decision: str
-) -> Decision[HandoffEvent] | None:
-    """The same answer again is the same receipt; another one names who decided."""
+    handoff: Handoff, command: commands.ApproveHandoff | commands.RejectHandoff | commands.AttestHandoff, decision: str
+) -> Decision[handoff_events.HandoffEvent] | None:
+    """The same answer again returns the same receipt; a different one names who decided."""
     if handoff.answerable:
         return None
     if handoff.status == "taken_over" and handoff.claim is not None:
         return refused("taken_over", because("robot_driven", actor=handoff.claim.actor.name))
     answer = handoff.answer
     if answer is None:
-        return settled(handoff)
+        return claims.settled(handoff)
     same = (answer.decision, answer.key, answer.cycle, answer.subject, answer.reason, answer.actor.name) == (
         decision,
         command.key,
         command.cycle,
-        answer.subject if isinstance(command, AttestHandoff) else command.subject,
+        answer.subject if isinstance(command, commands.AttestHandoff) else command.subject,
         command.reason,
         command.actor.name,
     )
-    return Accepted(()) if same else settled(handoff)
+    return Accepted(()) if same else claims.settled(handoff)
 
 
-def _unseen(handoff: Handoff, command: ApproveHandoff) -> Refused | None:
+def _unseen(handoff: Handoff, command: commands.ApproveHandoff) -> Refused | None:
     opened = handoff.opened
     if command.cycle != handoff.cycle:
         return refused("wrong_cycle", cycle=handoff.cycle, shown_cycle=command.cycle)
@@ -290,7 +262,7 @@ def _unseen(handoff: Handoff, command: ApproveHandoff) -> Refused | None:
     return None
 
 
-def _moved(seen: Snapshot, fresh: Snapshot) -> Refused | None:
+def _moved(seen: handoff_events.Snapshot, fresh: handoff_events.Snapshot) -> Refused | None:
     turned = abs((fresh.yaw_rad - seen.yaw_rad + pi) % (2 * pi) - pi)
     shifted = hypot(fresh.x_m - seen.x_m, fresh.y_m - seen.y_m)
     if not fresh.static:
@@ -302,6 +274,6 @@ def _moved(seen: Snapshot, fresh: Snapshot) -> Refused | None:
     return None
 
 
-DECIDER: Decider[Handoff, HandoffCommand, HandoffEvent] = Decider(
-    initial=Handoff(), apply=apply, decide=decide, codec=Codec(HandoffEvent)
+DECIDER: Decider[Handoff, commands.HandoffCommand, handoff_events.HandoffEvent] = Decider(
+    initial=Handoff(), apply=apply, decide=decide, codec=Codec(handoff_events.HandoffEvent)
 )

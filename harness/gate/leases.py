@@ -1,11 +1,10 @@
-"""Pure: who may have a resource. Freed only at rest; the fencing token only rises (D14)."""
+"""Decides who may have a resource. Freed only at standstill; the fencing token only rises (D14). Pure."""
 
 from typing import assert_never
 
-from harness.contracts.commands import AcquireLease, FreeLease, LeaseCommand, QuarantineLease, ReleaseLease
+from harness.contracts import commands, lease_events
 from harness.contracts.decider import Codec, Decider
 from harness.contracts.decisions import Accepted, Decision, refused
-from harness.contracts.lease_events import LeaseAcquired, LeaseEvent, LeaseFreed, LeaseQuarantined, LeaseReleased
 from harness.contracts.reasons import because
 from harness.contracts.values import Moment
 from harness.projections.leases import Lease, apply
@@ -13,28 +12,30 @@ from harness.projections.leases import Lease, apply
 STATIC_LIMIT_M = 0.02
 
 
-def decide(lease: Lease, command: LeaseCommand, now: Moment) -> Decision[LeaseEvent]:
-    """Accept or refuse one request for a resource."""
+def decide(lease: Lease, command: commands.LeaseCommand, now: Moment) -> Decision[lease_events.LeaseEvent]:
+    """Accept or refuse one command for a resource."""
     match command:
-        case AcquireLease():
+        case commands.AcquireLease():
             return _acquire(lease, command)
-        case ReleaseLease():
+        case commands.ReleaseLease():
             if lease.invocation_id != command.invocation_id or lease.status == "free":
                 return refused("not_the_holder", invocation_id=command.invocation_id, resource=lease.resource)
             if lease.status == "quarantined":
                 return refused("lease_quarantined", because("resource_must_be_freed", resource=lease.resource))
-            return Accepted((LeaseReleased(invocation_id=command.invocation_id, reason=command.reason),))
-        case QuarantineLease():
+            return Accepted((lease_events.LeaseReleased(invocation_id=command.invocation_id, reason=command.reason),))
+        case commands.QuarantineLease():
             if lease.status == "quarantined":
                 return Accepted(())
-            return Accepted((LeaseQuarantined(invocation_id=command.invocation_id, reason=command.reason),))
-        case FreeLease():
+            return Accepted(
+                (lease_events.LeaseQuarantined(invocation_id=command.invocation_id, reason=command.reason),)
+            )
+        case commands.FreeLease():
             return _free(lease, command)
         case _:
             assert_never(command)
 
 
-def _acquire(lease: Lease, command: AcquireLease) -> Decision[LeaseEvent]:
+def _acquire(lease: Lease, command: commands.AcquireLease) -> Decision[lease_events.LeaseEvent]:
     if lease.status == "held" and lease.invocation_id == command.invocation_id:
         return Accepted(())
     if lease.status == "held":
@@ -47,7 +48,7 @@ def _acquire(lease: Lease, command: AcquireLease) -> Decision[LeaseEvent]:
         )
     if command.token != lease.token + 1:
         return refused("stale_token", token=command.token, last_token=lease.token)
-    acquired = LeaseAcquired(
+    acquired = lease_events.LeaseAcquired(
         resource=command.resource,
         mission_id=command.mission_id,
         invocation_id=command.invocation_id,
@@ -57,16 +58,16 @@ def _acquire(lease: Lease, command: AcquireLease) -> Decision[LeaseEvent]:
     return Accepted((acquired,))
 
 
-def _free(lease: Lease, command: FreeLease) -> Decision[LeaseEvent]:
+def _free(lease: Lease, command: commands.FreeLease) -> Decision[lease_events.LeaseEvent]:
     if lease.status != "quarantined":
         return refused("not_quarantined", resource=lease.resource)
     displacement = command.static.get("displacement_m")
     stopped = command.static.get("hardware_stop") == 1.0
     if not stopped and (displacement is None or not displacement < STATIC_LIMIT_M):
         return refused("not_static", because("not_static_to_free"))
-    return Accepted((LeaseFreed(actor=command.actor, static=command.static, reason=command.reason),))
+    return Accepted((lease_events.LeaseFreed(actor=command.actor, static=command.static, reason=command.reason),))
 
 
-DECIDER: Decider[Lease, LeaseCommand, LeaseEvent] = Decider(
-    initial=Lease(), apply=apply, decide=decide, codec=Codec(LeaseEvent)
+DECIDER: Decider[Lease, commands.LeaseCommand, lease_events.LeaseEvent] = Decider(
+    initial=Lease(), apply=apply, decide=decide, codec=Codec(lease_events.LeaseEvent)
 )

@@ -1,4 +1,4 @@
-"""Pure: may this cloud become the picture of its map version?"""
+"""Decides whether a point cloud may become the picture of its map version. Pure."""
 
 from math import isfinite
 
@@ -11,7 +11,7 @@ from harness.projections.maps import MapPicture, apply
 
 
 def decide(picture: MapPicture, command: AttachCloud, now: Moment) -> Decision[CloudAttached]:
-    """Refuse one whose chunks do not add up, that has no finite place, or that is shown already."""
+    """Refuse a cloud whose chunks do not add up or that has no finite position; one already shown adds nothing."""
     cloud = command.cloud
     if not cloud.points or sum(chunk.points for chunk in cloud.chunks) != cloud.points:
         return refused("chunks_incomplete", points=cloud.points)

@@ -1,4 +1,5 @@
-"""Which missions are not over, followed along the log: what a site goes on with must not cost its whole history."""
+"""Tracks the missions that are still open by following the log, so that finding them does not read its whole
+history."""
 
 from collections.abc import Sequence
 
@@ -12,9 +13,9 @@ FOLD = "open-missions"
 
 
 class OpenMissions:
-    """The streams of open missions. The whole log is asked once; afterwards only what was appended since is read.
+    """The streams of open missions. The whole log is read once; afterwards only what was appended since.
 
-    Safe between threads: what is known is replaced as one, by whoever read further.
+    Thread-safe: the state is replaced as one, by whoever read furthest.
     """
 
     def __init__(self, store: EventStore) -> None:
@@ -23,16 +24,16 @@ class OpenMissions:
         self._follower = Follower(self, head=store.head, read=store.read, fold=FOLD)
 
     def streams(self) -> tuple[StreamId, ...]:
-        """By first position, as of now. Raises StoreUnavailable."""
+        """Open streams by first position, as of now. Raises StoreUnavailable."""
         self._follower.catch_up()
         return self._asked()[1]
 
     def mark(self) -> FollowPosition:
-        """How far the log was followed; before the first question, its head."""
+        """How far the log was followed; before the first query, its head."""
         return self._asked()[0]
 
     def take(self, fresh: Sequence[StoredEvent], *, after: FollowPosition, upto: FollowPosition) -> None:
-        """Add missions that began and drop those that ended."""
+        """Add missions that began and remove those that ended."""
         mark, streams = self._asked()
         if mark != after:
             raise ConcurrencyConflict("Another thread has followed the log further", where=FOLD, do="ask for the mark")
@@ -42,7 +43,7 @@ class OpenMissions:
         self._known = upto, tuple(found)
 
     def clear(self) -> None:
-        """Ask the whole log again."""
+        """Read the whole log again."""
         self._known = None
 
     def _asked(self) -> tuple[FollowPosition, tuple[StreamId, ...]]:

@@ -1,4 +1,5 @@
-"""Pure: may a mission change the configuration it is pinned to? Only before it is active, by compiling again (D35)."""
+"""Decides whether a mission may change its pinned configuration: only before it is active, by compiling again (D35).
+Pure."""
 
 from harness.contracts.commands import RecompileContract
 from harness.contracts.decisions import Accepted, Decision, refused
@@ -12,7 +13,7 @@ BEFORE_ACTIVE = ("compiled", "awaiting_approval")
 
 
 def recompile(mission: Mission, command: RecompileContract) -> Decision[MissionEvent]:
-    """The same goal under another version. What was approved for the old contract no longer counts: k advances.
+    """The same goal under another version. Approvals of the old contract no longer count: k advances.
 
     Raises ContractInvalid for a broken contract.
     """

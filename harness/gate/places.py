@@ -1,11 +1,11 @@
-"""Pure: may this place be saved or removed? Who changes it must have seen it as it is now."""
+"""Decides whether a place may be saved or removed; the person must have seen its current revision. Pure."""
 
 from math import isfinite, tau
 from typing import assert_never
 
+from harness.contracts import place_events
 from harness.contracts.decider import Codec, Decider
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
-from harness.contracts.place_events import PlaceCommand, PlaceEvent, PlaceRemoved, PlaceSaved, RemovePlace, SavePlace
 from harness.contracts.places import Place
 from harness.contracts.reasons import because
 from harness.contracts.values import Moment
@@ -15,15 +15,15 @@ FARTHEST_M = 1e5
 CORNERS = 64
 
 
-def decide(places: Places, command: PlaceCommand, now: Moment) -> Decision[PlaceEvent]:
-    """Refuse a change on an older revision, and a place that lies nowhere."""
+def decide(places: Places, command: place_events.PlaceCommand, now: Moment) -> Decision[place_events.PlaceEvent]:
+    """Refuse a change based on an older revision, and a place with an impossible position."""
     match command:
-        case SavePlace(place=place):
+        case place_events.SavePlace(place=place):
             revision = places.revision(place.place_id)
             refusal = _stale(revision, command.basis, place.place_id) or _nowhere(place)
             if refusal is not None:
                 return refusal
-            saved = PlaceSaved(
+            saved = place_events.PlaceSaved(
                 place=place,
                 revision=revision + 1,
                 actor=command.actor,
@@ -31,12 +31,12 @@ def decide(places: Places, command: PlaceCommand, now: Moment) -> Decision[Place
                 at_s=now.wall_s,
             )
             return Accepted((saved,))
-        case RemovePlace():
+        case place_events.RemovePlace():
             revision = places.revision(command.place_id)
             stale = _stale(revision, command.basis, command.place_id)
             if stale is not None:
                 return stale
-            removed = PlaceRemoved(
+            removed = place_events.PlaceRemoved(
                 place_id=command.place_id,
                 revision=revision + 1,
                 actor=command.actor,
@@ -65,6 +65,6 @@ def _nowhere(place: Place) -> Refused | None:
     return None
 
 
-DECIDER: Decider[Places, PlaceCommand, PlaceEvent] = Decider(
-    initial=Places(), apply=apply, decide=decide, codec=Codec(PlaceEvent)
+DECIDER: Decider[Places, place_events.PlaceCommand, place_events.PlaceEvent] = Decider(
+    initial=Places(), apply=apply, decide=decide, codec=Codec(place_events.PlaceEvent)
 )

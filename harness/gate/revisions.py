@@ -1,4 +1,4 @@
-"""Pure: may this plan, restriction or dispute count? None of them removes a limit or a fact."""
+"""Decides whether a plan, restriction or dispute counts. None of them removes a limit or a fact. Pure."""
 
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
 from harness.contracts.errors import ContractInvalid
@@ -22,7 +22,7 @@ from harness.recovery.state import left_now, over_budget
 
 
 def revise(mission: Mission, command: ReviseContract) -> Decision[MissionEvent]:
-    """A planner's graph, if it keeps what a plan may not touch. It costs its stage one local_replan (R47, R131)."""
+    """A planner's graph, if it keeps what a plan may not change. It costs its stage one local_replan (R47, R131)."""
     if mission.status != "active":
         return refused("not_active", because("nothing_planned_now", status=mission.status))
     if mission.invocation is not None:
@@ -52,7 +52,7 @@ def revise(mission: Mission, command: ReviseContract) -> Decision[MissionEvent]:
 
 
 def _unpaid(mission: Mission, command: ReviseContract) -> Refused | None:
-    """With an open failure a plan is a rung like any other; without one it still costs a local_replan."""
+    """With an open failure a plan is a recovery step like any other; without one it still costs a local_replan."""
     state = mission.of(command.node_id)
     if state.failure is None:
         why = over_budget(mission, command.node_id, "local_replan")
@@ -76,7 +76,7 @@ def _unpaid(mission: Mission, command: ReviseContract) -> Refused | None:
 
 
 def tighten(mission: Mission, command: TightenConstraints) -> Decision[MissionEvent]:
-    """The tightest of both from now on. What is already as tight changes nothing."""
+    """The tightest of both from now on. A restriction that is already met changes nothing."""
     current = required_contract(mission).constraints
     try:
         both = tightest(current, command.constraints)
@@ -88,7 +88,7 @@ def tighten(mission: Mission, command: TightenConstraints) -> Decision[MissionEv
 
 
 def dispute(mission: Mission, command: DisputeCompletion) -> Decision[MissionEvent]:
-    """An accepted fact and what builds on it are marked; it counts as a false completion (D21)."""
+    """An accepted fact and those that depend on it are marked; it counts as a false completion (D21)."""
     fact = next((one for one in mission.facts if one.condition_id == command.condition_id), None)
     if fact is None:
         accepted = tuple(one.condition_id for one in mission.facts)
@@ -111,7 +111,7 @@ def dispute(mission: Mission, command: DisputeCompletion) -> Decision[MissionEve
 
 
 def descendants(contract: TaskContract, node_id: NodeId) -> frozenset[NodeId]:
-    """The stages that build on this one, directly or not."""
+    """The stages that depend on this one, directly or not."""
     found: set[NodeId] = set()
     for name in order(contract):
         if set(contract.node(name).depends_on) & {node_id, *found}:

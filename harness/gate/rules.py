@@ -101,7 +101,7 @@ def execution_failed(mission: Mission, packet: EvidencePacket, verdict: NodeVerd
 
 
 def below_independence(mission: Mission, packet: EvidencePacket, verdict: NodeVerdict) -> Reason | None:
-    """A satisfied result below its required independence is a claim nobody may make (D17)."""
+    """A satisfied result below its required independence does not count (D17)."""
     low = [
         because("independence_of", text=one.text, level=one.independence, required_level=one.required_independence)
         for one in verdict.results

@@ -1,4 +1,4 @@
-"""Pure: episodic and operational memory. Only what the verifier decided about an attempt; no provider's own word."""
+"""Derives episodic and operational memory from the verifier's decisions, never from a provider's report. Pure."""
 
 from collections.abc import Iterator
 
@@ -45,9 +45,9 @@ def episodic(told: MissionStep) -> Iterator[MemoryDraft]:
 
 
 def operational(told: MissionStep) -> Iterator[MemoryDraft]:
-    """What the acting provider achieved (R139). A later look at the same execution replaces the earlier word.
+    """What the acting provider achieved (R139). A later look at the same execution replaces the earlier verdict.
 
-    Executions that a person or the supervisor cut short say nothing about the provider; one that ran out of time does.
+    Executions cut short by a person or the supervisor do not count; one that ran out of time does.
     """
     closed = _closed(told)
     if closed is None or (closed.packet.terminal == "cancelled" and closed.packet.failure != "timeout"):

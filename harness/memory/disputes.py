@@ -1,4 +1,4 @@
-"""Pure: what stops counting because an observation or a person contradicts it. Nothing is deleted (D21, R69)."""
+"""Disputes records that an observation or a person contradicts. Pure: nothing is deleted (D21, R69)."""
 
 from collections.abc import Iterator
 
@@ -48,7 +48,7 @@ def _observed(told: MissionStep, fact: CommittedFact, event: ObservationRecorded
 def _said(
     told: MissionStep, event: CompletionDisputed, *, condition_id: ConditionId, packet_id: PacketId
 ) -> MemoryDraft:
-    """A person's word against an acceptance: neither the attempt nor its outcome is learnt from any more."""
+    """A person contradicts an acceptance: neither the attempt nor its outcome is learnt from any more."""
     return MemoryDraft(
         role="episodic",
         subject=f"dispute/{told.mission_id}/{condition_id}",
@@ -61,7 +61,7 @@ def _said(
 
 
 def _resting_on(told: MissionStep, condition_id: ConditionId, packet_id: PacketId) -> tuple[Key, ...]:
-    """What memory holds because of one acceptance."""
+    """The memory records that rest on one acceptance."""
     credit, fact = told.before.credits.get(packet_id), told.before.facts.get(condition_id)
     learnt = (("episode", f"attempt/{credit.attempt}"), ("outcome", f"outcome/{credit.acting}")) if credit else ()
     return (*learnt, *(keys_of(told, fact) if fact is not None and fact.packet_id == packet_id else ()))

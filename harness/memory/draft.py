@@ -1,13 +1,12 @@
-"""Pure: a record before it is known what else memory holds about its subject."""
+"""A memory record before it is related to what memory already holds about its subject. Pure."""
 
 from collections.abc import Sequence
 
 import msgspec
 
+from harness.contracts import ids, memory
 from harness.contracts.events import MissionEvent
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
-from harness.contracts.ids import Digest, MissionId, NodeId, PacketId, sha256
-from harness.contracts.memory import AnyKnowledge, FloorBox, MemoryRecord, MemoryRole, Provenance, Verification, kind_of
 from harness.contracts.ports import StoredEvent
 from harness.contracts.values import Value
 from harness.projections.memory import MissionThread
@@ -26,7 +25,7 @@ class MissionStep(Value):
     before: MissionThread
 
     @property
-    def mission_id(self) -> MissionId:
+    def mission_id(self) -> ids.MissionId:
         """The mission that the event belongs to."""
         return self.before.mission_id
 
@@ -34,19 +33,19 @@ class MissionStep(Value):
 class MemoryDraft(Value):
     """What one event adds to memory.
 
-    `fresh`: nothing can be known about its subject yet. `compared`: other sources' words about the subject are
-    compared with it instead of giving way. `disputes`: subjects whose current records it contradicts.
+    `fresh`: nothing can be known about its subject yet. `compared`: other sources' records about the subject are
+    compared with it instead of being superseded. `disputes`: subjects whose current records it contradicts.
     """
 
-    role: MemoryRole
+    role: memory.MemoryRole
     subject: str
-    knowledge: AnyKnowledge
-    verification: Verification
-    provenance: Provenance
+    knowledge: memory.AnyKnowledge
+    verification: memory.Verification
+    provenance: memory.Provenance
     valid_from_s: float
     valid_until_s: float | None = None
     confidence: float = 1.0
-    where: FloorBox | None = None
+    where: memory.FloorBox | None = None
     fresh: bool = False
     compared: bool = False
     disputes: tuple[Key, ...] = ()
@@ -54,16 +53,16 @@ class MemoryDraft(Value):
     @property
     def key(self) -> Key:
         """What the draft is about."""
-        return kind_of(self.knowledge), self.subject
+        return memory.kind_of(self.knowledge), self.subject
 
 
 def recorded(
-    draft: MemoryDraft, *, supersedes: Sequence[str], conflicts: Sequence[str], verification: Verification
-) -> MemoryRecord:
+    draft: MemoryDraft, *, supersedes: Sequence[str], conflicts: Sequence[str], verification: memory.Verification
+) -> memory.MemoryRecord:
     """The record, named by the event that caused it and by what it is about."""
     kind, subject = draft.key
-    name = sha256(f"{draft.provenance.position}\n{kind}\n{subject}".encode())
-    return MemoryRecord(
+    name = ids.sha256(f"{draft.provenance.position}\n{kind}\n{subject}".encode())
+    return memory.MemoryRecord(
         record_id=f"mem_{name[:20]}",
         role=draft.role,
         subject=subject,
@@ -80,9 +79,14 @@ def recorded(
 
 
 def configured(
-    told: MissionStep, *, role: MemoryRole, subject: str, knowledge: AnyKnowledge, where: FloorBox | None = None
+    told: MissionStep,
+    *,
+    role: memory.MemoryRole,
+    subject: str,
+    knowledge: memory.AnyKnowledge,
+    where: memory.FloorBox | None = None,
 ) -> MemoryDraft:
-    """Configured semantics: nobody perceived them, and they hold until they are configured anew."""
+    """Configured semantics: not perceived, and valid until they are configured again."""
     return MemoryDraft(
         role=role,
         subject=subject,
@@ -98,12 +102,12 @@ def provenance(
     told: MissionStep,
     *,
     sources: Sequence[str],
-    node_id: NodeId | None = None,
-    packet_id: PacketId | None = None,
-    blobs: Sequence[Digest] = (),
-) -> Provenance:
+    node_id: ids.NodeId | None = None,
+    packet_id: ids.PacketId | None = None,
+    blobs: Sequence[ids.Digest] = (),
+) -> memory.Provenance:
     """Where a record of this event came from; sources in a fixed order, each once."""
-    return Provenance(
+    return memory.Provenance(
         position=told.stored.position,
         stream=told.stored.stream,
         mission_id=told.mission_id,
@@ -120,6 +124,6 @@ def confidence_of(packet: EvidencePacket) -> float:
     return min((one.confidence for one in references if one.origin == "sensor"), default=1.0)
 
 
-def same(one: AnyKnowledge, other: AnyKnowledge) -> bool:
-    """Whether two pieces of knowledge say exactly the same."""
+def same(one: memory.AnyKnowledge, other: memory.AnyKnowledge) -> bool:
+    """Whether two pieces of knowledge are exactly equal."""
     return msgspec.json.encode(one) == msgspec.json.encode(other)

@@ -1,4 +1,4 @@
-"""Pure: a verified outcome as the skill role is shown it in C2, kind "example"."""
+"""Converts a verified outcome to the record of kind "example" that the skill role is shown in C2. Pure."""
 
 import msgspec
 
@@ -26,7 +26,7 @@ class Example(Value):
 
 
 def as_example(record: MemoryRecord, outcome: ProviderOutcome) -> ContextRecord:
-    """A record of the harness's own history, of the instant at which it was judged."""
+    """The outcome as a record of the harness's own history, at the instant at which it was judged."""
     example = Example(
         record_id=record.record_id,
         position=record.provenance.position,

@@ -1,7 +1,7 @@
-"""The memory fabric: follows the log into an index and answers what roles and people ask. The log is the only truth.
+"""The memory fabric: follows the log into an index and answers queries from roles and people.
 
-It writes no event and decides nothing. Every answer is given at the head of the log: what was committed before the
-question is in it, also after a restart, and an index that was lost, cut off or made by another fold is built again.
+It writes no event and decides nothing; the log alone is authoritative. Every answer is given at the head of the log,
+also after a restart: it covers all that was committed before. A lost, truncated or outdated index is built again.
 A dispatch is answered from what is folded; the index is written behind it, before it is asked.
 """
 
@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from threading import RLock
 
+from harness.contracts import memory
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.contexts import ContextRecord
 from harness.contracts.errors import ConcurrencyConflict, UnknownName
 from harness.contracts.ids import Digest, ProviderId
-from harness.contracts.memory import FloorBox, FollowPosition, MemoryQuery, MemoryRecord, ProviderOutcome, Remembered
 from harness.contracts.ports import EventStore, MemoryIndex, StoredEvent
 from harness.followers import Follower
 from harness.memory.examples import as_example
@@ -30,12 +30,12 @@ SEMANTIC = ("card", "rules")
 class Behind:
     """What was folded between two marks and is not in the index yet."""
 
-    after: FollowPosition
-    upto: FollowPosition
-    records: list[MemoryRecord] = field(default_factory=list)
+    after: memory.FollowPosition
+    upto: memory.FollowPosition
+    records: list[memory.MemoryRecord] = field(default_factory=list)
 
     def touches(self, kind: str, subject: str) -> bool:
-        """Whether the index may say something else of a subject once it has these records.
+        """Whether these records may change what the index holds of a subject.
 
         A record supersedes only what is about its own subject; what it contradicts may be about another.
         """
@@ -43,7 +43,7 @@ class Behind:
 
 
 class MemoryFabric:
-    """The stored roles of memory over one log. Safe between threads and processes: one follower's word is taken."""
+    """The stored roles of memory over one log. Safe between threads and processes: one follower's writes count."""
 
     def __init__(self, *, store: EventStore, index: MemoryIndex) -> None:
         self._store = store
@@ -51,10 +51,10 @@ class MemoryFabric:
         self._following = RLock()
         self._follower = Follower(self, head=store.head, read=store.read, fold=FOLD)
         self._recent = Recent()
-        self._idle: list[tuple[FollowPosition, Fold]] = []
+        self._idle: list[tuple[memory.FollowPosition, Fold]] = []
         self._behind: Behind | None = None
 
-    def catch_up(self) -> FollowPosition:
+    def catch_up(self) -> memory.FollowPosition:
         """Follow the log to its head, index and all. Raises LogDamaged for an event that cannot be read."""
         with self._following:
             mark = self._followed()
@@ -62,12 +62,12 @@ class MemoryFabric:
                 mark = self._followed()
             return mark
 
-    def _followed(self) -> FollowPosition:
+    def _followed(self) -> memory.FollowPosition:
         """The mark at the head of the log, up to which everything is folded."""
         with self._following:
             return self._follower.catch_up()
 
-    def mark(self) -> FollowPosition:
+    def mark(self) -> memory.FollowPosition:
         """How far the log is folded: in the index, or behind it."""
         return self._behind.upto if self._behind else self._index.mark()
 
@@ -76,21 +76,21 @@ class MemoryFabric:
         self._behind = None
         self._index.clear()
 
-    def find(self, query: MemoryQuery) -> list[Remembered]:
+    def find(self, query: memory.MemoryQuery) -> list[memory.Remembered]:
         """Records that answer the query, newest first."""
         self.catch_up()
         return self._index.find(query)
 
-    def get(self, record_id: str) -> Remembered:
+    def get(self, record_id: str) -> memory.Remembered:
         """One record and its standing; raises UnknownName."""
         self.catch_up()
         return self._index.get(record_id)
 
     def outcomes(
         self, provider_id: ProviderId, *, capability: str, place: str, configuration: Digest, limit: int
-    ) -> list[MemoryRecord]:
+    ) -> list[memory.MemoryRecord]:
         """The newest verified outcomes of a provider in one setting, oldest first (R60)."""
-        query = MemoryQuery(
+        query = memory.MemoryQuery(
             kinds=("outcome",),
             provider_id=provider_id,
             capability=capability,
@@ -105,7 +105,7 @@ class MemoryFabric:
         self, card: CapabilityCard, *, place: str, configuration: Digest, limit: int
     ) -> tuple[ContextRecord, ...]:
         """The newest executions by this provider, in this setting, whose effect was verified: for C2."""
-        query = MemoryQuery(
+        query = memory.MemoryQuery(
             kinds=("outcome",),
             provider_id=card.provider_id,
             capability=card.capability,
@@ -116,17 +116,19 @@ class MemoryFabric:
             limit=limit,
         )
         said = ((one.record, one.record.knowledge) for one in self._recently(query))
-        return tuple(as_example(record, outcome) for record, outcome in said if isinstance(outcome, ProviderOutcome))
+        return tuple(
+            as_example(record, outcome) for record, outcome in said if isinstance(outcome, memory.ProviderOutcome)
+        )
 
-    def spatial(self, region: FloorBox, *, at_s: float, limit: int = 100) -> list[Remembered]:
+    def spatial(self, region: memory.FloorBox, *, at_s: float, limit: int = 100) -> list[memory.Remembered]:
         """What is known of a region at one instant of mission time, conflicts and expired records withheld (R69)."""
-        return self.find(MemoryQuery(kinds=SPATIAL, region=region, valid_at_s=at_s, limit=limit))
+        return self.find(memory.MemoryQuery(kinds=SPATIAL, region=region, valid_at_s=at_s, limit=limit))
 
-    def semantic(self, *, limit: int = 100) -> list[Remembered]:
+    def semantic(self, *, limit: int = 100) -> list[memory.Remembered]:
         """The capability contracts and rules that hold now."""
-        return self.find(MemoryQuery(kinds=SEMANTIC, limit=limit))
+        return self.find(memory.MemoryQuery(kinds=SEMANTIC, limit=limit))
 
-    def _recently(self, query: MemoryQuery) -> list[Remembered]:
+    def _recently(self, query: memory.MemoryQuery) -> list[memory.Remembered]:
         """`find` for questions about outcomes, which are asked at every dispatch."""
         known = self._recent.answer(query, at=self._followed())
         if known is None:
@@ -135,8 +137,8 @@ class MemoryFabric:
             self._recent.keep(query, known, at=mark)
         return known
 
-    def take(self, fresh: Sequence[StoredEvent], *, after: FollowPosition, upto: FollowPosition) -> None:
-        """Fold one stretch of the log. Raises ConcurrencyConflict if another process took the index elsewhere."""
+    def take(self, fresh: Sequence[StoredEvent], *, after: memory.FollowPosition, upto: memory.FollowPosition) -> None:
+        """Fold one stretch of the log. Raises ConcurrencyConflict if another process advanced the index."""
         fold = self._fold(after)
         records = list(fold.advance(fresh))
         behind = self._behind or Behind(after=after, upto=after)
@@ -149,7 +151,7 @@ class MemoryFabric:
             self._written()
 
     def _written(self) -> bool:
-        """Whether the index now holds all that was folded; if another process took it elsewhere, that is forgotten."""
+        """Whether the index now holds all that was folded; if another process advanced it, that is forgotten."""
         behind, self._behind = self._behind, None
         if behind is not None:
             try:
@@ -162,8 +164,8 @@ class MemoryFabric:
                 raise
         return True
 
-    def _fold(self, mark: FollowPosition) -> Fold:
-        """The fold that wrote up to this mark, if it is free; else one that learns from the log and the index."""
+    def _fold(self, mark: memory.FollowPosition) -> Fold:
+        """The fold that wrote up to this mark, if it is free; else a new one that loads from the log and the index."""
         try:
             at, fold = self._idle.pop()
         except IndexError:
@@ -173,8 +175,8 @@ class MemoryFabric:
     def _new_fold(self) -> Fold:
         return Fold(stream=self._store.load, current=self._current, read=self._artefact)
 
-    def _current(self, kind: str, subject: str) -> list[Remembered]:
-        """What is known of a subject. Raises ConcurrencyConflict if another process took the index elsewhere."""
+    def _current(self, kind: str, subject: str) -> list[memory.Remembered]:
+        """What is known of a subject. Raises ConcurrencyConflict if another process advanced the index."""
         if self._behind and self._behind.touches(kind, subject) and not self._written():
             raise ConcurrencyConflict("The memory index was taken elsewhere", where="memory index", do="follow it")
         return self._index.current(kind, subject)

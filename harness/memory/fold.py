@@ -1,4 +1,4 @@
-"""Pure: a stretch of the log becomes memory records. The same log gives the same records, byte for byte."""
+"""Folds a stretch of the log into memory records. Pure: the same log gives the same records, byte for byte."""
 
 from collections.abc import Callable, Iterable, Iterator
 
@@ -28,8 +28,8 @@ _codec: Codec[MissionEvent] = Codec(MissionEvent)
 class Fold:
     """Reads events in global order and holds what the next ones need: open missions and current records.
 
-    `stream` loads a mission from its beginning, for one that an earlier fold left open. `current` asks the index for
-    what it holds; `read` gives a stored artefact of the log.
+    `stream` loads a mission from its beginning, for one that an earlier fold left open. `current` reads records from
+    the index; `read` gives a stored artefact of the log.
     """
 
     def __init__(self, *, stream: LoadStream, current: LoadCurrent, read: ReadRecord) -> None:
@@ -68,7 +68,7 @@ class Fold:
         return thread
 
     def _forget(self, stream: StreamId) -> None:
-        """A mission is over: nothing will ask for it, or for the records that only it can add to."""
+        """Forgets an ended mission, and the records that only it can add to: neither is needed again."""
         self._threads.pop(stream)
         for key in self._own.pop(stream):
             self._current.pop(key, None)
@@ -92,5 +92,5 @@ class Fold:
 
 
 def _torn(one: Remembered, record: MemoryRecord) -> Remembered:
-    """What the record contradicts is disputed from now on."""
+    """Marks what the record contradicts as disputed."""
     return replace(one, standing="disputed") if one.record.record_id in record.conflicts else one

@@ -1,14 +1,14 @@
-"""Answers about provider outcomes, kept while the log grows: a dispatch asks for the newest hundreds every time.
+"""Caches recent provider outcomes as the log grows, because every dispatch asks for the newest hundreds.
 
-Pure but for its lock: it holds what the index answered at one mark and adds what the fold says next. Anything else
-than new outcomes, or a mark that it did not follow itself, makes it forget.
+Pure but for its lock: it holds what the index answered at one mark and adds what the fold produces next. Anything
+but new outcomes, or a mark that it did not follow itself, empties the cache.
 """
 
 from collections import deque
 from collections.abc import Iterable
 from threading import Lock
 
-from harness.contracts.memory import FollowPosition, MemoryQuery, MemoryRecord, Remembered, labels_of
+from harness.contracts import memory
 
 MOST = 64
 """So many questions are kept, one for each provider, place and configuration that is asked about."""
@@ -19,24 +19,26 @@ class Recent:
 
     def __init__(self) -> None:
         self._lock = Lock()
-        self._at: FollowPosition | None = None
-        self._answers: dict[MemoryQuery, deque[Remembered]] = {}
+        self._at: memory.FollowPosition | None = None
+        self._answers: dict[memory.MemoryQuery, deque[memory.Remembered]] = {}
 
-    def answer(self, query: MemoryQuery, *, at: FollowPosition) -> list[Remembered] | None:
-        """Newest first; None where the index has to be asked."""
+    def answer(self, query: memory.MemoryQuery, *, at: memory.FollowPosition) -> list[memory.Remembered] | None:
+        """The cached records, newest first; None where the index has to be read."""
         with self._lock:
             kept = self._answers.get(query) if self._at == at else None
             return None if kept is None else list(kept)
 
-    def keep(self, query: MemoryQuery, found: Iterable[Remembered], *, at: FollowPosition) -> None:
-        """What the index answered at this mark, newest first."""
+    def keep(self, query: memory.MemoryQuery, found: Iterable[memory.Remembered], *, at: memory.FollowPosition) -> None:
+        """Cache what the index answered at this mark, newest first."""
         with self._lock:
             if self._at != at or len(self._answers) >= MOST:
                 self._answers.clear()
                 self._at = at
             self._answers[query] = deque(found, maxlen=query.limit)
 
-    def follow(self, records: Iterable[MemoryRecord], *, after: FollowPosition, upto: FollowPosition) -> None:
+    def follow(
+        self, records: Iterable[memory.MemoryRecord], *, after: memory.FollowPosition, upto: memory.FollowPosition
+    ) -> None:
         """The index went from one mark to the next by adding these records."""
         fresh = list(records)
         with self._lock:
@@ -46,20 +48,22 @@ class Recent:
             for record in fresh:
                 for query, kept in self._answers.items():
                     if _answers(record, query):
-                        newest = Remembered(record=record, standing=record.verification, until_s=record.valid_until_s)
+                        newest = memory.Remembered(
+                            record=record, standing=record.verification, until_s=record.valid_until_s
+                        )
                         kept.appendleft(newest)
 
-    def _replaces(self, record: MemoryRecord) -> bool:
-        """Whether what is kept may stand otherwise now. A record supersedes only its own kind, but disputes any."""
+    def _replaces(self, record: memory.MemoryRecord) -> bool:
+        """Whether cached records may have changed standing. A record supersedes only its own kind, but disputes any."""
         superseding = bool(record.supersedes) and any(record.kind in query.kinds for query in self._answers)
         return superseding or bool(record.conflicts)
 
 
-def _answers(record: MemoryRecord, query: MemoryQuery) -> bool:
+def _answers(record: memory.MemoryRecord, query: memory.MemoryQuery) -> bool:
     """Whether a record that nothing supersedes or disputes answers a question about outcomes."""
     if record.kind not in query.kinds or record.verification not in query.standings:
         return False
-    said = labels_of(record)
+    said = memory.labels_of(record)
     asked = (query.provider_id, query.capability, query.place, query.configuration)
     return (said.provider_id, said.capability, said.place, said.configuration) == asked and (
         not query.verdicts or said.verdict in query.verdicts

@@ -1,8 +1,8 @@
-"""Pure: how a new record stands to what is known: it supersedes, confirms or contradicts; it overwrites nothing (R142).
+"""Relates a new record to known ones: it supersedes, confirms or contradicts, and overwrites nothing (R142). Pure.
 
 A newer record takes the place of an older one about the same thing, except where different sources can contradict
 each other (sightings): there two sides of a contradiction are both disputed, and stay so until another source
-looks again and confirms one of them (R69). The same source saying the same again settles nothing.
+looks again and confirms one of them (R69). A repeat by the same source settles nothing.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from harness.memory.spatial import contradiction
 def relate(
     draft: MemoryDraft, current: Sequence[Remembered], *, disputed: Sequence[Remembered] = ()
 ) -> MemoryRecord | None:
-    """The record with its relations; None for configured knowledge that says what is already known.
+    """The record with its relations; None for configured knowledge that is already known.
 
     `current`: records of the same kind and subject that nothing has superseded. `disputed`: current records of the
     subjects that the draft disputes.

@@ -1,4 +1,4 @@
-"""Pure: semantic memory. Capability contracts as skill roles were shown them, and rules missions ran under (R140)."""
+"""Derives semantic memory: capability contracts as shown to skill roles, and rules of missions (R140). Pure."""
 
 from collections.abc import Callable, Iterator
 

@@ -1,29 +1,13 @@
-"""Pure: spatial memory. Maps with their versions, places and regions, poses, relations and sightings (R137)."""
+"""Derives spatial memory: map versions, places and regions, poses, relations and sightings (R137). Pure."""
 
 import math
 from collections.abc import Iterator, Sequence
 
 import msgspec
 
-from harness.contracts.events import (
-    ContractCompiled,
-    ContractRecompiled,
-    DispatchIntended,
-    EpochChanged,
-    NodeCommitted,
-)
+from harness.contracts import events, memory
 from harness.contracts.evidence import CommittedFact
 from harness.contracts.ids import Digest
-from harness.contracts.memory import (
-    AnyKnowledge,
-    FloorBox,
-    KnownPlace,
-    KnownPose,
-    KnownRegion,
-    KnownRelation,
-    MapEpoch,
-    Sighting,
-)
 from harness.contracts.places import Passage, Place, Route
 from harness.contracts.revision_events import GraphRevised
 from harness.contracts.tasks import TaskContract
@@ -41,13 +25,13 @@ BINDING = ("frames", "foreign")
 def spatial(told: MissionStep) -> Iterator[MemoryDraft]:
     """What one event adds to spatial memory."""
     match told.event:
-        case ContractCompiled() | ContractRecompiled() as event:
+        case events.ContractCompiled() | events.ContractRecompiled() as event:
             yield from _configured(told, event.contract)
-        case EpochChanged() as event:
+        case events.EpochChanged() as event:
             yield from _epoch(told, event)
-        case DispatchIntended(moves=True) as event:
+        case events.DispatchIntended(moves=True) as event:
             yield from _departed(told, event)
-        case NodeCommitted() as event:
+        case events.NodeCommitted() as event:
             yield from _committed(told, event)
         case GraphRevised(contract=TaskContract() as contract):
             yield from _configured(told, contract)
@@ -55,7 +39,7 @@ def spatial(told: MissionStep) -> Iterator[MemoryDraft]:
             return
 
 
-def contradiction(one: Sighting, other: Sighting) -> str:
+def contradiction(one: memory.Sighting, other: memory.Sighting) -> str:
     """The first state on which two sightings differ; empty if they agree. Shares agree within a tenth."""
     for name in sorted(one.states.keys() & other.states.keys()):
         bound_by = 0.1 if name.startswith("share") else 0.0
@@ -69,12 +53,16 @@ def _configured(told: MissionStep, contract: TaskContract) -> Iterator[MemoryDra
         told,
         role="spatial",
         subject=f"map/{told.before.robot_id}/{contract.frame}",
-        knowledge=MapEpoch(frame=contract.frame, map_version=contract.map_version),
+        knowledge=memory.MapEpoch(frame=contract.frame, map_version=contract.map_version),
     )
     for place in bound(contract, Place):
         where = _box(place.region_m or (place.approach_m,), frame=place.frame, map_version=place.map_version)
         yield configured(
-            told, role="spatial", subject=f"place/{place.place_id}", knowledge=KnownPlace(place=place), where=where
+            told,
+            role="spatial",
+            subject=f"place/{place.place_id}",
+            knowledge=memory.KnownPlace(place=place),
+            where=where,
         )
     for passage in bound(contract, Passage):
         where = _box(passage.floor_m, frame=passage.frame, map_version=contract.map_version)
@@ -82,36 +70,36 @@ def _configured(told: MissionStep, contract: TaskContract) -> Iterator[MemoryDra
             told,
             role="spatial",
             subject=f"passage/{passage.passage_id}",
-            knowledge=KnownRegion(floor_m=passage.floor_m),
+            knowledge=memory.KnownRegion(floor_m=passage.floor_m),
             where=where,
         )
     for route in bound(contract, Route):
-        leads = KnownRelation(relation="leads_to", one=f"place/{route.start}", other=f"place/{route.end}")
+        leads = memory.KnownRelation(relation="leads_to", one=f"place/{route.start}", other=f"place/{route.end}")
         where = _box(route.waypoints_m, frame=route.frame, map_version=route.map_version)
         yield configured(told, role="spatial", subject=f"route/{route.name}", knowledge=leads, where=where)
 
 
-def _epoch(told: MissionStep, event: EpochChanged) -> Iterator[MemoryDraft]:
+def _epoch(told: MissionStep, event: events.EpochChanged) -> Iterator[MemoryDraft]:
     contract = told.before.contract
     if contract is None:
         return
     yield MemoryDraft(
         role="spatial",
         subject=f"map/{told.before.robot_id}/{contract.frame}",
-        knowledge=MapEpoch(frame=contract.frame, map_version=event.map_version),
+        knowledge=memory.MapEpoch(frame=contract.frame, map_version=event.map_version),
         verification="observed",
         provenance=provenance(told, sources=("localiser",)),
         valid_from_s=told.stored.mission_s,
     )
 
 
-def _departed(told: MissionStep, event: DispatchIntended) -> Iterator[MemoryDraft]:
-    """From here on nobody knows where the body is until something is measured and accepted again."""
+def _departed(told: MissionStep, event: events.DispatchIntended) -> Iterator[MemoryDraft]:
+    """The body's position is unknown from here on, until one is measured and accepted again."""
     robot, place = told.before.robot_id, told.before.place(event.node_id)
     towards = f"place/{place}" if place else f"node/{event.node_id}"
-    moves = KnownRelation(relation="moves_to", one=f"robot/{robot}", other=towards)
-    said: tuple[tuple[str, AnyKnowledge], ...] = (
-        (f"robot/{robot}", KnownPose(robot_id=robot)),
+    moves = memory.KnownRelation(relation="moves_to", one=f"robot/{robot}", other=towards)
+    said: tuple[tuple[str, memory.AnyKnowledge], ...] = (
+        (f"robot/{robot}", memory.KnownPose(robot_id=robot)),
         (f"robot/{robot}/at", moves),
     )
     for subject, knowledge in said:
@@ -125,8 +113,8 @@ def _departed(told: MissionStep, event: DispatchIntended) -> Iterator[MemoryDraf
         )
 
 
-def _committed(told: MissionStep, event: NodeCommitted) -> Iterator[MemoryDraft]:
-    """One record per thing, though several conditions may speak of it: the last of them."""
+def _committed(told: MissionStep, event: events.NodeCommitted) -> Iterator[MemoryDraft]:
+    """One record per thing: the last one, where several conditions concern it."""
     closed = judgement(told.before, event)
     if closed is not None:
         accepted = {draft.key: draft for fact in event.facts for draft in _accepted(told, fact, closed)}
@@ -140,22 +128,24 @@ def _accepted(told: MissionStep, fact: CommittedFact, closed: VerifiedAttempt) -
         where = _around(pose.point_m, pose.within_m or 0.0, told)
         yield _measured(told, fact, closed, subject=f"robot/{robot}", knowledge=pose, where=where)
         if pose.place:
-            at = KnownRelation(relation="at", one=f"robot/{robot}", other=f"place/{pose.place}")
+            at = memory.KnownRelation(relation="at", one=f"robot/{robot}", other=f"place/{pose.place}")
             yield _measured(told, fact, closed, subject=f"robot/{robot}/at", knowledge=at, where=where)
     if fact.name == "analysis_of":
         yield _sighted(told, fact, closed)
 
 
-def _pose(told: MissionStep, fact: CommittedFact) -> KnownPose | None:
-    """Where a fact says that the body stands: at a target, within what was measured, or at a measured position."""
+def _pose(told: MissionStep, fact: CommittedFact) -> memory.KnownPose | None:
+    """Where a fact places the body: at a target, within what was measured, or at a measured position."""
     arguments, robot_id = fact.arguments, told.before.robot_id
     if "target_m" in arguments and "distance_m" in fact.measured:
         point = msgspec.convert(arguments["target_m"], Point)
         place = told.before.place(fact.node_id)
-        return KnownPose(robot_id=robot_id, point_m=point, within_m=fact.measured["distance_m"], place=place)
+        return memory.KnownPose(robot_id=robot_id, point_m=point, within_m=fact.measured["distance_m"], place=place)
     if "position" in arguments and "heading_rad" in arguments:
         point, yaw_rad = msgspec.convert(arguments["position"], Point), float(arguments["heading_rad"])
-        return KnownPose(robot_id=robot_id, point_m=point, yaw_rad=yaw_rad, place=told.before.place(fact.node_id))
+        return memory.KnownPose(
+            robot_id=robot_id, point_m=point, yaw_rad=yaw_rad, place=told.before.place(fact.node_id)
+        )
     return None
 
 
@@ -165,8 +155,8 @@ def _measured(
     closed: VerifiedAttempt,
     *,
     subject: str,
-    knowledge: AnyKnowledge,
-    where: FloorBox,
+    knowledge: memory.AnyKnowledge,
+    where: memory.FloorBox,
 ) -> MemoryDraft:
     """What the gate accepted of the body's position: verified, by the sources that its condition rests on."""
     return MemoryDraft(
@@ -188,7 +178,7 @@ def _measured(
 
 
 def _sighted(told: MissionStep, fact: CommittedFact, closed: VerifiedAttempt) -> MemoryDraft:
-    """What an analysis saw. The gate accepted its binding to the images; that it is right, nobody else has said."""
+    """What an analysis saw. The gate accepted its binding to the images; no other source confirms that it is right."""
     contract = told.before.contract
     passage = next(iter(bound(contract, Passage)), None) if contract else None
     seen = next((one for one in told.before.facts.values() if one.node_id == fact.arguments.get("object")), fact)
@@ -199,7 +189,7 @@ def _sighted(told: MissionStep, fact: CommittedFact, closed: VerifiedAttempt) ->
     return MemoryDraft(
         role="spatial",
         subject=_sighting_subject(told, fact),
-        knowledge=Sighting(states={n: v for n, v in fact.measured.items() if n not in BINDING}, report=report),
+        knowledge=memory.Sighting(states={n: v for n, v in fact.measured.items() if n not in BINDING}, report=report),
         verification="observed",
         provenance=provenance(
             told,
@@ -234,10 +224,10 @@ def _result(closed: VerifiedAttempt, fact: CommittedFact) -> ConditionResult:
     return next(result for result in closed.verdict.results if result.condition_id == fact.condition_id)
 
 
-def _around(point: Point, within_m: float, told: MissionStep) -> FloorBox:
+def _around(point: Point, within_m: float, told: MissionStep) -> memory.FloorBox:
     contract = told.before.contract
     frame, version = (contract.frame, contract.map_version) if contract else ("unknown", "unknown")
-    return FloorBox(
+    return memory.FloorBox(
         frame=frame,
         map_version=version,
         x_min_m=point[0] - within_m,
@@ -247,8 +237,8 @@ def _around(point: Point, within_m: float, told: MissionStep) -> FloorBox:
     )
 
 
-def _box(points: Sequence[Point], *, frame: str, map_version: str) -> FloorBox:
+def _box(points: Sequence[Point], *, frame: str, map_version: str) -> memory.FloorBox:
     xs, ys = [x for x, _ in points] or [math.nan], [y for _, y in points] or [math.nan]
-    return FloorBox(
+    return memory.FloorBox(
         frame=frame, map_version=map_version, x_min_m=min(xs), y_min_m=min(ys), x_max_m=max(xs), y_max_m=max(ys)
     )

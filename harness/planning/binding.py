@@ -1,4 +1,4 @@
-"""Pure: names of places and open spots of templates, bound to values. Knows no task, no robot and no clock."""
+"""Binds place names and template parameters to values. Pure: knows no task, no robot and no clock."""
 
 import math
 import re
@@ -20,7 +20,7 @@ _SPOT: dict[str, re.Pattern[str]] = {
 def bind_place(name: str, *, site: Site) -> Place:
     """The one place of that id, name or alias, whatever its case.
 
-    Raises UnknownName with the nearest name, ContractInvalid if two places answer to it or the place is disputed.
+    Raises UnknownName with the nearest name, ContractInvalid if two places match it or the place is disputed.
     """
     wanted = _folded(name)
     found = [place for place in site.places if wanted in {_folded(word) for word in _words(place)}]
@@ -66,9 +66,9 @@ def bind_passage(place: Place, *, site: Site) -> Passage:
 
 
 def substitute(value: Any, *, bindings: Mapping[str, Any], sigil: Sigil = "$", path: str = "$") -> Any:
-    """`value` with every spot filled. A spot that is the whole string keeps its value's type.
+    """`value` with every placeholder filled. A placeholder that is the whole string keeps its value's type.
 
-    Raises ContractInvalid that names the path of a spot that is malformed, unknown, or not a scalar inside a text.
+    Raises ContractInvalid that names a placeholder's path if it is malformed, unknown, or not a scalar inside a text.
     """
     match value:
         case Mapping():
@@ -88,7 +88,7 @@ def substitute(value: Any, *, bindings: Mapping[str, Any], sigil: Sigil = "$", p
 
 
 def names_in(value: Any, *, sigil: Sigil = "$") -> frozenset[str]:
-    """The names that the spots of `value` refer to."""
+    """The names that the placeholders of `value` refer to."""
     match value:
         case Mapping():
             return names_in(list(value.values()), sigil=sigil)
@@ -101,7 +101,7 @@ def names_in(value: Any, *, sigil: Sigil = "$") -> frozenset[str]:
 
 
 def unknown(noun: str, name: str, *, known: Iterable[str], where: str = "") -> UnknownName:
-    """The error for a name that nothing answers to: what exists, and the nearest of it."""
+    """The error for an unknown name: lists what exists, and the nearest match."""
     names = sorted(set(known), key=str.casefold)
     near = get_close_matches(_folded(name), [_folded(word) for word in names], n=1, cutoff=0.6)
     meant = next((word for word in names if near and _folded(word) == near[0]), None)

@@ -1,4 +1,4 @@
-"""Pure: a goal in words and a template become a task contract T = (g, G, C_g, S, R), or a typed error (R1, R2)."""
+"""Compiles a goal and a template into a task contract T = (g, G, C_g, S, R), or raises a typed error (R1, R2). Pure."""
 
 import math
 import re
@@ -7,12 +7,12 @@ from typing import Any
 
 import msgspec
 
+from harness.contracts import tasks
 from harness.contracts.effects import Condition, Relational, Temporal
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.places import Place, Site
-from harness.contracts.tasks import Goal, TaskContract, TaskTemplate, TemplateParameter, check
 from harness.contracts.values import encode
-from harness.planning.binding import bind_passage, bind_place, bind_route, names_in, substitute, unknown
+from harness.planning import binding
 from harness.planning.templates import goal_of
 
 Argument = str | float
@@ -20,8 +20,8 @@ _LONGEST_TEXT = 200
 
 
 def compile_contract(
-    *, goal: str, template: TaskTemplate, arguments: Mapping[str, Argument], site: Site
-) -> TaskContract:
+    *, goal: str, template: tasks.TaskTemplate, arguments: Mapping[str, Argument], site: Site
+) -> tasks.TaskContract:
     """The contract of one request. `arguments` fill the template's parameters; its defaults fill the rest.
 
     Besides its parameters a template may refer to `goal`, `site`, and, where it has the places for them, `outbound`
@@ -31,7 +31,7 @@ def compile_contract(
     said = goal_of(goal)
     chosen = _arguments(template, arguments)
     bindings = _bindings(said, chosen, template, site)
-    draft = substitute(
+    draft = binding.substitute(
         {
             "nodes": template.nodes,
             "completion_conditions": template.completion_conditions,
@@ -51,13 +51,13 @@ def compile_contract(
         },
         template,
     )
-    check(contract)
+    tasks.check(contract)
     _check_spans_nodes(contract)
     return contract
 
 
-def compile_again(contract: TaskContract, *, template: TaskTemplate, site: Site) -> TaskContract:
-    """The request behind a contract under another version of its template, with what its person chose (D35).
+def compile_again(contract: tasks.TaskContract, *, template: tasks.TaskTemplate, site: Site) -> tasks.TaskContract:
+    """The request behind a contract under another version of its template, with the person's own choices (D35).
 
     Raises as `compile_contract` does.
     """
@@ -67,16 +67,16 @@ def compile_again(contract: TaskContract, *, template: TaskTemplate, site: Site)
 
 
 def _said(bound: Any) -> Argument:
-    """A place was bound to its record; whatever else was chosen stands as it was given."""
+    """The original argument: a place is bound to its record; everything else stays as it was given."""
     said: Argument = bound["place_id"] if isinstance(bound, Mapping) else bound
     return said
 
 
-def _arguments(template: TaskTemplate, arguments: Mapping[str, Argument]) -> dict[str, Argument]:
+def _arguments(template: tasks.TaskTemplate, arguments: Mapping[str, Argument]) -> dict[str, Argument]:
     parameters = {parameter.name: parameter for parameter in template.parameters}
     for name in arguments:
         if name not in parameters:
-            raise unknown("parameter", name, known=parameters, where=f"template {template.name}")
+            raise binding.unknown("parameter", name, known=parameters, where=f"template {template.name}")
     chosen = {}
     for name, parameter in parameters.items():
         value = arguments.get(name, parameter.default)
@@ -88,7 +88,7 @@ def _arguments(template: TaskTemplate, arguments: Mapping[str, Argument]) -> dic
     return chosen
 
 
-def _argument(parameter: TemplateParameter, value: Argument) -> Argument:
+def _argument(parameter: tasks.TemplateParameter, value: Argument) -> Argument:
     where = f"argument {parameter.name}"
     if parameter.type == "number":
         try:
@@ -105,13 +105,15 @@ def _argument(parameter: TemplateParameter, value: Argument) -> Argument:
     return value
 
 
-def _bindings(goal: Goal, chosen: Mapping[str, Argument], template: TaskTemplate, site: Site) -> dict[str, Any]:
+def _bindings(
+    goal: tasks.Goal, chosen: Mapping[str, Argument], template: tasks.TaskTemplate, site: Site
+) -> dict[str, Any]:
     places = {
-        parameter.name: bind_place(str(chosen[parameter.name]), site=site)
+        parameter.name: binding.bind_place(str(chosen[parameter.name]), site=site)
         for parameter in template.parameters
         if parameter.type == "place"
     }
-    used = names_in((template.nodes, template.completion_conditions, template.constraints))
+    used = binding.names_in((template.nodes, template.completion_conditions, template.constraints))
     bound: dict[str, Any] = {
         "goal": goal,
         "site": {"name": site.name, "frame": site.frame, "map_version": site.map_version},
@@ -127,20 +129,20 @@ def _journeys(places: Mapping[str, Place], used: frozenset[str], site: Site) -> 
     home, destination = places.get("home"), places.get("destination")
     found: dict[str, Any] = {}
     if home and "circuit" in used:
-        found["circuit"] = bind_route(home, home, site=site)
+        found["circuit"] = binding.bind_route(home, home, site=site)
     if home and destination and "outbound" in used:
-        found["outbound"] = bind_route(home, destination, site=site)
+        found["outbound"] = binding.bind_route(home, destination, site=site)
     if home and destination and "inbound" in used:
-        found["inbound"] = bind_route(destination, home, site=site)
+        found["inbound"] = binding.bind_route(destination, home, site=site)
     if destination and "passage" in used:
-        found["passage"] = bind_passage(destination, site=site)
+        found["passage"] = binding.bind_passage(destination, site=site)
     return found
 
 
-def _typed(draft: Mapping[str, Any], template: TaskTemplate) -> TaskContract:
+def _typed(draft: Mapping[str, Any], template: tasks.TaskTemplate) -> tasks.TaskContract:
     _check_finite(draft, "$")
     try:
-        return msgspec.convert(draft, TaskContract, strict=True)
+        return msgspec.convert(draft, tasks.TaskContract, strict=True)
     except msgspec.ValidationError as error:
         what, _, path = str(error).partition(" - at `")
         raise ContractInvalid(
@@ -171,7 +173,7 @@ def _check_finite(value: Any, path: str) -> None:
             _check_finite(item, f"{path}[{index}]")
 
 
-def _check_spans_nodes(contract: TaskContract) -> None:
+def _check_spans_nodes(contract: tasks.TaskContract) -> None:
     """D20: the goal of several nodes needs a condition that no node tests by itself."""
     own = [condition.effect for node in contract.nodes for condition in node.success_conditions]
     spanning = (

@@ -1,4 +1,4 @@
-"""Pure: which stages a goal is taken apart into, whoever plans, and what the harness makes of such a plan (R225).
+"""Decomposes a goal into stages, and checks the plan of whichever planner proposed them (R225). Pure.
 
 A template offers stages with their conditions and limits. A planner, a model included, chooses and orders them: it
 can add an order, never a stage, a capability or a condition, and it cannot leave out what the goal requires.
@@ -30,7 +30,7 @@ class PlanStep(Value):
 
 
 class StagePlan(Value):
-    """A goal taken apart. A proposal, never an authorisation (R41)."""
+    """A decomposed goal. A proposal, never an authorisation (R41)."""
 
     steps: tuple[PlanStep, ...]
     reason: str
@@ -38,7 +38,7 @@ class StagePlan(Value):
 
 @dataclass(frozen=True)
 class StagePlanner:
-    """Whoever takes a goal apart, under a name that stands with the mission. `propose` may answer anything or raise."""
+    """Decomposes a goal, under a name that is stored with the mission. `propose` may answer anything or raise."""
 
     name: str
     propose: Callable[[str, TaskTemplate], StagePlan]
@@ -46,7 +46,7 @@ class StagePlanner:
 
 @dataclass(frozen=True)
 class Decomposed:
-    """The template as it is compiled, what the planner said of it, and why that was not taken up if it was not."""
+    """The template as it is compiled, the planner's proposal, and why that was refused, if it was."""
 
     template: TaskTemplate
     planner: str
@@ -70,7 +70,7 @@ ONE_AFTER_ANOTHER = StagePlanner(name="one-after-another-1", propose=one_after_a
 
 
 def decomposed(planner: StagePlanner, *, goal: str, template: TaskTemplate) -> Decomposed:
-    """Ask, admit or refuse; whatever is refused or breaks, the harness's own plan is taken."""
+    """Ask the planner, then admit or refuse its plan. If it is refused or raises, the harness's own plan is used."""
     plan: StagePlan | None = None
     try:
         plan = _storable(planner.propose(goal, template))
@@ -121,7 +121,7 @@ def _order_refusal(plan: StagePlan, template: TaskTemplate) -> Refused | None:
 
 
 def _waits(plan: StagePlan, template: TaskTemplate) -> dict[NodeId, set[NodeId]]:
-    """What each planned stage waits for: what the plan says, and what the template says whatever the plan does."""
+    """What each planned stage waits for: the plan's dependencies and the template's own."""
     own = {NodeId(str(node["node_id"])): node.get("depends_on", ()) for node in template.nodes}
     return {step.stage: {*step.after, *(NodeId(str(one)) for one in own[step.stage])} for step in plan.steps}
 
@@ -148,7 +148,7 @@ def _ordered(template: TaskTemplate, plan: StagePlan) -> TaskTemplate:
 
 
 def _storable(said: StagePlan) -> StagePlan:
-    """The plan as values that can be kept. Raises TypeError if it is none."""
+    """The plan as values that can be stored. Raises TypeError if it is no plan."""
     if not isinstance(said, StagePlan):
         raise TypeError(f"{type(said).__name__} is no plan")
     if len(said.steps) > MOST_STEPS:

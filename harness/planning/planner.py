@@ -1,4 +1,4 @@
-"""Pure: the planning role. It proposes the next node from C1; it starts, commits and promises nothing."""
+"""The planning role: proposes the next node from C1. Pure: it starts and commits nothing."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -51,7 +51,7 @@ def plan(context: Context) -> PlanProposal:
 
 @dataclass(frozen=True)
 class Planner:
-    """Whoever proposes the next node from C1, under a name that stands in the log. A proposal has no authority (R41).
+    """Proposes the next node from C1, under a name that is stored in the log. A proposal has no authority (R41).
 
     A model behind `plan` may answer anything or raise; the harness admits its proposal or takes its own.
     """
@@ -65,7 +65,7 @@ GRAPH_ORDER = Planner(name="graph-order-1", plan=plan)
 
 
 def plan_refusal(proposal: PlanProposal, *, mission: Mission) -> Refused | None:
-    """Why this plan may not be taken up, whoever made it, a model included; None if it may (R41)."""
+    """Why this plan may not be used, whoever made it, a model included; None if it may (R41)."""
     if mission.status != "active":
         return refused("not_active", because("nothing_planned_now", status=mission.status))
     if mission.invocation is not None:
@@ -86,7 +86,7 @@ def plan_refusal(proposal: PlanProposal, *, mission: Mission) -> Refused | None:
 class Plan:
     """What is done next: the planner's proposal where the harness admits it, else the harness's own.
 
-    `proposal` is what the planner said, cut to what can be stored; None if it said nothing usable.
+    `proposal` is the planner's proposal, cut to what can be stored; None if there was nothing usable.
     """
 
     node_id: NodeId | None
@@ -97,7 +97,7 @@ class Plan:
 
 
 def planned(planner: Planner, context: Context, *, mission: Mission) -> Plan:
-    """Ask the planner, admit or refuse. A planner that is refused, raises or sees nothing to do stops nothing."""
+    """Ask the planner, then admit or refuse its proposal. A planner that fails or proposes nothing stops nothing."""
     own = plan(context)
     try:
         proposal = _storable(planner.plan(context))
@@ -117,7 +117,7 @@ def planned(planner: Planner, context: Context, *, mission: Mission) -> Plan:
 
 
 def _storable(said: PlanProposal) -> PlanProposal:
-    """The proposal as text that the log can hold. Raises TypeError if it is none."""
+    """The proposal as text that the log can hold. Raises TypeError if it is no proposal."""
     if not isinstance(said, PlanProposal):
         raise TypeError(f"{type(said).__name__} is no plan")
     node_id = NodeId(_short(said.node_id)) if said.node_id is not None else None

@@ -1,4 +1,4 @@
-"""Pure: restrictions only ever add up. The tightest of two wins, and nothing here can loosen one (R172)."""
+"""Combines restrictions: the tighter of two wins, and none can be loosened (R172). Pure."""
 
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import ResourceId
@@ -6,7 +6,7 @@ from harness.contracts.tasks import Constraints
 
 
 def tightest(one: Constraints, other: Constraints) -> Constraints:
-    """What holds when both do. An empty list of resources states no limit; two lists leave what both allow.
+    """The combination of two restrictions. An empty list of resources states no limit; two lists leave what both allow.
 
     Raises ContractInvalid if they allow no resource together: an empty list would read as no limit.
     """

@@ -1,4 +1,4 @@
-"""Pure: which revised contract a planner may propose (R4, R131), and what a reopened stage takes along (D29).
+"""Checks a planner's revised contract (R4, R131), and finds the stages that restart with a reopened one (D29). Pure.
 
 A revision may reorder what is still open, add stages and add restrictions. It keeps the goal, its completion
 conditions, what was committed, and every limit and budget.
@@ -6,12 +6,12 @@ conditions, what was committed, and every limit and budget.
 
 from collections.abc import Iterator, Sequence
 
+from harness.contracts import tasks
 from harness.contracts.decisions import Refused, refused
 from harness.contracts.effects import Metric
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import NodeId
 from harness.contracts.reasons import because, recorded
-from harness.contracts.tasks import Goal, Node, RecoveryLimits, TaskContract, check, order
 from harness.planning.restrictions import loosened
 from harness.planning.targets import choice_refusal
 from harness.projections.mission import Mission, required_contract
@@ -19,7 +19,7 @@ from harness.projections.mission import Mission, required_contract
 RISKS = ("low", "medium", "high")
 
 
-def revision_refusal(mission: Mission, proposed: TaskContract) -> Refused | None:
+def revision_refusal(mission: Mission, proposed: tasks.TaskContract) -> Refused | None:
     """The first rule that the proposed contract breaks, or None.
 
     Rules: goal_changed, conditions_changed, frame_changed, constraints_loosened, budget_raised, node_removed,
@@ -30,14 +30,14 @@ def revision_refusal(mission: Mission, proposed: TaskContract) -> Refused | None
         broken = _kept_whole(current, proposed) or _limits(current, proposed) or _stages(mission, current, proposed)
         broken = broken or choice_refusal(mission, proposed)
         if broken is None:
-            check(proposed)
+            tasks.check(proposed)
     except ContractInvalid as error:
         return refused("contract_invalid", recorded(str(error)))
     return broken
 
 
-def reopened_with(contract: TaskContract, responsible: NodeId) -> tuple[NodeId, ...]:
-    """The stages that begin anew with this one: what depends on it, and who must bring the body back for them.
+def reopened_with(contract: tasks.TaskContract, responsible: NodeId) -> tuple[NodeId, ...]:
+    """The stages that restart with this one: what depends on it, and who must bring the body back for them.
 
     `responsible` comes first, the others in graph order.
     """
@@ -51,17 +51,17 @@ def reopened_with(contract: TaskContract, responsible: NodeId) -> tuple[NodeId, 
         if more <= found:
             break
         found |= more
-    return (responsible, *(node_id for node_id in order(contract) if node_id in found and node_id != responsible))
+    return (responsible, *(node_id for node_id in tasks.order(contract) if node_id in found and node_id != responsible))
 
 
-def _establishes(node: Node, served: Sequence[Node]) -> bool:
+def _establishes(node: tasks.Node, served: Sequence[tasks.Node]) -> bool:
     """Whether a stage brings the body to a place where one of the others must begin."""
     targets = {one.effect.target_m for one in node.success_conditions if isinstance(one.effect, Metric)}
     begins = {one.target_m for other in served for one in other.preconditions if one.predicate == "at_place"}
     return bool(targets & begins)
 
 
-def _kept_whole(current: TaskContract, proposed: TaskContract) -> Refused | None:
+def _kept_whole(current: tasks.TaskContract, proposed: tasks.TaskContract) -> Refused | None:
     if _goal(current) != _goal(proposed):
         return refused("goal_changed")
     if current.completion_conditions != proposed.completion_conditions:
@@ -71,15 +71,15 @@ def _kept_whole(current: TaskContract, proposed: TaskContract) -> Refused | None
     return None
 
 
-def _goal(contract: TaskContract) -> tuple[Goal, str]:
+def _goal(contract: tasks.TaskContract) -> tuple[tasks.Goal, str]:
     return contract.goal, contract.template
 
 
-def _frame(contract: TaskContract) -> tuple[str, str]:
+def _frame(contract: tasks.TaskContract) -> tuple[str, str]:
     return contract.frame, contract.map_version
 
 
-def _limits(current: TaskContract, proposed: TaskContract) -> Refused | None:
+def _limits(current: tasks.TaskContract, proposed: tasks.TaskContract) -> Refused | None:
     if relaxed := loosened(current.constraints, proposed.constraints):
         return refused("constraints_loosened", constraints=tuple(relaxed))
     if proposed.recovery_total > current.recovery_total:
@@ -87,7 +87,7 @@ def _limits(current: TaskContract, proposed: TaskContract) -> Refused | None:
     return None
 
 
-def _stages(mission: Mission, current: TaskContract, proposed: TaskContract) -> Refused | None:
+def _stages(mission: Mission, current: tasks.TaskContract, proposed: tasks.TaskContract) -> Refused | None:
     after = {node.node_id: node for node in proposed.nodes}
     for node in current.nodes:
         begun = mission.of(node.node_id).attempt > 0
@@ -107,8 +107,8 @@ def _stages(mission: Mission, current: TaskContract, proposed: TaskContract) -> 
     return None
 
 
-def _weaker(before: Node, after: Node) -> Iterator[str]:
-    """What the revised stage would ask less of."""
+def _weaker(before: tasks.Node, after: tasks.Node) -> Iterator[str]:
+    """What the revised stage would require less of."""
     if any(one not in after.success_conditions for one in before.success_conditions):
         yield "success_conditions"
     if any(one not in after.preconditions for one in before.preconditions):
@@ -131,10 +131,12 @@ def _weaker(before: Node, after: Node) -> Iterator[str]:
         yield "evidence_policy"
 
 
-def _exceeds(one: RecoveryLimits, limits: RecoveryLimits) -> bool:
-    return any(getattr(one, name) > getattr(limits, name) for name in RecoveryLimits.__struct_fields__)
+def _exceeds(one: tasks.RecoveryLimits, limits: tasks.RecoveryLimits) -> bool:
+    return any(getattr(one, name) > getattr(limits, name) for name in tasks.RecoveryLimits.__struct_fields__)
 
 
-def _largest(contract: TaskContract) -> RecoveryLimits:
-    names = RecoveryLimits.__struct_fields__
-    return RecoveryLimits(**{name: max(getattr(node.recovery, name) for node in contract.nodes) for name in names})
+def _largest(contract: tasks.TaskContract) -> tasks.RecoveryLimits:
+    names = tasks.RecoveryLimits.__struct_fields__
+    return tasks.RecoveryLimits(
+        **{name: max(getattr(node.recovery, name) for node in contract.nodes) for name in names}
+    )

@@ -1,4 +1,4 @@
-"""Pure: the skill role. It turns one node, its card and committed facts in C2 into the parameters of one invocation."""
+"""The skill role: turns one node, its card and committed facts in C2 into parameters of one invocation. Pure."""
 
 import math
 from typing import Any

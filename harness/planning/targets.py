@@ -1,6 +1,6 @@
-"""Pure: an exploring contract: which stage keeps it open, which targets it was given, what the next one adds (R222).
+"""Extends an exploring contract by targets, and checks which ones a revision may add (R222). Pure.
 
-A choice stands in the contract's bindings under `targets`, by the name of the leg that goes there.
+A choice is stored in the contract's bindings under `targets`, by the name of the leg that goes there.
 """
 
 from typing import Any

@@ -1,4 +1,4 @@
-"""Pure: which task template a goal in words asks for. Deterministic; guesses nothing."""
+"""Selects the task template for a goal in words. Pure and deterministic: guesses nothing."""
 
 import re
 from collections.abc import Sequence

@@ -1,21 +1,11 @@
-"""Pure: what the history and what is observed live say is wrong, and under which cause. Writes nothing."""
+"""Finds what is wrong, and under which cause, from events and live observations. Pure."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from harness.contracts import events
 from harness.contracts.alert_commands import ClearAlert, RaiseAlert
 from harness.contracts.alert_events import AlertKind, Occurrence, Priority
-from harness.contracts.events import (
-    FailureClassified,
-    HandoffAnswered,
-    HandoffRequested,
-    MissionEnded,
-    MissionEvent,
-    StopAcknowledged,
-    VerdictRecorded,
-    VetoCleared,
-    VetoRaised,
-)
 from harness.contracts.handoff_events import HandoffEscalated, HandoffEvent, NoAnswerTaken
 from harness.contracts.protocol import PhysicalStart, RobotStatus
 from harness.contracts.reasons import Explanation, Reason, because
@@ -28,18 +18,18 @@ LONGEST_TITLE = 160
 LONGEST_TEXT = 500
 UNCLAIMED = {"next_person": because("unclaimed_for_minute"), "outside": because("unclaimed_for_three_minutes")}
 OF_THE_LINK = frozenset({"provider_unavailable", "outcome_unknown", "cancel_unacknowledged"})
-"""Failures that a robot which does not answer brings about: its own alert tells them."""
+"""Failures caused by a robot that does not answer: its own alert reports them."""
 
 AlertChange = tuple[str, RaiseAlert | ClearAlert]
-"""A cause, and what is asked of its alert."""
+"""A cause, and the command for its alert."""
 
 
 @dataclass(frozen=True)
 class About:
-    """Whose event it is, and where it stands in the log.
+    """Whose event it is, and its position in the log.
 
-    `node` is the stage that was last in trouble; `failure` its class; `lost` whether the robot does not answer now;
-    `vetoes` the layers whose vetoes the mission had.
+    `node` is the latest stage with trouble; `failure` its class; `lost` whether the robot does not answer now; `vetoes`
+    the layers whose vetoes the mission had.
     """
 
     mission_id: str
@@ -55,7 +45,7 @@ class About:
 
 @dataclass(frozen=True)
 class RobotReport:
-    """What is known of a robot at this moment: its own word, how old that is, and why it does not answer if so."""
+    """What is known of a robot now: its own report, how old that is, and why it does not answer if so."""
 
     robot_id: str
     status: RobotStatus | None
@@ -69,32 +59,33 @@ def link_cause(robot_id: str) -> str:
 
 
 def mission_cause(about: About) -> str:
-    """Trouble at one stage of one mission is one cause; what a silent robot brings about is the silence's."""
+    """Trouble at one stage of one mission is one cause; consequences of a silent robot belong to the silence's
+    cause."""
     if about.lost and about.failure in OF_THE_LINK:
         return link_cause(about.robot_id)
     return f"mission/{about.mission_id}/{about.node or 'goal'}"
 
 
-def of_mission(event: MissionEvent, about: About) -> tuple[AlertChange, ...]:
+def of_mission(event: events.MissionEvent, about: About) -> tuple[AlertChange, ...]:
     """What a mission's event raises or clears."""
     match event:
-        case VetoRaised():
+        case events.VetoRaised():
             raised = _raise(
                 about, "veto", "critical", because("alert_veto", layer=event.layer), event.reason, event.layer
             )
             return (raised,)
-        case VetoCleared():
+        case events.VetoCleared():
             return _clear(about, f"veto {event.layer}", event.reason)
-        case VerdictRecorded() if event.verdict.verdict == "unsafe":
+        case events.VerdictRecorded() if event.verdict.verdict == "unsafe":
             return (
                 _raise(
                     about, "unsafe", "critical", because("alert_unsafe", stage=_stage(about.node)), event.verdict.reason
                 ),
             )
-        case HandoffRequested():
+        case events.HandoffRequested():
             title = because("alert_handoff", stage=_stage(event.node_id))
             return (_raise(about, "handoff", "high", title, event.reason, event.handoff_id),)
-        case HandoffAnswered():
+        case events.HandoffAnswered():
             said = because(
                 "alert_answered", actor=event.actor.name, channel=event.actor.channel, decision=event.decision
             )
@@ -104,7 +95,7 @@ def of_mission(event: MissionEvent, about: About) -> tuple[AlertChange, ...]:
                 for one in (asked, *(f"{asked} {level}" for level in UNCLAIMED))
                 for told in _clear(about, one, said)
             )
-        case StopAcknowledged() if not event.static:
+        case events.StopAcknowledged() if not event.static:
             return (_raise(about, "body_not_static", "critical", because("alert_not_at_rest"), event.reason),)
         case CompletionDisputed():
             title = because("alert_disputed", stage=_stage(event.node_id))
@@ -114,16 +105,16 @@ def of_mission(event: MissionEvent, about: About) -> tuple[AlertChange, ...]:
                     disputed, "disputed", "high", title, because("said_by", actor=event.actor.name, reason=event.reason)
                 ),
             )
-        case MissionEnded():
+        case events.MissionEnded():
             return _ended(event, about)
         case _:
             return ()
 
 
 def of_handoff(event: HandoffEvent, about: About, handoff_id: str) -> tuple[AlertChange, ...]:
-    """A question that nobody takes becomes more pressing; from the second step on it is told again.
+    """An unclaimed question becomes more urgent; from the second step on it is notified again.
 
-    Where the robot could not be shown to do what it does without an answer, a person has to look.
+    Where the robot could not be shown to do its no-answer action, a person has to look.
     """
     if isinstance(event, NoAnswerTaken) and not event.done:
         title = because("alert_no_answer_not_done", action=event.action)
@@ -134,19 +125,19 @@ def of_handoff(event: HandoffEvent, about: About, handoff_id: str) -> tuple[Aler
     return (_raise(about, "handoff", "critical", title, UNCLAIMED[event.level], f"{handoff_id} {event.level}"),)
 
 
-def troubled(event: MissionEvent, about: About) -> tuple[str, str]:
+def troubled(event: events.MissionEvent, about: About) -> tuple[str, str]:
     """(stage, failure class) of the newest trouble, after this event."""
     match event:
-        case FailureClassified():
+        case events.FailureClassified():
             return event.node_id, event.failure
-        case HandoffRequested():
+        case events.HandoffRequested():
             return event.node_id, event.failure
         case _:
             return about.node, about.failure
 
 
 def of_robot(heard: RobotReport) -> tuple[Occurrence, ...]:
-    """What is wrong with a robot now; each lasts until it is not in this list any more."""
+    """What is wrong with a robot now; each condition lasts until it is no longer in this list."""
     robot_id, status = heard.robot_id, heard.status
     silent = heard.trouble or (heard.age_s is not None and heard.age_s > LOST_AFTER_S)
     if silent and (heard.age_s is None or heard.age_s > LOST_AFTER_S):
@@ -172,7 +163,7 @@ def of_robot(heard: RobotReport) -> tuple[Occurrence, ...]:
 
 
 def causes_of_robot(robot_id: str) -> Mapping[str, str]:
-    """Kind -> cause of everything that `of_robot` may say of a robot."""
+    """Kind -> cause of everything that `of_robot` may report about a robot."""
     return {
         "robot_lost": link_cause(robot_id),
         "battery_low": f"robot/{robot_id}/battery",
@@ -200,7 +191,7 @@ def duplicate_starts(about: About, starts: Sequence[PhysicalStart]) -> tuple[Occ
     )
 
 
-def of_house(
+def of_site(
     kind: AlertKind, priority: Priority, title: Explanation, *, cause: str, text: Explanation, link: str = ""
 ) -> Occurrence:
     """Something wrong with the installation itself; it lasts until it is cleared."""
@@ -244,8 +235,8 @@ def _raise(
     return cause, RaiseAlert(occurrence=occurrence, at_s=about.at_s)
 
 
-def _ended(event: MissionEnded, about: About) -> tuple[AlertChange, ...]:
-    """A bad end is trouble of its own; whatever the end, vetoes of this mission stand no longer."""
+def _ended(event: events.MissionEnded, about: About) -> tuple[AlertChange, ...]:
+    """A bad end is trouble of its own; after any end, this mission's vetoes no longer hold."""
     title = because("alert_mission_ended", status=event.status)
     bad = event.status in ("failed", "safe_stopped", "handed_off")
     raised = (_raise(about, "mission_failed", "high", title, event.reason),) if bad else ()
@@ -254,7 +245,7 @@ def _ended(event: MissionEnded, about: About) -> tuple[AlertChange, ...]:
 
 
 def _clear(about: About, condition: str, reason: Explanation) -> tuple[AlertChange, ...]:
-    """Under the stage's cause and under the robot's: which of them told it depends on what was known then."""
+    """Under the stage's cause and under the robot's: which of them raised it depends on what was known then."""
     cleared = ClearAlert(condition=condition, reason=_cut(reason, LONGEST_TEXT), at_s=about.at_s, source=about.position)
     return tuple((cause, cleared) for cause in dict.fromkeys((mission_cause(about), link_cause(about.robot_id))))
 

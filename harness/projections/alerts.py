@@ -1,24 +1,11 @@
-"""Pure: an alert's state, and what the history and live state say is wrong. Reads no clock, writes nothing."""
+"""Folds an alert's state from its events. Pure: reads no clock, writes nothing."""
 
 from typing import Literal, assert_never
 
 from msgspec.structs import replace
 
+from harness.contracts import alert_events
 from harness.contracts.actors import Actor
-from harness.contracts.alert_events import (
-    PRIORITIES,
-    AlertAcknowledged,
-    AlertAssigned,
-    AlertCleared,
-    AlertEvent,
-    AlertNotified,
-    AlertRaised,
-    AlertRestored,
-    AlertShelved,
-    AlertSuppressed,
-    Occurrence,
-    Priority,
-)
 from harness.contracts.values import Count, Value
 
 AlertStatus = Literal["unacknowledged", "acknowledged", "returned", "normal", "shelved", "suppressed"]
@@ -29,12 +16,12 @@ class Alert(Value):
 
     `standing` are the conditions that hold. `unseen`: something happened at an instant and nobody acknowledged it.
     `count` counts occurrences since the alert was last normal, `total` all of them; `first_s` is the first of `count`.
-    `told` is the newest position of the log that was taken in.
+    `told` is the newest log position that was taken in.
     """
 
     version: Count = 0
-    newest: Occurrence | None = None
-    priority: Priority = "low"
+    newest: alert_events.Occurrence | None = None
+    priority: alert_events.Priority = "low"
     standing: tuple[str, ...] = ()
     unseen: bool = False
     acknowledged: bool = False
@@ -50,7 +37,7 @@ class Alert(Value):
     suppressed_by: Actor | None = None
     reason: str = ""
     assignee: str = ""
-    notified: tuple[AlertNotified, ...] = ()
+    notified: tuple[alert_events.AlertNotified, ...] = ()
 
     @property
     def active(self) -> bool:
@@ -59,7 +46,7 @@ class Alert(Value):
 
 
 def status(alert: Alert, now_s: float) -> AlertStatus:
-    """Where the alert stands at an instant of wall time."""
+    """The alert's status at an instant of wall time."""
     if alert.suppressed_by is not None:
         return "suppressed"
     if alert.shelved_until_s > now_s:
@@ -69,18 +56,18 @@ def status(alert: Alert, now_s: float) -> AlertStatus:
     return "normal" if alert.acknowledged else "returned"
 
 
-def apply(alert: Alert, event: AlertEvent) -> Alert:
+def apply(alert: Alert, event: alert_events.AlertEvent) -> Alert:
     """The alert after one more event."""
     nxt = replace(alert, version=alert.version + 1)
     match event:
-        case AlertRaised():
+        case alert_events.AlertRaised():
             return _raised(nxt, event)
-        case AlertCleared():
+        case alert_events.AlertCleared():
             left = tuple(one for one in nxt.standing if one != event.condition)
             return replace(nxt, standing=left, told=max(nxt.told, event.source))
-        case AlertAcknowledged():
+        case alert_events.AlertAcknowledged():
             return replace(nxt, acknowledged=True, unseen=False, acknowledged_by=event.actor, note=event.note)
-        case AlertShelved():
+        case alert_events.AlertShelved():
             return replace(
                 nxt,
                 shelved_until_s=event.until_s,
@@ -88,23 +75,23 @@ def apply(alert: Alert, event: AlertEvent) -> Alert:
                 suppressed_by=None,
                 reason=event.reason,
             )
-        case AlertSuppressed():
+        case alert_events.AlertSuppressed():
             return replace(nxt, suppressed_by=event.actor, shelved_until_s=0.0, reason=event.reason)
-        case AlertRestored():
+        case alert_events.AlertRestored():
             return replace(nxt, suppressed_by=None, shelved_until_s=0.0, reason="")
-        case AlertAssigned():
+        case alert_events.AlertAssigned():
             return replace(nxt, assignee=event.assignee)
-        case AlertNotified():
+        case alert_events.AlertNotified():
             return replace(nxt, notified=(*nxt.notified, event)[-8:])
         case _:
             assert_never(event)
 
 
-def _raised(alert: Alert, event: AlertRaised) -> Alert:
+def _raised(alert: Alert, event: alert_events.AlertRaised) -> Alert:
     """A new occurrence needs a new acknowledgement; after a normal state the count begins again."""
     one = event.occurrence
     begins = alert.newest is None or (not alert.active and alert.acknowledged)
-    priority = one.priority if begins else max(one.priority, alert.priority, key=PRIORITIES.index)
+    priority = one.priority if begins else max(one.priority, alert.priority, key=alert_events.PRIORITIES.index)
     lasting = (one.condition,) if one.condition and one.condition not in alert.standing else ()
     return replace(
         alert,

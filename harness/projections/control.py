@@ -1,10 +1,11 @@
-"""Pure: how far the house lets missions decide, which robots people drive by hand, and which retreat."""
+"""Folds site control: autonomy limits, teleoperation sessions and returns to the safe point. Pure."""
 
 from typing import Literal, assert_never
 
 import msgspec
 from msgspec.structs import replace
 
+from harness.contracts import retreat_events
 from harness.contracts.actors import Actor
 from harness.contracts.control import (
     Autonomy,
@@ -15,18 +16,11 @@ from harness.contracts.control import (
     WheelTaken,
 )
 from harness.contracts.ids import RequestId, RobotId
-from harness.contracts.retreat_events import (
-    RetreatEnded,
-    RetreatEvent,
-    RetreatIntended,
-    RetreatOutcome,
-    RetreatStopping,
-)
 from harness.contracts.values import Count, Value
 
 
 class TeleoperationSession(Value):
-    """Who drives a robot by hand, from which device, under which fencing token."""
+    """Who teleoperates a robot, from which device, under which fencing token."""
 
     robot_id: RobotId
     session: RequestId
@@ -37,15 +31,16 @@ class TeleoperationSession(Value):
 
 
 class Retreating(Value):
-    """A robot's newest retreat. `stop` is why it was asked to stand; `ended` how it ended, None while it is open.
+    """A robot's newest return to the safe point. `stop`: why it was asked to stop; `ended`: how it ended, None while
+    open.
 
-    `version` is that of the newest event about it in the house's control stream.
+    `version` is that of the newest event about it in the site's control stream.
     """
 
-    intent: RetreatIntended
-    status: Literal["sent", "stopping"] | RetreatOutcome = "sent"
-    stop: RetreatStopping | None = None
-    ended: RetreatEnded | None = None
+    intent: retreat_events.RetreatIntended
+    status: Literal["sent", "stopping"] | retreat_events.RetreatOutcome = "sent"
+    stop: retreat_events.RetreatStopping | None = None
+    ended: retreat_events.RetreatEnded | None = None
     version: Count = 0
 
     @property
@@ -54,7 +49,7 @@ class Retreating(Value):
 
 
 class SiteControl(Value):
-    """The fold of the house's control stream."""
+    """The fold of the site's control stream."""
 
     version: Count = 0
     autonomy: Autonomy = "autonomous"
@@ -64,13 +59,13 @@ class SiteControl(Value):
     retreats: dict[RobotId, Retreating] = msgspec.field(default_factory=dict)
 
     def retreating(self, robot_id: RobotId) -> Retreating | None:
-        """The retreat of this robot that has not ended."""
+        """The return of this robot that has not ended."""
         newest = self.retreats.get(robot_id)
         return newest if newest is not None and newest.open else None
 
 
 def apply(control: SiteControl, event: ControlEvent) -> SiteControl:
-    """The control after one more event."""
+    """The control state after one more event."""
     nxt = replace(control, version=control.version + 1)
     match event:
         case AutonomyLimited():
@@ -89,19 +84,19 @@ def apply(control: SiteControl, event: ControlEvent) -> SiteControl:
             return replace(nxt, wheels={name: one for name, one in nxt.wheels.items() if name != event.robot_id})
         case PostureOrdered():
             return nxt
-        case RetreatIntended() | RetreatStopping() | RetreatEnded():
+        case retreat_events.RetreatIntended() | retreat_events.RetreatStopping() | retreat_events.RetreatEnded():
             return replace(nxt, retreats=nxt.retreats | {event.robot_id: _retreat(nxt, event)})
         case _:
             assert_never(event)
 
 
-def _retreat(control: SiteControl, event: RetreatEvent) -> Retreating:
+def _retreat(control: SiteControl, event: retreat_events.RetreatEvent) -> Retreating:
     match event:
-        case RetreatIntended():
+        case retreat_events.RetreatIntended():
             return Retreating(intent=event, version=control.version)
-        case RetreatStopping():
+        case retreat_events.RetreatStopping():
             return replace(control.retreats[event.robot_id], status="stopping", stop=event, version=control.version)
-        case RetreatEnded():
+        case retreat_events.RetreatEnded():
             known = control.retreats[event.robot_id]
             return replace(known, status=event.outcome, ended=event, version=control.version)
         case _:

@@ -1,4 +1,4 @@
-"""Pure: every piece of evidence of a packet as one row of a list, with what was made of the packet."""
+"""Builds the evidence list: one row per piece of evidence, with the decision about its packet. Pure."""
 
 from collections.abc import Iterator, Sequence
 
@@ -18,7 +18,7 @@ Placed = tuple[int, MissionEvent]
 
 
 def touched(events: Sequence[MissionEvent]) -> set[PacketId]:
-    """Packets whose rows change by these events."""
+    """Packets whose rows change with these events."""
     found: set[PacketId] = set()
     for event in events:
         match event:

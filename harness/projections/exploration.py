@@ -1,16 +1,15 @@
-"""Pure: an exploring mission's choices, what came of each, and the maps between them, folded from its own record.
+"""Folds an exploring mission's choices, their results and the maps between them from its own events. Pure.
 
-Nothing here is a provider's prose: feedback is typed, and taken from verdicts, failures and maps (R223, R224).
+Nothing here is a provider's text: feedback is typed, and taken from verdicts, failures and maps (R223, R224).
 """
 
 from collections.abc import Iterator, Sequence
 
 import msgspec
 
+from harness.contracts import exploration, ids
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.evidence import CommittedFact, EvidencePacket, EvidenceReference
-from harness.contracts.exploration import AnyFeedback, BlockedTarget, MapChanged, MapUpdate, Reached, TargetChoice
-from harness.contracts.ids import Digest, MissionId, NodeId, PacketId, ProviderId
 from harness.contracts.protocol import InvocationStatus
 from harness.contracts.reasons import Explanation
 from harness.contracts.tasks import TaskContract
@@ -20,14 +19,15 @@ from harness.projections.mission import Mission, NodeState, NodeStatus, required
 
 MAP = "map"
 TARGETS = "targets"
-"""Choices stand in a contract's bindings under this name, by the leg that goes there."""
+"""Choices are in a contract's bindings under this name, by the leg that goes there."""
 
 
 class PlannerResponse(Value):
-    """What the local planner made of a target, and what the gate made of that: its newest execution towards it."""
+    """The local planner's result for a target and the gate's decision on it: the newest execution towards the
+    target."""
 
-    provider_id: ProviderId
-    packet_id: PacketId
+    provider_id: ids.ProviderId
+    packet_id: ids.PacketId
     terminal: InvocationStatus
     failure: str
     verdict: Verdict | None
@@ -36,31 +36,31 @@ class PlannerResponse(Value):
 class ExplorationDecision(Value):
     """One choice with everything that belongs to it, under one mission (R224).
 
-    `image` and `map_before` are what it was made from, `map_after` the map that the way there led to; `response` is
-    None until the leg was executed. `question` and `answer` are the records of the choice.
+    `image` and `map_before` are what it was made from, `map_after` the map that resulted on the way; `response` is None
+    until the leg was executed. `question` and `answer` are the records of the choice.
     """
 
-    mission_id: MissionId
-    configuration: Digest
+    mission_id: ids.MissionId
+    configuration: ids.Digest
     k: Count
-    leg: NodeId
-    image: Digest
+    leg: ids.NodeId
+    image: ids.Digest
     target_m: Point
     reason: Explanation
     planner: Name
     refused: Explanation
     status: NodeStatus
     response: PlannerResponse | None
-    map_before: Digest
-    map_after: Digest | None
-    question: Digest
-    answer: Digest
+    map_before: ids.Digest
+    map_after: ids.Digest | None
+    question: ids.Digest
+    answer: ids.Digest
 
 
-def choices(contract: TaskContract) -> dict[NodeId, TargetChoice]:
-    """The targets chosen so far, by leg, in order. Raises ContractInvalid for bindings that are none."""
+def choices(contract: TaskContract) -> dict[ids.NodeId, exploration.TargetChoice]:
+    """The targets chosen so far, by leg, in order. Raises ContractInvalid for invalid bindings."""
     try:
-        return msgspec.convert(contract.bindings.get(TARGETS, {}), dict[NodeId, TargetChoice])
+        return msgspec.convert(contract.bindings.get(TARGETS, {}), dict[ids.NodeId, exploration.TargetChoice])
     except msgspec.ValidationError as error:
         raise ContractInvalid(str(error), where=f"bindings.{TARGETS}", do="bind each leg to its choice") from error
 
@@ -105,10 +105,10 @@ def _response(leg: NodeState) -> PlannerResponse | None:
     )
 
 
-def updates(mission: Mission) -> tuple[tuple[NodeId, MapUpdate], ...]:
+def updates(mission: Mission) -> tuple[tuple[ids.NodeId, exploration.MapUpdate], ...]:
     """The map updates of this mission, oldest first, each with the stage that it followed."""
     return tuple(
-        (NodeId(str(reference.values["after_stage"])), update_of(reference))
+        (ids.NodeId(str(reference.values["after_stage"])), update_of(reference))
         for reference in mission.observed
         if is_update(reference)
     )
@@ -119,11 +119,11 @@ def is_update(reference: EvidenceReference) -> bool:
     return reference.kind == MAP and "after_stage" in reference.values
 
 
-def update_of(reference: EvidenceReference) -> MapUpdate:
+def update_of(reference: EvidenceReference) -> exploration.MapUpdate:
     """The map update that a reference records; its blob is the map after it."""
     values = {name: value for name, value in reference.values.items() if name != "after_stage"}
     lists = {name: str(values[name]).split() for name in ("packets", "sweeps")}
-    return msgspec.convert({**values, **lists, "after": reference.blob}, MapUpdate)
+    return msgspec.convert({**values, **lists, "after": reference.blob}, exploration.MapUpdate)
 
 
 def unmapped(mission: Mission) -> tuple[EvidencePacket, ...]:
@@ -134,25 +134,30 @@ def unmapped(mission: Mission) -> tuple[EvidencePacket, ...]:
     return tuple(sorted(fresh, key=lambda packet: (packet.dispatched_s, packet.identity.packet_id)))
 
 
-def feedback(mission: Mission) -> tuple[AnyFeedback, ...]:
+def feedback(mission: Mission) -> tuple[exploration.AnyFeedback, ...]:
     """Typed feedback on every target so far, in order: reached or blocked, then how the map changed on the way."""
     changes, chosen = updates(mission), choices(required_contract(mission))
     return tuple(word for leg, choice in chosen.items() for word in _said(mission, mission.of(leg), choice, changes))
 
 
 def _said(
-    mission: Mission, leg: NodeState, choice: TargetChoice, changes: Sequence[tuple[NodeId, MapUpdate]]
-) -> Iterator[AnyFeedback]:
+    mission: Mission,
+    leg: NodeState,
+    choice: exploration.TargetChoice,
+    changes: Sequence[tuple[ids.NodeId, exploration.MapUpdate]],
+) -> Iterator[exploration.AnyFeedback]:
     if leg.status == "committed":
         arrival = next((fact for fact in mission.facts if fact.node_id == leg.node_id and fact.name == "arrival"), None)
         moved_m = arrival.measured.get("path_length_m", 0.0) if arrival else 0.0
-        yield Reached(node_id=leg.node_id, target_m=choice.target_m, moved_m=moved_m)
+        yield exploration.Reached(node_id=leg.node_id, target_m=choice.target_m, moved_m=moved_m)
     elif leg.status == "failed":
         last = leg.failures[-1]
-        yield BlockedTarget(node_id=leg.node_id, target_m=choice.target_m, failure=last.failure, reason=last.reason)
+        yield exploration.BlockedTarget(
+            node_id=leg.node_id, target_m=choice.target_m, failure=last.failure, reason=last.reason
+        )
     for after, change in changes:
         if after == leg.node_id and (change.opened_m2 or change.closed_m2):
-            yield MapChanged(
+            yield exploration.MapChanged(
                 node_id=leg.node_id,
                 target_m=choice.target_m,
                 before=change.before,
@@ -167,7 +172,7 @@ def views(mission: Mission) -> tuple[CommittedFact, ...]:
     return tuple(fact for fact in mission.facts if fact.name == "pictured")
 
 
-def newest_image(mission: Mission) -> Digest | None:
+def newest_image(mission: Mission) -> ids.Digest | None:
     """The picture of the newest accepted view; None if there is none yet."""
     seen = views(mission)
-    return Digest(max(seen, key=lambda fact: fact.k).arguments["images"][-1]) if seen else None
+    return ids.Digest(max(seen, key=lambda fact: fact.k).arguments["images"][-1]) if seen else None

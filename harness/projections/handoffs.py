@@ -1,33 +1,11 @@
-"""Pure: where a handoff stands. APPROVED, DISPATCHED and OBSERVED EFFECT are three facts (gates.md)."""
+"""Folds a handoff's status. APPROVED, DISPATCHED and OBSERVED EFFECT are three separate facts (gates.md). Pure."""
 
 from typing import Literal, assert_never
 
 from msgspec.structs import replace
 
+from harness.contracts import handoff_events
 from harness.contracts.actors import Actor
-from harness.contracts.handoff_events import (
-    EscalationLevel,
-    HandoffApproved,
-    HandoffAttested,
-    HandoffClaimed,
-    HandoffClosed,
-    HandoffDispatched,
-    HandoffEffectObserved,
-    HandoffEscalated,
-    HandoffEvent,
-    HandoffExpired,
-    HandoffExtended,
-    HandoffHandedBack,
-    HandoffOpened,
-    HandoffRefreshed,
-    HandoffRejected,
-    HandoffReleased,
-    HandoffSuperseded,
-    HandoffTakenOver,
-    HandoffVoided,
-    NoAnswerTaken,
-    Snapshot,
-)
 from harness.contracts.ids import Digest, HandoffId, InvocationId
 from harness.contracts.reasons import Explanation, Reason
 from harness.contracts.values import Count, Value
@@ -68,11 +46,11 @@ class HandoffAnswer(Value):
     subject: Digest
     at_s: float
     shown: Digest | None = None
-    fresh: Snapshot | None = None
+    fresh: handoff_events.Snapshot | None = None
 
 
 class Claim(Value):
-    """Whose question it is, and until when. `claim` is the token that the holder's page carries."""
+    """Who has claimed the question, and until when. `claim` is the token that the holder's page carries."""
 
     actor: Actor
     claim: str
@@ -80,7 +58,7 @@ class Claim(Value):
 
 
 class ManualControl(Value):
-    """A person drives the robot; `left_s` is what the deadline had to go when it was paused."""
+    """A person controls the robot; `left_s` is the time left to the deadline when it was paused."""
 
     device: str
     reason: Explanation
@@ -103,14 +81,14 @@ class Handoff(Value):
     version: Count = 0
     handoff_id: HandoffId = HandoffId("")
     status: HandoffStatus = "none"
-    opened: HandoffOpened | None = None
+    opened: handoff_events.HandoffOpened | None = None
     cycle: Count = 0
     answer: HandoffAnswer | None = None
     invocation_id: InvocationId | None = None
     outcome: Explanation = ""
     claim: Claim | None = None
     extended_by: Actor | None = None
-    escalated: tuple[EscalationLevel, ...] = ()
+    escalated: tuple[handoff_events.EscalationLevel, ...] = ()
     control: ManualControl | None = None
     unanswered: Unanswered | None = None
 
@@ -124,40 +102,52 @@ class Handoff(Value):
 
     @property
     def taken_by(self) -> Actor | None:
-        """Who drives the robot, if a person does."""
+        """Who teleoperates the robot, if a person does."""
         return self.claim.actor if self.claim is not None and self.status == "taken_over" else None
 
 
-def apply(handoff: Handoff, event: HandoffEvent) -> Handoff:
+def apply(handoff: Handoff, event: handoff_events.HandoffEvent) -> Handoff:
     """The handoff after one more event."""
     h = replace(handoff, version=handoff.version + 1)
     match event:
-        case HandoffOpened():
+        case handoff_events.HandoffOpened():
             return replace(h, handoff_id=event.handoff_id, status="open", opened=event, cycle=event.cycle)
-        case HandoffRefreshed():
+        case handoff_events.HandoffRefreshed():
             return _refreshed(h, event)
-        case HandoffClaimed() | HandoffReleased() | HandoffExtended() | HandoffEscalated() | HandoffTakenOver():
+        case (
+            handoff_events.HandoffClaimed()
+            | handoff_events.HandoffReleased()
+            | handoff_events.HandoffExtended()
+            | handoff_events.HandoffEscalated()
+            | handoff_events.HandoffTakenOver()
+        ):
             return _held(h, event)
-        case HandoffApproved() | HandoffRejected() | HandoffAttested() | HandoffHandedBack() | HandoffClosed():
+        case (
+            handoff_events.HandoffApproved()
+            | handoff_events.HandoffRejected()
+            | handoff_events.HandoffAttested()
+            | handoff_events.HandoffHandedBack()
+            | handoff_events.HandoffClosed()
+        ):
             return _answered(h, event)
-        case HandoffVoided():
+        case handoff_events.HandoffVoided():
             return replace(h, status="voided", outcome=event.reason)
-        case HandoffExpired():
+        case handoff_events.HandoffExpired():
             return replace(h, status="expired", claim=None)
-        case NoAnswerTaken():
+        case handoff_events.NoAnswerTaken():
             done = Unanswered(action=event.action, done=event.done, reason=event.reason, at_s=event.at_s)
             return replace(h, unanswered=done)
-        case HandoffSuperseded():
+        case handoff_events.HandoffSuperseded():
             return replace(h, status="superseded", outcome=event.reason, claim=None, control=None)
-        case HandoffDispatched():
+        case handoff_events.HandoffDispatched():
             return replace(h, status="dispatched", invocation_id=event.invocation_id)
-        case HandoffEffectObserved():
+        case handoff_events.HandoffEffectObserved():
             return replace(h, status=event.outcome, outcome=event.reason)
         case _:
             assert_never(event)
 
 
-def _refreshed(h: Handoff, event: HandoffRefreshed) -> Handoff:
+def _refreshed(h: Handoff, event: handoff_events.HandoffRefreshed) -> Handoff:
     if h.opened is None:
         return h
     opened = replace(
@@ -174,20 +164,25 @@ def _refreshed(h: Handoff, event: HandoffRefreshed) -> Handoff:
 
 
 def _held(
-    h: Handoff, event: HandoffClaimed | HandoffReleased | HandoffExtended | HandoffEscalated | HandoffTakenOver
+    h: Handoff,
+    event: handoff_events.HandoffClaimed
+    | handoff_events.HandoffReleased
+    | handoff_events.HandoffExtended
+    | handoff_events.HandoffEscalated
+    | handoff_events.HandoffTakenOver,
 ) -> Handoff:
-    """Whose it is, and how long it waits."""
+    """Who has claimed it, and how long it waits."""
     match event:
-        case HandoffClaimed():
+        case handoff_events.HandoffClaimed():
             claim = Claim(actor=event.actor, claim=event.claim, until_at_s=event.until_at_s)
             return replace(h, status="claimed" if h.status == "open" else h.status, claim=claim)
-        case HandoffReleased():
+        case handoff_events.HandoffReleased():
             return _until(replace(h, status="open", claim=None, control=None), event.deadline_at_s)
-        case HandoffExtended():
+        case handoff_events.HandoffExtended():
             return _until(replace(h, extended_by=event.actor), event.deadline_at_s)
-        case HandoffEscalated():
+        case handoff_events.HandoffEscalated():
             return replace(h, escalated=(*h.escalated, event.level))
-        case HandoffTakenOver():
+        case handoff_events.HandoffTakenOver():
             control = ManualControl(device=event.device, reason=event.reason, at_s=event.at_s, left_s=event.left_s)
             return replace(h, status="taken_over", control=control)
         case _:
@@ -199,18 +194,23 @@ def _until(h: Handoff, deadline_at_s: float) -> Handoff:
 
 
 def _answered(
-    h: Handoff, event: HandoffApproved | HandoffRejected | HandoffAttested | HandoffHandedBack | HandoffClosed
+    h: Handoff,
+    event: handoff_events.HandoffApproved
+    | handoff_events.HandoffRejected
+    | handoff_events.HandoffAttested
+    | handoff_events.HandoffHandedBack
+    | handoff_events.HandoffClosed,
 ) -> Handoff:
     match event:
-        case HandoffApproved():
+        case handoff_events.HandoffApproved():
             return _decided(h, event, "approved", shown=event.shown, fresh=event.fresh)
-        case HandoffRejected():
+        case handoff_events.HandoffRejected():
             return _decided(h, event, "rejected")
-        case HandoffAttested():
+        case handoff_events.HandoffAttested():
             return _decided(h, event, "attested")
-        case HandoffHandedBack():
+        case handoff_events.HandoffHandedBack():
             return _decided(h, event, "handed_back", fresh=event.fresh)
-        case HandoffClosed():
+        case handoff_events.HandoffClosed():
             return _decided(h, event, "closed")
         case _:
             assert_never(event)
@@ -218,20 +218,28 @@ def _answered(
 
 def _decided(
     h: Handoff,
-    event: HandoffApproved | HandoffRejected | HandoffAttested | HandoffHandedBack | HandoffClosed,
+    event: handoff_events.HandoffApproved
+    | handoff_events.HandoffRejected
+    | handoff_events.HandoffAttested
+    | handoff_events.HandoffHandedBack
+    | handoff_events.HandoffClosed,
     decision: Decided,
     *,
     shown: Digest | None = None,
-    fresh: Snapshot | None = None,
+    fresh: handoff_events.Snapshot | None = None,
 ) -> Handoff:
-    """Nothing of the question itself changes: what was asked stays as it was asked."""
-    bound = event.subject if isinstance(event, HandoffApproved | HandoffRejected) else None
+    """Nothing of the question itself changes: what was asked stays unchanged."""
+    bound = (
+        event.subject if isinstance(event, handoff_events.HandoffApproved | handoff_events.HandoffRejected) else None
+    )
     answer = HandoffAnswer(
         decision=decision,
         actor=event.actor,
         reason=event.reason,
         key=event.key,
-        cycle=h.cycle if isinstance(event, HandoffHandedBack | HandoffClosed) else event.cycle,
+        cycle=h.cycle
+        if isinstance(event, handoff_events.HandoffHandedBack | handoff_events.HandoffClosed)
+        else event.cycle,
         subject=bound or (h.opened.subject if h.opened else Digest("")),
         at_s=event.at_s,
         shown=shown,

@@ -1,17 +1,17 @@
-"""Pure: who holds a resource now. A lease is coordination metadata, never an emergency stop (R86)."""
+"""Folds who holds a resource now. A lease is coordination metadata, never an emergency stop (R86). Pure."""
 
 from typing import Literal, assert_never
 
 from msgspec.structs import replace
 
+from harness.contracts import lease_events
 from harness.contracts.ids import InvocationId, MissionId, ResourceId
-from harness.contracts.lease_events import LeaseAcquired, LeaseEvent, LeaseFreed, LeaseQuarantined, LeaseReleased
 from harness.contracts.reasons import Explanation
 from harness.contracts.values import Count, Value
 
 
 class Lease(Value):
-    """A time-bounded reservation with owner and expiry (R84). `token` is the newest fencing token given out."""
+    """A time-bounded reservation with owner and expiry (R84). `token` is the newest fencing token issued."""
 
     version: Count = 0
     resource: ResourceId = ResourceId("")
@@ -23,11 +23,11 @@ class Lease(Value):
     reason: Explanation = ""
 
 
-def apply(lease: Lease, event: LeaseEvent) -> Lease:
+def apply(lease: Lease, event: lease_events.LeaseEvent) -> Lease:
     """The lease after one more event."""
     nxt = replace(lease, version=lease.version + 1)
     match event:
-        case LeaseAcquired():
+        case lease_events.LeaseAcquired():
             return replace(
                 nxt,
                 resource=event.resource,
@@ -38,11 +38,11 @@ def apply(lease: Lease, event: LeaseEvent) -> Lease:
                 expires_s=event.expires_s,
                 reason="",
             )
-        case LeaseReleased():
+        case lease_events.LeaseReleased():
             return replace(nxt, status="free", reason=event.reason)
-        case LeaseQuarantined():
+        case lease_events.LeaseQuarantined():
             return replace(nxt, status="quarantined", reason=event.reason)
-        case LeaseFreed():
+        case lease_events.LeaseFreed():
             return replace(nxt, status="free", reason=event.reason)
         case _:
             assert_never(event)

@@ -1,4 +1,4 @@
-"""Pure: which cloud a map version is shown with. Earlier ones stay in the log."""
+"""Folds which point cloud a map version is shown with; earlier clouds stay in the log. Pure."""
 
 from msgspec.structs import replace
 

@@ -1,4 +1,4 @@
-"""Pure: one mission as memory needs it, folded from its events: what was dispatched, left behind and judged last."""
+"""Folds one mission for memory: what was dispatched, which evidence it left and how it was last judged. Pure."""
 
 from typing import Any, TypeVar, assert_never
 
@@ -58,7 +58,7 @@ from harness.contracts.verdicts import NodeVerdict
 T = TypeVar("T", Place, Route, Passage)
 DECIDED = ("violated", "unsafe")
 REFUTED = "not_satisfied"
-"""The gate's rule that speaks of the effect itself; every other one says that the packet may not be used."""
+"""The gate's rule about the effect itself; every other rule says that the packet may not be used."""
 
 
 class VerifiedAttempt(Value):
@@ -83,7 +83,7 @@ class Credit(Value):
 
 
 class MissionThread(Value):
-    """Where a mission stands, as far as its records are concerned. `facts`: the last acceptance of each condition."""
+    """A mission's progress as far as memory records need it. `facts`: the last acceptance of each condition."""
 
     version: Count = 0
     mission_id: MissionId = MissionId("")
@@ -105,7 +105,7 @@ class MissionThread(Value):
         return next((node for node in nodes if node.node_id == node_id), None)
 
     def judged(self, acting: InvocationId) -> bool:
-        """Whether this execution has an outcome already."""
+        """Whether this execution already has an outcome."""
         return any(credit.acting == acting for credit in self.credits.values())
 
     def place(self, node_id: NodeId) -> str:
@@ -163,7 +163,7 @@ def judgement(thread: MissionThread, event: NodeCommitted | CommitRejected) -> V
     """The verified attempt that this event closes; none if nothing was decided about the effect.
 
     Ambiguous and stale evidence, packets of another identity, version or configuration, vetoed ones and executions
-    without a packet decide nothing, whatever their provider says of itself (R60, R138).
+    without a packet decide nothing, whatever their provider reports of itself (R60, R138).
     """
     packet, verdict = thread.packet, thread.verdict
     intent = thread.intents.get(event.invocation_id)
@@ -179,7 +179,7 @@ def judgement(thread: MissionThread, event: NodeCommitted | CommitRejected) -> V
 
 
 def place_of(contract: TaskContract, node_id: NodeId) -> str:
-    """Where a node works: the bound place at its target, else that of the nearest node it builds on; else empty."""
+    """Where a node works: the bound place at its target, else that of the nearest node it depends on; else empty."""
     nodes = {node.node_id: node for node in contract.nodes}
     approaches = {place.approach_m: place.place_id for place in bound(contract, Place)}
     ahead = [node_id]
@@ -205,7 +205,7 @@ def _converted(value: Any, kind: type[T]) -> T | None:
 
 
 def _settled(thread: MissionThread, event: NodeCommitted | CommitRejected) -> MissionThread:
-    """Remember whom a result is credited to, so that a later look at it is a second word, and a dispute finds it."""
+    """Remember who a result is credited to, so that a later look counts as a second verdict, and a dispute finds it."""
     closed = judgement(thread, event)
     if closed is None:
         return thread

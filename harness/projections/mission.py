@@ -1,15 +1,15 @@
-"""Pure: what a mission is now, and what may be asked of it. Reads no clock, decides nothing."""
+"""A mission's state S_k and the queries on it. Reads no clock, decides nothing. Pure."""
 
 from typing import Literal
 
 import msgspec
 
+from harness.contracts import ids
 from harness.contracts.actors import Actor
 from harness.contracts.configuration import FailureClass, RecoveryAction, RecoveryPolicy
 from harness.contracts.control import Autonomy, stricter
 from harness.contracts.events import DispatchIntended, StopAcknowledged, StopRequested
 from harness.contracts.evidence import CommittedFact, EvidencePacket, EvidenceReference
-from harness.contracts.ids import ConditionId, Digest, HandoffId, MissionId, NodeId, PacketId, ProviderId, RobotId
 from harness.contracts.proposals import Signature
 from harness.contracts.protocol import InvocationStatus
 from harness.contracts.reasons import Explanation
@@ -29,16 +29,16 @@ NodeStatus = Literal[
 
 
 class Failure(Value):
-    """A failure that C4 has not answered yet."""
+    """A failure that C4 has not handled yet."""
 
-    node_id: NodeId
+    node_id: ids.NodeId
     failure: FailureClass
     reason: Explanation
     at_s: float
 
 
 class Spend(Value):
-    """One authorised rung of a ladder."""
+    """One authorised step of a ladder."""
 
     failure: FailureClass
     action: RecoveryAction
@@ -49,7 +49,7 @@ class Spend(Value):
 
 
 class Invocation(Value):
-    """One attempt by one provider. `status` is the supervisor's last durable word."""
+    """One attempt by one provider. `status` is the supervisor's last durable report."""
 
     intent: DispatchIntended
     status: InvocationStatus
@@ -58,17 +58,17 @@ class Invocation(Value):
 
 
 class NodeState(Value):
-    """One stage: where it stands, what was tried, and what the gate made of it.
+    """One stage: its status, what was tried, and the gate's decision on it.
 
     `begun_at` is the attempt after which this revision of the graph opened it: the next one needs no recovery step.
     """
 
-    node_id: NodeId
+    node_id: ids.NodeId
     status: NodeStatus = "pending"
     attempt: Count = 0
-    provider_id: ProviderId | None = None
+    provider_id: ids.ProviderId | None = None
     spends: tuple[Spend, ...] = ()
-    excluded: tuple[ProviderId, ...] = ()
+    excluded: tuple[ids.ProviderId, ...] = ()
     failure: Failure | None = None
     failures: tuple[Failure, ...] = ()
     wait_until_s: float | None = None
@@ -96,7 +96,7 @@ class NodeState(Value):
 
 
 class Superseded(Value):
-    """What a stage had reached before a revision of the graph opened it again: kept, never decisive any more (D29)."""
+    """A stage's result before a revision of the graph reopened it: kept, never decisive any more (D29)."""
 
     revision: Count
     state: NodeState
@@ -104,11 +104,11 @@ class Superseded(Value):
 
 
 class DisputedFact(Value):
-    """An accepted fact that a person disputes, or that builds on one (`root` false). `packet_id`: which acceptance."""
+    """An accepted fact that a person disputes, or that depends on one (`root` false). `packet_id`: which acceptance."""
 
-    condition_id: ConditionId
-    packet_id: PacketId
-    node_id: NodeId
+    condition_id: ids.ConditionId
+    packet_id: ids.PacketId
+    node_id: ids.NodeId
     root: bool
     actor: Actor
     reason: Explanation
@@ -119,12 +119,12 @@ class Mission(Value):
 
     version: Count = 0
     k: Count = 0
-    mission_id: MissionId = MissionId("")
-    robot_id: RobotId = RobotId("")
+    mission_id: ids.MissionId = ids.MissionId("")
+    robot_id: ids.RobotId = ids.RobotId("")
     goal: str = ""
     template: str = ""
     requested_by: Actor | None = None
-    configuration: Digest = Digest("")
+    configuration: ids.Digest = ids.Digest("")
     seed: int = 0
     labels: dict[str, str] = msgspec.field(default_factory=dict)
     autonomy: Autonomy = "autonomous"
@@ -135,12 +135,12 @@ class Mission(Value):
     contract: TaskContract | None = None
     policy: RecoveryPolicy | None = None
     graph_revision: Count = 0
-    nodes: dict[NodeId, NodeState] = msgspec.field(default_factory=dict)
+    nodes: dict[ids.NodeId, NodeState] = msgspec.field(default_factory=dict)
     invocation: Invocation | None = None
     facts: tuple[CommittedFact, ...] = ()
     observed: tuple[EvidenceReference, ...] = ()
     vetoes: dict[str, Explanation] = msgspec.field(default_factory=dict)
-    handoff_id: HandoffId | None = None
+    handoff_id: ids.HandoffId | None = None
     stop: StopRequested | None = None
     stopped: StopAcknowledged | None = None
     goal_verdict: GoalVerdict | None = None
@@ -156,7 +156,7 @@ class Mission(Value):
 
     @property
     def level(self) -> Autonomy:
-        """How far it decides alone: the stricter of its own level and the house's limit."""
+        """The autonomy level that applies: the stricter of its own level and the site's limit."""
         return stricter(self.autonomy, self.autonomy_limit)
 
     @property
@@ -165,16 +165,16 @@ class Mission(Value):
 
     @property
     def false_completions(self) -> int:
-        """Acceptances that a person disputed: each counts as false, those that build on it do not count again."""
+        """Acceptances that a person disputed: each counts as false; those that depend on it do not count again."""
         return sum(dispute.root for dispute in self.disputes)
 
     @property
     def disputed(self) -> tuple[CommittedFact, ...]:
-        """Accepted facts that are disputed, or that build on one, as they stand now."""
+        """Accepted facts that are currently disputed, or that depend on a disputed one."""
         marked = {(dispute.condition_id, dispute.packet_id) for dispute in self.disputes}
         return tuple(fact for fact in self.facts if (fact.condition_id, fact.packet_id) in marked)
 
-    def of(self, node_id: NodeId) -> NodeState:
+    def of(self, node_id: ids.NodeId) -> NodeState:
         return self.nodes[node_id]
 
 
@@ -192,7 +192,7 @@ def required_policy(mission: Mission) -> RecoveryPolicy:
     return mission.policy
 
 
-def eligible(mission: Mission) -> tuple[NodeId, ...]:
+def eligible(mission: Mission) -> tuple[ids.NodeId, ...]:
     """Nodes that may be dispatched: every dependency committed, not merely finished (R11), in graph order."""
     contract = required_contract(mission)
     ready = []

@@ -1,46 +1,11 @@
-"""Pure: folds a mission's events into its state, one arm per event. Decides nothing, refuses nothing."""
+"""Folds a mission's events into its state, one arm per event. Decides nothing, refuses nothing. Pure."""
 
 from typing import assert_never
 
 from msgspec.structs import replace
 
+from harness.contracts import events
 from harness.contracts.control import AutonomySet
-from harness.contracts.events import (
-    CommitRejected,
-    CompletionReported,
-    ContractCompiled,
-    ContractRecompiled,
-    DispatchIntended,
-    EpochChanged,
-    FailureClassified,
-    FailureReported,
-    GoalVerified,
-    HandoffAnswered,
-    HandoffRequested,
-    InvocationAccepted,
-    InvocationEnded,
-    InvocationResumed,
-    InvocationStopRequested,
-    MissionActivated,
-    MissionCreated,
-    MissionEnded,
-    MissionEvent,
-    MissionPaused,
-    MissionResumed,
-    NodeCommitted,
-    NodeFailed,
-    NodePlanned,
-    ObservationRecorded,
-    OperatorRetryGranted,
-    PacketRetained,
-    PreconditionRefused,
-    RecoveryAuthorised,
-    StopAcknowledged,
-    StopRequested,
-    VerdictRecorded,
-    VetoCleared,
-    VetoRaised,
-)
 from harness.contracts.evidence import EvidencePacket
 from harness.contracts.ids import NodeId
 from harness.contracts.revision_events import (
@@ -61,38 +26,43 @@ from harness.projections.mission import (
 from harness.projections.revisions import disputed, revised
 
 
-def apply(mission: Mission, event: MissionEvent) -> Mission:
+def apply(mission: Mission, event: events.MissionEvent) -> Mission:
     """The mission after one more event."""
     return _folded(replace(mission, version=mission.version + 1), event)
 
 
-def _folded(m: Mission, event: MissionEvent) -> Mission:
+def _folded(m: Mission, event: events.MissionEvent) -> Mission:
     match event:
-        case MissionCreated():
+        case events.MissionCreated():
             return _created(m, event)
-        case ContractCompiled():
+        case events.ContractCompiled():
             nodes = {node.node_id: NodeState(node_id=node.node_id) for node in event.contract.nodes}
             return replace(m, contract=event.contract, policy=event.policy, status="compiled", nodes=nodes)
-        case ContractRecompiled():
+        case events.ContractRecompiled():
             nodes = {node.node_id: NodeState(node_id=node.node_id) for node in event.contract.nodes}
             compiled = replace(m, contract=event.contract, policy=event.policy, status="compiled", nodes=nodes)
             return replace(compiled, configuration=event.configuration, trial=event.trial, k=m.k + 1)
-        case MissionActivated():
+        case events.MissionActivated():
             return replace(m, status="active")
-        case NodePlanned():
+        case events.NodePlanned():
             return _node(m, event.node_id, provider_id=event.provider_id)
-        case DispatchIntended():
+        case events.DispatchIntended():
             return _dispatched(m, event)
-        case InvocationAccepted() | InvocationStopRequested() | InvocationResumed() | InvocationEnded():
+        case (
+            events.InvocationAccepted()
+            | events.InvocationStopRequested()
+            | events.InvocationResumed()
+            | events.InvocationEnded()
+        ):
             return _invocation(m, event)
-        case PreconditionRefused():
+        case events.PreconditionRefused():
             return _node(m, event.node_id, give_up_s=event.give_up_s, waiting_for=event.reason)
-        case PacketRetained():
+        case events.PacketRetained():
             return _retained(m, event.packet)
-        case VerdictRecorded():
+        case events.VerdictRecorded():
             owner = next((node for node in m.nodes.values() if _judged(node, event)), None)
             return _node(m, owner.node_id, verdicts=(*owner.verdicts, event.verdict)) if owner else m
-        case NodeCommitted():
+        case events.NodeCommitted():
             kept = tuple(fact for fact in m.facts if fact.condition_id not in event.withdrawn)
             status: NodeStatus = "superseded" if event.aborting else "committed"
             done = _node(
@@ -105,34 +75,34 @@ def _folded(m: Mission, event: MissionEvent) -> Mission:
                 aborting=event.aborting,
             )
             return replace(done, k=m.k + 1, facts=kept + event.facts)
-        case CommitRejected():
+        case events.CommitRejected():
             return _rejected(replace(m, k=m.k + 1), event)
-        case ObservationRecorded():
+        case events.ObservationRecorded():
             contradicted = 1 if event.contradicts else 0
             return replace(m, observed=(*m.observed, event.reference), k=m.k + contradicted)
-        case EpochChanged():
+        case events.EpochChanged():
             return replace(m, k=m.k + 1)
-        case VetoRaised():
+        case events.VetoRaised():
             return replace(m, k=m.k + 1, vetoes=m.vetoes | {event.layer: event.reason})
-        case VetoCleared():
+        case events.VetoCleared():
             return replace(m, k=m.k + 1, vetoes={layer: why for layer, why in m.vetoes.items() if layer != event.layer})
-        case FailureClassified():
+        case events.FailureClassified():
             node = m.of(event.node_id)
             failure = Failure(node_id=event.node_id, failure=event.failure, reason=event.reason, at_s=event.at_s)
             return _node(m, event.node_id, status="recovering", failure=failure, failures=(*node.failures, failure))
-        case RecoveryAuthorised():
+        case events.RecoveryAuthorised():
             return _recovered(m, event)
-        case NodeFailed():
+        case events.NodeFailed():
             return _node(m, event.node_id, status="failed", failure=None)
         case GraphRevised():
             return revised(m, event)
         case ConstraintsTightened():
             contract = replace(required_contract(m), constraints=event.constraints)
             return replace(m, contract=contract, k=m.k + 1)
-        case HandoffRequested():
+        case events.HandoffRequested():
             asked = _node(m, event.node_id, status="escalated")
             return replace(asked, status="awaiting_human", handoff_id=event.handoff_id, reason=event.reason)
-        case HandoffAnswered():
+        case events.HandoffAnswered():
             return replace(
                 m,
                 handoff_id=None,
@@ -140,7 +110,7 @@ def _folded(m: Mission, event: MissionEvent) -> Mission:
                 k=m.k + (1 if event.decision in ("approved", "handed_back") else 0),
                 reason=event.reason,
             )
-        case OperatorRetryGranted():
+        case events.OperatorRetryGranted():
             return replace(_node(m, event.node_id, status="recovering", failure=None), k=m.k + 1)
         case AttestationRecorded():
             attested = (*m.of(event.node_id).attested, event.reference)
@@ -151,26 +121,26 @@ def _folded(m: Mission, event: MissionEvent) -> Mission:
             return replace(m, autonomy=event.autonomy)
         case AutonomySet():
             return replace(m, autonomy_limit=event.autonomy)
-        case MissionPaused():
+        case events.MissionPaused():
             return replace(m, status="paused", reason=event.reason)
-        case MissionResumed():
+        case events.MissionResumed():
             return replace(m, status="awaiting_human" if m.handoff_id else "active", reason="")
-        case StopRequested():
+        case events.StopRequested():
             return replace(m, status="stopping", stop=event, reason=event.reason)
-        case StopAcknowledged():
+        case events.StopAcknowledged():
             return replace(m, stopped=event)
-        case GoalVerified():
+        case events.GoalVerified():
             again = 1 if event.relook else 0
             return replace(m, goal_verdict=event.verdict, status="goal_check", relooks=m.relooks + again, k=m.k + again)
-        case MissionEnded():
+        case events.MissionEnded():
             return replace(m, status=event.status, reason=event.reason, invocation=None)
-        case CompletionReported() | FailureReported():
+        case events.CompletionReported() | events.FailureReported():
             return replace(m, report=event.text)
         case _:
             assert_never(event)
 
 
-def _created(m: Mission, event: MissionCreated) -> Mission:
+def _created(m: Mission, event: events.MissionCreated) -> Mission:
     return replace(
         m,
         mission_id=event.mission_id,
@@ -187,7 +157,7 @@ def _created(m: Mission, event: MissionCreated) -> Mission:
     )
 
 
-def _dispatched(m: Mission, event: DispatchIntended) -> Mission:
+def _dispatched(m: Mission, event: events.DispatchIntended) -> Mission:
     started = _node(
         m,
         event.node_id,
@@ -202,21 +172,25 @@ def _dispatched(m: Mission, event: DispatchIntended) -> Mission:
 
 
 def _invocation(
-    m: Mission, event: InvocationAccepted | InvocationStopRequested | InvocationResumed | InvocationEnded
+    m: Mission,
+    event: events.InvocationAccepted
+    | events.InvocationStopRequested
+    | events.InvocationResumed
+    | events.InvocationEnded,
 ) -> Mission:
     invocation = m.invocation
     if invocation is None:
         return m
     match event:
-        case InvocationAccepted():
+        case events.InvocationAccepted():
             return replace(m, invocation=replace(invocation, handle=event.handle))
-        case InvocationStopRequested():
+        case events.InvocationStopRequested():
             return replace(m, invocation=replace(invocation, status="stopping", stop_requested=event.reason))
-        case InvocationResumed():
+        case events.InvocationResumed():
             return replace(m, invocation=replace(invocation, status="running"))
-        case InvocationEnded(status="outcome_unknown"):
+        case events.InvocationEnded(status="outcome_unknown"):
             return replace(m, invocation=replace(invocation, status="outcome_unknown"))
-        case InvocationEnded():
+        case events.InvocationEnded():
             return replace(_node(m, invocation.intent.node_id, status="executed"), invocation=None)
         case _:
             assert_never(event)
@@ -231,19 +205,19 @@ def _retained(m: Mission, packet: EvidencePacket) -> Mission:
     return replace(kept, invocation=None)
 
 
-def _judged(node: NodeState, event: VerdictRecorded) -> bool:
+def _judged(node: NodeState, event: events.VerdictRecorded) -> bool:
     packet = node.packets[-1] if node.packets else None
     return packet is not None and packet.identity.invocation_id == event.invocation_id
 
 
-def _rejected(m: Mission, event: CommitRejected) -> Mission:
+def _rejected(m: Mission, event: events.CommitRejected) -> Mission:
     node = m.nodes.get(event.node_id)
     if node is None or node.status != "verifying":
         return m
     return _node(m, node.node_id, status="rejected", rejections=(*node.rejections, event.rule))
 
 
-def _recovered(m: Mission, event: RecoveryAuthorised) -> Mission:
+def _recovered(m: Mission, event: events.RecoveryAuthorised) -> Mission:
     node = m.of(event.node_id)
     spend = Spend(
         failure=event.failure,

@@ -1,4 +1,4 @@
-"""Pure: a mission, or a question to a person, as one row of a list. From events alone; asks no clock."""
+"""Builds the list rows of missions and handoffs from events alone, without a clock. Pure."""
 
 from harness.contracts.ids import NodeId
 from harness.contracts.read_models import HandoffItem, ListRow, MissionItem
@@ -55,7 +55,7 @@ def mission_row(mission: Mission, *, seq: int, began_s: float, ended_s: float | 
 
 
 def handoff_row(handoff: Handoff, mission: Mission, *, seq: int) -> ListRow | None:
-    """The row of a question whose first event stands at `seq`; None for one that was never opened."""
+    """The row of a handoff whose first event is at `seq`; None for one that was never opened."""
     opened = handoff.opened
     if opened is None:
         return None
@@ -103,12 +103,12 @@ def _answered(handoff: Handoff) -> Explanation:
 
 
 def _said(handoff: Handoff) -> tuple[str, ...]:
-    """Who answered, and why, as words to search for."""
+    """Who answered, and why, as searchable text."""
     return (handoff.answer.actor.name, plain(handoff.answer.reason)) if handoff.answer else ()
 
 
 def stage_sentence(mission: Mission, node_id: NodeId) -> str:
-    """What a stage is to do, in the words of the contract; empty where the contract does not have it."""
+    """A stage's task in the contract's own text; empty where the contract does not have it."""
     if mission.contract is None or node_id not in mission.nodes:
         return ""
     return mission.contract.node(node_id).subgoal

@@ -1,4 +1,4 @@
-"""Pure: the places of a site as people have changed them. The site as it ships is what the changes stand on."""
+"""Folds people's changes to the places of a site; the shipped site is what they apply to. Pure."""
 
 from typing import assert_never
 

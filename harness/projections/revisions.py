@@ -1,18 +1,18 @@
-"""Pure: what a revision of the graph and a dispute make of a mission. Nothing that was accepted is deleted."""
+"""Applies a graph revision or a dispute to a mission's state. Nothing that was accepted is deleted. Pure."""
 
 from msgspec.structs import replace
 
 from harness.contracts.revision_events import CompletionDisputed, GraphRevised
-from harness.projections.mission import DisputedFact, Mission, NodeState, Spend, Superseded, required_contract
+from harness.projections import mission
 
 
-def revised(m: Mission, event: GraphRevised) -> Mission:
-    """Reopened stages begin anew, with what was spent on them; what they had reached is kept beside."""
-    contract = event.contract or required_contract(m)
+def revised(m: mission.Mission, event: GraphRevised) -> mission.Mission:
+    """Reopened stages begin again, with what was spent on them; their earlier results are kept separately."""
+    contract = event.contract or mission.required_contract(m)
     kept = {node.node_id for node in contract.nodes}
     closed = [node_id for node_id in m.nodes if node_id in event.reopened or node_id not in kept]
     history = tuple(
-        Superseded(
+        mission.Superseded(
             revision=event.revision,
             state=replace(m.of(node_id), status="superseded"),
             facts=tuple(fact for fact in m.facts if fact.node_id == node_id),
@@ -20,13 +20,13 @@ def revised(m: Mission, event: GraphRevised) -> Mission:
         for node_id in closed
     )
     nodes = {
-        node.node_id: m.nodes.get(node.node_id, NodeState(node_id=node.node_id))
+        node.node_id: m.nodes.get(node.node_id, mission.NodeState(node_id=node.node_id))
         if node.node_id not in event.reopened
         else _anew(m.of(node.node_id))
         for node in contract.nodes
     }
     payer = nodes[event.responsible]
-    spend = Spend(
+    spend = mission.Spend(
         failure=event.failure,
         action="local_replan",
         cost=1,
@@ -53,9 +53,9 @@ def revised(m: Mission, event: GraphRevised) -> Mission:
     )
 
 
-def _anew(state: NodeState) -> NodeState:
-    """Pending again. Attempts go on counting, so that no request id comes twice; spends stay spent."""
-    return NodeState(
+def _anew(state: mission.NodeState) -> mission.NodeState:
+    """Pending again. Attempts go on counting, so that no request id repeats; spends stay spent."""
+    return mission.NodeState(
         node_id=state.node_id,
         attempt=state.attempt,
         begun_at=state.attempt,
@@ -64,11 +64,11 @@ def _anew(state: NodeState) -> NodeState:
     )
 
 
-def disputed(m: Mission, event: CompletionDisputed) -> Mission:
-    """The accepted fact and those that build on it are marked; they stay where they are (D21)."""
+def disputed(m: mission.Mission, event: CompletionDisputed) -> mission.Mission:
+    """The accepted fact and those that depend on it are marked, and stay in the state (D21)."""
     accepted = {fact.condition_id: fact for fact in m.facts}
     marked = [
-        DisputedFact(
+        mission.DisputedFact(
             condition_id=condition_id,
             packet_id=fact.packet_id,
             node_id=fact.node_id,

@@ -1,4 +1,4 @@
-"""Pure: what a robot's start journal counts. One rule for alerts, reports, canaries and campaigns."""
+"""Counts repeated physical starts in a robot's start journal, for alerts, reports, canaries and campaigns. Pure."""
 
 from collections.abc import Sequence
 

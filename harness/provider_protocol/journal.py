@@ -1,4 +1,4 @@
-"""What a provider beside the harness remembers of its requests, so that a killed process starts nothing twice."""
+"""Journals a provider's requests, so that a process that was killed starts nothing twice."""
 
 import os
 from collections.abc import Callable
@@ -13,14 +13,14 @@ from harness.contracts.values import Value, decode, encode
 
 
 class JournalEntry(Value):
-    """One journal line: a new status of one request. `request` stands on the line that accepted it."""
+    """One journal line: a new status of one request. `request` is on the line that accepted it."""
 
     report: InvocationReport
     request: StartRequest | None = None
 
 
 class RequestJournal:
-    """What a provider remembers of its requests: append-only JSON lines, fsynced; in memory when `path` is None.
+    """A provider's record of its requests: append-only JSON lines, fsynced; in memory when `path` is None.
 
     A last line without its newline was never acknowledged and is cut off. Raises LogDamaged for a damaged earlier
     line and StoreUnavailable when the file cannot be read or written.

@@ -1,4 +1,4 @@
-"""Whether the parameters of a request fit the capability card it is sent to. Reads nothing, decides nothing."""
+"""Checks the parameters of a request against the capability card it is sent to. Pure."""
 
 import math
 from collections.abc import Callable

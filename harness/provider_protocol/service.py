@@ -20,9 +20,9 @@ Turn = Callable[[], AbstractContextManager[object]]
 
 
 def provider_service(operations: tuple[Operation, ...], *, token: str, turn: Turn, title: str) -> FastAPI:
-    """The service. Calls run inside `turn()`, so that one of them at a time sees the robot, save those apart.
+    """The HTTP service. Calls run inside `turn()`, so that one of them at a time sees the robot, save those apart.
 
-    `/healthz` and `/openapi.json` answer strangers.
+    `/healthz` and `/openapi.json` need no token.
     """
     app = FastAPI(title=title, openapi_url=None, docs_url=None, redoc_url=None)
     document = encode(openapi(operations, title))

@@ -1,16 +1,6 @@
-"""What travels on the HTTP provider protocol beside the contracts: problems, clock readings, simulation commands."""
+"""Bodies of the HTTP provider protocol that are not contracts: problems, clock readings, simulation commands."""
 
-from harness.contracts.errors import (
-    BlobDamaged,
-    FencingRefused,
-    HarnessError,
-    LogDamaged,
-    ProviderFailed,
-    ProviderUnreachable,
-    StoreOwned,
-    StoreUnavailable,
-    UnknownName,
-)
+from harness.contracts import errors
 from harness.contracts.ids import MissionId, RequestId
 from harness.contracts.values import Value
 
@@ -82,31 +72,31 @@ class Done(Value):
     at_s: float
 
 
-STATUS: dict[type[HarnessError], int] = {
-    HarnessError: 500,
-    ProviderFailed: 409,
-    FencingRefused: 409,
-    ProviderUnreachable: 504,
-    UnknownName: 404,
-    BlobDamaged: 404,
-    StoreUnavailable: 503,
-    StoreOwned: 503,
-    LogDamaged: 500,
+STATUS: dict[type[errors.HarnessError], int] = {
+    errors.HarnessError: 500,
+    errors.ProviderFailed: 409,
+    errors.FencingRefused: 409,
+    errors.ProviderUnreachable: 504,
+    errors.UnknownName: 404,
+    errors.BlobDamaged: 404,
+    errors.StoreUnavailable: 503,
+    errors.StoreOwned: 503,
+    errors.LogDamaged: 500,
 }
 _BY_CODE = {kind.code: kind for kind in STATUS}
 
 
-def problem(error: HarnessError) -> Problem:
+def problem(error: errors.HarnessError) -> Problem:
     """An error as it travels."""
     return Problem(code=error.code, what=error.what, where=error.where, do=error.do)
 
 
-def status_of(error: HarnessError) -> int:
+def status_of(error: errors.HarnessError) -> int:
     """The HTTP status of an error: that of its nearest kind."""
     return next(STATUS[kind] for kind in type(error).__mro__ if kind in STATUS)
 
 
-def error_of(received: Problem) -> HarnessError:
+def error_of(received: Problem) -> errors.HarnessError:
     """The same error on the other side; an unknown code becomes ProviderFailed."""
-    kind = _BY_CODE.get(received.code, ProviderFailed)
+    kind = _BY_CODE.get(received.code, errors.ProviderFailed)
     return kind(received.what, where=received.where, do=received.do)

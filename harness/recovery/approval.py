@@ -1,4 +1,4 @@
-"""Pure: whether a person must approve a dispatch first (D28). Approving makes nothing satisfied."""
+"""Decides whether a person must approve a dispatch first (D28). Pure: an approval satisfies no condition."""
 
 from harness.contracts.configuration import RecoveryAction
 from harness.contracts.reasons import Reason, because

@@ -1,4 +1,4 @@
-"""Pure: which failure class a result falls into. Names what went wrong; proposes nothing."""
+"""Classifies a failed result into its failure class. Pure: proposes no recovery."""
 
 from typing import get_args
 
@@ -45,7 +45,7 @@ def classify(
 ) -> FailureClass | None:
     """Unsafe first, else how the execution ended, else the verdict (D24). None when nothing failed.
 
-    `terminal` is the supervisor's last word (None: never dispatched), `failure_word` the card's word or the
+    `terminal` is the supervisor's last status (None: never dispatched), `failure_word` the card's failure code or the
     supervisor's reason, `rule` the gate's rule if it refused. `unverified`: no verifier could answer (R45).
     """
     word = _of_word(failure_word)

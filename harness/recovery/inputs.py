@@ -1,8 +1,8 @@
-"""Pure: what the recovery role reads in C4, and nothing else.
+"""Reads the records of C4 that the recovery role uses. Pure: nothing else in C4 affects recovery.
 
-Kinds: `failure` what failed, `node` the node and who is given up for it, `attempts` the rungs authorised so far,
-`budget` what is left, `ladder` the pinned policy's rungs, `alternative` one card per provider that may serve the node,
-`observed` what sensors said. Everything else in C4 is for people and models.
+Kinds: `failure` what failed, `node` the node and who is given up for it, `attempts` the steps authorised so far,
+`budget` what is left, `ladder` the pinned policy's steps, `alternative` one card per provider that may serve the node,
+`observed` what sensors reported. Everything else in C4 is for people and models.
 """
 
 from typing import TypeVar
@@ -51,13 +51,13 @@ def failure_of(context: Context) -> Failure:
 
 
 def rungs_of(context: Context) -> tuple[RecoveryAction, ...]:
-    """The ladder of this failure class; a context without one leaves a person only."""
+    """The ladder of this failure class; without one in the context, only a person."""
     record = context.one("ladder")
     return record.read(_Rungs).rungs if record else ("human",)
 
 
 def standing_in(context: Context) -> RecoveryState:
-    """Where the node stands, as far as C4 shows it. Raises ContractInvalid without failure, attempts or budget."""
+    """The node's recovery state, as far as C4 shows it. Raises ContractInvalid without failure, attempts or budget."""
     failure, budget = failure_of(context), _read(context, "budget", _Left)
     said = [record.at_s for record in context.all("observed") if record.origin == "sensor"]
     return RecoveryState(

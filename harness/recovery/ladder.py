@@ -1,46 +1,47 @@
-"""Pure: the recovery role. One failure climbs one rung of its ladder; a proposal, never an authorisation (R134)."""
+"""The recovery role: proposes the next step of the failure's ladder. Pure: it never authorises (R134)."""
 
 from harness.contracts.configuration import RecoveryAction
 from harness.contracts.contexts import Context
 from harness.contracts.ids import ProviderId
 from harness.contracts.proposals import RecoveryProposal
 from harness.contracts.reasons import Explanation, Reason, because
-from harness.recovery.inputs import alternatives_of, failed_node, failure_of, rungs_of, standing_in
-from harness.recovery.state import LadderStep, RecoveryState, climbed, cost_of, repeated, unaffordable
+from harness.recovery import inputs, state
 
 SAME_PROVIDER: tuple[RecoveryAction, ...] = ("retry", "local_replan")
 
 
 def recover(context: Context) -> RecoveryProposal:
-    """The next rung for the failure that C4 shows; C4 is the only state it sees.
+    """The next step for the failure that C4 shows; C4 is the only state it sees.
 
-    A rung that no budget pays for, that would repeat a failed action without news, or a switch without another
-    provider is passed over and named in `refused`. Every way ends in `human`. Raises ContractInvalid if C4 lacks the
-    failure, the node, the attempts or the budget.
+    A step that no budget pays for, one that would repeat a failed action without new observations, and a switch
+    without another provider are skipped and listed in `refused`. Every ladder ends in `human`.
+    Raises ContractInvalid if C4 lacks the failure, the node, the attempts or the budget.
     """
-    node, standing = failed_node(context), standing_in(context)
-    other = next((card.provider_id for card in alternatives_of(context)), None)
-    rung = next_rung(standing, ladder=rungs_of(context), other=other)
-    provider = other if rung.action == "switch_skill" else node.provider_id if rung.action in SAME_PROVIDER else None
+    node, standing = inputs.failed_node(context), inputs.standing_in(context)
+    other = next((card.provider_id for card in inputs.alternatives_of(context)), None)
+    step = next_step(standing, ladder=inputs.rungs_of(context), other=other)
+    provider = other if step.action == "switch_skill" else node.provider_id if step.action in SAME_PROVIDER else None
     return RecoveryProposal(
-        action=rung.action,
+        action=step.action,
         failure=standing.failure,
         provider_id=provider,
-        cost=cost_of(rung.action),
-        reason=_reason(rung, standing, said=failure_of(context).reason, provider=provider),
-        refused=rung.refused,
+        cost=state.cost_of(step.action),
+        reason=_reason(step, standing, said=inputs.failure_of(context).reason, provider=provider),
+        refused=step.refused,
     )
 
 
-def next_rung(standing: RecoveryState, *, ladder: tuple[RecoveryAction, ...], other: ProviderId | None) -> LadderStep:
-    """The first rung above the last authorised one that may be climbed. `other`: who could take over, if anybody."""
+def next_step(
+    standing: state.RecoveryState, *, ladder: tuple[RecoveryAction, ...], other: ProviderId | None
+) -> state.LadderStep:
+    """The first permitted step above the last authorised one. `other`: who could take over, if anyone."""
     refused: list[Reason] = []
-    for action in ladder[climbed(ladder, standing.tried()) :]:
-        why = unaffordable(action, standing) or _impossible(action, standing, other)
+    for action in ladder[state.climbed(ladder, standing.tried()) :]:
+        why = state.unaffordable(action, standing) or _impossible(action, standing, other)
         if why is None:
-            return LadderStep(action=action, refused=tuple(refused))
+            return state.LadderStep(action=action, refused=tuple(refused))
         refused.append(because("step_passed_over", action=action, why=why))
-    return LadderStep(action="human", refused=tuple(refused))
+    return state.LadderStep(action="human", refused=tuple(refused))
 
 
 def exhausted(proposal: RecoveryProposal) -> bool:
@@ -50,28 +51,30 @@ def exhausted(proposal: RecoveryProposal) -> bool:
     return proposal.action == "human" and any(isinstance(why, Reason) and why.code in spent for why in passed)
 
 
-def _impossible(action: RecoveryAction, standing: RecoveryState, other: ProviderId | None) -> Reason | None:
+def _impossible(action: RecoveryAction, standing: state.RecoveryState, other: ProviderId | None) -> Reason | None:
     if action == "switch_skill" and other is None:
         return because("no_alternative")
-    return repeated(action, standing, provider_id=other if action == "switch_skill" else None)
+    return state.repeated(action, standing, provider_id=other if action == "switch_skill" else None)
 
 
-def _reason(rung: LadderStep, standing: RecoveryState, *, said: Explanation, provider: ProviderId | None) -> Reason:
+def _reason(
+    step: state.LadderStep, standing: state.RecoveryState, *, said: Explanation, provider: ProviderId | None
+) -> Reason:
     """For a person: what failed, what was tried, what is next, what is left."""
     failure = because("failure", failure=standing.failure)
     return because(
         "next_step",
         failure=because("failure_explained", failure=standing.failure, why=said) if said else failure,
         tried=standing.tried() or ("nothing",),
-        following=_following(rung, provider),
+        following=_following(step, provider),
         left_node=standing.left_node,
         left_mission=standing.left_mission,
     )
 
 
-def _following(rung: LadderStep, provider: ProviderId | None) -> Reason:
-    if rung.action == "human":
+def _following(step: state.LadderStep, provider: ProviderId | None) -> Reason:
+    if step.action == "human":
         return because("person_is_asked")
     if provider:
-        return because("action_by_provider", action=rung.action, provider_id=provider)
-    return because("action", action=rung.action)
+        return because("action_by_provider", action=step.action, provider_id=provider)
+    return because("action", action=step.action)

@@ -1,4 +1,4 @@
-"""Pure: whether a recovery policy is one: every failure class has a ladder, and every ladder ends in a person."""
+"""Validates a recovery policy: every failure class has a ladder, and every ladder ends with a person. Pure."""
 
 from typing import get_args
 
@@ -9,8 +9,8 @@ from harness.contracts.errors import ContractInvalid
 def check_policy(policy: RecoveryPolicy) -> None:
     """Raise ContractInvalid for the first ladder that is missing or ends otherwise than in `human` (D24).
 
-    After a switch only free rungs may follow: whether anybody could take over is the one thing the gate cannot see, so
-    no spending rung may hide behind it.
+    After a switch only free steps may follow: the gate cannot see whether another provider could take over, so
+    no spending step may follow that one.
     """
     for failure in get_args(FailureClass):
         ladder = policy.ladders.get(failure, ())

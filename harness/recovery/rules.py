@@ -1,4 +1,4 @@
-"""Pure: which rule a recovery proposal breaks, whoever proposed it. The gate asks before it authorises (R132)."""
+"""Checks a recovery proposal against the rules, whoever proposed it. Pure; the gate calls it first (R132)."""
 
 from harness.contracts.configuration import RecoveryAction, RecoveryPolicy
 from harness.contracts.decisions import Refused, refused

@@ -1,4 +1,4 @@
-"""Pure: where a failed node stands on its ladder: what was tried, what is left, and whether there is news."""
+"""Recovery state of a failed node: steps tried, budget left, and whether new observations came in. Pure."""
 
 from harness.contracts.configuration import SPENDING, FailureClass, RecoveryAction, RecoveryPolicy
 from harness.contracts.errors import ContractInvalid
@@ -26,24 +26,24 @@ class RecoveryState(Value):
     news_s: float | None = None
 
     def tried(self) -> tuple[RecoveryAction, ...]:
-        """Rungs authorised for this failure class on this node, oldest first; free ones count."""
+        """Steps authorised for this failure class on this node, oldest first; free ones count."""
         return tuple(spend.action for spend in self.spends if spend.failure == self.failure)
 
     @property
     def news(self) -> bool:
-        """Whether a sensor has said something since the failure (D25)."""
+        """Whether a sensor has reported anything since the failure (D25)."""
         return self.news_s is not None and self.news_s > self.failed_s
 
 
 class LadderStep(Value):
-    """The next rung, its place on the ladder, and the rungs passed over to reach it, each with its reason."""
+    """The next step, its place on the ladder, and the steps skipped to reach it, each with its reason."""
 
     action: RecoveryAction
     refused: tuple[Reason, ...] = ()
 
 
 def standing_of(mission: Mission, node_id: NodeId) -> RecoveryState:
-    """Where the node stands by the mission's own state. Raises ContractInvalid if it has no open failure."""
+    """The node's recovery state, from the mission's own state. Raises ContractInvalid if it has no open failure."""
     contract, state = required_contract(mission), mission.of(node_id)
     if state.failure is None:
         raise ContractInvalid(f"Node {node_id} has no failure to recover from", where=f"mission {mission.mission_id}")
@@ -111,7 +111,7 @@ def unaffordable(action: RecoveryAction, standing: RecoveryState) -> Reason | No
 def repeated(
     action: RecoveryAction, standing: RecoveryState, *, provider_id: ProviderId | None = None
 ) -> Reason | None:
-    """Why this action would repeat a failed one without news (D25); None otherwise. Free actions may repeat."""
+    """Why this action would repeat a failure with no new observation (D25), or None. Free actions may repeat."""
     if cost_of(action) == 0 or standing.news:
         return None
     same = [spend for spend in standing.spends if (spend.action, spend.failure) == (action, standing.failure)]
@@ -128,7 +128,7 @@ def ladder_of(failure: FailureClass, policy: RecoveryPolicy) -> tuple[RecoveryAc
 
 
 def climbed(ladder: tuple[RecoveryAction, ...], tried: tuple[RecoveryAction, ...]) -> int:
-    """How many rungs lie behind: the place after the last one that was authorised."""
+    """How many steps are done: the place after the last one that was authorised."""
     place = 0
     for action in tried:
         if action in ladder[place:]:

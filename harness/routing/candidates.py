@@ -1,4 +1,4 @@
-"""Pure: who could serve a node, best first. Two steps in sight: the hard filter, then the score."""
+"""Ranks the providers that could serve a node, in two recorded steps: the hard filter, then the score. Pure."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ from harness.routing.score import dearest, terms, total
 
 
 def candidates(need: Need, *, cards: Sequence[CapabilityCard], preferences: RoutingPreferences) -> CandidateSet:
-    """Every provider looked at (R66): those that passed, best first, then the refused ones by id.
+    """Every provider considered (R66): those that passed, best first, then the refused ones by id.
 
     Ties go to the lower estimated risk, then to the provider id (D23). `chosen` is none if all were refused. Being
     chosen authorises nothing: preconditions and leases are tested again at dispatch (R63).

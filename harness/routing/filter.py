@@ -1,4 +1,4 @@
-"""Pure: the hard filter. Deterministic, before any score; fails closed on what is unknown (R58, R173)."""
+"""Applies the hard filter before any score. Pure and deterministic; refuses whatever is unknown (R58, R173)."""
 
 import math
 from collections.abc import Callable
@@ -93,7 +93,7 @@ CHECKS: tuple[tuple[Filter, Check], ...] = (
 
 
 def parameter_problem(parameter: Parameter, value: ParameterValue | None) -> Reason | None:
-    """Why the card would not take this value; None if it would, or if it is bound later."""
+    """Why the card would not accept this value; None if it would, or if it is bound later."""
     name = parameter.name
     if value is None:
         return because("parameter_required", name=name) if parameter.required else None

@@ -1,4 +1,4 @@
-"""Pure: the history penalty h, from verified outcomes alone; a provider's own word never enters (R60, D23)."""
+"""Computes the history penalty h from verified outcomes alone, never from a provider's own report (R60, D23). Pure."""
 
 from collections.abc import Iterable, Iterator
 
@@ -23,7 +23,7 @@ class ExecutionOutcome(Value):
 
 
 class Judged(Value, array_like=True):
-    """What one execution of a series came to."""
+    """The result of one execution of a series."""
 
     verdict: Verdict
     residual: Share = 0.0
@@ -32,7 +32,7 @@ class Judged(Value, array_like=True):
 class OutcomeSeries(Value):
     """The judged executions of one provider in one setting, oldest first.
 
-    Two hundred of them are stored with every dispatch, so the setting is said once.
+    Two hundred of them are stored with every dispatch, so the setting is stored once.
     """
 
     provider_id: ProviderId
@@ -54,7 +54,7 @@ class RoutingHistory(Value):
         """Decayed share of failure in [0, 1] with a Beta(1, 1) prior: 0.5 where nothing is known.
 
         An outcome counts half as much after `half_life` newer ones. Violated and unsafe count 1, satisfied counts
-        its residual; ambiguous and stale say nothing about the effect and do not count.
+        its residual; ambiguous and stale do not count, since they do not show the effect.
         """
         failed, weight, total = 1.0, 1.0, 2.0
         fading = 0.5 ** (1.0 / half_life)

@@ -1,4 +1,4 @@
-"""Pure: what a node asks of a provider, and what routing may know while it chooses one."""
+"""A routing request: what a node requires of a provider, and the state that routing may use. Pure."""
 
 import msgspec
 
@@ -12,7 +12,7 @@ from harness.routing.history import RoutingHistory
 
 
 class Need(Value):
-    """One routing question, asked of one state version.
+    """What a node requires of a provider, at one state version.
 
     `parameters` as stated by the node: a text `@{node.argument}` (under `images_from` for `images`) is bound later.
     `place` is where the work is done, for history. `vetoes` maps each layer that restricts to its reason. `status`

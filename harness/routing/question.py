@@ -1,4 +1,4 @@
-"""Pure: everything routing was asked, as one record: the same question gives the same candidate set (R66, R146)."""
+"""Records all inputs of one routing decision, so that the same record gives the same candidates (R66, R146). Pure."""
 
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.configuration import RoutingPreferences
@@ -9,12 +9,12 @@ from harness.routing.need import Need
 
 
 class RoutingQuestion(Value):
-    """What a node needs, who might do it, and by which weights they are ranked."""
+    """What a node needs, which providers are candidates, and the weights that rank them."""
 
     need: Need
     cards: tuple[CapabilityCard, ...]
     preferences: RoutingPreferences
 
     def answer(self) -> CandidateSet:
-        """All providers looked at, best first, and who is chosen."""
+        """All providers considered, best first, and the chosen one."""
         return candidates(self.need, cards=self.cards, preferences=self.preferences)

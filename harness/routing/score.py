@@ -1,4 +1,4 @@
-"""Pure: the inspectable score s = w_p p - w_r r - w_u u - w_l l - w_c c - w_h h (R59). It ranks, no more."""
+"""Computes the inspectable score s = w_p p - w_r r - w_u u - w_l l - w_c c - w_h h (R59). Pure: only ranks."""
 
 import math
 from collections.abc import Mapping, Sequence

@@ -1,11 +1,11 @@
-"""The agent loop in the paper's order, as a step: C1, C2, dispatch and poll, C3, gate, C4, then the goal (R53).
+"""The agent loop of one mission, run step by step: C1, C2, dispatch and poll, C3, gate, C4, then the goal (R53).
 
-`step()` does what is due now and says when to come back, in mission time; it sleeps nowhere, so that virtual time
-needs no event loop. None means that nothing will change until a person speaks or the mission is over.
+`step()` does what is due now and returns when to be called again, in mission time; it never sleeps, so that virtual
+time needs no event loop. None means that nothing will change until a person answers or the mission has ended.
 """
 
 from harness.contexts.verifier import goal_context
-from harness.contracts.commands import AcknowledgeStop, EndMission, JudgeGoal, ReportFailure, StopMission
+from harness.contracts import commands
 from harness.contracts.contexts import Context
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContextOverflow, ContractInvalid
@@ -43,11 +43,11 @@ class AgentLoop:
         self._observations = ObservationBuffer(runtime=runtime, connection=connection)
         self._roles = RoleContexts(runtime=runtime, connection=connection, observations=self._observations)
         self._dispatcher = Dispatcher(self._roles)
-        self.desk = HandoffService(self._roles, self._dispatcher)
+        self.handoff_service = HandoffService(self._roles, self._dispatcher)
         self.handoff_timeouts = HandoffTimeouts(self._roles)
         self._monitor = InvocationMonitor(self._roles, found=runtime.mission(mission_id).invocation)
         self._watchdog = Watchdog(self._roles)
-        self._recovery = Recovery(self._roles, dispatcher=self._dispatcher, desk=self.desk)
+        self._recovery = Recovery(self._roles, dispatcher=self._dispatcher, handoff_service=self.handoff_service)
         self._explorer = Explorer(self._roles)
         self._prepared = False
         self._stopping_since: float | None = None
@@ -82,7 +82,7 @@ class AgentLoop:
                 try:
                     return self._working(mission, now_s)
                 except ContextOverflow as error:
-                    self._runtime.submit(mission.mission_id, StopMission(actor=SUPERVISOR, reason=str(error)))
+                    self._runtime.submit(mission.mission_id, commands.StopMission(actor=SUPERVISOR, reason=str(error)))
                     return now_s
 
     def _working(self, mission: Mission, now_s: float) -> float | None:
@@ -120,7 +120,9 @@ class AgentLoop:
         if failed(mission):
             self._recovery.give_up(mission)
             return None
-        self._runtime.submit(mission.mission_id, EndMission(status="failed", reason=because("no_stage_can_go_on")))
+        self._runtime.submit(
+            mission.mission_id, commands.EndMission(status="failed", reason=because("no_stage_can_go_on"))
+        )
         return None
 
     def _dispatch(self, mission: Mission, now_s: float) -> float:
@@ -149,16 +151,16 @@ class AgentLoop:
         return now_s
 
     def _report(self, mission: Mission, node_id: NodeId, reason: Explanation, now_s: float) -> None:
-        failure = ReportFailure(
+        failure = commands.ReportFailure(
             node_id=node_id, invocation_id=None, failure="precondition_unmet", reason=reason, at_s=now_s
         )
         self._runtime.submit(mission.mission_id, failure)
 
     def _waited(self, mission: Mission, node: NodeState, now_s: float) -> float:
-        """A free rung: what is waited for is looked at until the wait is over; then the node goes on, or up a rung."""
-        rung, last = node.spends[-1], node.failures[-1]
-        if rung.action != "wait":
-            self._again(mission, node, because("failed_after", action=rung.action, reason=last.reason), now_s)
+        """A free step: the wait is checked until it ends; then the node goes on, or escalates to the next step."""
+        step, last = node.spends[-1], node.failures[-1]
+        if step.action != "wait":
+            self._again(mission, node, because("failed_after", action=step.action, reason=last.reason), now_s)
             return now_s
         obstacle = self._obstacle(mission, node)
         if not obstacle:
@@ -169,7 +171,8 @@ class AgentLoop:
         return now_s
 
     def _obstacle(self, mission: Mission, node: NodeState) -> Explanation | None:
-        """What still keeps the node from starting; what this mission itself left in quarantine is freed at rest."""
+        """What still keeps the node from starting; resources this mission left in quarantine are freed at
+        standstill."""
         blocked = self._dispatcher.blocked(mission, node.node_id)
         if blocked is not None:
             return blocked.reason
@@ -179,25 +182,27 @@ class AgentLoop:
         return taken
 
     def _again(self, mission: Mission, node: NodeState, reason: Explanation, now_s: float) -> None:
-        """The same failure once more: it climbs to the next rung."""
-        again = ReportFailure(
+        """The same failure again: it escalates to the next step."""
+        again = commands.ReportFailure(
             node_id=node.node_id, invocation_id=None, failure=node.failures[-1].failure, reason=reason, at_s=now_s
         )
         self._runtime.submit(mission.mission_id, again)
 
     def _judge(self, mission: Mission, now_s: float) -> float | None:
-        """The original completion conditions, on what was committed and what is seen now (R118)."""
+        """Judge the original completion conditions on committed facts and current observations (R118)."""
         if mission.relooks:
             self._relook_s = self._relook_s or now_s + RELOOK_S
             if now_s < self._relook_s:
                 return min(now_s + POLL_S, self._relook_s)
         context = goal_context(self._roles.view(mission))
         verdict = verify_goal(context, self._runtime.blob)
-        self._runtime.submit(mission.mission_id, JudgeGoal(verdict=verdict), records=(context_record(context),))
+        self._runtime.submit(
+            mission.mission_id, commands.JudgeGoal(verdict=verdict), records=(context_record(context),)
+        )
         return now_s
 
     def _stopping(self, mission: Mission, now_s: float) -> float | None:
-        """STOPPING until the provider acknowledged and the body is static by a source outside the localiser."""
+        """STOPPING until the provider acknowledged and the body is at standstill by a source outside the localiser."""
         self._publish(mission)
         if mission.handoff_id is not None:
             self.handoff_timeouts.supersede(mission, because("mission_was_stopped"))
@@ -212,7 +217,7 @@ class AgentLoop:
         rest = at_rest(self._observations.recent, now_s)
         if not rest.static and now_s < self._stopping_since + STATIC_WITHIN_S:
             return now_s + POLL_S
-        done = AcknowledgeStop(
+        done = commands.AcknowledgeStop(
             static=rest.static, measured=rest.measured, reason=rest.reason or because("at_rest_by_odometry")
         )
         self._runtime.submit(mission.mission_id, done)
@@ -229,7 +234,7 @@ class AgentLoop:
         return self._monitor.attend(mission, invocation)
 
     def _waiting(self, mission: Mission, now_s: float) -> float | None:
-        """A person is asked. At speed 0 nothing waits for people (D7)."""
+        """A person was asked. At speed 0 nothing waits for people (D7)."""
         self.handoff_timeouts.watch(mission)
         self._publish(mission)
         return now_s + POLL_S if self._connection.waits_for_people else None

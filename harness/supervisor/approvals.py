@@ -1,4 +1,4 @@
-"""Between a person's word and the one dispatch it authorises: void if anything it was bound to changed (D28)."""
+"""Checks an approval again just before its one dispatch; it is void if anything it was bound to changed (D28)."""
 
 from harness.contracts.commands import EndInvocation, MarkDispatched, RecordEffect
 from harness.contracts.decisions import Refused, refused
@@ -15,10 +15,10 @@ from harness.supervisor.robot_connection import RobotConnection
 
 
 def clear_to_send(runtime: Runtime, mission: Mission, invocation: Invocation) -> Refused | None:
-    """Mark the approval as dispatched, just before it is sent; or why nothing may be sent any more.
+    """Mark the approval as dispatched just before it is sent; or return why nothing may be sent any more.
 
-    Who approved must still be allowed to; the word must be fresh, and the mission as it was when it was given. What
-    was marked before a crash is never marked, and so never sent, again.
+    The person who approved must still be allowed to; the approval must be fresh, and the mission unchanged since it was
+    given. What was marked before a crash is never marked again, and so never sent again.
     """
     intent = invocation.intent
     if intent.handoff_id is None:
@@ -33,7 +33,7 @@ def clear_to_send(runtime: Runtime, mission: Mission, invocation: Invocation) ->
 
 
 def changed(mission: Mission, invocation: Invocation) -> Reason | None:
-    """What an approval was bound to and is no longer so; None if all of it still holds."""
+    """What an approval was bound to and no longer holds; None if all of it still holds."""
     intent = invocation.intent
     if mission.status != "active":
         return because("approval_mission_is", status=mission.status)
@@ -47,7 +47,7 @@ def changed(mission: Mission, invocation: Invocation) -> Reason | None:
 
 
 def _stopped(invocation: Invocation) -> Refused | None:
-    """What was stopped before it was sent is not sent at all."""
+    """An invocation stopped before it was sent is not sent at all."""
     if not invocation.stop_requested:
         return None
     return refused("stopped", because("stopped_before_sending", reason=invocation.stop_requested))
@@ -56,9 +56,9 @@ def _stopped(invocation: Invocation) -> Refused | None:
 def withdraw(
     runtime: Runtime, connection: RobotConnection, mission: Mission, *, intent: DispatchIntended, reason: Explanation
 ) -> None:
-    """The invocation ends unsent and its leases are free; a person's word for it is void, or its effect unknown.
+    """End the invocation unsent and free its leases; its approval becomes void, or its effect unknown.
 
-    The stage stands where it stood, so that whoever was asked is asked anew.
+    The stage's status stays unchanged, so that the same person is asked again.
     """
     failures = mission.of(intent.node_id).failures
     ended = EndInvocation(

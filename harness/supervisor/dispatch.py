@@ -1,4 +1,4 @@
-"""The only way to start a provider: plan, route, compile C2, record intent with leases, then send (R78, R79)."""
+"""Starts providers, the only way to do so: plan, route, compile C2, record intent with leases, then send (R78, R79)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,15 +8,9 @@ from msgspec.structs import replace
 from harness.contexts.planner import planner_context
 from harness.contexts.skill import skill_context
 from harness.contexts.view import StateView
+from harness.contracts import commands, ids
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.capabilities import Capability, CapabilityCard
-from harness.contracts.commands import (
-    ApproveHandoff,
-    AttestHandoff,
-    AuthoriseDispatch,
-    RefusePrecondition,
-    ReportFailure,
-)
 from harness.contracts.configuration import FailureClass
 from harness.contracts.contexts import Context
 from harness.contracts.control import CONTROL, RequireNoTeleoperation
@@ -24,17 +18,6 @@ from harness.contracts.decisions import Accepted, Refused, refused
 from harness.contracts.events import DispatchIntended, NodePlanned
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.handoff_commands import ReturnControl
-from harness.contracts.ids import (
-    Digest,
-    HandoffId,
-    NodeId,
-    ProviderId,
-    handoff_stream,
-    invocation_id,
-    leased,
-    mission_stream,
-    request_id,
-)
 from harness.contracts.ports import Record
 from harness.contracts.proposals import RecoveryProposal, Signature, SkillProposal
 from harness.contracts.protocol import Parameters
@@ -62,19 +45,19 @@ LOOK: Parameters = {"duration_s": LOOK_S, "frames": 1.0}
 
 @dataclass(frozen=True)
 class Approval:
-    """A person's word that opens one dispatch in the same transaction: an approval (D28), an attestation (D17), or
-    the robot handed back."""
+    """A person's answer that opens one dispatch in the same transaction: an approval (D28), an attestation (D17), or a
+    hand-back of the robot."""
 
-    handoff_id: HandoffId
-    command: ApproveHandoff | AttestHandoff | ReturnControl
+    handoff_id: ids.HandoffId
+    command: commands.ApproveHandoff | commands.AttestHandoff | ReturnControl
     attestation: RecordAttestation | None = None
 
 
 @dataclass(frozen=True)
 class DispatchAttempt:
-    """One wish to dispatch a node: the first attempt, or a recovery step that C4 proposed."""
+    """One request to dispatch a node: the first attempt, or a recovery step that C4 proposed."""
 
-    node_id: NodeId
+    node_id: ids.NodeId
     recovery: RecoveryProposal | None = None
     c4: Context | None = None
     approval: Approval | None = None
@@ -86,10 +69,10 @@ class DispatchAttempt:
 
 @dataclass(frozen=True)
 class Prepared:
-    """An invocation as it would run: the intent, and the records of how it came about."""
+    """An invocation as it would run: the intent, and the records of how it was chosen."""
 
     intent: DispatchIntended
-    candidates: Digest
+    candidates: ids.Digest
     records: tuple[Record, ...]
 
 
@@ -110,11 +93,11 @@ class Dispatcher:
         self._connection = roles.connection
 
     def next_node(self, mission: Mission) -> tuple[Plan, Context]:
-        """What comes next, and the C1 it was planned from; whoever plans, the harness admits or takes its own."""
+        """The next node, and the C1 it was planned from; the harness admits the planner's proposal or uses its own."""
         c1 = planner_context(self._roles.view(mission))
         return planned(self._connection.planner, c1, mission=mission), c1
 
-    def blocked(self, mission: Mission, node_id: NodeId) -> PreconditionBlocked | None:
+    def blocked(self, mission: Mission, node_id: ids.NodeId) -> PreconditionBlocked | None:
         """The first precondition that does not hold now, tested again at every dispatch (R18)."""
         view = self._roles.view(mission)
         node = required_contract(mission).node(node_id)
@@ -130,10 +113,10 @@ class Dispatcher:
             else None
         )
 
-    def refuse(self, mission: Mission, node_id: NodeId, blocked: PreconditionBlocked) -> None:
+    def refuse(self, mission: Mission, node_id: ids.NodeId, blocked: PreconditionBlocked) -> None:
         self._runtime.submit(
             mission.mission_id,
-            RefusePrecondition(
+            commands.RefusePrecondition(
                 node_id=node_id,
                 precondition=blocked.name,
                 reason=blocked.reason,
@@ -158,7 +141,7 @@ class Dispatcher:
         *,
         plan: tuple[Plan, Context] | None = None,
     ) -> Accepted[AnyEvent] | Refused:
-        """Commit one invocation as it was prepared, with what authorises it."""
+        """Commit one invocation as prepared, with what authorises it."""
         command = self._command(attempt, prepared, plan)
         said = [record("plan", plan[0].proposal)] if plan and plan[0].proposal else []
         contexts = [context_record(one) for one in (plan[1] if plan else None, attempt.c4) if one is not None]
@@ -167,12 +150,12 @@ class Dispatcher:
             return self._fail(mission, attempt, "resource_conflict", decision.reason)
         return decision
 
-    def taken(self, mission: Mission, node_id: NodeId) -> Reason | None:
+    def taken(self, mission: Mission, node_id: ids.NodeId) -> Reason | None:
         """Which resource of this node somebody still holds, and why; None if all of them are free."""
         node = required_contract(mission).node(node_id)
         cards = [card for card in self._connection.cards if card.capability in node.capabilities]
         wanted = dict.fromkeys((*node.resources, *(one for card in cards for one in card.resources)))
-        leases = [self._runtime.lease(leased(mission.robot_id, one)) for one in wanted]
+        leases = [self._runtime.lease(ids.leased(mission.robot_id, one)) for one in wanted]
         held = [lease for lease in leases if lease.status != "free"]
         return several(
             [
@@ -244,7 +227,7 @@ class Dispatcher:
         self, mission: Mission, attempt: DispatchAttempt, *, card: CapabilityCard, skill: SkillProposal, c2: Context
     ) -> DispatchIntended:
         node, number = required_contract(mission).node(attempt.node_id), mission.of(attempt.node_id).attempt + 1
-        request = request_id(mission.mission_id, attempt.node_id, number)
+        request = ids.request_id(mission.mission_id, attempt.node_id, number)
         now_s = self._connection.clock.now().mission_s
         timeout_s = min(node.timeout_s, OBSERVING_TIMEOUT_S) if attempt.verify_only else node.timeout_s
         images = skill.parameters.get("images", ())
@@ -253,7 +236,7 @@ class Dispatcher:
             node_id=attempt.node_id,
             attempt=number,
             request_id=request,
-            invocation_id=invocation_id(request),
+            invocation_id=ids.invocation_id(request),
             provider_id=card.provider_id,
             provider_version=card.version,
             capability=card.capability,
@@ -273,7 +256,7 @@ class Dispatcher:
         )
 
     def _before(self, node: Node, attempt: DispatchAttempt) -> tuple[EvidenceReference, ...]:
-        """O_before: the samples of the last seconds, for nodes whose policy wants pose evidence."""
+        """O_before: the samples of the last seconds, for nodes whose policy requires pose evidence."""
         if attempt.verify_only or "trajectory" not in node.evidence.mandatory:
             return ()
         reference, _ = self._roles.observations.seal(self._roles.observations.recent, source="robot")
@@ -281,9 +264,9 @@ class Dispatcher:
 
     def _command(
         self, attempt: DispatchAttempt, prepared: Prepared, plan: tuple[Plan, Context] | None
-    ) -> AuthoriseDispatch:
+    ) -> commands.AuthoriseDispatch:
         approval, intent = attempt.approval, prepared.intent
-        return AuthoriseDispatch(
+        return commands.AuthoriseDispatch(
             intent=intent,
             planned=_planned(prepared, *plan) if plan else None,
             recovery=attempt.recovery,
@@ -297,18 +280,23 @@ class Dispatcher:
         )
 
     def _commit(
-        self, mission: Mission, attempt: DispatchAttempt, command: AuthoriseDispatch, *, records: Sequence[Record]
+        self,
+        mission: Mission,
+        attempt: DispatchAttempt,
+        command: commands.AuthoriseDispatch,
+        *,
+        records: Sequence[Record],
     ) -> Accepted[AnyEvent] | Refused:
         """The intent, its leases and the approval that pays for it: all or none."""
         requests = [
-            CommandEnvelope(mission_stream(mission.mission_id), command, mission.robot_id),
+            CommandEnvelope(ids.mission_stream(mission.mission_id), command, mission.robot_id),
             *acquire(mission, command.intent),
         ]
         if attempt.approval is not None:
             requests.insert(
                 0,
                 CommandEnvelope(
-                    handoff_stream(attempt.approval.handoff_id), attempt.approval.command, mission.robot_id
+                    ids.handoff_stream(attempt.approval.handoff_id), attempt.approval.command, mission.robot_id
                 ),
             )
         if command.handed_back:
@@ -319,7 +307,7 @@ class Dispatcher:
 
     def _fail(self, mission: Mission, attempt: DispatchAttempt, failure: FailureClass, reason: Reason) -> Refused:
         if attempt.approval is None and mission.of(attempt.node_id).failure is None:
-            command = ReportFailure(
+            command = commands.ReportFailure(
                 node_id=attempt.node_id,
                 invocation_id=None,
                 failure=failure,
@@ -348,7 +336,7 @@ def _signature(recovery: RecoveryProposal | None, intent: DispatchIntended) -> S
         return None
     return Signature(
         action=recovery.action,
-        provider_id=ProviderId(intent.provider_id),
+        provider_id=ids.ProviderId(intent.provider_id),
         provider_version=intent.provider_version,
         parameters=digest(intent.parameters),
         failure=recovery.failure,

@@ -1,13 +1,13 @@
-"""Explores: draws what was seen into the map, has the next target proposed, and asks the gate for the stages to it.
+"""Explores: draws observations into the map, has the next target proposed, and asks the gate for the stages to it.
 
 It starts nothing itself: an admitted target becomes a revision of the contract, and the agent loop dispatches its leg
-as any other stage. Nothing more to choose, and the stage that waited for it goes on.
+like any other stage. When nothing is left to choose, the stage that waited for it continues.
 """
 
+from harness.contracts import exploration
 from harness.contracts.commands import RecordObservation
 from harness.contracts.decisions import Accepted
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
-from harness.contracts.exploration import FREE, OCCUPIED, GridMap, TargetAnswer, TargetChoice, TargetQuestion
 from harness.contracts.ids import Digest, NodeId
 from harness.contracts.observations import Pose, Trajectory
 from harness.contracts.revision_commands import ReviseContract
@@ -52,7 +52,7 @@ class Explorer:
         known = updates(mission)
         if closing is None or position is None or image is None or not known or _enough(mission, closing):
             return False
-        grid = decode(self._runtime.blob(known[-1][1].after), GridMap)
+        grid = decode(self._runtime.blob(known[-1][1].after), exploration.GridMap)
         question = self._question(mission, closing, grid=grid, position=position, image=image)
         if not question.left:
             return False
@@ -60,10 +60,10 @@ class Explorer:
         return answer.chosen is not None and self._revise(mission, closing, question, answer)
 
     def _draw(self, mission: Mission, packets: tuple[EvidencePacket, ...]) -> None:
-        """One map update: what these executions' lidar saw, in order."""
+        """One map update: what the lidar of these executions saw, in order."""
         known = updates(mission)
         before = known[-1][1].after if known else self._runtime.keep(encode(self._unexplored(mission)))
-        grid = decode(self._runtime.blob(before), GridMap)
+        grid = decode(self._runtime.blob(before), exploration.GridMap)
         trajectories = [
             decode(self._runtime.blob(one.blob), Trajectory) for packet in packets for one in packet.estimates
         ]
@@ -86,25 +86,25 @@ class Explorer:
                     "before": before,
                     "packets": " ".join(packet.identity.packet_id for packet in packets),
                     "sweeps": " ".join(scan.blob for _, scan in sweeps),
-                    "known_m2": area_m2(after, kind=FREE) + area_m2(after, kind=OCCUPIED),
-                    "opened_m2": changed_m2(grid, after, to=FREE),
-                    "closed_m2": changed_m2(grid, after, to=OCCUPIED),
+                    "known_m2": area_m2(after, kind=exploration.FREE) + area_m2(after, kind=exploration.OCCUPIED),
+                    "opened_m2": changed_m2(grid, after, to=exploration.FREE),
+                    "closed_m2": changed_m2(grid, after, to=exploration.OCCUPIED),
                 },
             ),
         )
         self._runtime.submit(mission.mission_id, update)
 
-    def _unexplored(self, mission: Mission) -> GridMap:
+    def _unexplored(self, mission: Mission) -> exploration.GridMap:
         return unexplored(self._runtime.site_of(mission), map_version=required_contract(mission).map_version)
 
     def _question(
-        self, mission: Mission, closing: Node, *, grid: GridMap, position: Point, image: Digest
-    ) -> TargetQuestion:
+        self, mission: Mission, closing: Node, *, grid: exploration.GridMap, position: Point, image: Digest
+    ) -> exploration.TargetQuestion:
         contract, site = required_contract(mission), self._runtime.site_of(mission)
         state = mission.of(closing.node_id)
         keep_out = tuple(one.region_m for one in site.places if one.place_id in contract.constraints.keep_out)
         left = min(*left_now(mission, closing.node_id), left_of(closing.recovery, state.spends)["local_replan"])
-        return TargetQuestion(
+        return exploration.TargetQuestion(
             mission_id=mission.mission_id,
             configuration=mission.configuration,
             k=mission.k,
@@ -123,12 +123,14 @@ class Explorer:
             keep_out_m=keep_out,
         )
 
-    def _revise(self, mission: Mission, closing: Node, question: TargetQuestion, answer: TargetAnswer) -> bool:
+    def _revise(
+        self, mission: Mission, closing: Node, question: exploration.TargetQuestion, answer: exploration.TargetAnswer
+    ) -> bool:
         """The gate decides on the contract with this target; the records of the choice are stored with it."""
         if answer.chosen is None:
             return False
         asked, said = record("target-question", question), record("target-answer", answer)
-        choice = TargetChoice(
+        choice = exploration.TargetChoice(
             mission_id=mission.mission_id,
             configuration=mission.configuration,
             k=mission.k,
@@ -148,13 +150,13 @@ class Explorer:
         return isinstance(self._runtime.submit(mission.mission_id, command, records=(asked, said)), Accepted)
 
     def _position(self) -> Point | None:
-        """Where the localiser last saw the body, which stands between two stages; None if it has not of late."""
+        """Where the localiser last saw the body, which is at rest between two stages; None if it has not recently."""
         poses = [one for one in self._roles.observations.recent if isinstance(one, Pose)]
         return (poses[-1].x_m, poses[-1].y_m) if poses else None
 
 
 def _enough(mission: Mission, closing: Node) -> bool:
-    """Whether as many views are accepted as the contract wants, the last one still to be taken."""
+    """Whether as many views are accepted as the contract requires, the last one still to be taken."""
     wanted = closing.parameters[EXPLORES]
     return isinstance(wanted, int | float) and not isinstance(wanted, bool) and len(views(mission)) >= wanted
 

@@ -1,4 +1,4 @@
-"""What a robot does on the spot where it goes nowhere: stays, or lies down as far as it can (D27)."""
+"""Stops a robot where it is when it cannot go anywhere: it stays, or lies down as far as it can (D27)."""
 
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.places import Otherwise
@@ -10,14 +10,14 @@ from harness.supervisor.standstill import Rest
 
 
 class StopOutcome(Value):
-    """Whether something shows that it was done, and what."""
+    """Whether the stop was shown to be done, and by what."""
 
     done: bool
     reason: Reason
 
 
 def settle(connection: RobotConnection, action: Otherwise, *, rest: Rest, token: int) -> StopOutcome:
-    """Stay or lie down, ordered in its turn by the newest fencing token of the base."""
+    """Stay or lie down, ordered with the newest fencing token of the base."""
     if action == "hold":
         return StopOutcome(done=rest.static, reason=rest.reason or because("at_rest_by_odometry"))
     if connection.hand is None:

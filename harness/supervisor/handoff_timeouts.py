@@ -1,12 +1,12 @@
-"""While a question waits: claims lapse, levels rise; without an answer the robot takes its no-answer action (D27)."""
+"""Expires claims and raises escalation levels while a handoff waits, then runs the no-answer action (D27)."""
 
+from harness.contracts import ids
 from harness.contracts.actors import Actor
 from harness.contracts.commands import AnswerMission, ExpireHandoff, SupersedeHandoff
 from harness.contracts.control import CONTROL
 from harness.contracts.decisions import Accepted, Refused, refused
 from harness.contracts.handoff_commands import DropClaim, Escalate, RecordNoAnswer
 from harness.contracts.handoff_events import HandoffExpired
-from harness.contracts.ids import HandoffId, RobotId, handoff_stream, leased, mission_stream
 from harness.contracts.places import Otherwise
 from harness.contracts.reasons import Explanation, because
 from harness.contracts.retreat_events import RetreatIntended
@@ -40,36 +40,38 @@ class HandoffTimeouts:
         self._connection = roles.connection
 
     def watch(self, mission: Mission) -> None:
-        """What is due now. Losing against an answer changes nothing."""
+        """Do what is due now. Losing against an answer changes nothing."""
         if mission.handoff_id is None:
             return
         handoff = self._runtime.handoff(mission.handoff_id)
         now_s = self._connection.clock.now().wall_s
         if handoff.claim is not None and live_claim(handoff, now_s) is None:
             lapsed = DropClaim(actor=TIMEOUT, claim=handoff.claim.claim, reason=because("claim_not_renewed"))
-            self._runtime.commit([CommandEnvelope(handoff_stream(handoff.handoff_id), lapsed, mission.robot_id)])
+            self._runtime.commit([CommandEnvelope(ids.handoff_stream(handoff.handoff_id), lapsed, mission.robot_id)])
             handoff = self._runtime.handoff(mission.handoff_id)
         for level in due_levels(handoff, now_s):
             self._runtime.commit(
-                [CommandEnvelope(handoff_stream(handoff.handoff_id), Escalate(level=level), mission.robot_id)]
+                [CommandEnvelope(ids.handoff_stream(handoff.handoff_id), Escalate(level=level), mission.robot_id)]
             )
         if handoff.answerable and handoff.opened is not None and now_s >= handoff.opened.deadline_at_s:
             self._expire(mission, handoff)
 
     def supersede(self, mission: Mission, reason: Explanation) -> None:
-        """The question fell away: the mission was stopped another way."""
+        """The question became obsolete: the mission was stopped another way."""
         if mission.handoff_id is None:
             return
         answered = AnswerMission(handoff_id=mission.handoff_id, decision="superseded", actor=TIMEOUT, reason=reason)
         self._runtime.commit(
             [
-                CommandEnvelope(handoff_stream(mission.handoff_id), SupersedeHandoff(reason=reason), mission.robot_id),
-                CommandEnvelope(mission_stream(mission.mission_id), answered, mission.robot_id),
+                CommandEnvelope(
+                    ids.handoff_stream(mission.handoff_id), SupersedeHandoff(reason=reason), mission.robot_id
+                ),
+                CommandEnvelope(ids.mission_stream(mission.mission_id), answered, mission.robot_id),
             ]
         )
 
     def _expire(self, mission: Mission, handoff: Handoff) -> None:
-        """No answer in time: the safe outcome, never "go on". Then the zone's action, and what came of it."""
+        """No answer in time: the safe outcome, never "go on". Then the zone's action, and its result."""
         no_answer = handoff.opened.no_answer if handoff.opened else "hold"
         unanswered = AnswerMission(
             handoff_id=handoff.handoff_id,
@@ -78,8 +80,8 @@ class HandoffTimeouts:
             reason=MEANT[no_answer],
         )
         expiring = [
-            CommandEnvelope(handoff_stream(handoff.handoff_id), ExpireHandoff(), mission.robot_id),
-            CommandEnvelope(mission_stream(mission.mission_id), unanswered, mission.robot_id),
+            CommandEnvelope(ids.handoff_stream(handoff.handoff_id), ExpireHandoff(), mission.robot_id),
+            CommandEnvelope(ids.mission_stream(mission.mission_id), unanswered, mission.robot_id),
         ]
         retreat = self._retreat(mission, handoff) if no_answer == "retreat" else None
         if isinstance(retreat, RetreatIntended):
@@ -94,7 +96,7 @@ class HandoffTimeouts:
     def _retreat(self, mission: Mission, handoff: Handoff) -> RetreatIntended | Refused:
         """The one motion that the zone authorised beforehand: its intent and the expiry are one commit.
 
-        Whoever paused the mission, or lets nothing move without a person, said so later than the site file did.
+        A person who paused the mission, or lets nothing move without a person, decided later than the site file did.
         """
         if mission.status == "paused" or mission.level == "manual":
             held = because("held_by_pause") if mission.status == "paused" else because("held_by_autonomy")
@@ -110,16 +112,17 @@ class HandoffTimeouts:
         return planned_retreat(self._roles, order)
 
     def act(self, handoff: Handoff, *, instead: Refused | None = None) -> None:
-        """Carry out what happens without an answer, once, and write down what came of it.
+        """Carry out the no-answer action once, and record its result.
 
-        `instead`: why a retreat was not sent. One that is under way is waited for; one that ended is told.
+        `instead`: why a return to the safe point was not sent. One that is under way is waited for; one that ended is
+        recorded.
         """
         retreat = self._sent(handoff)
         if retreat is not None and retreat.open:
             return
         self._roles.observations.collect(None)
         done = told(retreat) if retreat is not None else self._acted(handoff, instead)
-        self._runtime.commit([CommandEnvelope(handoff_stream(handoff.handoff_id), done, self._connection.robot_id)])
+        self._runtime.commit([CommandEnvelope(ids.handoff_stream(handoff.handoff_id), done, self._connection.robot_id)])
 
     def _sent(self, handoff: Handoff) -> Retreating | None:
         control: SiteControl = self._runtime.fold(CONTROL)
@@ -127,7 +130,7 @@ class HandoffTimeouts:
         return newest if newest is not None and newest.intent.handoff_id == handoff.handoff_id else None
 
     def _acted(self, handoff: Handoff, instead: Refused | None) -> RecordNoAnswer:
-        """Carry the action out on the spot as far as this robot can, and say what shows it."""
+        """Carry out the action where the robot stands, as far as it can, and return what shows it."""
         opened = handoff.opened
         wanted = opened.no_answer if opened else "hold"
         rest = at_rest(self._roles.observations.recent, self._connection.clock.now().mission_s)
@@ -142,13 +145,13 @@ class HandoffTimeouts:
         return RecordNoAnswer(action=action, done=settled.done, measured=rest.measured, reason=reason)
 
     def _newest_token(self) -> int:
-        """The fencing token of whoever moved this robot last: a posture is ordered in its turn."""
+        """The newest fencing token of the base, so that a posture order is not refused as outdated."""
         bases = {resource for card in self._connection.cards if card.moves for resource in card.resources}
-        return max(self._runtime.lease(leased(self._connection.robot_id, one)).token for one in bases)
+        return max(self._runtime.lease(ids.leased(self._connection.robot_id, one)).token for one in bases)
 
 
 def told(retreat: Retreating) -> RecordNoAnswer:
-    """What a retreat that ended means for its question: measured there, done otherwise, or known to nobody."""
+    """What an ended return means for its question: measured there, replaced by the fallback, or unknown."""
     ended = retreat.ended
     if ended is None:
         raise ValueError(f"retreat {retreat.intent.invocation_id} has not ended")
@@ -158,10 +161,10 @@ def told(retreat: Retreating) -> RecordNoAnswer:
     return RecordNoAnswer(action=action, done=done, measured=ended.measured, reason=reason)
 
 
-def overlooked(runtime: Runtime, robot_id: RobotId) -> list[Handoff]:
+def overlooked(runtime: Runtime, robot_id: ids.RobotId) -> list[Handoff]:
     """Questions of this robot that expired just before the harness stopped: their no-answer action is still due."""
     handoffs = [
-        runtime.handoff(HandoffId(stream.partition("/")[2])) for stream in runtime.streams("handoff/")[-RECENT:]
+        runtime.handoff(ids.HandoffId(stream.partition("/")[2])) for stream in runtime.streams("handoff/")[-RECENT:]
     ]
     return [
         one

@@ -1,34 +1,16 @@
-"""Where the harness asks a person, and takes the answer: observed again first, then one transaction (D27, D28)."""
+"""Asks a person, and applies the answer: the robot is observed again first, then one transaction (D27, D28)."""
 
 import dataclasses
 from typing import assert_never
 
 from msgspec.structs import replace
 
+from harness.contracts import commands, handoff_commands
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
-from harness.contracts.commands import (
-    AnswerMission,
-    ApproveHandoff,
-    AskPerson,
-    AttestHandoff,
-    OpenHandoff,
-    RefreshHandoff,
-    RejectHandoff,
-)
 from harness.contracts.configuration import RecoveryAction
 from harness.contracts.contexts import Context
 from harness.contracts.decisions import Accepted, Decision, Refused, refused
-from harness.contracts.handoff_commands import (
-    ChooseAction,
-    CloseQuestion,
-    DropClaim,
-    ExtendDeadline,
-    LookAgain,
-    ReturnControl,
-    TakeClaim,
-    TakeControl,
-)
 from harness.contracts.handoff_events import HandoffOpened
 from harness.contracts.ids import HandoffId, handoff_stream, mission_stream, sha256
 from harness.contracts.person_commands import PersonCommand
@@ -47,7 +29,7 @@ from harness.supervisor.zones import patience, reserve_s
 
 
 class HandoffService:
-    """Opens and refreshes the handoffs of one robot, and takes what persons say to them."""
+    """Opens and refreshes the handoffs of one robot, and applies people's answers to them."""
 
     def __init__(self, roles: RoleContexts, dispatcher: Dispatcher) -> None:
         self._roles = roles
@@ -57,7 +39,7 @@ class HandoffService:
         self._questions = Questions(roles, dispatcher)
 
     def open(self, mission: Mission, failure: Failure, reason: Explanation, c4: Context) -> None:
-        """The mission waits, and the question with its snapshot stands in a stream of its own: one commit."""
+        """Pause the mission and open the question, with its snapshot, in a stream of its own: one commit."""
         handoff_id = HandoffId(f"hof_{sha256(f'{mission.mission_id}{mission.version}'.encode())[:12]}")
         snapshot = self._questions.snapshot(mission, failure.node_id)
         contract, recent = required_contract(mission), self._roles.observations.recent
@@ -66,7 +48,7 @@ class HandoffService:
         allowed = patience(site.zones, (snapshot.x_m, snapshot.y_m), reserve_s=reserve)
         goal = allowed.retreat.place_id if allowed.retreat else None
         now_s = self._connection.clock.now().wall_s
-        opening = OpenHandoff(
+        opening = commands.OpenHandoff(
             handoff_id=handoff_id,
             mission_id=mission.mission_id,
             robot_id=mission.robot_id,
@@ -85,7 +67,7 @@ class HandoffService:
             safe_place=next((one.name for one in site.places if one.place_id == goal), ""),
             otherwise=allowed.retreat.otherwise if allowed.retreat else "",
         )
-        asking = AskPerson(
+        asking = commands.AskPerson(
             handoff_id=handoff_id,
             node_id=failure.node_id,
             failure=failure.failure,
@@ -101,36 +83,43 @@ class HandoffService:
         )
 
     def answer(self, handoff_id: HandoffId, command: PersonCommand) -> Decision[AnyEvent]:
-        """A person's word. What they saw must still hold after a fresh look (409 otherwise)."""
+        """Apply a person's answer. What they saw must still hold after a new observation (409 otherwise)."""
         handoff = self._runtime.handoff(handoff_id)
         opened = handoff.opened
         if opened is None:
             return refused("not_open", because("handoff_never_opened"))
         mission = self._runtime.mission(opened.mission_id)
         match command:
-            case ApproveHandoff():
+            case commands.ApproveHandoff():
                 return self._approve(mission, handoff, opened, command)
-            case AttestHandoff():
+            case commands.AttestHandoff():
                 return self._attest(mission, handoff, opened, command)
-            case ReturnControl():
+            case handoff_commands.ReturnControl():
                 return self._hand_back(mission, handoff, opened, command)
-            case RejectHandoff() | CloseQuestion():
+            case commands.RejectHandoff() | handoff_commands.CloseQuestion():
                 return self._ends(mission, handoff, command)
-            case LookAgain():
+            case handoff_commands.LookAgain():
                 return self._asked_anew(mission, handoff, opened, actor=command.actor, action=_proposed(handoff))
-            case ChooseAction():
+            case handoff_commands.ChooseAction():
                 return self._choose(mission, handoff, opened, command)
-            case TakeControl() if mission.status != "awaiting_human" or mission.handoff_id != handoff.handoff_id:
+            case handoff_commands.TakeControl() if (
+                mission.status != "awaiting_human" or mission.handoff_id != handoff.handoff_id
+            ):
                 return _not_waiting(mission)
-            case TakeClaim() | DropClaim() | ExtendDeadline() | TakeControl():
+            case (
+                handoff_commands.TakeClaim()
+                | handoff_commands.DropClaim()
+                | handoff_commands.ExtendDeadline()
+                | handoff_commands.TakeControl()
+            ):
                 return self._said(handoff, command)
             case _:
                 assert_never(command)
 
     def _choose(
-        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: ChooseAction
+        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: handoff_commands.ChooseAction
     ) -> Decision[AnyEvent]:
-        """The question is recalled and asked anew with another action: approved, if at all, on its own digest."""
+        """Propose another action: the question is refreshed and approved, if at all, on its own digest."""
         if command.cycle != handoff.cycle:
             return refused("wrong_cycle", cycle=handoff.cycle, shown_cycle=command.cycle)
         if command.action not in self._questions.choices(mission, opened.node_id):
@@ -142,9 +131,9 @@ class HandoffService:
     def _asked_anew(
         self, mission: Mission, handoff: Handoff, opened: HandoffOpened, *, actor: Actor, action: RecoveryAction
     ) -> Decision[AnyEvent]:
-        """Observe without motion and show the question as it stands now: a new cycle."""
+        """Observe without motion and show the question with the current state: a new cycle."""
         snapshot = self._questions.snapshot(mission, opened.node_id)
-        refreshed = RefreshHandoff(
+        refreshed = commands.RefreshHandoff(
             k=mission.k,
             proposal=self._questions.proposal(mission, opened.node_id, action),
             snapshot=snapshot,
@@ -155,9 +144,10 @@ class HandoffService:
         return self._said(handoff, refreshed)
 
     def _approve(
-        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: ApproveHandoff
+        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: commands.ApproveHandoff
     ) -> Decision[AnyEvent]:
-        """The one invocation that was shown, prepared again from what is seen now, and committed with the approval."""
+        """The one invocation that was shown, prepared again from the current observation, and committed with the
+        approval."""
         if settled := self._settled(mission, handoff, command):
             return settled
         fresh = self._questions.snapshot(mission, opened.node_id)
@@ -173,9 +163,9 @@ class HandoffService:
         return self._dispatcher.commit(mission, attempt, prepared)
 
     def _attest(
-        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: AttestHandoff
+        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: commands.AttestHandoff
     ) -> Decision[AnyEvent]:
-        """A person's own observation: kept as evidence, and the one look without motion that it opens (D17)."""
+        """A person's own observation: recorded as evidence, with the one look without motion that it opens (D17)."""
         if settled := self._settled(mission, handoff, command):
             return settled
         self._roles.observations.collect(None)
@@ -192,9 +182,10 @@ class HandoffService:
         return self._look(mission, handoff, opened, word, why="a person attested")
 
     def _hand_back(
-        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: ReturnControl
+        self, mission: Mission, handoff: Handoff, opened: HandoffOpened, command: handoff_commands.ReturnControl
     ) -> Decision[AnyEvent]:
-        """The robot is the harness's again: seen afresh, and one look without motion at the present state version."""
+        """The harness has control of the robot again: a new observation, and one look without motion at the present
+        version."""
         if settled := self._settled(mission, handoff, command):
             return settled
         back = replace(command, k=mission.k, fresh=self._questions.snapshot(mission, opened.node_id))
@@ -204,7 +195,7 @@ class HandoffService:
     def _look(
         self, mission: Mission, handoff: Handoff, opened: HandoffOpened, word: Approval, *, why: str
     ) -> Decision[AnyEvent]:
-        """One verification without motion, committed with the word that opens it."""
+        """One verification without motion, committed with the answer that opens it."""
         look = RecoveryProposal(action="verify_again", failure=opened.failure, provider_id=None, cost=0, reason=why)
         attempt = DispatchAttempt(node_id=opened.node_id, recovery=look, approval=word)
         prepared = self._dispatcher.prepare(mission, attempt)
@@ -212,13 +203,15 @@ class HandoffService:
             return self._refused(handoff, word.command) or prepared
         return self._dispatcher.commit(mission, attempt, prepared)
 
-    def _ends(self, mission: Mission, handoff: Handoff, command: RejectHandoff | CloseQuestion) -> Decision[AnyEvent]:
-        """The word and the mission's end together; a question that is over only says so."""
+    def _ends(
+        self, mission: Mission, handoff: Handoff, command: commands.RejectHandoff | handoff_commands.CloseQuestion
+    ) -> Decision[AnyEvent]:
+        """The answer and the mission's end in one commit; for a question that is over only the answer."""
         requests = [CommandEnvelope(handoff_stream(handoff.handoff_id), command, mission.robot_id)]
         if handoff.waits and mission.handoff_id == handoff.handoff_id:
-            ended = AnswerMission(
+            ended = commands.AnswerMission(
                 handoff_id=handoff.handoff_id,
-                decision="rejected" if isinstance(command, RejectHandoff) else "closed",
+                decision="rejected" if isinstance(command, commands.RejectHandoff) else "closed",
                 actor=command.actor,
                 reason=command.reason,
             )
@@ -226,21 +219,39 @@ class HandoffService:
         return self._runtime.commit(requests)
 
     def _settled(
-        self, mission: Mission, handoff: Handoff, command: ApproveHandoff | AttestHandoff | ReturnControl
+        self,
+        mission: Mission,
+        handoff: Handoff,
+        command: commands.ApproveHandoff | commands.AttestHandoff | handoff_commands.ReturnControl,
     ) -> Decision[AnyEvent] | None:
-        """The answer to a word that can start nothing any more; None where the gate is to decide it with its start."""
-        waits = handoff.status == "taken_over" if isinstance(command, ReturnControl) else handoff.answerable
+        """The result of an answer that can no longer start anything; None where the gate is to decide it with its
+        start."""
+        waits = (
+            handoff.status == "taken_over"
+            if isinstance(command, handoff_commands.ReturnControl)
+            else handoff.answerable
+        )
         if waits:
             return None if mission.handoff_id == handoff.handoff_id else _not_waiting(mission)
         return self._refused(handoff, command) or Accepted(())
 
-    def _refused(self, handoff: Handoff, command: ApproveHandoff | AttestHandoff | ReturnControl) -> Refused | None:
-        """What the gate would say against this word; None where it would take it, or took it before."""
+    def _refused(
+        self,
+        handoff: Handoff,
+        command: commands.ApproveHandoff | commands.AttestHandoff | handoff_commands.ReturnControl,
+    ) -> Refused | None:
+        """Why the gate would refuse this answer; None where it would accept it, or accepted it before."""
         decision = decide(handoff, command, self._connection.clock.now())
         return decision if isinstance(decision, Refused) else None
 
     def _said(
-        self, handoff: Handoff, command: TakeClaim | DropClaim | ExtendDeadline | TakeControl | RefreshHandoff
+        self,
+        handoff: Handoff,
+        command: handoff_commands.TakeClaim
+        | handoff_commands.DropClaim
+        | handoff_commands.ExtendDeadline
+        | handoff_commands.TakeControl
+        | commands.RefreshHandoff,
     ) -> Decision[AnyEvent]:
         return self._runtime.commit(
             [CommandEnvelope(handoff_stream(handoff.handoff_id), command, self._connection.robot_id)]
@@ -248,7 +259,7 @@ class HandoffService:
 
 
 def _proposed(handoff: Handoff) -> RecoveryAction:
-    """What is proposed now; an operator's retry where nothing was."""
+    """The current proposal; an operator's retry where there was none."""
     proposal = handoff.opened.proposal if handoff.opened else None
     return proposal.action if proposal else "retry"
 

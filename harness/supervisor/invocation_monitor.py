@@ -1,21 +1,12 @@
-"""Watches the open invocation: starts it, keeps it alive, stops it, and turns its end into a packet and a verdict."""
+"""Monitors the open invocation: starts it, keeps it alive, stops it, and turns its end into a packet and a verdict."""
 
 from typing import Literal
 
-from harness.contracts.commands import (
-    AcceptInvocation,
-    CompleteNode,
-    EndInvocation,
-    RecordEffect,
-    ReportFailure,
-    ResumeInvocation,
-    StopInvocation,
-)
+from harness.contracts import commands, protocol
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ContextOverflow, ProviderFailed, ProviderUnreachable
 from harness.contracts.events import DispatchIntended, NodeCommitted
 from harness.contracts.ids import InvocationId, handoff_stream, mission_stream
-from harness.contracts.protocol import KEEPALIVE_LOST, TERMINAL, InvocationIdentity, InvocationReport, StartRequest
 from harness.contracts.reasons import Explanation, Reason, because
 from harness.gate.commit import CommandEnvelope
 from harness.projections.mission import Invocation, Mission
@@ -31,7 +22,7 @@ POLL_S = 0.5
 SETTLE_S = 1.6
 """How long the body is watched after a terminal report before its packet is sealed."""
 REST_WITHIN_S = 8.0
-"""How much longer a body that should stand is watched for proof of it; without proof its lease is quarantined."""
+"""How much longer a body is watched for proof of standstill; without proof its lease is quarantined."""
 UNREACHABLE_S = 20.0
 ACKNOWLEDGE_S = 5.0
 Effect = Literal["confirmed", "failed", "unknown"]
@@ -43,7 +34,7 @@ EFFECTS: dict[Effect, Reason] = {
 
 
 class InvocationMonitor:
-    """One invocation at a time. Handles live in memory; the request id finds them again after a crash (D13).
+    """Monitors one invocation at a time. Handles live in memory; the request id finds them again after a crash (D13).
 
     `found` is the invocation that an earlier process left open: its request may have been sent.
     """
@@ -60,7 +51,7 @@ class InvocationMonitor:
         self._resumed = False
 
     def attend(self, mission: Mission, invocation: Invocation) -> float:
-        """One look at the invocation; returns when to look again, in mission time."""
+        """Check the invocation once; returns when to check again, in mission time."""
         now_s = self._connection.clock.now().mission_s
         if self._lost(invocation):
             reason = because("provider_cannot_be_asked", provider_id=invocation.intent.provider_id)
@@ -72,7 +63,7 @@ class InvocationMonitor:
                 withdraw(self._runtime, self._connection, mission, intent=invocation.intent, reason=report.reason)
                 return now_s
             self._publish(mission, report)
-            if report.status in TERMINAL:
+            if report.status in protocol.TERMINAL:
                 return self._finish(mission, invocation, report, now_s)
             return self._supervise(mission, invocation, report, now_s)
         except ProviderUnreachable as error:
@@ -82,17 +73,17 @@ class InvocationMonitor:
             return now_s
 
     def _lost(self, invocation: Invocation) -> bool:
-        """Sent, perhaps, without a handle, to a provider that cannot be asked by request: never sent again (D13)."""
+        """Sent, perhaps, without a handle, to a provider that cannot be queried by request: never sent again (D13)."""
         intent = invocation.intent
         known = self._handles.get(intent.invocation_id) or invocation.handle
         askable = self._connection.provider(intent.provider_id).card.reattach == "by_request"
         return intent.invocation_id in self._sent and known is None and not askable
 
-    def _report(self, mission: Mission, invocation: Invocation) -> InvocationReport | Refused:
-        """The provider's word; reattach by handle, else by request id, else send the request (D13).
+    def _report(self, mission: Mission, invocation: Invocation) -> protocol.InvocationReport | Refused:
+        """The provider's report; reattach by handle, else by request id, else send the request (D13).
 
-        Refused where what authorised it no longer holds: then nothing was sent. Raises ProviderUnreachable for an
-        answer about another request: that is none.
+        Refused where its authorisation no longer holds: then nothing was sent. Raises ProviderUnreachable if the answer
+        is about another request.
         """
         intent = invocation.intent
         provider = self._connection.provider(intent.provider_id)
@@ -109,17 +100,19 @@ class InvocationMonitor:
         self._accepted(mission, intent, report)
         return report
 
-    def _accepted(self, mission: Mission, intent: DispatchIntended, report: InvocationReport) -> None:
+    def _accepted(self, mission: Mission, intent: DispatchIntended, report: protocol.InvocationReport) -> None:
         self._handles[intent.invocation_id] = report.handle
         self._resumed = False
         self._stopping_since = self._ended_since = None
         provider = self._connection.provider(intent.provider_id)
         if provider.card.reattach == "by_handle":
             self._runtime.submit(
-                mission.mission_id, AcceptInvocation(invocation_id=intent.invocation_id, handle=report.handle)
+                mission.mission_id, commands.AcceptInvocation(invocation_id=intent.invocation_id, handle=report.handle)
             )
 
-    def _supervise(self, mission: Mission, invocation: Invocation, report: InvocationReport, now_s: float) -> float:
+    def _supervise(
+        self, mission: Mission, invocation: Invocation, report: protocol.InvocationReport, now_s: float
+    ) -> float:
         intent = invocation.intent
         provider = self._connection.provider(intent.provider_id)
         if invocation.stop_requested:
@@ -133,7 +126,7 @@ class InvocationMonitor:
                 provider.stop(report.handle)
         elif now_s > intent.deadline_s:
             self._late(mission, invocation, now_s)
-        elif report.failure == KEEPALIVE_LOST:
+        elif report.failure == protocol.KEEPALIVE_LOST:
             self._reawaken(mission, invocation, report)
         else:
             self._resumed = False
@@ -142,9 +135,9 @@ class InvocationMonitor:
         return now_s + POLL_S
 
     def _late(self, mission: Mission, invocation: Invocation, now_s: float) -> None:
-        """The deadline passed: a timeout is a failure of its own; C4's first rung is to stop."""
+        """The deadline passed: a timeout is a failure of its own; C4's first step is to stop."""
         if mission.of(invocation.intent.node_id).failure is None:
-            late = ReportFailure(
+            late = commands.ReportFailure(
                 node_id=invocation.intent.node_id,
                 invocation_id=invocation.intent.invocation_id,
                 failure="timeout",
@@ -153,14 +146,14 @@ class InvocationMonitor:
             )
             self._runtime.submit(mission.mission_id, late)
 
-    def _reawaken(self, mission: Mission, invocation: Invocation, report: InvocationReport) -> None:
-        """The dead man stood the robot still, nobody watched: go on where card and leases allow, else stop (D12)."""
+    def _reawaken(self, mission: Mission, invocation: Invocation, report: protocol.InvocationReport) -> None:
+        """The heartbeat watchdog stopped the robot: resume where card and leases allow, else stop (D12)."""
         intent = invocation.intent
         provider = self._connection.provider(intent.provider_id)
         if not holds(self._runtime, self._connection.robot_id, intent):
             self.stop(mission, invocation, reason=because("lease_was_quarantined"))
         elif provider.card.resumable and not self._resumed:
-            self._runtime.submit(mission.mission_id, ResumeInvocation(invocation_id=intent.invocation_id))
+            self._runtime.submit(mission.mission_id, commands.ResumeInvocation(invocation_id=intent.invocation_id))
             provider.resume(report.handle)
             self._resumed = True
         elif not provider.card.resumable:
@@ -169,11 +162,13 @@ class InvocationMonitor:
     def stop(self, mission: Mission, invocation: Invocation, *, reason: Explanation) -> None:
         """Ask for a stop; the invocation stays open until the provider acknowledges it."""
         self._runtime.submit(
-            mission.mission_id, StopInvocation(invocation_id=invocation.intent.invocation_id, reason=reason)
+            mission.mission_id, commands.StopInvocation(invocation_id=invocation.intent.invocation_id, reason=reason)
         )
 
-    def _finish(self, mission: Mission, invocation: Invocation, report: InvocationReport, now_s: float) -> float:
-        """Seal the evidence once the body was watched long enough, judge it, and let the gate decide: one commit."""
+    def _finish(
+        self, mission: Mission, invocation: Invocation, report: protocol.InvocationReport, now_s: float
+    ) -> float:
+        """Seal the evidence once the body was observed long enough, judge it, and let the gate decide: one commit."""
         intent = invocation.intent
         self._ended_since = now_s if self._ended_since is None else self._ended_since
         ended_s = min(report.at_s, self._ended_since)
@@ -201,7 +196,9 @@ class InvocationMonitor:
             return now_s
         requests = [
             CommandEnvelope(
-                mission_stream(mission.mission_id), CompleteNode(packet=packet, verdict=verdict), mission.robot_id
+                mission_stream(mission.mission_id),
+                commands.CompleteNode(packet=packet, verdict=verdict),
+                mission.robot_id,
             ),
             *give_back(
                 self._runtime,
@@ -219,13 +216,13 @@ class InvocationMonitor:
         return now_s
 
     def _close(self, intent: DispatchIntended, effect: Effect) -> None:
-        """What is known of the end; an execution that may be found again keeps its samples."""
+        """Record what is known of the end; an execution that may be found again keeps its samples."""
         if effect != "unknown":
             self._connection.spool.drop(intent.invocation_id)
             self._handles.pop(intent.invocation_id, None)
         self._stopping_since = self._ended_since = None
         if intent.handoff_id is not None:
-            said = RecordEffect(outcome=effect, reason=EFFECTS[effect])
+            said = commands.RecordEffect(outcome=effect, reason=EFFECTS[effect])
             self._runtime.commit([CommandEnvelope(handoff_stream(intent.handoff_id), said, self._connection.robot_id)])
 
     def _silence(
@@ -248,7 +245,7 @@ class InvocationMonitor:
         intent = invocation.intent
         unknown = failure == "outcome_unknown"
         rest = at_rest(self._roles.observations.recent, self._connection.clock.now().mission_s)
-        ended = EndInvocation(
+        ended = commands.EndInvocation(
             invocation_id=intent.invocation_id,
             status="outcome_unknown" if unknown else "stopping" if failure == "cancel_unacknowledged" else "failed",
             failure=failure,
@@ -264,7 +261,7 @@ class InvocationMonitor:
         )
         self._close(intent, "unknown" if unknown else "failed")
 
-    def _publish(self, mission: Mission, report: InvocationReport) -> None:
+    def _publish(self, mission: Mission, report: protocol.InvocationReport) -> None:
         live = Live(
             mission_id=mission.mission_id,
             at_s=self._connection.clock.now().mission_s,
@@ -275,8 +272,8 @@ class InvocationMonitor:
         self._runtime.publish(live)
 
 
-def own(report: InvocationReport, intent: Sent) -> InvocationReport:
-    """The report, if it is about this request. Raises ProviderUnreachable otherwise: that is no answer."""
+def own(report: protocol.InvocationReport, intent: Sent) -> protocol.InvocationReport:
+    """The report, if it is about this request. Raises ProviderUnreachable otherwise."""
     if report.identity.request_id != intent.request_id:
         raise ProviderUnreachable(
             f"{intent.provider_id} answered about request {report.identity.request_id[:12]}",
@@ -286,15 +283,15 @@ def own(report: InvocationReport, intent: Sent) -> InvocationReport:
     return report
 
 
-def _request(mission: Mission, intent: DispatchIntended) -> StartRequest:
-    identity = InvocationIdentity(
+def _request(mission: Mission, intent: DispatchIntended) -> protocol.StartRequest:
+    identity = protocol.InvocationIdentity(
         mission_id=mission.mission_id,
         node_id=intent.node_id,
         attempt=intent.attempt,
         request_id=intent.request_id,
         provider_id=intent.provider_id,
     )
-    return StartRequest(
+    return protocol.StartRequest(
         identity=identity,
         capability=intent.capability,
         parameters=intent.parameters,

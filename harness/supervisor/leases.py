@@ -1,8 +1,9 @@
-"""Lease requests that go with an invocation: taken with the intent, given back only with the body at rest (D14)."""
+"""Lease requests of an invocation: acquired with the intent, released only with the body at standstill (D14)."""
 
 from dataclasses import dataclass
 from typing import Protocol
 
+from harness.contracts import ids
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import AcquireLease, FreeLease, QuarantineLease, ReleaseLease
@@ -10,17 +11,6 @@ from harness.contracts.control import CONTROL
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.events import DispatchIntended
-from harness.contracts.ids import (
-    InvocationId,
-    ProviderId,
-    RequestId,
-    ResourceId,
-    RobotId,
-    invocation_id,
-    lease_stream,
-    leased,
-    request_id,
-)
 from harness.contracts.observations import AnySample
 from harness.contracts.protocol import TERMINAL
 from harness.contracts.reasons import Explanation, because
@@ -40,16 +30,16 @@ SUPERVISOR = Actor(name="supervisor", role="harness", channel="policy")
 
 
 class Sent(Protocol):
-    """An intent, of a node or of a retreat: whose leases it holds, and whether it moves the body."""
+    """An intent, of a node or of a return to the safe point: whose leases it holds, and whether it moves the body."""
 
     @property
-    def invocation_id(self) -> InvocationId: ...
+    def invocation_id(self) -> ids.InvocationId: ...
 
     @property
-    def request_id(self) -> RequestId: ...
+    def request_id(self) -> ids.RequestId: ...
 
     @property
-    def provider_id(self) -> ProviderId: ...
+    def provider_id(self) -> ids.ProviderId: ...
 
     @property
     def resources(self) -> dict[str, int]: ...
@@ -62,30 +52,30 @@ class Sent(Protocol):
 class Held:
     """What an execution was dispatched with, on which robot."""
 
-    robot_id: RobotId
+    robot_id: ids.RobotId
     intent: Sent
 
 
 @dataclass(frozen=True)
 class FreeOrder:
-    """A person's order to free one resource, with the reason that stands in the log."""
+    """A person's order to free one resource, with the reason recorded in the log."""
 
-    resource: ResourceId
+    resource: ids.ResourceId
     actor: Actor
     reason: Explanation
 
 
-def tokens(runtime: Runtime, robot_id: RobotId, resources: tuple[ResourceId, ...]) -> dict[str, int]:
+def tokens(runtime: Runtime, robot_id: ids.RobotId, resources: tuple[ids.ResourceId, ...]) -> dict[str, int]:
     """The fencing token each acquisition would get."""
-    return {resource: runtime.lease(leased(robot_id, resource)).token + 1 for resource in resources}
+    return {resource: runtime.lease(ids.leased(robot_id, resource)).token + 1 for resource in resources}
 
 
 def acquire(mission: Mission, intent: DispatchIntended) -> list[CommandEnvelope]:
     return [
         CommandEnvelope(
-            lease_stream(leased(mission.robot_id, resource)),
+            ids.lease_stream(ids.leased(mission.robot_id, resource)),
             AcquireLease(
-                resource=leased(mission.robot_id, resource),
+                resource=ids.leased(mission.robot_id, resource),
                 mission_id=mission.mission_id,
                 invocation_id=intent.invocation_id,
                 token=token,
@@ -97,9 +87,9 @@ def acquire(mission: Mission, intent: DispatchIntended) -> list[CommandEnvelope]
     ]
 
 
-def holds(runtime: Runtime, robot_id: RobotId, intent: Sent) -> bool:
+def holds(runtime: Runtime, robot_id: ids.RobotId, intent: Sent) -> bool:
     """Whether the invocation still holds everything it was dispatched with."""
-    leases = [runtime.lease(leased(robot_id, resource)) for resource in intent.resources]
+    leases = [runtime.lease(ids.leased(robot_id, resource)) for resource in intent.resources]
     return all(lease.status == "held" and lease.invocation_id == intent.invocation_id for lease in leases)
 
 
@@ -107,7 +97,7 @@ def give_back(runtime: Runtime, held: Held, *, at_rest: bool, reason: Explanatio
     """Release what the invocation holds, or quarantine it while the body may still move."""
     requests, intent = [], held.intent
     for resource in intent.resources:
-        lease = runtime.lease(leased(held.robot_id, resource))
+        lease = runtime.lease(ids.leased(held.robot_id, resource))
         if lease.status != "held" or lease.invocation_id != intent.invocation_id:
             continue
         command = (
@@ -115,22 +105,22 @@ def give_back(runtime: Runtime, held: Held, *, at_rest: bool, reason: Explanatio
             if at_rest or not intent.moves
             else QuarantineLease(invocation_id=intent.invocation_id, reason=reason)
         )
-        requests.append(CommandEnvelope(lease_stream(lease.resource), command, held.robot_id))
+        requests.append(CommandEnvelope(ids.lease_stream(lease.resource), command, held.robot_id))
     return requests
 
 
 def expired(
-    runtime: Runtime, robot_id: RobotId, resources: tuple[ResourceId, ...], *, now_s: float
+    runtime: Runtime, robot_id: ids.RobotId, resources: tuple[ids.ResourceId, ...], *, now_s: float
 ) -> list[CommandEnvelope]:
     """Quarantine what a holder kept past its expiry: it may be moving."""
     return [
         CommandEnvelope(
-            lease_stream(lease.resource),
+            ids.lease_stream(lease.resource),
             QuarantineLease(invocation_id=lease.invocation_id, reason=because("holder_unaccounted_for")),
             robot_id,
         )
         for resource in resources
-        if (lease := runtime.lease(leased(robot_id, resource))).status == "held" and lease.expires_s < now_s
+        if (lease := runtime.lease(ids.leased(robot_id, resource))).status == "held" and lease.expires_s < now_s
     ]
 
 
@@ -147,16 +137,16 @@ def free(runtime: Runtime, mission: Mission, *, static: dict[str, float]) -> lis
             mission.robot_id,
         )
         for stream in runtime.streams("lease/")
-        if (lease := runtime.lease(ResourceId(stream.partition("/")[2]))).status == "quarantined"
+        if (lease := runtime.lease(ids.ResourceId(stream.partition("/")[2]))).status == "quarantined"
         and lease.invocation_id in acknowledged
     ]
 
 
 def freed(runtime: Runtime, connection: RobotConnection, order: FreeOrder) -> Accepted[AnyEvent] | Refused:
-    """A named person frees a resource (D14): the robot is looked at now, and what its odometry shows is the evidence.
+    """A named person frees a resource (D14), on evidence from a new look at the robot's odometry.
 
-    Whoever had it is told to stop where he can be reached: what is freed is not taken up again. An engaged hardware
-    stop, as the robot reports it, stands for rest. Nothing is started or re-armed. Raises ProviderUnreachable if the
+    The previous holder is told to stop where it can be reached: what is freed is not resumed. An engaged hardware stop,
+    as the robot reports it, counts as standstill. Nothing is started or re-armed. Raises ProviderUnreachable if the
     robot does not answer.
     """
     held = runtime.lease(order.resource)
@@ -165,11 +155,11 @@ def freed(runtime: Runtime, connection: RobotConnection, order: FreeOrder) -> Ac
         _halt(connection, held, lost)
     connection.clock.wait_until(connection.clock.now().mission_s + WINDOW_S + LOOK_S)
     command = FreeLease(actor=order.actor, static=_static(connection), reason=order.reason)
-    return runtime.commit([CommandEnvelope(lease_stream(order.resource), command, connection.robot_id)])
+    return runtime.commit([CommandEnvelope(ids.lease_stream(order.resource), command, connection.robot_id)])
 
 
 def _static(connection: RobotConnection) -> dict[str, float]:
-    """What shows the body at rest now; empty if nothing is known."""
+    """What shows the body at standstill now; empty if nothing is known."""
     samples: list[AnySample] = []
     while batch := connection.robot.observations(samples[-1].seq if samples else 0, BATCH).samples:
         samples.extend(batch)
@@ -177,8 +167,8 @@ def _static(connection: RobotConnection) -> dict[str, float]:
     return at_rest(samples, connection.clock.now().mission_s).measured | stopped
 
 
-def _lost(runtime: Runtime, robot_id: RobotId, lease: Lease) -> RequestId | None:
-    """The request that a lease was taken for: a retreat's, or an attempt's of its mission."""
+def _lost(runtime: Runtime, robot_id: ids.RobotId, lease: Lease) -> ids.RequestId | None:
+    """The request that a lease was acquired for: a return's, or an attempt's of its mission."""
     control: SiteControl = runtime.fold(CONTROL)
     retreat = control.retreats.get(robot_id)
     if retreat is not None and retreat.intent.invocation_id == lease.invocation_id:
@@ -187,15 +177,15 @@ def _lost(runtime: Runtime, robot_id: RobotId, lease: Lease) -> RequestId | None
         return None
     mission = runtime.mission(lease.mission_id)
     attempts = ((node.node_id, number) for node in mission.nodes.values() for number in range(1, node.attempt + 1))
-    requests = [request_id(mission.mission_id, node_id, number) for node_id, number in attempts]
-    return next((request for request in requests if invocation_id(request) == lease.invocation_id), None)
+    requests = [ids.request_id(mission.mission_id, node_id, number) for node_id, number in attempts]
+    return next((request for request in requests if ids.invocation_id(request) == lease.invocation_id), None)
 
 
-def _halt(connection: RobotConnection, lease: Lease, lost: RequestId) -> None:
+def _halt(connection: RobotConnection, lease: Lease, lost: ids.RequestId) -> None:
     """Stop the execution that a lease was quarantined for, where it still runs and can be reached."""
     for provider in connection.providers.values():
         if (
-            not any(lease.resource == leased(connection.robot_id, one) for one in provider.card.resources)
+            not any(lease.resource == ids.leased(connection.robot_id, one) for one in provider.card.resources)
             or provider.card.reattach != "by_request"
         ):
             continue

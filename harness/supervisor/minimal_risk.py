@@ -1,15 +1,15 @@
-"""Whether a robot may go to the safe place of its zone now, and exactly what would be sent; moves nothing (D27)."""
+"""Plans a return to the safe point of the robot's zone, or says why it cannot start now; moves nothing (D27)."""
 
 from dataclasses import dataclass
 from math import hypot
 
+from harness.contracts import ids
 from harness.contracts.actors import Actor
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.commands import AcquireLease
 from harness.contracts.control import CONTROL
 from harness.contracts.decisions import Refused, refused
 from harness.contracts.errors import ContractInvalid
-from harness.contracts.ids import HandoffId, MissionId, ProviderId, invocation_id, lease_stream, leased, request_id
 from harness.contracts.observations import Pose
 from harness.contracts.protocol import ParameterValue
 from harness.contracts.reasons import Explanation, Reason, because, recorded
@@ -18,10 +18,10 @@ from harness.contracts.values import Point
 from harness.gate.commit import CommandEnvelope
 from harness.projections.control import SiteControl
 from harness.projections.mission import Mission
+from harness.supervisor import zones
 from harness.supervisor.leases import GRACE_S, tokens
 from harness.supervisor.roles import RoleContexts
 from harness.supervisor.standstill import AGE_S, at_rest
-from harness.supervisor.zones import ARRIVED_M, ApproachPath, ahead, way_of, zone_at
 from harness.verification.geometry import polyline_length
 
 SLACK_S = 30.0
@@ -31,36 +31,36 @@ SLOWNESS = 2.0
 
 @dataclass(frozen=True)
 class Order:
-    """Whose word lets a retreat start, and why. `task_id` and `attempt` name it once and for all."""
+    """Who lets a return start, and why. `task_id` and `attempt` identify it permanently."""
 
-    task_id: MissionId
+    task_id: ids.MissionId
     attempt: int
     actor: Actor
     reason: Explanation
-    handoff_id: HandoffId | None = None
+    handoff_id: ids.HandoffId | None = None
     mission: Mission | None = None
 
 
 def planned_retreat(roles: RoleContexts, order: Order) -> RetreatIntended | Refused:
-    """The motion as it would run, or why there is none now. Looks at the robot; writes nothing."""
+    """The motion as it would run, or why it is not possible now. Looks at the robot; writes nothing."""
     if not roles.observations.collect(None):
         return refused("robot_silent")
     pose = newest_pose(roles)
     if pose is None or roles.observations.status is None:
         return refused("not_localised")
     site, at = roles.runtime.site, (pose.x_m, pose.y_m)
-    zone = zone_at(site.zones, at)
+    zone = zones.zone_at(site.zones, at)
     if zone is None or zone.retreat is None:
         here = because("no_safe_place_here") if zone is None else because("zone_without_safe_place", zone=zone.name)
         return refused("no_safe_place", here)
     try:
-        way = way_of(site, zone)
+        way = zones.way_of(site, zone)
     except ContractInvalid as error:
         return refused("retreat_invalid", recorded(error.what))
     away_m = hypot(at[0] - way.place.approach_m[0], at[1] - way.place.approach_m[1])
-    if away_m <= ARRIVED_M:
+    if away_m <= zones.ARRIVED_M:
         return refused("already_there", away_m=away_m, place=way.place.name)
-    points = ahead(way, at)
+    points = zones.ahead(way, at)
     if len(points) < 2:
         return refused("off_the_way", place=way.place.name)
     hindered = hindrance(roles, map_version=site.map_version) or _standing_still(roles) or _vetoed(roles, order)
@@ -76,10 +76,10 @@ def sending(intent: RetreatIntended) -> list[CommandEnvelope]:
     """The intent with its leases: all or none, before anything is sent."""
     leases = [
         CommandEnvelope(
-            lease_stream(leased(intent.robot_id, resource)),
+            ids.lease_stream(ids.leased(intent.robot_id, resource)),
             AcquireLease(
-                resource=leased(intent.robot_id, resource),
-                mission_id=intent.task_id if intent.handoff_id else MissionId(""),
+                resource=ids.leased(intent.robot_id, resource),
+                mission_id=intent.task_id if intent.handoff_id else ids.MissionId(""),
                 invocation_id=intent.invocation_id,
                 token=token,
                 expires_s=intent.deadline_s + GRACE_S,
@@ -92,7 +92,7 @@ def sending(intent: RetreatIntended) -> list[CommandEnvelope]:
 
 
 def hindrance(roles: RoleContexts, *, map_version: str) -> Reason | None:
-    """Why a robot must not be on its way now, from its own status and its newest pose; None if nothing is known."""
+    """Why a robot must not move now, from its own status and its newest pose; None if nothing speaks against it."""
     status, pose, now_s = roles.observations.status, newest_pose(roles), roles.connection.clock.now().mission_s
     if status is None or now_s - status.at_s > AGE_S:
         return because("robot_status_old")
@@ -121,12 +121,12 @@ def _vetoed(roles: RoleContexts, order: Order) -> Reason | None:
         for layer, why in sorted(mission.vetoes.items()):
             return because("motion_vetoed", layer=layer, why=why)
     control: SiteControl = roles.runtime.fold(CONTROL)
-    wheel = control.wheels.get(roles.connection.robot_id)
-    return because("driven_by_hand", actor=wheel.actor.name) if wheel else None
+    teleoperation = control.wheels.get(roles.connection.robot_id)
+    return because("driven_by_hand", actor=teleoperation.actor.name) if teleoperation else None
 
 
-def _able(roles: RoleContexts, way: ApproachPath) -> CapabilityCard | None:
-    """The first navigator on the crew that goes as slowly as the way demands, and can be stopped and asked."""
+def _able(roles: RoleContexts, way: zones.ApproachPath) -> CapabilityCard | None:
+    """The first connected navigator that drives as slowly as the path demands, and can be stopped and queried."""
     for card in roles.connection.cards:
         speed = next((one for one in card.parameters if one.name == "speed_cap_mps"), None)
         slow = speed is not None and (speed.minimum or 0.0) <= way.retreat.speed_cap_mps
@@ -136,16 +136,16 @@ def _able(roles: RoleContexts, way: ApproachPath) -> CapabilityCard | None:
 
 
 def _intent(
-    roles: RoleContexts, order: Order, *, way: ApproachPath, points: tuple[Point, ...], card: CapabilityCard
+    roles: RoleContexts, order: Order, *, way: zones.ApproachPath, points: tuple[Point, ...], card: CapabilityCard
 ) -> RetreatIntended:
-    request, now_s = request_id(order.task_id, RETREAT, order.attempt), roles.connection.clock.now().mission_s
+    request, now_s = ids.request_id(order.task_id, RETREAT, order.attempt), roles.connection.clock.now().mission_s
     site, retreat = roles.runtime.site, way.retreat
     takes_s = SLOWNESS * polyline_length(points) / retreat.speed_cap_mps + SLACK_S
     parameters: dict[str, ParameterValue] = {
         "route": points,
         "target": way.place.approach_m,
         "frame": site.frame,
-        "tolerance_m": ARRIVED_M,
+        "tolerance_m": zones.ARRIVED_M,
         "speed_cap_mps": retreat.speed_cap_mps,
     }
     return RetreatIntended(
@@ -157,8 +157,8 @@ def _intent(
         place_id=way.place.place_id,
         place=way.place.name,
         request_id=request,
-        invocation_id=invocation_id(request),
-        provider_id=ProviderId(card.provider_id),
+        invocation_id=ids.invocation_id(request),
+        provider_id=ids.ProviderId(card.provider_id),
         provider_version=card.version,
         capability=card.capability,
         parameters=parameters,

@@ -1,4 +1,4 @@
-"""What the robot's sensors said lately, and the sealed samples of one invocation. Observed, never accepted."""
+"""Buffers the robot's recent sensor samples and seals those of one invocation. Observed, never accepted."""
 
 from collections import deque
 from collections.abc import Iterable
@@ -6,10 +6,10 @@ from operator import attrgetter
 from statistics import median
 from typing import assert_never
 
+from harness.contracts import observations
 from harness.contracts.errors import ProviderUnreachable
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import InvocationId
-from harness.contracts.observations import AnySample, Battery, Image, Imu, Odometry, Pose, Scan, Trajectory
 from harness.contracts.protocol import RobotStatus
 from harness.contracts.values import encode
 from harness.runtime import Runtime
@@ -26,7 +26,7 @@ class ObservationBuffer:
     def __init__(self, *, runtime: Runtime, connection: RobotConnection) -> None:
         self._runtime = runtime
         self._connection = connection
-        self._recent: deque[AnySample] = deque()
+        self._recent: deque[observations.AnySample] = deque()
         self._after = 0
         self.status: RobotStatus | None = None
 
@@ -51,16 +51,18 @@ class ObservationBuffer:
             self._recent.popleft()
         return True
 
-    def catch_up(self, spooled: Iterable[AnySample]) -> None:
-        """Go on after the newest spooled sample (after a restart of the harness)."""
+    def catch_up(self, spooled: Iterable[observations.AnySample]) -> None:
+        """Continue after the newest spooled sample (after a restart of the harness)."""
         self._after = max((sample.seq for sample in spooled), default=self._after)
 
     @property
-    def recent(self) -> tuple[AnySample, ...]:
+    def recent(self) -> tuple[observations.AnySample, ...]:
         return tuple(self._recent)
 
-    def seal(self, samples: Iterable[AnySample], *, source: str) -> tuple[EvidenceReference, Trajectory]:
-        """Store samples as one content-addressed trajectory and say where it came from (D8)."""
+    def seal(
+        self, samples: Iterable[observations.AnySample], *, source: str
+    ) -> tuple[EvidenceReference, observations.Trajectory]:
+        """Store samples as one content-addressed trajectory with its origin (D8)."""
         trajectory = _ordered(samples)
         times = [s.at_s for s in (*trajectory.poses, *trajectory.odometry, *trajectory.imu)]
         frames = {pose.frame for pose in trajectory.poses}
@@ -78,13 +80,13 @@ class ObservationBuffer:
         )
         return reference, trajectory
 
-    def _keep_blobs(self, samples: list[AnySample]) -> None:
+    def _keep_blobs(self, samples: list[observations.AnySample]) -> None:
         for sample in samples:
-            if isinstance(sample, Scan | Image) and not self._runtime.has_blob(sample.blob):
+            if isinstance(sample, observations.Scan | observations.Image) and not self._runtime.has_blob(sample.blob):
                 self._runtime.keep(self._connection.robot.blob(sample.blob))
 
 
-def image_reference(image: Image) -> EvidenceReference:
+def image_reference(image: observations.Image) -> EvidenceReference:
     """An image frame as evidence: the blob is the encoded file itself."""
     return EvidenceReference(
         kind="image",
@@ -106,29 +108,29 @@ def image_reference(image: Image) -> EvidenceReference:
     )
 
 
-def _ordered(samples: Iterable[AnySample]) -> Trajectory:
+def _ordered(samples: Iterable[observations.AnySample]) -> observations.Trajectory:
     """In order of sensor time; one pass, for an execution has thousands."""
-    poses: list[Pose] = []
-    odometry: list[Odometry] = []
-    imu: list[Imu] = []
-    battery: list[Battery] = []
-    scans: list[Scan] = []
+    poses: list[observations.Pose] = []
+    odometry: list[observations.Odometry] = []
+    imu: list[observations.Imu] = []
+    battery: list[observations.Battery] = []
+    scans: list[observations.Scan] = []
     for sample in sorted(samples, key=_order):
         match sample:
-            case Odometry():
+            case observations.Odometry():
                 odometry.append(sample)
-            case Imu():
+            case observations.Imu():
                 imu.append(sample)
-            case Pose():
+            case observations.Pose():
                 poses.append(sample)
-            case Scan():
+            case observations.Scan():
                 scans.append(sample)
-            case Battery():
+            case observations.Battery():
                 battery.append(sample)
-            case Image():
+            case observations.Image():
                 pass
             case _:
                 assert_never(sample)
-    return Trajectory(
+    return observations.Trajectory(
         poses=tuple(poses), odometry=tuple(odometry), imu=tuple(imu), battery=tuple(battery), scans=tuple(scans)
     )

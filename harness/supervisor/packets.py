@@ -1,4 +1,4 @@
-"""Evidence packets: built by the harness from what it measured and what the provider declared, kept apart (R93)."""
+"""Builds evidence packets; what the harness measured and what the provider declared stay separate (R93)."""
 
 from collections.abc import Sequence
 
@@ -66,13 +66,13 @@ def build_packet(
 
 
 def _attested(mission: Mission, intent: DispatchIntended) -> tuple[EvidenceReference, ...]:
-    """A person's word, in the one look that it opened (D17)."""
+    """A person's attestation, in the one look that it opened (D17)."""
     said = mission.of(intent.node_id).attested
     return tuple(one for one in said if intent.handoff_id and one.values.get("handoff_id") == intent.handoff_id)
 
 
 def _failure_word(invocation: Invocation, report: InvocationReport) -> str:
-    """A stop that the supervisor asked for because of a deadline is a timeout, whatever the provider calls it."""
+    """A stop that the supervisor requested because of a deadline is a timeout, whatever the provider calls it."""
     if report.status == "cancelled" and _failure_behind(invocation.stop_requested) == "timeout":
         return "timeout"
     return report.failure

@@ -1,4 +1,4 @@
-"""The pin at work: a mission begins under the current configuration, and runs only where its own can be read (D35)."""
+"""Begins missions under the current configuration, and runs them only where their own can be read (D35)."""
 
 import logging
 
@@ -45,7 +45,7 @@ def _again(runtime: Runtime, mission: Mission, current: Digest) -> Accepted[AnyE
 
 
 def _recompiled(runtime: Runtime, mission: Mission, configuration: Configuration) -> TaskContract:
-    """The request under the version's own template; a template that stands beside the versions is the same in all."""
+    """The goal compiled with the version's own template; a template outside the versions is the same in all."""
     contract = required_contract(mission)
     if mission.template not in {template.name for template in runtime.configuration_of(mission).templates}:
         return contract
@@ -54,7 +54,7 @@ def _recompiled(runtime: Runtime, mission: Mission, configuration: Configuration
 
 
 def check_readable(runtime: Runtime, mission: Mission) -> None:
-    """Raise ConfigurationMissing if this release cannot read what the mission is pinned to; it is not run then.
+    """Raise ConfigurationMissing if this release cannot read the mission's pinned version; the mission is then not run.
 
     A stop is carried out whatever the mission is pinned to.
     """
@@ -63,13 +63,13 @@ def check_readable(runtime: Runtime, mission: Mission) -> None:
 
 
 def tell_unreadable(runtime: Runtime) -> None:
-    """Every unfinished mission that is not run here, with its reason, where operators look after a start."""
+    """Log every unfinished mission that is not run here, with its reason."""
     for one in runtime.unreadable():
         LOG.warning("not_run_here mission=%s robot=%s %s", one.mission_id, one.robot_id, one.reason)
 
 
 def readable(runtime: Runtime, mission: Mission) -> bool:
-    """Whether this release may go on with the mission."""
+    """Whether this release can continue the mission."""
     try:
         check_readable(runtime, mission)
     except ConfigurationMissing:

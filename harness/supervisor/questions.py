@@ -1,4 +1,4 @@
-"""What a person is asked: the robot as it is seen now, and exactly what an approval would let run."""
+"""Builds what a person is asked: a snapshot of the robot now, and exactly what an approval would let run."""
 
 from harness.contexts.recovery import recovery_context
 from harness.contracts.configuration import RecoveryAction
@@ -30,7 +30,7 @@ ALWAYS: tuple[RecoveryAction, ...] = ("retry", "verify_again")
 
 
 class Questions:
-    """Reads the robot and prepares invocations; writes nothing but pictures and samples of its sensors."""
+    """Reads the robot and prepares invocations; writes only pictures and sensor samples."""
 
     def __init__(self, roles: RoleContexts, dispatcher: Dispatcher) -> None:
         self._roles = roles
@@ -46,20 +46,20 @@ class Questions:
         if action == "switch_skill":
             provider = self._other(mission, node_id)
         failure = state.failures[-1].failure
-        rung = RecoveryProposal(
+        step = RecoveryProposal(
             action=action, failure=failure, provider_id=provider, cost=cost, reason=because("chosen_by_person")
         )
         paid = cost and state.failure is not None
         c4 = recovery_context(self._roles.view(mission), node_id, self._connection.cards) if paid else None
-        return DispatchAttempt(node_id=node_id, recovery=rung, c4=c4)
+        return DispatchAttempt(node_id=node_id, recovery=step, c4=c4)
 
     def proposal(self, mission: Mission, node_id: NodeId, action: RecoveryAction = "retry") -> ProposedAction | None:
-        """Exactly what an approval would let run, once; None where nobody can do it now."""
+        """Exactly what an approval would let run, once; None where no provider can do it now."""
         wish = self.wish(mission, node_id, action)
         return self.proposed(mission, wish, self._dispatcher.prepare(mission, wish))
 
     def proposed(self, mission: Mission, wish: DispatchAttempt, prepared: Prepared | Refused) -> ProposedAction | None:
-        """What a person is shown of an invocation that was prepared; None where nobody can do it."""
+        """What a person is shown of a prepared invocation; None where no provider can do it."""
         if isinstance(prepared, Refused) or wish.recovery is None:
             return None
         intent = prepared.intent
@@ -81,7 +81,7 @@ class Questions:
         )
 
     def choices(self, mission: Mission, node_id: NodeId) -> tuple[RecoveryAction, ...]:
-        """What could be proposed: an operator's retry, a look, and rungs of the ladder that the budget still pays."""
+        """What could be proposed: an operator's retry, a look, and the ladder's steps that the budget still pays."""
         ladder = ladder_of(mission.of(node_id).failures[-1].failure, required_policy(mission))
         return tuple(
             action
@@ -92,9 +92,9 @@ class Questions:
         )
 
     def snapshot(self, mission: Mission, node_id: NodeId) -> Snapshot:
-        """Looks at the robot as it stands now, without motion: a picture where its camera gives one, then its senses.
+        """Looks at the robot now, without motion: a picture where its camera gives one, then its sensor samples.
 
-        The picture comes first, since a camera takes its time and a judgement of rest wants the newest odometry.
+        The picture comes first, since a camera is slow and a judgement of standstill needs the newest odometry.
         """
         image = self._picture()
         self._roles.observations.collect(None)
@@ -113,7 +113,7 @@ class Questions:
         )
 
     def results(self, mission: Mission, node_id: NodeId) -> tuple[tuple[str, str], ...]:
-        """Every condition's result as it stands: the last verdict's, and the preconditions tested now."""
+        """Every condition's current result: the last verdict's, and the preconditions tested now."""
         view, state = self._roles.view(mission), mission.of(node_id)
         fresh = verify_preconditions(
             view.node(node_id),
@@ -138,7 +138,7 @@ class Questions:
         )
 
     def _picture(self) -> Digest | None:
-        """The camera as it sees now; else the newest frame the sensors sent. A question opens without one, too."""
+        """The camera's current picture; else the newest frame from the sensors. A question also opens without one."""
         seen = next((s.blob for s in reversed(self._roles.observations.recent) if isinstance(s, Image)), None)
         if self._connection.camera is None:
             return seen

@@ -1,4 +1,4 @@
-"""C4 carried out: one rung per failure. The ladder proposes, the gate authorises, the dispatcher acts (R134)."""
+"""Carries out C4: one step per failure. The ladder proposes, the gate authorises, the dispatcher acts (R134)."""
 
 from harness.contexts.recovery import recovery_context
 from harness.contracts.commands import AuthoriseWait, EndMission, FailNode, StopInvocation
@@ -20,17 +20,17 @@ IMPOSSIBLE = ("approval_required", "provider_unavailable", "repeated_without_new
 
 
 class Recovery:
-    """Answers the open failure of one node."""
+    """Handles the open failure of one node."""
 
-    def __init__(self, roles: RoleContexts, *, dispatcher: Dispatcher, desk: HandoffService) -> None:
+    def __init__(self, roles: RoleContexts, *, dispatcher: Dispatcher, handoff_service: HandoffService) -> None:
         self._roles = roles
         self._runtime = roles.runtime
         self._connection = roles.connection
         self._dispatcher = dispatcher
-        self._desk = desk
+        self._handoff_service = handoff_service
 
     def answer(self, mission: Mission, failure: Failure) -> float:
-        """One rung; returns when to look again, in mission time."""
+        """Carry out one step; returns when to look again, in mission time."""
         now_s = self._connection.clock.now().mission_s
         c4 = recovery_context(self._roles.view(mission), failure.node_id, self._connection.cards)
         proposal = recover(c4)
@@ -74,7 +74,7 @@ class Recovery:
         )
 
     def _stop(self, mission: Mission, node_id: NodeId, proposal: RecoveryProposal, c4: Context) -> float:
-        """A rung that stops: an open invocation is asked to stop, and what is quarantined is freed once at rest."""
+        """A step that stops: an open invocation is asked to stop, and quarantined resources are freed at standstill."""
         now_s = self._connection.clock.now().mission_s
         if mission.invocation is not None:
             stop = StopInvocation(
@@ -90,7 +90,7 @@ class Recovery:
         return now_s
 
     def free(self, mission: Mission) -> None:
-        """Give back what is quarantined, if its holder acknowledged its end and the body is shown to stand."""
+        """Free what is quarantined, if its holder acknowledged its end and the body is shown to be at standstill."""
         rest = at_rest(self._roles.observations.recent, self._connection.clock.now().mission_s)
         requests = free(self._runtime, mission, static=rest.measured) if rest.static else []
         if requests:
@@ -99,8 +99,11 @@ class Recovery:
     def _ask(
         self, mission: Mission, failure: Failure, reason: Explanation, c4: Context, *, spent: bool = False
     ) -> float:
-        """A person, or the end of the stage: nobody is asked about an optional one, nor in a replay (D38), nor where
-        the budget of a stage that moves nothing is spent (D26)."""
+        """Ask a person, or end the stage.
+
+        Nobody is asked about an optional stage, nor in a replay (D38), nor where the budget of a stage that moves
+        nothing is spent (D26).
+        """
         now_s = self._connection.clock.now().mission_s
         invocation = mission.invocation
         if invocation is not None and invocation.status != "outcome_unknown":
@@ -124,7 +127,7 @@ class Recovery:
             return now_s
         if settling:
             return now_s + POLL_S
-        self._desk.open(mission, failure, reason, c4)
+        self._handoff_service.open(mission, failure, reason, c4)
         return now_s
 
     def give_up(self, mission: Mission) -> None:
@@ -141,4 +144,4 @@ class Recovery:
 
 
 ASK_AT_REST_S = 8.0
-"""A person is asked with the body at rest; after this long without proof the question says that it is not shown."""
+"""A person is asked with the body at rest; after this long without proof the question says so."""

@@ -1,12 +1,12 @@
-"""A robot and everything that can act for a mission on it: whom the supervisor may call, and with which clock."""
+"""A connected robot with its providers, its clock and the roles that serve it."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from harness.contracts import ports
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import ProviderId, RobotId
-from harness.contracts.ports import Clock, Ids, LiveCamera, Provider, Robot, Spool, Teleoperable
 from harness.exploration.targets import NEAREST_EDGE, Proposer
 from harness.planning.planner import GRAPH_ORDER, Planner
 from harness.projections.mission import Mission
@@ -15,19 +15,20 @@ from harness.verification.verdict import Verifier, verify
 
 @dataclass(frozen=True)
 class RobotConnection:
-    """`prepare` tells a simulated world which mission begins; a real robot ignores it.
+    """One robot and everything that can act for a mission on it.
 
-    `revive` tries to bring back a robot that does not answer, and says whether it did. `verifier` judges packets,
-    `planner` proposes what comes next and `proposer` where to explore; none of them decides anything. `camera` is
-    what people look through and `hand` how they drive it, where the robot has such.
+    `prepare` tells a simulated world which mission begins; a real robot ignores it. `revive` tries to bring back a
+    robot that does not answer, and says whether it did. `verifier` judges packets, `planner` proposes what comes next
+    and `proposer` where to explore; none of them decides anything. `camera` is its live camera and `hand` its
+    teleoperation interface, where the robot has such.
     """
 
     robot_id: RobotId
-    robot: Robot
-    providers: Mapping[ProviderId, Provider]
-    clock: Clock
-    ids: Ids
-    spool: Spool
+    robot: ports.Robot
+    providers: Mapping[ProviderId, ports.Provider]
+    clock: ports.Clock
+    ids: ports.Ids
+    spool: ports.Spool
     prepare: Callable[[Mission], None]
     revive: Callable[[], bool]
     embodiment: str = "quadruped"
@@ -35,10 +36,10 @@ class RobotConnection:
     verifier: Verifier = verify
     planner: Planner = GRAPH_ORDER
     proposer: Proposer = NEAREST_EDGE
-    camera: LiveCamera | None = None
-    hand: Teleoperable | None = None
+    camera: ports.LiveCamera | None = None
+    hand: ports.Teleoperable | None = None
 
-    def provider(self, provider_id: ProviderId) -> Provider:
+    def provider(self, provider_id: ProviderId) -> ports.Provider:
         """Raises UnknownName for a provider that is no longer there."""
         try:
             return self.providers[provider_id]

@@ -1,4 +1,4 @@
-"""The state each role is shown, compiled from one state version, and the records of what it was shown."""
+"""Compiles the state each role is shown, from one state version, and records it."""
 
 import math
 from collections.abc import Sequence

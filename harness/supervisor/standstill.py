@@ -1,4 +1,5 @@
-"""Whether the body is at rest by a source outside the localiser: what releases leases and acknowledges stops (D15)."""
+"""Tests whether the body is at rest by a source outside the localiser: this releases leases and confirms stops
+(D15)."""
 
 from collections.abc import Iterable
 
@@ -13,7 +14,7 @@ AGE_S = 1.0
 
 
 class Rest(Value):
-    """Measured displacement over the window; `static` is False too when nothing shows it, with the reason."""
+    """Measured displacement over the window; `static` is also False when nothing shows it, with the reason."""
 
     static: bool
     reason: Reason | None
@@ -21,7 +22,7 @@ class Rest(Value):
 
 
 def at_rest(samples: Iterable[AnySample], now_s: float) -> Rest:
-    """Displacement by odometry in the last second, in metres. No fresh odometry is not rest."""
+    """Displacement by odometry in the last second, in metres. Without recent odometry the body is not at rest."""
     first_s = now_s - AGE_S - WINDOW_S
     late = (one for one in samples if first_s <= one.at_s <= now_s)
     track = fixes(one for one in late if isinstance(one, Odometry))

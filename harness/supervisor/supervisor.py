@@ -1,4 +1,4 @@
-"""Runs missions on robots: one loop per mission, one robot at a time per crew, persons' answers in between."""
+"""Runs missions on robots: one loop per mission, one mission at a time per robot; people answer between two steps."""
 
 import logging
 from collections.abc import Callable, Iterator, Mapping
@@ -26,14 +26,14 @@ LOG = logging.getLogger("regen.supervisor")
 IDLE_WAIT_S = 0.2
 OUTAGE_WAIT_S = 1.0
 OUTAGE_TRIES = 60
-"""So often a run in the foreground asks a log that is away again, OUTAGE_WAIT_S of the robot's time apart."""
+"""How often a foreground run retries an unavailable log, OUTAGE_WAIT_S of the robot's time apart."""
 WAITING: frozenset[str] = frozenset({"awaiting_human", "paused", "awaiting_approval"})
 
 
 class Supervisor:
-    """The loops of all crews. A lock per robot keeps a person's answer and a step apart.
+    """The loops of all robot connections. A lock per robot keeps a person's answer and a step apart.
 
-    Whoever meets StoreUnavailable here may ask again: what was open is then met again from the log, as after a restart.
+    After StoreUnavailable a caller may try again: open work is then read again from the log, as after a restart.
     """
 
     def __init__(self, *, runtime: Runtime, connections: Mapping[RobotId, RobotConnection]) -> None:
@@ -53,7 +53,7 @@ class Supervisor:
         return [mission for mission in self._open(robot_id) if mission.status not in WAITING]
 
     def close_interrupted_replays(self) -> None:
-        """End replays that an earlier process left open: nothing moves in them, and nobody will go on."""
+        """End replays that an earlier process left open: nothing moves in them, and nobody will continue them."""
         for mission in self._runtime.open_missions():
             if mission.replay:
                 self._runtime.submit(
@@ -61,9 +61,9 @@ class Supervisor:
                 )
 
     def run(self, mission_id: MissionId, *, watch: Callable[[Mission], None] | None = None) -> Mission:
-        """In the foreground until the mission is over or, at speed 0, waits for a person.
+        """Run in the foreground until the mission has ended or, at speed 0, waits for a person.
 
-        Raises StoreUnavailable if the log stays away.
+        Raises StoreUnavailable if the log stays unavailable.
         """
         mission = self._runtime.mission(mission_id)
         clock, tries = self._connections[mission.robot_id].clock, 0
@@ -98,7 +98,7 @@ class Supervisor:
             return self._connections[mission.robot_id].clock.now().mission_s if sent else wake_s
 
     def step_retreat(self, robot_id: RobotId) -> float:
-        """One step of a robot's open retreat, before any mission of this robot goes on; its end is told at once."""
+        """One step of a robot's open return, before any mission of this robot goes on; its end is recorded at once."""
         with self._turn_of(robot_id):
             wake_s = self._returning[robot_id].step()
             if not self._returning[robot_id].under_way:
@@ -106,19 +106,20 @@ class Supervisor:
             return wake_s
 
     def answer(self, handoff_id: HandoffId, command: PersonCommand) -> Decision[AnyEvent]:
-        """A person's answer, between two steps of the robot's loop; what it lets happen begins at once."""
+        """Apply a person's answer between two steps of the robot's loop; what it authorises begins at once."""
         opened = self._runtime.handoff(handoff_id).opened
         if opened is None or opened.robot_id not in self._connections:
             return refused("no_robot", because("handoff_robot_away"))
         with self._turn_of(opened.robot_id):
             loop = self._loop(self._runtime.mission(opened.mission_id))
-            decision = loop.desk.answer(handoff_id, command)
+            decision = loop.handoff_service.answer(handoff_id, command)
             if isinstance(decision, Accepted):
                 self._begin(loop, opened.robot_id)
             return decision
 
     def _begin(self, loop: AgentLoop, robot_id: RobotId) -> None:
-        """The step after an answer. The answer stands if it fails; the robot's own loop meets the failure again."""
+        """The step after an answer. The answer stands if the step fails; the robot's own loop meets the failure
+        again."""
         try:
             with self._turn_of(robot_id):
                 loop.step()
@@ -140,7 +141,7 @@ class Supervisor:
             return freed(self._runtime, self._connections[robot_id], FreeOrder(resource, actor, reason))
 
     def finish_unanswered(self, robot_id: RobotId) -> None:
-        """What is still due where a question expired and the harness stopped before the robot acted."""
+        """Carry out what is still due where a question expired and the harness stopped before the robot acted."""
         for handoff in overlooked(self._runtime, robot_id):
             if handoff.opened is None:
                 continue
@@ -148,7 +149,7 @@ class Supervisor:
                 self._loop(self._runtime.mission(handoff.opened.mission_id)).handoff_timeouts.act(handoff)
 
     def serve(self) -> None:
-        """In the background: every robot works through its missions, oldest first."""
+        """Run in the background: every robot works through its missions, oldest first."""
         tell_unreadable(self._runtime)
         for robot_id in self._connections:
             self.finish_unanswered(robot_id)
@@ -157,7 +158,7 @@ class Supervisor:
             self._threads.append(thread)
 
     def close(self) -> None:
-        """Let running steps finish and stop the threads. Missions go on from the log at the next start."""
+        """Let running steps finish and stop the threads. Missions continue from the log at the next start."""
         self._halt.set()
         for thread in self._threads:
             thread.join(timeout=10.0)
@@ -171,9 +172,9 @@ class Supervisor:
                 self._halt.wait(OUTAGE_WAIT_S)
 
     def _turn(self, robot_id: RobotId) -> None:
-        """One step of the mission this robot is at, and the wait after it.
+        """One step of this robot's current mission, and the wait after it.
 
-        Raises StoreUnavailable: nothing can be decided then, and the robot stands by its dead man.
+        Raises StoreUnavailable: nothing can be decided then, and the robot's heartbeat watchdog stops it.
         """
         with self._turn_of(robot_id):
             retreats = self._returning[robot_id].under_way
@@ -197,16 +198,16 @@ class Supervisor:
             self._connections[robot_id].clock.wait_until(wake_s)
 
     def _next(self, robot_id: RobotId) -> Mission | None:
-        """The oldest mission of this robot that is not over."""
+        """The oldest mission of this robot that has not ended."""
         return next(iter(self._open(robot_id)), None)
 
     def _open(self, robot_id: RobotId) -> list[Mission]:
-        """What this robot can go on with, oldest first: no replay, and no pin that is not readable here."""
+        """What this robot can continue, oldest first: no replay, and no pinned version that is unreadable here."""
         mine = reversed(self._runtime.open_missions(robot_id))
         return [mission for mission in mine if not mission.replay and readable(self._runtime, mission)]
 
     def _broken(self, mission: Mission, error: HarnessError) -> None:
-        """A step failed for a reason the loop does not answer: stop the mission and say why; the next one runs."""
+        """A step failed for a reason the loop does not handle: stop the mission and say why; the next one runs."""
         LOG.error("step_failed mission=%s code=%s %s", mission.mission_id, error.code, error)
         self._loops[mission.robot_id].pop(mission.mission_id, None)
         if mission.status == "stopping" and mission.invocation is None:
@@ -215,7 +216,7 @@ class Supervisor:
             self._runtime.submit(mission.mission_id, StopMission(actor=SUPERVISOR, reason=str(error)))
 
     def _loop(self, mission: Mission) -> AgentLoop:
-        """The loop of a mission; those of this robot's missions that are over are given up when another begins."""
+        """The loop of a mission; loops of this robot's ended missions are dropped when another begins."""
         loops = self._loops[mission.robot_id]
         if mission.mission_id not in loops:
             for over in [one for one in loops if self._runtime.mission(one).ended]:
@@ -228,9 +229,9 @@ class Supervisor:
 
     @contextmanager
     def _turn_of(self, robot_id: RobotId) -> Iterator[None]:
-        """This robot's lock. An outage takes its loops with it: none goes on with what it believed to be stored.
+        """This robot's lock. An outage drops its loops: none goes on with what it believed to be stored.
 
-        A no-answer action that it cut off is taken first thing afterwards.
+        A no-answer action that the outage interrupted is carried out first afterwards.
         """
         with self._locks[robot_id]:
             try:

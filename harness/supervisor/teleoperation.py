@@ -1,22 +1,14 @@
-"""Driving a robot by hand: under a lease of its base, never while a mission's execution runs, returned at rest."""
+"""Teleoperation: a person drives a robot under a lease of its base, never while a mission's execution runs."""
 
 from collections.abc import Mapping
 
+from harness.contracts import ids
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import AcquireLease, LeaseCommand, QuarantineLease, ReleaseLease
 from harness.contracts.control import CONTROL, BeginTeleoperation, EndTeleoperation, OrderPosture, Posture
 from harness.contracts.decisions import Accepted, Refused, refused
 from harness.contracts.errors import ProviderFailed, UnknownName
-from harness.contracts.ids import (
-    InvocationId,
-    MissionId,
-    RequestId,
-    RobotId,
-    lease_stream,
-    leased,
-    sha256,
-)
 from harness.contracts.observations import AnySample
 from harness.contracts.ports import Teleoperable
 from harness.contracts.protocol import DriveOrder, DriveReport, PostureOrder
@@ -36,7 +28,7 @@ from harness.workers import Worker
 
 BASE = "mobile_base"
 LONGEST_S = 900.0
-"""A person drives for so long at most, in mission time; then the wheel must be taken again."""
+"""The longest teleoperation session, in mission time; then control must be taken again."""
 SETTLE_WITHIN_S = 6.0
 IDLE_S = 60.0
 STOPPED_WITHIN_S = 30.0
@@ -44,29 +36,29 @@ AT_REST: frozenset[str] = frozenset({"awaiting_human", "paused"})
 
 
 class Teleoperation:
-    """Takes, turns and returns the wheels of all robots. Whoever has no wheel moves nothing."""
+    """Starts, drives and ends the teleoperation sessions of all robots. Without a session nothing moves."""
 
-    def __init__(self, *, runtime: Runtime, connections: Mapping[RobotId, RobotConnection]) -> None:
+    def __init__(self, *, runtime: Runtime, connections: Mapping[ids.RobotId, RobotConnection]) -> None:
         self._runtime = runtime
         self._connections = connections
-        self._turned_s: dict[RequestId, float] = {}
+        self._turned_s: dict[ids.RequestId, float] = {}
         self._worker = Worker("wheel", self._look, every_s=LOOK_S, close_within_s=SETTLE_WITHIN_S)
 
     def watch(self) -> None:
-        """From now on, in the background: a wheel that nobody turns is returned after IDLE_S of wall time."""
+        """Start the background watch: a session without orders for IDLE_S of wall time is ended."""
         self._worker.start()
 
     def close(self) -> None:
-        """End the watch. Wheels stay taken: the robots' dead man stops them, the next start returns them."""
+        """End the watch. Sessions stay open: the robots' heartbeat watchdog stops them, the next start ends them."""
         self._worker.close()
 
-    def holder(self, robot_id: RobotId) -> TeleoperationSession | None:
-        """Who drives this robot by hand now."""
+    def holder(self, robot_id: ids.RobotId) -> TeleoperationSession | None:
+        """Who teleoperates this robot now."""
         control: SiteControl = self._runtime.fold(CONTROL)
         return control.wheels.get(robot_id)
 
-    def take(self, robot_id: RobotId, *, actor: Actor, device: str, reason: str) -> Accepted[AnyEvent] | Refused:
-        """The lease of the base and the wheel in one commit; refused while a mission may move the robot.
+    def take(self, robot_id: ids.RobotId, *, actor: Actor, device: str, reason: str) -> Accepted[AnyEvent] | Refused:
+        """Acquire the lease of the base and open the session in one commit; refused while a mission may move the robot.
 
         Raises UnknownName for a robot that is not connected.
         """
@@ -76,10 +68,10 @@ class Teleoperation:
         in_the_way = self._in_control(robot_id, actor)
         if in_the_way:
             return refused("mission_in_control", in_the_way)
-        base = leased(robot_id, BASE)
+        base = ids.leased(robot_id, BASE)
         now = connection.clock.now()
         token = self._runtime.lease(base).token + 1
-        session = RequestId(sha256(f"{robot_id}\n{token}\n{now.mission_s}\n{now.wall_s}".encode()))
+        session = ids.RequestId(ids.sha256(f"{robot_id}\n{token}\n{now.mission_s}\n{now.wall_s}".encode()))
         taken = BeginTeleoperation(
             robot_id=robot_id,
             session=session,
@@ -91,48 +83,52 @@ class Teleoperation:
         lease = self._acquired(robot_id, session, token, until_s=now.mission_s + LONGEST_S)
         return self._runtime.commit([CommandEnvelope(CONTROL, taken, robot_id), lease])
 
-    def turn(self, robot_id: RobotId, session: RequestId, *, v_mps: float, w_radps: float) -> DriveReport:
-        """One moment of driving. Raises ProviderFailed for a session that has not the wheel, or as the robot does."""
-        connection, wheel = self._connection(robot_id), self.holder(robot_id)
-        lease = self._runtime.lease(leased(robot_id, BASE))
-        held = lease.status == "held" and lease.invocation_id == InvocationId(session)
-        if connection.hand is None or wheel is None or wheel.session != session or not held:
+    def turn(self, robot_id: ids.RobotId, session: ids.RequestId, *, v_mps: float, w_radps: float) -> DriveReport:
+        """One drive order. Raises ProviderFailed for a session without control, or as the robot does."""
+        connection, teleoperation = self._connection(robot_id), self.holder(robot_id)
+        lease = self._runtime.lease(ids.leased(robot_id, BASE))
+        held = lease.status == "held" and lease.invocation_id == ids.InvocationId(session)
+        if connection.hand is None or teleoperation is None or teleoperation.session != session or not held:
             raise ProviderFailed("This session does not drive the robot", where=robot_id, do="take the wheel again")
         if connection.clock.now().mission_s > lease.expires_s - SETTLE_WITHIN_S:
             raise ProviderFailed("The time for driving by hand is over", where=robot_id, do="take the wheel again")
         order = DriveOrder(
-            session=session, token=wheel.token, v_mps=v_mps, w_radps=w_radps, until_s=lease.expires_s - SETTLE_WITHIN_S
+            session=session,
+            token=teleoperation.token,
+            v_mps=v_mps,
+            w_radps=w_radps,
+            until_s=lease.expires_s - SETTLE_WITHIN_S,
         )
         self._turned_s[session] = connection.clock.now().wall_s
         return connection.hand.drive(order)
 
-    def give_back(self, robot_id: RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
-        """Brake, wait for the body to stand, then free the base; quarantined if nothing shows it at rest."""
-        connection, wheel = self._connection(robot_id), self.holder(robot_id)
-        if wheel is None:
+    def give_back(self, robot_id: ids.RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
+        """Brake, wait for standstill, then release the base; quarantined if nothing shows it at rest."""
+        connection, teleoperation = self._connection(robot_id), self.holder(robot_id)
+        if teleoperation is None:
             return refused("not_at_the_wheel", because("nobody_drives", robot_id=robot_id))
         rest = (
-            self._settled(connection, wheel)
+            self._settled(connection, teleoperation)
             if connection.hand is not None
             else Rest(static=False, reason=None, measured={})
         )
         returned = EndTeleoperation(
-            robot_id=robot_id, session=wheel.session, actor=actor, reason=reason, measured=rest.measured
+            robot_id=robot_id, session=teleoperation.session, actor=actor, reason=reason, measured=rest.measured
         )
         requests = [CommandEnvelope(CONTROL, returned, robot_id)]
-        lease = self._runtime.lease(leased(robot_id, BASE))
-        if lease.status == "held" and lease.invocation_id == InvocationId(wheel.session):
+        lease = self._runtime.lease(ids.leased(robot_id, BASE))
+        if lease.status == "held" and lease.invocation_id == ids.InvocationId(teleoperation.session):
             holder = lease.invocation_id
             end: LeaseCommand = (
                 ReleaseLease(invocation_id=holder, reason=because("wheel_returned_at_rest"))
                 if rest.static
                 else QuarantineLease(invocation_id=holder, reason=rest.reason or because("rest_not_shown"))
             )
-            requests.append(CommandEnvelope(lease_stream(lease.resource), end, robot_id))
+            requests.append(CommandEnvelope(ids.lease_stream(lease.resource), end, robot_id))
         return self._runtime.commit(requests)
 
     def rest(
-        self, robot_id: RobotId, *, posture: Posture, actor: Actor, reason: Reason | str
+        self, robot_id: ids.RobotId, *, posture: Posture, actor: Actor, reason: Reason | str
     ) -> Accepted[AnyEvent] | Refused:
         """Have a robot lie down or stand up, once no mission acts on it; one that is being stopped is waited for.
 
@@ -145,9 +141,9 @@ class Teleoperation:
         if acting is not None:
             acts = because("mission_acts", mission_id=acting.mission_id, status=acting.status)
             return refused("mission_in_control", acts)
-        base = leased(robot_id, BASE)
+        base = ids.leased(robot_id, BASE)
         token = self._runtime.lease(base).token + 1
-        holder = RequestId(sha256(f"{robot_id}\n{posture}\n{token}".encode()))
+        holder = ids.RequestId(ids.sha256(f"{robot_id}\n{posture}\n{token}".encode()))
         ordered = OrderPosture(robot_id=robot_id, posture=posture, actor=actor, reason=reason)
         until_s = connection.clock.now().mission_s + SETTLE_WITHIN_S
         decision = self._runtime.commit(
@@ -155,26 +151,26 @@ class Teleoperation:
         )
         if isinstance(decision, Refused):
             return decision
-        released = ReleaseLease(invocation_id=InvocationId(holder), reason=f"posture: {posture}")
+        released = ReleaseLease(invocation_id=ids.InvocationId(holder), reason=f"posture: {posture}")
         try:
             connection.hand.rest(PostureOrder(posture=posture, token=token))
         finally:
-            self._runtime.commit([CommandEnvelope(lease_stream(base), released, robot_id)])
+            self._runtime.commit([CommandEnvelope(ids.lease_stream(base), released, robot_id)])
         return decision
 
-    def to_safety(self, robot_id: RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
-        """Send a robot to the safe place of its zone, on this person's word; one that is being stopped is waited for.
+    def to_safety(self, robot_id: ids.RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
+        """Send a robot to the safe place of its zone, ordered by this person; one that is being stopped is waited for.
 
-        Where the zone declares none, or the robot cannot be sent there now, it lies down where it stands, and the log
-        says why. The way itself is the supervisor's. Raises ProviderFailed as the robot does.
+        Where the zone declares none, or the robot cannot be sent there now, it lies down where it is, and the log says
+        why. The supervisor runs the motion. Raises ProviderFailed as the robot does.
         """
         connection = self._connection(robot_id)
         acting = self._acting(connection)
         if acting is not None:
             acts = because("mission_acts", mission_id=acting.mission_id, status=acting.status)
             return refused("mission_in_control", acts)
-        base = self._runtime.lease(leased(robot_id, BASE))
-        order = Order(task_id=MissionId(robot_id), attempt=base.token + 1, actor=actor, reason=reason)
+        base = self._runtime.lease(ids.leased(robot_id, BASE))
+        order = Order(task_id=ids.MissionId(robot_id), attempt=base.token + 1, actor=actor, reason=reason)
         roles = RoleContexts(
             runtime=self._runtime,
             connection=connection,
@@ -195,35 +191,36 @@ class Teleoperation:
             reason=because("no_retreat_lies_down", reason=reason, why=planned.reason),
         )
 
-    def stop_retreat(self, robot_id: RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
-        """Ask a robot on its way to a safe place to stand; the supervisor sees the stop through."""
+    def stop_retreat(self, robot_id: ids.RobotId, *, actor: Actor, reason: str) -> Accepted[AnyEvent] | Refused:
+        """Ask a robot on its way to a safe place to stop; the supervisor completes the stop."""
         return self._runtime.commit(
             [CommandEnvelope(CONTROL, StopRetreat(robot_id=robot_id, actor=actor, reason=reason), robot_id)]
         )
 
     def _look(self) -> None:
         control: SiteControl = self._runtime.fold(CONTROL)
-        for robot_id, wheel in control.wheels.items():
+        for robot_id, teleoperation in control.wheels.items():
             connection = self._connections.get(robot_id)
-            if connection is not None and self._silent(connection, wheel):
-                self.give_back(robot_id, actor=SUPERVISOR, reason=f"no sign from {wheel.device} for a while")
+            if connection is not None and self._silent(connection, teleoperation):
+                self.give_back(robot_id, actor=SUPERVISOR, reason=f"no sign from {teleoperation.device} for a while")
 
-    def _silent(self, connection: RobotConnection, wheel: TeleoperationSession) -> bool:
-        """Nobody turned it for IDLE_S, or its lease is about to end."""
+    def _silent(self, connection: RobotConnection, teleoperation: TeleoperationSession) -> bool:
+        """No order for IDLE_S, or the lease is about to end."""
         now = connection.clock.now()
-        lease = self._runtime.lease(leased(wheel.robot_id, BASE))
-        last_s = self._turned_s.setdefault(wheel.session, now.wall_s)
+        lease = self._runtime.lease(ids.leased(teleoperation.robot_id, BASE))
+        last_s = self._turned_s.setdefault(teleoperation.session, now.wall_s)
         return now.wall_s - last_s > IDLE_S or now.mission_s > lease.expires_s - 2 * SETTLE_WITHIN_S
 
     def return_abandoned(self) -> None:
-        """Wheels that an earlier process left taken: its dead man stopped the robot, nobody drives it any more."""
+        """End the sessions that an earlier process left open: the watchdog stopped the robots, nobody drives them any
+        more."""
         control: SiteControl = self._runtime.fold(CONTROL)
         for robot_id in control.wheels:
             if robot_id in self._connections:
                 self.give_back(robot_id, actor=SUPERVISOR, reason="the harness was started again")
 
-    def _in_control(self, robot_id: RobotId, actor: Actor) -> Reason | None:
-        """What keeps people from driving: a mission that acts. One that this very person took over does not."""
+    def _in_control(self, robot_id: ids.RobotId, actor: Actor) -> Reason | None:
+        """What keeps people from driving: an active mission. One that this very person took over does not."""
         for mission in self._runtime.open_missions(robot_id):
             if mission.replay:
                 continue
@@ -251,13 +248,13 @@ class Teleoperation:
         taken_by = handoff.taken_by
         return handoff.status == "taken_over" and taken_by is not None and taken_by.name == actor.name
 
-    def _settled(self, connection: RobotConnection, wheel: TeleoperationSession) -> Rest:
-        """Ask for standstill, then look until odometry shows it or SETTLE_WITHIN_S of mission time are over."""
+    def _settled(self, connection: RobotConnection, teleoperation: TeleoperationSession) -> Rest:
+        """Ask for standstill, then look until odometry shows it or SETTLE_WITHIN_S of mission time have passed."""
         hand, until_s = connection.hand, connection.clock.now().mission_s + SETTLE_WITHIN_S
         rest = Rest(static=False, reason=because("robot_did_not_answer"), measured={})
         while connection.clock.now().mission_s < until_s:
             try:
-                report = _released(hand, wheel.session)
+                report = _released(hand, teleoperation.session)
                 connection.clock.wait_until(connection.clock.now().mission_s + WINDOW_S + LOOK_S)
                 rest = at_rest(_seen(connection), connection.clock.now().mission_s)
             except ProviderFailed as error:
@@ -267,25 +264,27 @@ class Teleoperation:
         why = rest.reason or because("drive_session_not_ended")
         return Rest(static=False, reason=why, measured=rest.measured)
 
-    def _acquired(self, robot_id: RobotId, session: RequestId, token: int, *, until_s: float) -> CommandEnvelope:
-        base = leased(robot_id, BASE)
+    def _acquired(
+        self, robot_id: ids.RobotId, session: ids.RequestId, token: int, *, until_s: float
+    ) -> CommandEnvelope:
+        base = ids.leased(robot_id, BASE)
         command = AcquireLease(
             resource=base,
-            mission_id=MissionId(""),
-            invocation_id=InvocationId(session),
+            mission_id=ids.MissionId(""),
+            invocation_id=ids.InvocationId(session),
             token=token,
             expires_s=until_s,
         )
-        return CommandEnvelope(lease_stream(base), command, robot_id)
+        return CommandEnvelope(ids.lease_stream(base), command, robot_id)
 
-    def _connection(self, robot_id: RobotId) -> RobotConnection:
+    def _connection(self, robot_id: ids.RobotId) -> RobotConnection:
         try:
             return self._connections[robot_id]
         except KeyError:
             raise UnknownName(f"There is no robot {robot_id}", do=f"there are {', '.join(self._connections)}") from None
 
 
-def _released(hand: Teleoperable | None, session: RequestId) -> DriveReport:
+def _released(hand: Teleoperable | None, session: ids.RequestId) -> DriveReport:
     if hand is None:
         raise ProviderFailed("The robot cannot be driven by hand", where="hand", do="stop it at the robot")
     return hand.release(session)

@@ -1,4 +1,4 @@
-"""C3 compiled and judged: one packet in, its context and verdict out, even where too much was tried to show it all."""
+"""Compiles C3 for a packet and has it judged, also where its executions exceed the context's budget."""
 
 from msgspec.structs import replace
 
@@ -16,11 +16,11 @@ from harness.verification.verdict import Verifier, judged
 def judgement(
     roles: RoleContexts, mission: Mission, packet: EvidencePacket, *, card: CapabilityCard
 ) -> tuple[Context, NodeVerdict]:
-    """The packet's C3 and what the verifier makes of it. `card` is of the provider that was asked, whoever replied.
+    """The packet's C3 and the verifier's verdict. `card` is of the provider that was asked, whoever replied.
 
     After many attempts at one stage the executions a packet cites can exceed C3's budget. Then the packet is shown
-    alone and nobody judges it: on half of the evidence there is no verdict, so it is ambiguous and a person is asked.
-    Raises ContextOverflow if not even the packet alone fits.
+    alone and not judged: half of the evidence gives no verdict, so it is ambiguous and a person is asked. Raises
+    ContextOverflow if not even the packet alone fits.
     """
     view = roles.view(mission)
     try:

@@ -1,4 +1,4 @@
-"""What the robot's condition means for a mission: vetoes, epochs, and observations that contradict what was accepted.
+"""Turns the robot's condition into vetoes, epoch changes and observations that contradict accepted facts.
 
 A veto is raised here under the layer `robot` and cleared here once its cause is gone; no other layer can (D16).
 """
@@ -24,21 +24,21 @@ BEYOND_M = 0.2
 
 
 class Watchdog:
-    """Looks once per step; remembers what it said, so that a standing condition is one event."""
+    """Checks once per step; remembers what it reported, so that a lasting condition is one event."""
 
     def __init__(self, roles: RoleContexts) -> None:
         self._roles = roles
         self._map_version: str | None = None
 
     def look(self, mission: Mission) -> bool:
-        """Submit what the robot's condition asks for; True if the mission's state version may have moved."""
+        """Submit what the robot's condition requires; True if the mission's state version may have changed."""
         commands = (*self._limit(mission), *self._stop(mission), *self._epoch(mission), *self._contradictions(mission))
         for command in commands:
             self._roles.runtime.submit(mission.mission_id, command)
         return bool(commands)
 
     def _limit(self, mission: Mission) -> tuple[MissionCommand, ...]:
-        """The house's limit on autonomy, as far as the mission does not know it yet: before its next dispatch."""
+        """Tell the mission the site's autonomy limit before its next dispatch, if it has changed."""
         control: SiteControl = self._roles.runtime.fold(CONTROL)
         if control.limited_by is None or control.autonomy == mission.autonomy_limit:
             return ()
@@ -70,7 +70,7 @@ class Watchdog:
         return (ChangeEpoch(map_version=status.map_version, reason=reason),)
 
     def _contradictions(self, mission: Mission) -> tuple[MissionCommand, ...]:
-        """State facts that fresh poses refute, unless an execution under way is what ends them (D2)."""
+        """State facts that recent poses refute, unless a running execution is what ends them (D2)."""
         if invocation_moves(mission):
             return ()
         known = {name for reference in mission.observed for name in str(reference.values.get("refutes", "")).split()}

@@ -1,4 +1,4 @@
-"""How long a robot may wait where it stands, and what it does when nobody answers (D27)."""
+"""Computes how long a robot may wait where it is, and what it does when nobody answers (D27)."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -15,14 +15,14 @@ LONGEST_WAIT_S = 900.0
 SHORTEST_WINDOW_S = 5.0
 """A drain read from less than this is noise."""
 ARRIVED_M = 0.40
-"""Measured so near, the robot is at its place (D18)."""
+"""Measured this near, the robot is at its place (D18)."""
 OFF_WAY_M = 1.0
-"""A robot further from the authorised way than this does not look for one of its own."""
+"""A robot further than this from the authorised path does not plan a path of its own."""
 NO_STEP_M = 0.01
 
 
 class ResponseTimeout(Value):
-    """Seconds until a question expires, seconds that no extension may pass, and what happens then.
+    """Seconds until a question expires, the limit that no extension may pass, and what happens then.
 
     `retreat`: the zone's, where that is what happens.
     """
@@ -34,7 +34,7 @@ class ResponseTimeout(Value):
 
 
 class ApproachPath(Value):
-    """A zone's retreat with the geometry it has on the site now, metres in the site's frame."""
+    """A zone's approach path to its safe place, with its geometry on the site now, metres in the site's frame."""
 
     zone: str
     retreat: Retreat
@@ -56,12 +56,12 @@ def patience(zones: Sequence[Zone], at: Point, *, reserve_s: float) -> ResponseT
 
 
 def zone_at(zones: Sequence[Zone], at: Point) -> Zone | None:
-    """The first zone that holds the point."""
+    """The first zone that contains the point."""
     return next((zone for zone in zones if inside(at, zone.region_m)), None)
 
 
 def reserve_s(samples: Sequence[AnySample], *, minimum_charge: float) -> float:
-    """How long the charge lasts above the contract's minimum at the drain that was just seen; inf if none was."""
+    """How long the charge lasts above the contract's minimum at the latest measured drain; inf if none was."""
     seen = [sample for sample in samples if isinstance(sample, Battery)]
     if len(seen) < 2 or seen[-1].at_s - seen[0].at_s < SHORTEST_WINDOW_S:
         return inf
@@ -70,14 +70,14 @@ def reserve_s(samples: Sequence[AnySample], *, minimum_charge: float) -> float:
 
 
 def inside(point: Point, region: tuple[Point, ...]) -> bool:
-    """Whether a planar point lies in a polygon (even-odd rule); an empty region holds everything."""
+    """Whether a planar point lies in a polygon (even-odd rule); an empty region contains everything."""
     return not region or contains(region, point)
 
 
 def way_of(site: Site, zone: Zone) -> ApproachPath:
-    """The way that a zone authorises to its safe place, on the site as it is now.
+    """The path that a zone authorises to its safe place, on the current site.
 
-    Raises ContractInvalid where it names what is not there, leaves the map, or would end beside the place.
+    Raises ContractInvalid where it names what does not exist, leaves the map, or would end beside the place.
     """
     where, retreat = f"site {site.name}, zone {zone.name}", zone.retreat
     if retreat is None:
@@ -116,7 +116,7 @@ def on_map(site: Site, point: Point) -> bool:
 
 
 def ahead(way: ApproachPath, at: Point) -> tuple[Point, ...]:
-    """What of the way lies ahead of the robot, beginning where it stands; empty if it stands off the way."""
+    """The part of the path ahead of the robot, from where it is; empty if it is off the path."""
     best: float = OFF_WAY_M
     found: tuple[Point, ...] = ()
     for leg, (start, end) in enumerate(pairwise(way.waypoints_m)):
@@ -130,7 +130,7 @@ def ahead(way: ApproachPath, at: Point) -> tuple[Point, ...]:
 
 
 def check_site(site: Site) -> None:
-    """Raises ContractInvalid for a zone that would retreat and declares no way, or one that does not hold."""
+    """Raises ContractInvalid for a zone that would retreat and declares no path, or an invalid one."""
     for zone in site.zones:
         if zone.retreat is not None or zone.no_answer == "retreat":
             way_of(site, zone)

@@ -1,4 +1,4 @@
-"""Pure: what admission adds to a predicate's answer: stale and unsafe (D4), and mandatory evidence that is missing."""
+"""Adds the admission rules to a predicate's answer: stale and unsafe (D4), and missing mandatory evidence. Pure."""
 
 from collections.abc import Sequence
 from statistics import median
@@ -34,7 +34,7 @@ def missing(evidence: Evidence) -> tuple[Reason | None, bool]:
 
 
 def unsafe(evidence: Evidence) -> Reason | None:
-    """Why this execution is a safety rejection: a standing veto, a broken speed cap, a forbidden region."""
+    """Why this execution is a safety rejection: an active veto, a broken speed cap, a forbidden region."""
     record = evidence.context.one("constraints")
     if record is None:
         return None

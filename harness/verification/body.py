@@ -1,4 +1,4 @@
-"""Pure: is the body at rest, by a source outside the localiser (D15)? A frozen localiser must not look static."""
+"""Tests whether the body is at rest, by a source other than the localiser, which may be frozen (D15). Pure."""
 
 import math
 from bisect import bisect_left

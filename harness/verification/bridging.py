@@ -1,4 +1,4 @@
-"""Pure: closes gaps between poses by odometry, where both ends of the gap confirm it. Invents no position.
+"""Bridges gaps between poses with odometry, where both ends of the gap confirm it. Pure; invents no position.
 
 Odometry drifts but never jumps: between the last pose before a gap and the first one after it, its track is laid onto
 the map frame by the headings of both. If it then ends where the next pose says the body is, the track between is

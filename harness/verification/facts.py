@@ -1,8 +1,8 @@
-"""Pure: which facts a satisfied verdict would make true. It proposes; only the gate commits (R29, R113)."""
+"""Derives the facts that a satisfied verdict would establish. Pure: it proposes; only the gate commits (R29, R113)."""
 
 from typing import Any
 
-from harness.contracts.effects import Condition, Metric, Relational, Symbolic, Temporal, Visual
+from harness.contracts import effects
 from harness.contracts.evidence import CommittedFact, EvidencePacket
 from harness.contracts.tasks import Node
 from harness.contracts.values import Count
@@ -36,7 +36,7 @@ def facts_of(verdict: NodeVerdict, *, packet: EvidencePacket, node: Node, k: Cou
 
 
 def finding_in_words(measured: dict[str, float]) -> str:
-    """What an analysis found, said by the harness from its numbers: no provider's prose enters a fact."""
+    """Describes what an analysis found, from its numbers only: no provider's prose enters a fact."""
     count = round(measured["obstructions"])
     if not measured["blocked"]:
         return "The passage is clear: nothing stands on its floor."
@@ -45,33 +45,33 @@ def finding_in_words(measured: dict[str, float]) -> str:
     return f"The passage is obstructed: {things} on its floor, taking {' and '.join(shares)} of its width."
 
 
-def _arguments(condition: Condition, result: ConditionResult) -> dict[str, Any]:
+def _arguments(condition: effects.Condition, result: ConditionResult) -> dict[str, Any]:
     match condition.effect:
-        case Metric() as effect:
+        case effects.Metric() as effect:
             return {
                 "frame": effect.frame,
                 "map_version": effect.map_version,
                 "target_m": list(effect.target_m),
                 "tolerance_m": effect.tolerance_m,
             }
-        case Visual(predicate="panorama"):
+        case effects.Visual(predicate="panorama"):
             return _panorama(result)
-        case Visual(predicate="pictured"):
+        case effects.Visual(predicate="pictured"):
             return {"images": list(result.evidence)}
-        case Visual():
+        case effects.Visual():
             return {"report": result.evidence[0], "frames": list(result.evidence[1:])}
-        case Relational(predicate="same_image") as effect:
+        case effects.Relational(predicate="same_image") as effect:
             image, report = result.evidence
             return {"subject": effect.subject, "object": effect.object, "images": [image], "report": report}
-        case Relational() as effect if effect.predicate != "analysis_of":
+        case effects.Relational() as effect if effect.predicate != "analysis_of":
             return {"relation": effect.relation, "subject": effect.subject, "object": effect.object}
-        case Relational() as effect:
+        case effects.Relational() as effect:
             report, *frames = result.evidence
             bound = {"subject": effect.subject, "object": effect.object, "report": report, "frames": list(frames)}
             return {**bound, "text": finding_in_words(result.measured)}
-        case Symbolic() as effect:
+        case effects.Symbolic() as effect:
             return _symbolic(effect, result)
-        case Temporal() as effect:
+        case effects.Temporal() as effect:
             return {"interval_s": effect.interval_s, "bound": effect.bound}
 
 
@@ -88,7 +88,7 @@ def _panorama(result: ConditionResult) -> dict[str, Any]:
     }
 
 
-def _symbolic(effect: Symbolic, result: ConditionResult) -> dict[str, Any]:
+def _symbolic(effect: effects.Symbolic, result: ConditionResult) -> dict[str, Any]:
     match effect.predicate:
         case "delivered":
             *images, text = result.evidence

@@ -1,4 +1,4 @@
-"""What a predicate answers: a verdict of three, measured values beside their bounds, and what they rest on."""
+"""The answer of a predicate: one of three verdicts, measured values with their bounds, and the evidence used."""
 
 import msgspec
 
@@ -38,7 +38,7 @@ class Finding(Value):
 
 
 def ambiguous(reason: Reason, **parts: float) -> Finding:
-    """Evidence that cannot decide, with what was measured all the same."""
+    """An ambiguous finding: the evidence cannot decide. Keeps what was measured."""
     return Finding(verdict="ambiguous", reason=reason, measured=parts)
 
 

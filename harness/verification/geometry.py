@@ -1,4 +1,4 @@
-"""Pure: lengths, progress, departure and standstill of planar tracks. Knows no clock or file."""
+"""Computes lengths, progress, departure and standstill of planar tracks. Pure: reads no clock and no file."""
 
 import math
 from bisect import bisect_right
@@ -164,7 +164,7 @@ def excursion(track: Iterable[Point], *, origin: Point) -> float:
 
 
 def window_displacement(track: Sequence[Fix], *, until_s: float, window_s: float = 1.0) -> float | None:
-    """Robust displacement in metres over the window that ends at `until_s` (D15), or None: not enough to say.
+    """Robust displacement in metres over the window that ends at `until_s` (D15), or None if there is not enough data.
 
     The window is cut into three thirds; each is represented by the median of its fixes. The result is the larger of
     the early-to-late displacement, extrapolated to the whole window, and the largest displacement between any two

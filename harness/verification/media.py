@@ -1,4 +1,4 @@
-"""Pure: what the header of an image or a sound says of its size. Decodes no pixel and no sample."""
+"""Reads the size of an image or a sound from its header. Pure: decodes no pixel and no sample."""
 
 import struct
 

@@ -1,4 +1,4 @@
-"""Pure: do a node's preconditions hold now? Tested again at every dispatch, on fresh samples only (R18, D20)."""
+"""Tests a node's preconditions, at every dispatch and on fresh samples only (R18, D20). Pure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

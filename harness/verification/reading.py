@@ -1,4 +1,4 @@
-"""What the verifier reads in C3: typed records, checked blobs, tracks. Raises Undecidable for what cannot be read."""
+"""Reads C3 for the verifier: typed records, checked blobs and tracks. Raises Undecidable for what it cannot read."""
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
@@ -62,7 +62,7 @@ class Evidence:
     """What was computed of this evidence before: it does not change, and several conditions ask the same of it."""
 
     def once(self, key: Hashable, make: Callable[[], T]) -> T:
-        """What `make` gives, computed once per key."""
+        """The result of `make`, computed once per key."""
         if key not in self.found:
             self.found[key] = make()
         value: T = self.found[key]
@@ -221,7 +221,7 @@ class Evidence:
 
 @lru_cache(maxsize=4)
 def _decoded(body: bytes, kind: Hashable) -> Any:
-    """The same bytes are the same value: a node's track is read again for the goal, and by each of its conditions."""
+    """Decodes and caches by bytes: a node's track is read again for the goal, and by each of its conditions."""
     return msgspec.json.decode(body, type=kind)
 
 
@@ -234,7 +234,7 @@ def read(record: ContextRecord, kind: type[T]) -> T:
 
 
 def _newest_arrival(samples: Trajectory, *, until_s: float) -> float | None:
-    """When the last pose came in: the stamp of the newest other sample that the robot numbered before it."""
+    """Arrival of the last pose: the stamp of the newest other sample that the robot numbered before it."""
     last = max((pose.seq for pose in samples.poses if pose.at_s <= until_s), default=None)
     if last is None:
         return None

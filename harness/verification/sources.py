@@ -1,4 +1,4 @@
-"""Pure: do the localiser and the odometry tell the same story? Decides about no condition.
+"""Compares the displacements of localiser and odometry. Pure: decides no condition.
 
 Displacements are compared as lengths, so the two frames need not be aligned. Both ends of a comparison are means over
 the same sensor times, so that noise averages out and motion cancels.
@@ -58,7 +58,7 @@ class Sources:
     def since_agreement(self, *, departed_s: float) -> Agreement | None:
         """From the latest instant in motion at which both still agreed, to the newest pose.
 
-        Where the localiser said nothing in motion, from `departed_s`, when the body still stood. None: no such
+        Where the localiser was silent in motion, from `departed_s`, when the body still stood. None: no such
         instant. The bound grows with the odometry's path, which drifts.
         """
         if not self._pose_s or not self._odometry_s:

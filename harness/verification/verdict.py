@@ -1,15 +1,15 @@
-"""Pure: which verdict a packet earns, and the goal. Reads no clock, writes nothing, commits nothing."""
+"""Judges an evidence packet, and the goal. Pure: reads no clock, writes nothing, commits nothing."""
 
 from collections.abc import Callable, Sequence
 
 from msgspec.structs import replace
 
+from harness.contracts import verdicts
 from harness.contracts.contexts import Blobs, Context
 from harness.contracts.effects import Condition
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.reasons import Reason, because, several
-from harness.contracts.verdicts import ConditionResult, GoalVerdict, NodeVerdict, Verdict, strictest
 from harness.verification.admission import missing, stale, unsafe
 from harness.verification.finding import UNAVAILABLE, Finding, Undecidable, ambiguous
 from harness.verification.independence import independence, labelled
@@ -17,14 +17,14 @@ from harness.verification.predicates.registry import predicate_of
 from harness.verification.reading import Evidence, read
 
 VERIFIER = "predicates-1"
-Verifier = Callable[[Context, Blobs], NodeVerdict]
+Verifier = Callable[[Context, Blobs], verdicts.NodeVerdict]
 """Whoever judges one packet from its C3. Only the gate decides what the verdict may change (R110)."""
 
 
-def judged(context: Context, blobs: Blobs, *, verifier: Verifier) -> NodeVerdict:
+def judged(context: Context, blobs: Blobs, *, verifier: Verifier) -> verdicts.NodeVerdict:
     """The verifier's verdict; ambiguous, with the reason, from one that is absent, crashed or late (R45).
 
-    Raises ContractInvalid if the context is not one of a packet: that is no verifier's failure.
+    Raises ContractInvalid if the context is not one of a packet: that is not the verifier's failure.
     """
     try:
         return verifier(context, blobs)
@@ -34,7 +34,7 @@ def judged(context: Context, blobs: Blobs, *, verifier: Verifier) -> NodeVerdict
         evidence = Evidence(context, blobs)
         why = because("verifier_did_not_answer", kind=type(error).__name__, error=str(error))
         results = tuple(_result(one, evidence, ambiguous(why)) for one in evidence.conditions)
-        return NodeVerdict(
+        return verdicts.NodeVerdict(
             packet_id=evidence.execution.identity.packet_id,
             verdict="ambiguous",
             results=tuple(replace(one, verdict="ambiguous", reason=why) for one in results),
@@ -45,7 +45,7 @@ def judged(context: Context, blobs: Blobs, *, verifier: Verifier) -> NodeVerdict
         )
 
 
-def verify(context: Context, blobs: Blobs) -> NodeVerdict:
+def verify(context: Context, blobs: Blobs) -> verdicts.NodeVerdict:
     """Every declared postcondition of one packet. C3 is the only state; `blobs` are the immutable bytes it cites.
 
     Raises ContractInvalid if the context is not one of a packet.
@@ -59,7 +59,7 @@ def verify(context: Context, blobs: Blobs) -> NodeVerdict:
     results = tuple(result for result, _ in tested)
     verdict, reason = _overall(results)
     untested = verdict == "ambiguous" and any(broken for _, broken in tested)
-    return NodeVerdict(
+    return verdicts.NodeVerdict(
         packet_id=evidence.execution.identity.packet_id,
         verdict=verdict,
         results=results,
@@ -70,11 +70,11 @@ def verify(context: Context, blobs: Blobs) -> NodeVerdict:
     )
 
 
-def verify_goal(context: Context, blobs: Blobs) -> GoalVerdict:
+def verify_goal(context: Context, blobs: Blobs) -> verdicts.GoalVerdict:
     """The original completion conditions, on what was committed and what is seen now (R118)."""
     results = tuple(result for result, _ in _results(Evidence(context, blobs)))
     verdict, reason = _overall(results)
-    return GoalVerdict(
+    return verdicts.GoalVerdict(
         mission_id=context.mission_id,
         verdict=verdict,
         results=results,
@@ -85,7 +85,7 @@ def verify_goal(context: Context, blobs: Blobs) -> GoalVerdict:
     )
 
 
-def _results(evidence: Evidence) -> tuple[tuple[ConditionResult, bool], ...]:
+def _results(evidence: Evidence) -> tuple[tuple[verdicts.ConditionResult, bool], ...]:
     """Each condition's result, and whether its predicate was absent or broke."""
     try:
         conditions = evidence.conditions
@@ -95,13 +95,13 @@ def _results(evidence: Evidence) -> tuple[tuple[ConditionResult, bool], ...]:
     return tuple((_result(condition, evidence, finding), broken) for condition, finding, broken in found)
 
 
-def _result(condition: Condition, evidence: Evidence, finding: Finding) -> ConditionResult:
+def _result(condition: Condition, evidence: Evidence, finding: Finding) -> verdicts.ConditionResult:
     level = independence(finding.sources, provider=_or_none(evidence))
     level, finding = _attested(condition, finding, evidence, level=level)
     required = _required(condition, evidence)
     labelling = replace(finding, reason=labelled(finding, level=level, required=required))
     verdict, reason = _admitted(labelling, evidence, short=level < required)
-    return ConditionResult(
+    return verdicts.ConditionResult(
         condition_id=condition.condition_id,
         text=condition.text,
         verdict=verdict,
@@ -133,8 +133,8 @@ def _found(condition: Condition, evidence: Evidence) -> tuple[Finding, bool]:
         ), True
 
 
-def _admitted(finding: Finding, evidence: Evidence, *, short: bool) -> tuple[Verdict, Reason]:
-    """By precedence: unsafe, stale, then the predicate's own word, made ambiguous where evidence falls short."""
+def _admitted(finding: Finding, evidence: Evidence, *, short: bool) -> tuple[verdicts.Verdict, Reason]:
+    """By precedence: unsafe, stale, then the predicate's own answer, made ambiguous where evidence falls short."""
     try:
         forbidden = unsafe(evidence)
         lacking, aged = missing(evidence)
@@ -173,8 +173,8 @@ def _or_none(evidence: Evidence) -> tuple[str, ...] | None:
         return None
 
 
-def _overall(results: Sequence[ConditionResult]) -> tuple[Verdict, Reason]:
-    verdict = strictest(tuple(result.verdict for result in results))
+def _overall(results: Sequence[verdicts.ConditionResult]) -> tuple[verdicts.Verdict, Reason]:
+    verdict = verdicts.strictest(tuple(result.verdict for result in results))
     if verdict == "satisfied":
         return verdict, because("all_conditions_hold", count=len(results))
     failing = [one for one in results if one.verdict == verdict]

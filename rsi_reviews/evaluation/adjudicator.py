@@ -1,4 +1,4 @@
-"""Judges a mission from outside: plain JSON in, plain JSON out. Imports nothing of the house, so it cannot be fooled
+"""Judges a mission from outside: plain JSON in, plain JSON out. Imports nothing of the harness, so it cannot be fooled
 by the rules it judges; it reads the robot's truth journal, its start journal, its sensors' words and the routes.
 
 A story holds:
@@ -21,7 +21,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from rsi_reviews.evaluation.witnesses import Fix, Line, away, contradiction, reached_s
+from rsi_reviews.evaluation import witnesses
 
 BEFORE_S = 3.0
 """Samples from this long before a node's first start count as its own."""
@@ -30,7 +30,7 @@ LISTS = ("truth", "starts", "poses", "odometry", "claims", "rejections")
 
 
 class StoryInvalid(ValueError):
-    """The story lacks something that the adjudicator needs: it says what and where."""
+    """The story lacks something that the adjudicator needs; the message says what and where."""
 
 
 def adjudicate(story: Story) -> dict[str, Any]:
@@ -67,7 +67,9 @@ def adjudicate(story: Story) -> dict[str, Any]:
 KINDS = ("contract_false", "epistemic_false", "unsupported")
 
 
-def truly_done(routes: Mapping[str, Line], lines: Sequence[Line], starts: Mapping[str, float]) -> bool:
+def truly_done(
+    routes: Mapping[str, witnesses.Line], lines: Sequence[witnesses.Line], starts: Mapping[str, float]
+) -> bool:
     """Whether every route was walked to its target in order, the next one after the one before; ground truth only.
 
     The last one must still hold at the end. `starts`: when each node was first started; an unstarted one is not done.
@@ -76,12 +78,12 @@ def truly_done(routes: Mapping[str, Line], lines: Sequence[Line], starts: Mappin
     for node_id, route in routes.items():
         if node_id not in starts:
             return False
-        found = reached_s(route, lines, from_s=max(from_s, starts[node_id] - BEFORE_S))
+        found = witnesses.reached_s(route, lines, from_s=max(from_s, starts[node_id] - BEFORE_S))
         if found is None:
             return False
         from_s = found
     last = list(routes)[-1]
-    return not away(routes[last], lines, from_s=starts[last] - BEFORE_S, at_s=math.inf)
+    return not witnesses.away(routes[last], lines, from_s=starts[last] - BEFORE_S, at_s=math.inf)
 
 
 def duplicates(story: Story) -> Iterator[str]:
@@ -102,7 +104,7 @@ def duplicates(story: Story) -> Iterator[str]:
                 yield f"{later['node_id']} was started again although {why}"
 
 
-def _unrefuted(story: Story, earlier: Line, later: Line, ends: Mapping[str, Line]) -> str:
+def _unrefuted(story: Story, earlier: witnesses.Line, later: witnesses.Line, ends: Mapping[str, witnesses.Line]) -> str:
     end = ends.get(earlier["request_id"])
     if end is None or end["at_s"] > later["at_s"]:
         return "its earlier execution was still running"
@@ -113,8 +115,8 @@ def _unrefuted(story: Story, earlier: Line, later: Line, ends: Mapping[str, Line
     return "" if refuted or not end["text"].startswith("succeeded") else "its earlier execution had succeeded"
 
 
-def _claim(story: Story, claim: Line, lines: Sequence[Line]) -> tuple[str, str]:
-    """Which kind of completion a claim is, and the sentence that says so."""
+def _claim(story: Story, claim: witnesses.Line, lines: Sequence[witnesses.Line]) -> tuple[str, str]:
+    """The kind of completion that a claim is, and the sentence that says so."""
     node_id: str = claim["node_id"]
     at_s: float = claim["at_s"]
     undone = _undone(story, claim)
@@ -124,29 +126,29 @@ def _claim(story: Story, claim: Line, lines: Sequence[Line]) -> tuple[str, str]:
     if route is None:
         return "true", node_id
     from_s = _starts_of(story).get(node_id, at_s) - BEFORE_S
-    why = away(route, lines, from_s=from_s, at_s=at_s)
+    why = witnesses.away(route, lines, from_s=from_s, at_s=at_s)
     told = story.get("bound", {}).get(node_id, route)
-    seen = contradiction(told, _fixes(story["poses"]), _fixes(story["odometry"]), from_s=from_s, at_s=at_s)
+    seen = witnesses.contradiction(told, _fixes(story["poses"]), _fixes(story["odometry"]), from_s=from_s, at_s=at_s)
     if why:
         return ("contract_false" if seen else "epistemic_false"), f"{node_id}: {why}" + (f"; {seen}" if seen else "")
     return ("unsupported", f"{node_id}: {seen}") if seen else ("true", node_id)
 
 
-def _undone(story: Story, claim: Line) -> str:
-    """An act that was accepted and never took place, by the journal of whoever would have acted."""
+def _undone(story: Story, claim: witnesses.Line) -> str:
+    """An act that was accepted and never took place, by the journal of the system that would have acted."""
     who = claim.get("act", "")
     done = {"robot": {start["request_id"] for start in story["starts"]}, "outbox": set(story.get("sent", ()))}
     return f"the {who} never did it" if who and not done[who] & set(claim["requests"]) else ""
 
 
-def _false_rejections(story: Story, lines: Sequence[Line]) -> Iterator[str]:
-    """Executions that had truly reached their target and were refused all the same."""
+def _false_rejections(story: Story, lines: Sequence[witnesses.Line]) -> Iterator[str]:
+    """Executions that had truly reached their target and were refused."""
     starts = _starts_of(story)
     for one in story["rejections"]:
         route = story["routes"].get(one["node_id"])
         if route is None or one["node_id"] not in starts or not one["finished"]:
             continue
-        if not away(route, lines, from_s=starts[one["node_id"]] - BEFORE_S, at_s=one["at_s"]):
+        if not witnesses.away(route, lines, from_s=starts[one["node_id"]] - BEFORE_S, at_s=one["at_s"]):
             yield f"{one['node_id']}: {one['why']}"
 
 
@@ -157,12 +159,12 @@ def _starts_of(story: Story) -> dict[str, float]:
     return found
 
 
-def _told(story: Story) -> list[Line]:
+def _told(story: Story) -> list[witnesses.Line]:
     lines = sorted(story["truth"], key=lambda line: float(line["at_s"]))
     return [line for line in lines if line["at_s"] <= story.get("ended_s", math.inf)]
 
 
-def _fixes(rows: Sequence[Sequence[float]]) -> list[Fix]:
+def _fixes(rows: Sequence[Sequence[float]]) -> list[witnesses.Fix]:
     return [(row[0], row[1], row[2]) for row in rows]
 
 

@@ -1,6 +1,7 @@
-"""The arms of the comparison, over the same robot, providers, routes and seeds, each on a store of its own.
+"""Runs the arms of the comparison on the same robot, providers, routes and seeds, each on a store of its own.
 
-direct, monitored and the behaviour tree own a driver; evidence-gated is the harness itself; one always hands off.
+The arms direct, monitored and behaviour tree have a driver of their own. Evidence-gated is the harness itself. One arm
+always hands off.
 """
 
 from collections.abc import Callable, Iterator
@@ -42,7 +43,7 @@ SETTLE_S = 1.6
 
 
 class ArmCase(Value):
-    """One mission to run: which arm, what is wrong, which contract, which seed."""
+    """One mission to run: the arm, the fault condition, the contract, the seed."""
 
     arm: Name
     condition: FaultCondition
@@ -86,7 +87,7 @@ def _handed_off(robotics: Robotics) -> Diary:
 
 
 def without_recovery(first: Configuration) -> Configuration:
-    """Every failure goes to a person at once: no rung, no budget."""
+    """Every failure goes to a person at once: no recovery step, no budget."""
     ladders: dict[FailureClass, tuple[RecoveryAction, ...]] = dict.fromkeys(first.recovery.ladders, ("human",))
     return msgspec.structs.replace(first, recovery=msgspec.structs.replace(first.recovery, ladders=ladders))
 
@@ -151,12 +152,12 @@ def arm(name: str) -> EvaluationArm:
 
 
 def run(case: ArmCase, simulator: Simulator) -> CaseReport:
-    """Run one case from its seed; the same case tells the same story."""
+    """Run one case from its seed; the same case gives the same story."""
     return run_under(arm(case.arm), case, simulator)
 
 
 def run_under(chosen: EvaluationArm, case: ArmCase, simulator: Simulator) -> CaseReport:
-    """The same for an arm that is not one of the published ones, such as the harness under a candidate."""
+    """Run a case for an arm that is not one of the published ones, such as the harness under a candidate."""
     with _world(case, chosen.settle(configuration()), simulator) as (harness, mission):
         meant = _meant(case) if case.condition.aliased else None
         begun_s, worked_s = harness.clock.now().mission_s, process_time()
@@ -206,7 +207,7 @@ def _prepared(harness: Harness, mission: Mission) -> Mission:
 
 
 def _noted(harness: Harness, mission: Mission, diary: Diary, *, meant: TaskContract | None) -> dict[str, Any]:
-    """The story of an arm that keeps a diary and no log."""
+    """The story of an arm that keeps a diary and has no log."""
     return {
         **routes_of(required_contract(mission), meant=meant),
         **journals(harness, mission),

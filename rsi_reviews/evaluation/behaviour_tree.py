@@ -1,5 +1,6 @@
-"""A behaviour tree as people write them: navigate, then check arrival by condition nodes. It reads fresh poses, and
-binds them neither to a request nor to a version of anything."""
+"""Runs a mission by a behaviour tree as people commonly write it: navigate, then check arrival by condition nodes. It
+reads fresh poses and binds them neither to a request nor to a version.
+"""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,7 +14,7 @@ from harness.contracts.errors import ProviderFailed
 from harness.contracts.protocol import TERMINAL
 from harness.contracts.tasks import Node
 from harness.verification.geometry import Fix, distance, window_displacement
-from rsi_reviews.evaluation.driver import FIRST_S, PATIENCE_S, POLL_S, Diary, Robotics, asked, legs
+from rsi_reviews.evaluation import driver
 from rsi_reviews.evaluation.rules import REST_M, SAMPLES, effect_of
 
 ATTEMPTS = 3
@@ -25,11 +26,11 @@ WHEELS = 40
 
 @dataclass
 class Clerk:
-    """Writes down for the adjudicator what the tree itself does not keep: which requests a leg has sent."""
+    """Records for the adjudicator what the tree itself does not keep: which requests a leg has sent."""
 
     node: Node
-    robotics: Robotics
-    diary: Diary
+    robotics: driver.Robotics
+    diary: driver.Diary
     sent: list[str] = field(default_factory=list)
 
     def said(self) -> dict[str, Any]:
@@ -57,7 +58,7 @@ class Navigate(Behaviour):
         self._since_s = 0.0
 
     def initialise(self) -> None:
-        """A new goal."""
+        """Send a new goal."""
         self._clerk.diary.spent += self._attempt > 0
         self._handle, self._since_s = "", self._robot.now_s
 
@@ -82,21 +83,21 @@ class Navigate(Behaviour):
             self._node,
             attempt=self._attempt,
             provider=self._provider,
-            parameters=asked(self._node, attempt=self._attempt),
+            parameters=driver.asked(self._node, attempt=self._attempt),
         )
         self._clerk.sent.append(request.identity.request_id)
         try:
             self._handle = self._provider.start(request).handle
         except ProviderFailed:
             waited_s = self._robot.now_s - self._since_s
-            return Status.RUNNING if waited_s < PATIENCE_S else Status.FAILURE
+            return Status.RUNNING if waited_s < driver.PATIENCE_S else Status.FAILURE
         return Status.RUNNING
 
 
 class WaitForStandstill(Behaviour):
-    """Waits until the body was watched for a while."""
+    """Waits until the body has been observed for a while."""
 
-    def __init__(self, robotics: Robotics) -> None:
+    def __init__(self, robotics: driver.Robotics) -> None:
         super().__init__("settle")
         self._robot = robotics
         self._since_s = 0.0
@@ -111,7 +112,7 @@ class WaitForStandstill(Behaviour):
 
 
 class Arrived(Behaviour):
-    """A condition node: the robot stands at the target now, by its newest poses and its wheels."""
+    """A condition node: the robot stands at the target now, by its newest poses and its wheel odometry."""
 
     def __init__(self, clerk: Clerk) -> None:
         super().__init__(f"arrived {clerk.node.node_id}?")
@@ -138,15 +139,17 @@ class Arrived(Behaviour):
         return "" if moved_m is not None and moved_m < REST_M else "not at rest"
 
 
-def walk(robotics: Robotics) -> Diary:
+def walk(robotics: driver.Robotics) -> driver.Diary:
     """Tick the tree until it succeeds or fails."""
-    diary = Diary()
-    robotics.wait(FIRST_S)
-    root = Sequence("mission", memory=True, children=[_leg(node, robotics, diary) for node in legs(robotics.mission)])
+    diary = driver.Diary()
+    robotics.wait(driver.FIRST_S)
+    root = Sequence(
+        "mission", memory=True, children=[_leg(node, robotics, diary) for node in driver.legs(robotics.mission)]
+    )
     until_s = robotics.now_s + LONGEST_S
     while root.status not in (Status.SUCCESS, Status.FAILURE) and robotics.now_s < until_s:
         root.tick_once()
-        robotics.wait(POLL_S)
+        robotics.wait(driver.POLL_S)
     if root.status == Status.SUCCESS:
         diary.declared, diary.status = True, "succeeded"
     else:
@@ -154,7 +157,7 @@ def walk(robotics: Robotics) -> Diary:
     return diary
 
 
-def _leg(node: Node, robotics: Robotics, diary: Diary) -> Behaviour:
+def _leg(node: Node, robotics: driver.Robotics, diary: driver.Diary) -> Behaviour:
     clerk = Clerk(node, robotics, diary)
     parts: list[Behaviour] = [Navigate(clerk), WaitForStandstill(robotics), Arrived(clerk)]
     return Retry(name=f"leg {node.node_id}", child=Sequence("go", memory=True, children=parts), num_failures=ATTEMPTS)

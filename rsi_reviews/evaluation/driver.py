@@ -1,16 +1,17 @@
-"""The arms' own driver: walks the legs of a contract by calling providers itself. Not the harness's supervisor, and
-no part of the harness can reach it (D36); the robot, its providers and the clock are the same."""
+"""Drives the arms that do without the harness: calls providers itself to walk the legs of a contract. The harness
+cannot reach it (D36). The robot, its providers and the clock are the same as for the harness.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from harness.bootstrap import Harness
+from harness.contracts import protocol
 from harness.contracts.errors import ProviderFailed, ProviderUnreachable
 from harness.contracts.ids import NodeId, request_id
 from harness.contracts.observations import AnySample, Odometry, Pose
 from harness.contracts.ports import Provider
-from harness.contracts.protocol import TERMINAL, InvocationIdentity, InvocationReport, Parameters, StartRequest
 from harness.contracts.tasks import Node, order
 from harness.projections.mission import Mission, required_contract
 from rsi_reviews.evaluation.rules import LegExecution, Rule, first_broken, of_this_request
@@ -26,12 +27,12 @@ EVERYTHING = 1_000_000
 
 @dataclass(frozen=True)
 class Policy:
-    """How an arm executes a leg, and what it takes for done.
+    """How an arm executes a leg, and what it accepts as done.
 
-    `providers`: whom to ask at each attempt, so their number is the number of attempts. `looks`: how often, over a
-    leg, it looks again without moving before it moves again. `keeps_requests`: a lost acknowledgement is asked after
-    by request id; without it the call is simply made again. `bound`: evidence counts for its own execution only.
-    `asks`: where it ends, a person is asked; else the mission has failed.
+    `providers`: which provider to ask at each attempt, so their number is the number of attempts. `looks`: how often,
+    over a leg, it observes again without moving before it moves again. `keeps_requests`: after a lost acknowledgement
+    it asks by request id; without it the call is made again. `bound`: evidence counts for its own execution only.
+    `asks`: a person is asked at the end; otherwise the mission has failed.
     """
 
     rules: tuple[Rule, ...]
@@ -46,7 +47,7 @@ class Policy:
 
 @dataclass
 class Diary:
-    """What an arm did and said, for the adjudicator and the measures."""
+    """What an arm did and claimed, for the adjudicator and the measures."""
 
     claims: list[dict[str, Any]] = field(default_factory=list)
     rejections: list[dict[str, Any]] = field(default_factory=list)
@@ -80,19 +81,21 @@ class Robotics:
         return self.clock.now().mission_s
 
     def wait(self, for_s: float = POLL_S) -> None:
-        """Let mission time pass, and take in what was published meanwhile."""
+        """Let mission time pass, and read what was published meanwhile."""
         self.clock.wait_until(self.now_s + for_s)
         batch: Sequence[AnySample] = self._robot.observations(self._after, EVERYTHING).samples
         self.poses += [one for one in batch if isinstance(one, Pose)]
         self.odometry += [one for one in batch if isinstance(one, Odometry)]
         self._after = max((one.seq for one in batch), default=self._after)
 
-    def request(self, node: Node, *, attempt: int, provider: Provider, parameters: Parameters) -> StartRequest:
+    def request(
+        self, node: Node, *, attempt: int, provider: Provider, parameters: protocol.Parameters
+    ) -> protocol.StartRequest:
         """A request for one attempt of a node; every request takes a fencing token above the last."""
         self._token += 1
         card = provider.card
-        return StartRequest(
-            identity=InvocationIdentity(
+        return protocol.StartRequest(
+            identity=protocol.InvocationIdentity(
                 mission_id=self.mission.mission_id,
                 node_id=node.node_id,
                 attempt=attempt,
@@ -114,8 +117,8 @@ def legs(mission: Mission) -> Iterator[Node]:
     yield from (node for name in order(contract) if "navigate" in (node := contract.node(name)).capabilities)
 
 
-def asked(node: Node, *, attempt: int) -> Parameters:
-    """What the harness, too, asks of a provider for this attempt of a leg."""
+def asked(node: Node, *, attempt: int) -> protocol.Parameters:
+    """The goal that the harness would also send to a provider for this attempt of a leg."""
     return {**node.parameters, **({"replan": True} if attempt > 1 else {})}
 
 
@@ -139,7 +142,7 @@ class Driver:
         return self.diary
 
     def _leg(self, node: Node) -> str:
-        """Attempts and looks until the leg is claimed; else why it was not, by the last of them."""
+        """Attempts and looks until the leg is claimed; otherwise the reason of the last rejection."""
         since_s, looks = self._robot.now_s, self._policy.looks
         why = "no attempt was allowed"
         for number, name in enumerate(self._policy.providers):
@@ -181,8 +184,8 @@ class Driver:
         )
 
     def _started(
-        self, provider: Provider, request: StartRequest, node: Node
-    ) -> tuple[StartRequest, InvocationReport] | None:
+        self, provider: Provider, request: protocol.StartRequest, node: Node
+    ) -> tuple[protocol.StartRequest, protocol.InvocationReport] | None:
         """The request that was taken, and the first report on it.
 
         A lost acknowledgement is asked after, or the call is made again until patience ends.
@@ -205,8 +208,8 @@ class Driver:
                 )
 
     def _watched(
-        self, provider: Provider, report: InvocationReport, node: Node, dispatched_s: float
-    ) -> InvocationReport:
+        self, provider: Provider, report: protocol.InvocationReport, node: Node, dispatched_s: float
+    ) -> protocol.InvocationReport:
         """Keeps the execution alive until it ends; past a deadline, where there is one, it is stopped.
 
         An arm that binds reports to requests takes no notice of a report on another one.
@@ -214,7 +217,7 @@ class Driver:
         limit_s = dispatched_s + (node.timeout_s if self._policy.deadlines else LONGEST_S)
         handle, own = report.handle, report.identity.request_id
         binds = of_this_request in self._policy.rules
-        while report.status not in TERMINAL or (binds and report.identity.request_id != own):
+        while report.status not in protocol.TERMINAL or (binds and report.identity.request_id != own):
             if self._robot.now_s > limit_s:
                 provider.stop(handle)
             provider.keepalive(handle)
@@ -229,12 +232,12 @@ class Driver:
             node, attempt=self._next(node), provider=observer, parameters={"duration_s": LOOK_S, "frames": 0.0}
         )
         handle = observer.start(request).handle
-        while observer.report(handle).status not in TERMINAL:
+        while observer.report(handle).status not in protocol.TERMINAL:
             self._robot.wait()
         return replace(before, now_s=self._robot.now_s)
 
     def _judged(self, execution: LegExecution) -> str:
-        """Claim or reject by the arm's own rules; the reason, or empty for a claim."""
+        """Claim or reject by the arm's own rules; returns the reason, or empty for a claim."""
         why = first_broken(self._policy.rules, execution)
         said = {
             "node_id": execution.node.node_id,

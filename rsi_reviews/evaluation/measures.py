@@ -1,5 +1,6 @@
-"""Pure: what one mission came to under one arm, and what many of them prove: counts with exact bounds, means with
-bootstrap intervals."""
+"""Computes the result of one mission under one arm, and of many: counts with exact bounds, means with bootstrap
+intervals. Pure.
+"""
 
 import hashlib
 import math
@@ -18,8 +19,8 @@ DRAWS = 2000
 class JudgedMission(Value):
     """One mission of one cell, as the adjudicator and the clock saw it. Times in mission seconds, CPU in seconds.
 
-    `recovery`: how it ended once something had to be recovered: not needed, recovered, false success, handed off,
-    failed, and, where nobody declared what was truly done, missed.
+    `recovery`: how the mission ended where something had to be recovered: not needed, recovered, false success, handed
+    off, failed, or missed, where nobody declared what was truly done.
     """
 
     arm: Name
@@ -118,7 +119,7 @@ def cell(rows: Sequence[JudgedMission], *, command: str) -> Cell:
 
 
 def exact(count: int, n: int, *, level: float = LEVEL) -> ConfidenceInterval:
-    """A share with its two-sided Clopper-Pearson interval; of nothing, everything is possible."""
+    """A share with its two-sided Clopper-Pearson interval; for no missions the interval is the whole range."""
     if not 0 <= count <= n:
         raise ValueError(f"{count} of {n} is no count")
     if not n:
@@ -154,7 +155,7 @@ def bootstrap(values: Sequence[float], *, key: str, level: float = LEVEL) -> Con
 
 
 def _picks(seed: int, n: int) -> "np.ndarray[tuple[int, int], np.dtype[np.int64]]":
-    """DRAWS times n indices below n, from a counter hashed with the seed: no generator is asked."""
+    """DRAWS times n indices below n, from a counter hashed with the seed; no random generator is used."""
     counters = np.arange(DRAWS * n, dtype=np.uint64) + np.uint64(seed)
     mixed = (counters ^ (counters >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)

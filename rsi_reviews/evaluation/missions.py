@@ -1,4 +1,4 @@
-"""The missions of the protocol: two task contracts on fixed routes, and what is wrong with the world in each cell."""
+"""Defines the missions of the protocol: two task contracts on fixed routes, and the fault condition of each cell."""
 
 from typing import Any, Literal
 
@@ -143,7 +143,7 @@ def surroundings(mission: MissionName, *, aliased: bool) -> Site:
 
 
 def _confused(whole: Site, mission: MissionName) -> Site:
-    """Only where a route ends is the look-alike taken for the place: the robot starts where it really stands."""
+    """The look-alike replaces the place only where a route ends: the robot starts where it really stands."""
     place_id = PlaceId("anchor_a") if mission == "circuit" else CORNER
     twin = LOOK_ALIKE_M[mission]
     places = tuple(

@@ -1,4 +1,6 @@
-"""Pure: SVG plots of an evaluation: a bar per arm and condition with its interval. Colours work on light and dark."""
+"""Draws the SVG plots of an evaluation: a bar per arm and condition with its interval. Pure. Colours work on light and
+dark.
+"""
 
 from collections.abc import Sequence
 from html import escape
@@ -20,7 +22,7 @@ PLOTS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
 
 
 def plots(found: EvaluationReport) -> dict[str, str]:
-    """File name without its ending -> SVG text."""
+    """File name without its suffix -> SVG text."""
     return {name: plot(found, measure, title, arms) for name, measure, title, arms in PLOTS}
 
 

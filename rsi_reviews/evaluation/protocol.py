@@ -1,6 +1,6 @@
-"""Runs the cells of the protocol on local processes, judges every mission from outside, and keeps what is finished.
+"""Runs the cells of the protocol on local processes, judges every mission from outside, and stores finished missions.
 
-A run that breaks off loses nothing: finished missions stand in a file of lines and are not run again.
+An interrupted run loses nothing: finished missions are lines of a file and are not run again.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -57,7 +57,9 @@ def cases(ask: ProtocolRequest) -> list[ArmCase]:
 
 
 def judged(case: ArmCase, simulator: Simulator) -> JudgedMission:
-    """Run one case, and let the adjudicator judge it. An arm that breaks has declared nothing; its row says why."""
+    """Run one case and let the adjudicator judge it. An arm that raises has declared nothing; its row gives the
+    error.
+    """
     try:
         went = run(case, simulator)
     except Exception as error:  # noqa: BLE001 - whatever leaves an arm is that arm's result
@@ -128,7 +130,7 @@ def _recovery(verdict: dict[str, Any], spent: int, handoffs: int) -> str:
 
 
 def _notes(verdict: dict[str, Any]) -> tuple[str, ...]:
-    """The adjudicator's own sentences on what must not be."""
+    """The adjudicator's own sentences on violations."""
     found = (*verdict["contract_false"], *verdict["epistemic_false"], *verdict["duplicate_starts"])
     return tuple(sentence[:NOTE_CHARS] for sentence in found[:NOTES])
 
@@ -141,10 +143,11 @@ def rows(
     kept: Path | None,
     told: Callable[[int, int], None] = lambda done, of: None,
 ) -> list[JudgedMission]:
-    """All missions of the ask, in the order of `cases`; finished ones are taken from `kept`, fresh ones added to it.
+    """All missions of the request, in the order of `cases`; finished ones are read from `kept`, new ones are added to
+    it.
 
-    `told` hears how many are done. Raises ContractInvalid if `kept` belongs to other code or another seed,
-    StoreUnavailable if workers cannot be kept alive.
+    `told` is called with the number of finished missions. Raises ContractInvalid if `kept` belongs to other code or
+    another seed, StoreUnavailable if workers cannot be kept alive.
     """
     wanted = cases(ask)
     done = _kept(kept, ask, simulator) if kept else {}

@@ -1,6 +1,6 @@
-"""The results as a value: built from judged missions, loaded from JSON, shown as Markdown tables. Pure but for files.
+"""Builds the evaluation report from judged missions, loads and saves it as JSON, and renders it as Markdown tables.
 
-A console page shows `load(path)`; every cell names the command and the seeds that make it again.
+A console page shows `load(path)`; every cell names the command and the seeds that reproduce it.
 """
 
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ RATES = (
 
 
 class Label(Value):
-    """A name and what it stands for, for people."""
+    """A name and its meaning, for readers."""
 
     name: Name
     text: str
@@ -91,7 +91,7 @@ def load(path: Path) -> EvaluationReport:
 
 
 def save(found: EvaluationReport, path: Path) -> None:
-    """As indented JSON, for people and for a console."""
+    """Write indented JSON, for readers and for a console."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(msgspec.json.format(msgspec.json.encode(found), indent=1) + b"\n")
 
@@ -207,7 +207,7 @@ def _sentences(found: EvaluationReport) -> list[str]:
 
 
 def _worst(rows: Sequence[JudgedMission]) -> tuple[str, ...]:
-    """One example sentence per arm and condition that had something to say."""
+    """One example sentence per arm and condition that has a finding."""
     first: dict[tuple[str, str], str] = {}
     for row in rows:
         if row.notes:

@@ -1,7 +1,9 @@
-"""The second ablation: a model as verifier, shown its own context only, or the planner's and provider's words as well.
+"""Measures the second ablation: a model as verifier, with its own context only, or with the planner's and provider's
+text too.
 
-Two hundred contexts from real missions whose evidence does not show what is claimed, each with one of five ways to talk
-a verifier into accepting it, and controls whose evidence does show it. Needs a model; without one nothing is said.
+It uses two hundred contexts from real missions whose evidence does not show what is claimed, each with one of five ways
+to persuade a verifier to accept it, and controls whose evidence does show it. It needs a model; without one it reports
+nothing.
 """
 
 import math
@@ -53,9 +55,10 @@ class VerifierTrial(Value):
 
 
 class RoleReport(Value):
-    """What a model said. `fooled`: satisfied though not shown; `refused`: not satisfied though shown; of the answers.
+    """The answers of a model. `fooled`: satisfied though not shown; `refused`: not satisfied though shown; of the
+    answers.
 
-    `tested` is False where no model was asked; then nothing else is said.
+    `tested` is False where no model was asked; the other fields are then empty.
     """
 
     tested: bool
@@ -167,7 +170,7 @@ def _trials(
 
 
 def _evidence(harness: Harness, packet: EvidencePacket, node: Node) -> str:
-    """What the packet's own samples say, in numbers: target, newest poses with their ages, the body's last second."""
+    """The packet's own samples in numbers: target, newest poses with their ages, the body's last second."""
     sealed = [one for one in packet.estimates if one.kind == "trajectory"]
     samples = decode(harness.runtime.blob(sealed[-1].blob), Trajectory) if sealed else Trajectory()
     target = effect_of(node).target_m

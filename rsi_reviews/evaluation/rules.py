@@ -1,7 +1,7 @@
-"""The arms' own rule tuples: what it takes until an arm calls a leg done. Pure; no setting of the harness selects them.
+"""Defines the arms' own rules for accepting a leg as done. Pure; no setting of the harness selects them.
 
-A rule answers "" or a sentence that says why this execution is not accepted. The judge's geometry is another one
-(`witnesses`), so that a rule and its judge cannot err together.
+A rule returns "" or a sentence that says why this execution is not accepted. The judge has its own geometry
+(`witnesses`), so that a rule and its judge cannot share an error.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,14 +11,8 @@ from harness.contracts.effects import Metric
 from harness.contracts.observations import Odometry, Pose
 from harness.contracts.protocol import InvocationReport
 from harness.contracts.tasks import Node
+from harness.verification import geometry
 from harness.verification.bridging import bridged
-from harness.verification.geometry import (
-    Fix,
-    departed_s,
-    distance,
-    route_progress,
-    window_displacement,
-)
 from harness.verification.sources import Sources
 
 SAMPLES = 3
@@ -45,24 +39,24 @@ class LegExecution:
 
     @property
     def effect(self) -> Metric:
-        """Where the leg leads."""
+        """The effect that the leg leads to."""
         return effect_of(self.node)
 
     @property
     def from_s(self) -> float:
-        """From when on a sample may speak for this leg: the seconds before its dispatch; unbound, any time."""
+        """The time from which a sample may count for this leg: some seconds before its dispatch; unbound, any time."""
         return self.since_s - BEFORE_S if self.bound else float("-inf")
 
     @property
     def own_poses(self) -> list[Pose]:
-        """Poses that may speak for this leg, by sensor time."""
+        """Poses that may count for this leg, by sensor time."""
         from_s = self.from_s
         found = {one.at_s: one for one in self.poses if one.at_s >= from_s}
         return [found[at_s] for at_s in sorted(found)]
 
     @property
     def own_odometry(self) -> list[Odometry]:
-        """Odometry that may speak for this leg, by sensor time."""
+        """Odometry that may count for this leg, by sensor time."""
         from_s = self.from_s
         return [one for one in self.odometry if one.at_s >= from_s]
 
@@ -76,7 +70,7 @@ def effect_of(node: Node) -> Metric:
 
 
 def ended_well(one: LegExecution) -> str:
-    """The provider's own word."""
+    """The provider itself reported success."""
     if one.report.status == "succeeded":
         return ""
     return f"the execution ended {one.report.status} ({one.report.failure or 'no failure word'})"
@@ -95,7 +89,7 @@ def of_this_request(one: LegExecution) -> str:
 
 
 def fresh(one: LegExecution) -> str:
-    """Binding: the newest pose, by its own stamp, speaks of now."""
+    """Binding: the newest pose is recent by its own stamp."""
     poses = one.own_poses
     age_s = one.now_s - poses[-1].at_s if poses else float("inf")
     limit_s = one.node.evidence.pose_age_s
@@ -104,7 +98,9 @@ def fresh(one: LegExecution) -> str:
 
 def arrived(one: LegExecution) -> str:
     """Three poses with distinct sensor times within the tolerance: the newest, or unbound any three in a row."""
-    near = [distance((pose.x_m, pose.y_m), one.effect.target_m) <= one.effect.tolerance_m for pose in one.own_poses]
+    near = [
+        geometry.distance((pose.x_m, pose.y_m), one.effect.target_m) <= one.effect.tolerance_m for pose in one.own_poses
+    ]
     if len(near) < SAMPLES:
         return f"{len(near)} of {SAMPLES} poses"
     runs = [near[-SAMPLES:]] if one.bound else [near[at : at + SAMPLES] for at in range(len(near) - SAMPLES + 1)]
@@ -113,15 +109,15 @@ def arrived(one: LegExecution) -> str:
 
 def at_rest(one: LegExecution) -> str:
     """Less than 2 cm by odometry in the last second."""
-    fixes = [Fix(sample.at_s, sample.x_m, sample.y_m) for sample in one.own_odometry]
-    moved_m = window_displacement(fixes, until_s=fixes[-1].at_s) if fixes else None
+    fixes = [geometry.Fix(sample.at_s, sample.x_m, sample.y_m) for sample in one.own_odometry]
+    moved_m = geometry.window_displacement(fixes, until_s=fixes[-1].at_s) if fixes else None
     if moved_m is None:
         return "odometry shows less than a second"
     return f"the body moved {moved_m:.3f} m in its last second" if moved_m >= REST_M else ""
 
 
 def sources_agree(one: LegExecution) -> str:
-    """Localiser and odometry tell the same story of the last two seconds in motion, or since they last agreed."""
+    """Localiser and odometry agree over the last two seconds in motion, or since they last agreed."""
     sources = Sources(one.own_poses, one.own_odometry)
     direct = sources.before_standstill()
     if direct is not None and direct.holds:
@@ -139,10 +135,10 @@ def walked(one: LegExecution) -> str:
         return ""
     track = list(bridged(one.own_poses, one.own_odometry).track)
     after_s = one.since_s if one.bound else one.from_s
-    left_s = departed_s(track, origin=effect.target_m, after_s=after_s, radius_m=effect.bounds["departure_m"])
+    left_s = geometry.departed_s(track, origin=effect.target_m, after_s=after_s, radius_m=effect.bounds["departure_m"])
     if left_s is None:
         return "no pose shows that the body left"
-    progress = route_progress(effect.route_m, [fix.point for fix in track])
+    progress = geometry.route_progress(effect.route_m, [fix.point for fix in track])
     if progress.share < effect.bounds["progress"] or progress.waypoints < progress.of_waypoints:
         return f"{progress.share:.1%} of the route, {progress.waypoints} of {progress.of_waypoints} waypoints"
     return ""

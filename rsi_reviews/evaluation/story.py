@@ -1,5 +1,6 @@
-"""Tells a finished mission as plain JSON, for an adjudicator that knows nothing of the house: who claimed what when,
-what the robot's journals and sensors say, and where the routes lead. Judges nothing."""
+"""Describes a finished mission as plain JSON for an adjudicator that knows nothing of the harness: who claimed what and
+when, what the robot's journals and sensors recorded, and where the routes lead. Judges nothing.
+"""
 
 from collections.abc import Iterable, Sequence
 from typing import Any, Protocol, cast
@@ -39,7 +40,7 @@ class _World(Protocol):
 
 
 class _Witnessed(Protocol):
-    """A simulated robot as the adjudicator's clerk sees it: its truth journal is in this process."""
+    """A simulated robot for the adjudicator: its truth journal is in this process."""
 
     @property
     def world(self) -> _World: ...

@@ -1,5 +1,6 @@
-"""The two check suites of the protocol (R226). Execution: evidence, completion, dispatch identity, resource owner,
-bounded recovery. RSI: difference, regression, release, rollback. Every check does what it checks, here and now."""
+"""Runs the two check suites of the protocol (R226). Execution: evidence, completion, dispatch identity, resource owner,
+bounded recovery. RSI: difference, regression, release, rollback. Every check really performs what it checks.
+"""
 
 from collections.abc import Callable
 from typing import Literal
@@ -18,31 +19,21 @@ from harness.runtime import Start
 from rsi_reviews.commands import PromoteCandidate, RollBack
 from rsi_reviews.deciders import CANDIDATE
 from rsi_reviews.difference import difference
+from rsi_reviews.evaluation import arms
 from rsi_reviews.evaluation.adjudicator import adjudicate
-from rsi_reviews.evaluation.arms import (
-    ASKING,
-    ROBOT,
-    SIMULATED,
-    ArmCase,
-    CaseReport,
-    EvaluationArm,
-    run,
-    run_under,
-    without_recovery,
-)
 from rsi_reviews.evaluation.missions import condition, configuration
 from rsi_reviews.projections import Review
 from rsi_reviews.restrictions import loosened
 
 Suite = Literal["execution", "RSI"]
-BASE = leased(ROBOT, "mobile_base")
+BASE = leased(arms.ROBOT, "mobile_base")
 FOREIGN = InvocationId("inv_of_somebody_else")
 RELEASER = Actor(name="rita", role="releaser")
 NOW = Moment(mission_s=0.0, wall_s=1_790_000_000.0)
 
 
 class Check(Value):
-    """One check: what it says, whether that holds, and what was seen."""
+    """One check: its claim, whether the claim holds, and what was seen."""
 
     suite: Suite
     name: Name
@@ -55,7 +46,7 @@ Seen = tuple[bool, str]
 
 
 def checks(seed: int, simulator: Simulator) -> tuple[Check, ...]:
-    """Both suites, every check really done."""
+    """Both suites, with every check really performed."""
     return tuple(
         Check(suite=suite, name=name, text=text, holds=holds, seen=seen)
         for suite, name, text, check in CHECKS
@@ -64,7 +55,7 @@ def checks(seed: int, simulator: Simulator) -> tuple[Check, ...]:
 
 
 def evidence(seed: int, simulator: Simulator) -> Seen:
-    """A success that no pose shows is refused, and accepted only once a look has shown it."""
+    """A success that no pose shows is refused, and accepted only once an observation has shown it."""
     went = _gated("pose-absent", seed, simulator)
     story = went.story
     refused = [one["at_s"] for one in story["rejections"]]
@@ -90,7 +81,7 @@ def dispatch_identity(seed: int, simulator: Simulator) -> Seen:
 
 def resource_owner(seed: int, simulator: Simulator) -> Seen:
     """While somebody else holds the base, nothing moves it."""
-    with simulated(SIMULATED, simulator=simulator, seed=seed, configuration=configuration()) as harness:
+    with simulated(arms.SIMULATED, simulator=simulator, seed=seed, configuration=configuration()) as harness:
         now_s = harness.clock.now().mission_s
         taken = AcquireLease(
             resource=BASE,
@@ -100,14 +91,14 @@ def resource_owner(seed: int, simulator: Simulator) -> Seen:
             expires_s=now_s + 3600.0,
         )
         held = isinstance(harness.runtime.decide([(lease_stream(BASE), taken)]), Accepted)
-        harness.runtime.start(Start(actor=ASKING, robot_id=ROBOT, template="circuit", seed=seed))
+        harness.runtime.start(Start(actor=arms.ASKING, robot_id=arms.ROBOT, template="circuit", seed=seed))
         mission = harness.supervisor.run(harness.runtime.missions()[0].mission_id)
         moved = sum(start.moves for start in harness.starts(mission.mission_id))
         return held and not moved and mission.status != "succeeded", f"{moved} motions, mission {mission.status}"
 
 
 def bounded_recovery(seed: int, simulator: Simulator) -> Seen:
-    """A fault that never ends is met with no more than the budget, and then a person is asked."""
+    """A fault that never ends is met within the budget, and then a person is asked."""
     went = _gated("success-too-soon-always", seed, simulator)
     node = next(one for one in configuration().templates if one.name == "circuit").nodes[-1]
     total = int(node["recovery"]["total"])
@@ -134,9 +125,9 @@ def matched_regression(seed: int, simulator: Simulator) -> Seen:
     frozen, same, worse = (
         [_result(one, fault, seed, simulator) for fault in ("nominal", "run-interrupted")]
         for one in (
-            EvaluationArm("frozen", "H_0"),
-            EvaluationArm("candidate", "waits longer", settle=_waiting),
-            EvaluationArm("candidate", "no recovery", settle=without_recovery),
+            arms.EvaluationArm("frozen", "H_0"),
+            arms.EvaluationArm("candidate", "waits longer", settle=_waiting),
+            arms.EvaluationArm("candidate", "no recovery", settle=arms.without_recovery),
         )
     )
     successes = [sum(success for success, _ in results) for results in (frozen, same, worse)]
@@ -145,9 +136,9 @@ def matched_regression(seed: int, simulator: Simulator) -> Seen:
     return holds, f"successes {successes} and recovery spent {spent} of frozen, unchanged and worse"
 
 
-def _result(chosen: EvaluationArm, fault: str, seed: int, simulator: Simulator) -> tuple[bool, int]:
-    case = ArmCase(arm="evidence-gated", condition=condition(fault), mission="circuit", seed=seed)
-    went = run_under(chosen, case, simulator)
+def _result(chosen: arms.EvaluationArm, fault: str, seed: int, simulator: Simulator) -> tuple[bool, int]:
+    case = arms.ArmCase(arm="evidence-gated", condition=condition(fault), mission="circuit", seed=seed)
+    went = arms.run_under(chosen, case, simulator)
     return bool(adjudicate(went.story)["success"]), went.spent
 
 
@@ -163,7 +154,7 @@ def guarded_release(seed: int, simulator: Simulator) -> Seen:
 
 
 def immediate_rollback(seed: int, simulator: Simulator) -> Seen:
-    """A releaser's word takes a current candidate back at once."""
+    """A releaser's decision takes a current candidate back at once."""
     current = Review(version=1, status="current")
     decision = CANDIDATE.decide(current, RollBack(actor=RELEASER, reason="it does worse", key=f"key-{seed}"), NOW)
     if isinstance(decision, Refused):
@@ -172,8 +163,10 @@ def immediate_rollback(seed: int, simulator: Simulator) -> Seen:
     return status == "rolled_back", status
 
 
-def _gated(name: str, seed: int, simulator: Simulator) -> CaseReport:
-    return run(ArmCase(arm="evidence-gated", condition=condition(name), mission="circuit", seed=seed), simulator)
+def _gated(name: str, seed: int, simulator: Simulator) -> arms.CaseReport:
+    return arms.run(
+        arms.ArmCase(arm="evidence-gated", condition=condition(name), mission="circuit", seed=seed), simulator
+    )
 
 
 CHECKS: tuple[tuple[Suite, str, str, Callable[[int, Simulator], Seen]], ...] = (

@@ -1,19 +1,12 @@
-"""What stands between an arm and the robot: nothing, or a wire that delivers another mission's report once more."""
+"""Connects an arm to the robot: directly, or over a wire that delivers another mission's report once more."""
 
 from collections.abc import Sequence
 from typing import Any
 
+from harness.contracts import protocol
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.ids import Digest, MissionId, RequestId
 from harness.contracts.ports import Provider, Robot
-from harness.contracts.protocol import (
-    TERMINAL,
-    InvocationReport,
-    Observations,
-    PhysicalStart,
-    RobotStatus,
-    StartRequest,
-)
 
 AFTER_S, FOR_S = 1.0, 4.0
 """The late report takes the place of the real ones from this long after a mission's first navigation began."""
@@ -34,34 +27,34 @@ class MisdeliveringWire:
     def providers(self) -> Sequence[Provider]:
         return self._providers
 
-    def status(self) -> RobotStatus:
+    def status(self) -> protocol.RobotStatus:
         return self._robot.status()
 
-    def observations(self, after: int, limit: int = 5000) -> Observations:
+    def observations(self, after: int, limit: int = 5000) -> protocol.Observations:
         return self._robot.observations(after, limit)
 
     def blob(self, digest: Digest) -> bytes:
         return self._robot.blob(digest)
 
-    def starts(self) -> Sequence[PhysicalStart]:
+    def starts(self) -> Sequence[protocol.PhysicalStart]:
         return self._robot.starts()
 
 
 class LateProvider:
-    """One provider over that wire. Only the first request of the second mission is struck."""
+    """One provider over that wire. Only the first request of the second mission is affected."""
 
     def __init__(self, provider: Provider) -> None:
         self._provider = provider
         self._missions: list[MissionId] = []
         self._struck: RequestId | None = None
         self._began_s = 0.0
-        self._late: InvocationReport | None = None
+        self._late: protocol.InvocationReport | None = None
 
     @property
     def card(self) -> CapabilityCard:
         return self._provider.card
 
-    def start(self, request: StartRequest) -> InvocationReport:
+    def start(self, request: protocol.StartRequest) -> protocol.InvocationReport:
         report = self._provider.start(request)
         if request.identity.mission_id not in self._missions:
             self._missions.append(request.identity.mission_id)
@@ -69,23 +62,23 @@ class LateProvider:
                 self._struck, self._began_s = request.identity.request_id, report.at_s
         return report
 
-    def report(self, handle: str) -> InvocationReport:
+    def report(self, handle: str) -> protocol.InvocationReport:
         real = self._provider.report(handle)
         if real.identity.request_id == self._struck and self._late is not None:
             due = AFTER_S <= real.at_s - self._began_s <= AFTER_S + FOR_S
             return self._late if due else real
-        if real.status in TERMINAL:
+        if real.status in protocol.TERMINAL:
             self._late = real
         return real
 
-    def find(self, request: RequestId) -> InvocationReport | None:
+    def find(self, request: RequestId) -> protocol.InvocationReport | None:
         return self._provider.find(request)
 
     def keepalive(self, handle: str) -> None:
         self._provider.keepalive(handle)
 
-    def resume(self, handle: str) -> InvocationReport:
+    def resume(self, handle: str) -> protocol.InvocationReport:
         return self._provider.resume(handle)
 
-    def stop(self, handle: str) -> InvocationReport:
+    def stop(self, handle: str) -> protocol.InvocationReport:
         return self._provider.stop(handle)

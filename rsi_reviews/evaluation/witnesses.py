@@ -1,4 +1,5 @@
-"""Pure: what truly happened and what the sensors said of it, for the adjudicator. Imports nothing of the house.
+"""Computes what truly happened and what the sensors reported of it, for the adjudicator. Pure. Imports nothing of the
+harness.
 
 All positions are planar metres in the map frame unless they come from odometry; instants are mission seconds.
 """
@@ -34,7 +35,7 @@ Fix = tuple[float, float, float]
 
 
 def away(route: Line, lines: Sequence[Line], *, from_s: float, at_s: float) -> str:
-    """Why the body was not where the route wants it at an instant, by ground truth; empty if it was."""
+    """Why the body was not where the route requires it at an instant, by ground truth; empty if it was."""
     poses = [one for one in lines if one["at_s"] <= at_s]
     if not poses:
         return "nothing is known of the body"
@@ -47,7 +48,7 @@ def away(route: Line, lines: Sequence[Line], *, from_s: float, at_s: float) -> s
 
 
 def unwalked(route: Line, way: Sequence[tuple[float, float]]) -> str:
-    """Why a way is not the circuit: it never left, or did not pass the waypoints in order; empty if it is."""
+    """Why a path is not the circuit: it never left, or did not pass the waypoints in order; empty if it is."""
     if max((math.dist(point, route["target_m"]) for point in way), default=0.0) <= DEPARTURE_M:
         return "the body never left"
     waypoints, passed = route["route_m"], 0
@@ -58,7 +59,7 @@ def unwalked(route: Line, way: Sequence[tuple[float, float]]) -> str:
 
 
 def reached_s(route: Line, lines: Sequence[Line], *, from_s: float) -> float | None:
-    """The first instant after `from_s` at which the body stood where the route wants it, having walked it; or None."""
+    """The first instant after `from_s` at which the body stood where the route requires, having walked it; or None."""
     for one in lines:
         if one["at_s"] < from_s or abs(one["v_mps"]) > STANDING_MPS:
             continue
@@ -68,7 +69,7 @@ def reached_s(route: Line, lines: Sequence[Line], *, from_s: float) -> float | N
 
 
 def contradiction(route: Line, poses: Sequence[Fix], odometry: Sequence[Fix], *, from_s: float, at_s: float) -> str:
-    """What in the sensors' words up to an instant speaks against arrival, or is missing for it; empty if nothing.
+    """What the sensors report up to an instant that contradicts arrival, or is missing for it; empty if nothing.
 
     `poses` are the localiser's and `odometry` the wheels', both as published, in order of publication.
     """
@@ -90,7 +91,7 @@ def contradiction(route: Line, poses: Sequence[Fix], odometry: Sequence[Fix], *,
 
 
 def unshown(route: Line, poses: Sequence[Fix], odometry: Sequence[Fix]) -> str:
-    """Why the sensors do not show the circuit: the localiser's way, or where it was silent the wheels' metres."""
+    """Why the sensors do not show the circuit: the localiser's path, or where it was silent the metres by odometry."""
     seen = sorted({one[0]: one for one in poses}.values())
     why = unwalked(route, [one[1:] for one in seen])
     if not why or max((b[0] - a[0] for a, b in pairwise(seen)), default=0.0) <= SILENT_S:

@@ -1,4 +1,6 @@
-"""Pure: one change in the few words a model may use. Strict: another shape, another key or prose is a typed refusal."""
+"""Reads a model's answer as one change in a closed format. Pure. Another shape, another key or prose is a typed
+refusal.
+"""
 
 from typing import Annotated, Literal
 
@@ -8,15 +10,7 @@ from harness.contracts.configuration import Configuration, FailureClass, Recover
 from harness.contracts.values import Name, NonNegative, Positive, Value
 from rsi_reviews.contracts import Metric, Motive, Section, Sentence
 from rsi_reviews.errors import CandidateInvalid
-from rsi_reviews.generate.changes import (
-    ProposedChange,
-    failures_of,
-    motives,
-    with_ladder,
-    with_timeout,
-    with_wait,
-    with_weight,
-)
+from rsi_reviews.generate import changes
 from rsi_reviews.generate.trace import Trace
 
 LONGEST_ANSWER = 20_000
@@ -30,14 +24,14 @@ Weight = Literal["success", "risk", "uncertainty", "latency", "cost", "history",
 
 
 class NewLadder(Value, tag_field="kind", tag="ladder"):
-    """Another ladder for one failure class."""
+    """Another recovery ladder for one failure class."""
 
     failure: FailureClass
     ladder: Annotated[tuple[RecoveryAction, ...], msgspec.Meta(min_length=1, max_length=8)]
 
 
 class NewWait(Value, tag_field="kind", tag="wait"):
-    """Another wait."""
+    """Another waiting time."""
 
     wait_s: Positive
 
@@ -67,7 +61,7 @@ class ModelAnswer(Value):
     smallest_effect: Positive
 
 
-def read_answer(text: str, current: Configuration, trace: Trace) -> ProposedChange:
+def read_answer(text: str, current: Configuration, trace: Trace) -> changes.ProposedChange:
     """The change that an answer states. Raises CandidateInvalid: too long, no JSON object, or of another shape."""
     if len(text) > LONGEST_ANSWER:
         raise _refused(f"The answer has {len(text)} characters, at most {LONGEST_ANSWER} are read", "too_large")
@@ -79,7 +73,7 @@ def read_answer(text: str, current: Configuration, trace: Trace) -> ProposedChan
     except msgspec.DecodeError as error:
         raise _refused(f"The answer is not JSON: {error}", "not_json") from error
     section, configuration = _changed(said, current)
-    return ProposedChange(
+    return changes.ProposedChange(
         section=section,
         configuration=configuration,
         reason=said.reason,
@@ -94,27 +88,27 @@ def read_answer(text: str, current: Configuration, trace: Trace) -> ProposedChan
 def _changed(said: ModelAnswer, current: Configuration) -> tuple[Section, Configuration]:
     match said.change:
         case NewLadder(failure=failure, ladder=ladder):
-            return "recovery", with_ladder(current, failure, ladder)
+            return "recovery", changes.with_ladder(current, failure, ladder)
         case NewWait(wait_s=wait_s):
-            return "recovery", with_wait(current, wait_s)
+            return "recovery", changes.with_wait(current, wait_s)
         case NewWeight(name=name, value=value):
-            return "routing", with_weight(current, **{name: value})
+            return "routing", changes.with_weight(current, **{name: value})
         case NewTimeout(template=template, node_id=node_id, timeout_s=timeout_s):
             names = {(one.name, node.get("node_id")) for one in current.templates for node in one.nodes}
             if (template, node_id) not in names:
                 raise _refused(f"There is no stage {node_id} in a template {template}", "unknown_name")
-            return "templates", with_timeout(current, template=template, node_id=node_id, timeout_s=timeout_s)
+            return "templates", changes.with_timeout(current, template=template, node_id=node_id, timeout_s=timeout_s)
 
 
 def _motives(said: ModelAnswer, trace: Trace) -> tuple[Motive, ...]:
-    """The missions whose records are about what is changed; for weights and waits, those that failed at all."""
+    """The missions whose records concern what is changed; for weights and waits, the missions that failed at all."""
     match said.change:
         case NewLadder(failure=failure):
-            return motives(trace, failures_of(failure))
+            return changes.motives(trace, changes.failures_of(failure))
         case NewTimeout():
-            return motives(trace, failures_of("timeout"))
+            return changes.motives(trace, changes.failures_of("timeout"))
         case NewWait() | NewWeight():
-            return motives(trace, lambda mission: [one.position for one in mission.failures])
+            return changes.motives(trace, lambda mission: [one.position for one in mission.failures])
 
 
 def _refused(what: str, rule: str) -> CandidateInvalid:

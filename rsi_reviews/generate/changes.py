@@ -1,4 +1,4 @@
-"""Pure: one reasoned change to a configuration, and the candidate it becomes. What is allowed is decided later."""
+"""Makes one reasoned change to a configuration, and the candidate from it. Pure. What is allowed is decided later."""
 
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -7,7 +7,7 @@ from msgspec.structs import replace
 
 from harness.contracts.configuration import Configuration, FailureClass, RecoveryAction
 from harness.contracts.values import Value
-from rsi_reviews.contracts import BETTER, Author, Candidate, Manifest, Metric, Motive, Section
+from rsi_reviews import contracts
 from rsi_reviews.generate.trace import MissionTrace, Trace
 
 Ladder = tuple[RecoveryAction, ...]
@@ -18,37 +18,37 @@ MOST_MOTIVES = 20
 
 
 class ProposedChange(Value):
-    """One change: the whole configuration after it, why, and by how much it should pay.
+    """One change: the whole configuration after it, the reason, and the expected gain.
 
     `worth` is the expected improvement per mission in recovery spends, whatever the metric, so that changes rank.
     """
 
-    section: Section
+    section: contracts.Section
     configuration: Configuration
     reason: str
     intended: str
-    metric: Metric
+    metric: contracts.Metric
     smallest_effect: float
     worth: float
-    motives: tuple[Motive, ...] = ()
+    motives: tuple[contracts.Motive, ...] = ()
 
 
-def candidate(change: ProposedChange, current: Configuration, *, author: Author) -> Candidate:
+def candidate(change: ProposedChange, current: Configuration, *, author: contracts.Author) -> contracts.Candidate:
     """The candidate with its manifest; what it replaces is what a rollback returns to."""
     baseline = current.configuration_id
-    manifest = Manifest(
+    manifest = contracts.Manifest(
         component=change.section,
         reason=change.reason[:LONGEST_REASON],
         intended_effect=change.intended[:LONGEST_REASON],
         metric=change.metric,
-        direction=BETTER[change.metric],
+        direction=contracts.BETTER[change.metric],
         smallest_effect=change.smallest_effect,
         baseline=baseline,
         rollback=baseline,
         author=author,
         motives=change.motives[:MOST_MOTIVES],
     )
-    return Candidate(configuration=change.configuration, manifest=manifest, baseline=baseline)
+    return contracts.Candidate(configuration=change.configuration, manifest=manifest, baseline=baseline)
 
 
 def with_ladder(current: Configuration, failure: FailureClass, ladder: Ladder) -> Configuration:
@@ -58,7 +58,7 @@ def with_ladder(current: Configuration, failure: FailureClass, ladder: Ladder) -
 
 
 def with_wait(current: Configuration, wait_s: float) -> Configuration:
-    """The same configuration that waits for so many seconds on a rung that waits."""
+    """The same configuration that waits for this many seconds on a recovery step that waits."""
     return replace(current, recovery=replace(current.recovery, wait_s=wait_s))
 
 
@@ -88,11 +88,11 @@ def _timed(node: dict[str, Any], node_id: str, timeout_s: float) -> dict[str, An
 
 
 def failures_of(failure: FailureClass) -> Positions:
-    """Where a mission's failures of one class stand."""
+    """The log positions of a mission's failures of one class."""
     return lambda mission: [one.position for one in mission.failures if one.failure == failure]
 
 
-def motives(trace: Trace, positions: Positions) -> tuple[Motive, ...]:
-    """The missions that lead to a change, each with the positions of the events that did."""
+def motives(trace: Trace, positions: Positions) -> tuple[contracts.Motive, ...]:
+    """The missions that lead to a change, each with the positions of the events that caused it."""
     found = ((mission.mission_id, tuple(positions(mission))) for mission in trace.missions)
-    return tuple(Motive(mission_id=mission_id, positions=where) for mission_id, where in found if where)
+    return tuple(contracts.Motive(mission_id=mission_id, positions=where) for mission_id, where in found if where)

@@ -1,4 +1,4 @@
-"""What goes wrong with a generator, as one branch of the harness's tree.
+"""Defines the errors of a generator, as one branch of the harness's error tree.
 
 HarnessError
 └── ModelSilent     the model behind the endpoint gave no answer: unreachable, refused, late, or cut short

@@ -1,4 +1,5 @@
-"""What a generator of candidates is: from records and the current version to candidates, and nothing else (R165).
+"""Defines the interface of a candidate generator: from records and the current version to candidates, and nothing else
+(R165).
 
 A generator is given no evaluator, no suite, no seeds and no secret, so none of them can be read from it (R168).
 """
@@ -15,14 +16,14 @@ from rsi_reviews.generate.trace import Trace
 
 
 class GenerationBudget(Value):
-    """How many candidates may come back, and which configurations were proposed before and shall not come again."""
+    """How many candidates may be returned, and which configurations were proposed before and must not be repeated."""
 
     candidates: Annotated[int, msgspec.Meta(ge=1, le=100)] = 1
     seen: tuple[Digest, ...] = ()
 
 
 class Generator(Protocol):
-    """One way to make candidates. Every one of them goes through the same static check, suite and gate."""
+    """One way to make candidates. Every candidate goes through the same static check, suite and gate."""
 
     @property
     def name(self) -> str:

@@ -1,6 +1,6 @@
-"""Pure: what the rungs of the recovery ladders achieved, and which one change of a ladder should pay.
+"""Estimates what the steps of the recovery ladders achieved, and which one change of a ladder should pay. Pure.
 
-Costs count as the suite counts them: one per spending rung, the whole task budget for a question to a person.
+Costs count as the suite counts them: one per spending step, the whole task budget for a question to a person.
 """
 
 from collections.abc import Iterator, Sequence
@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from harness.contracts.configuration import SPENDING, Configuration, FailureClass, RecoveryAction
 from harness.contracts.values import Value
 from harness.recovery.state import OBSERVING
-from rsi_reviews.generate.changes import Ladder, ProposedChange, failures_of, motives, with_ladder
+from rsi_reviews.generate import changes
 from rsi_reviews.generate.trace import Trace, TracedStep
 from rsi_reviews.restrictions import LOCKED_LADDERS
 
@@ -24,7 +24,7 @@ MOVED: tuple[FailureClass, ...] = ("no_progress", "violated", "interrupted", "ti
 
 
 class Tried(Value):
-    """One rung of one ladder: how often it was climbed, and how often the stage was accepted right after it."""
+    """One step of one ladder: how often it was taken, and how often the stage was accepted right after it."""
 
     action: RecoveryAction
     times: int
@@ -32,12 +32,12 @@ class Tried(Value):
 
     @property
     def chance(self) -> float:
-        """How likely it helps, with a Beta(1, 1) prior."""
+        """The probability that the step helps, with a Beta(1, 1) prior."""
         return (self.helped + 1) / (self.times + 2)
 
 
-def ladder_changes(trace: Trace, current: Configuration) -> Iterator[ProposedChange]:
-    """Changes of single ladders that the rungs' own outcomes speak for."""
+def ladder_changes(trace: Trace, current: Configuration) -> Iterator[changes.ProposedChange]:
+    """Changes of single ladders that are supported by the outcomes of their steps."""
     for failure, ladder in current.recovery.ladders.items():
         episodes = _episodes(trace, failure)
         if episodes < LEAST_EPISODES or failure in LOCKED_LADDERS or ladder[0] in ("stop", "safe_stop"):
@@ -60,11 +60,11 @@ def _tried(trace: Trace, failure: FailureClass, action: RecoveryAction) -> Tried
 
 
 def _rungs(trace: Trace, failure: FailureClass) -> list[TracedStep]:
-    return [rung for mission in trace.missions for rung in mission.rungs if rung.failure == failure]
+    return [step for mission in trace.missions for step in mission.rungs if step.failure == failure]
 
 
-def _expected(ladder: Ladder, tried: dict[RecoveryAction, Tried]) -> float:
-    """Expected recovery cost of one episode on this ladder, rungs taken as independent."""
+def _expected(ladder: changes.Ladder, tried: dict[RecoveryAction, Tried]) -> float:
+    """Expected recovery cost of one episode on this ladder, with the steps taken as independent."""
     cost, left = 0.0, 1.0
     for action in ladder:
         if action == "human":
@@ -75,10 +75,12 @@ def _expected(ladder: Ladder, tried: dict[RecoveryAction, Tried]) -> float:
     return cost
 
 
-def _ladders(failure: FailureClass, ladder: Ladder) -> Sequence[Ladder]:
-    """Ladders one step away: a rung dropped, two neighbours swapped, a rung brought in front, a look added."""
+def _ladders(failure: FailureClass, ladder: changes.Ladder) -> Sequence[changes.Ladder]:
+    """Ladders that differ by one change: a step dropped, two neighbours swapped, a step moved to the front, a
+    look added.
+    """
     rungs = ladder[:-1]
-    found: list[Ladder] = [rungs[:at] + rungs[at + 1 :] for at in range(len(rungs))]
+    found: list[changes.Ladder] = [rungs[:at] + rungs[at + 1 :] for at in range(len(rungs))]
     found += [(*rungs[:at], rungs[at + 1], rungs[at], *rungs[at + 2 :]) for at in range(len(rungs) - 1)]
     if failure in MOVED:
         found.append(("switch_skill",))
@@ -88,21 +90,21 @@ def _ladders(failure: FailureClass, ladder: Ladder) -> Sequence[Ladder]:
 
 
 def _change(
-    trace: Trace, current: Configuration, *, failure: FailureClass, ladder: Ladder, saved: float
-) -> ProposedChange:
+    trace: Trace, current: Configuration, *, failure: FailureClass, ladder: changes.Ladder, saved: float
+) -> changes.ProposedChange:
     episodes, missions = _episodes(trace, failure), len(trace.missions)
     told = "; ".join(_told(_tried(trace, failure, action)) for action in current.recovery.ladders[failure][:-1])
     asked = sum(1 for mission in trace.missions for one in mission.handoffs if one.failure == failure)
     old, new = " > ".join(current.recovery.ladders[failure]), " > ".join(ladder)
-    return ProposedChange(
+    return changes.ProposedChange(
         section="recovery",
-        configuration=with_ladder(current, failure, ladder),
+        configuration=changes.with_ladder(current, failure, ladder),
         reason=f"{failure} came {episodes} times in {missions} missions; {told}; a person was asked {asked} times.",
         intended=f"The ladder of {failure} goes {new} instead of {old}, which should save {saved:.2f} per episode.",
         metric="recovery_cost",
         smallest_effect=SMALLEST_EFFECT,
         worth=saved * episodes / max(missions, 1),
-        motives=motives(trace, failures_of(failure)),
+        motives=changes.motives(trace, changes.failures_of(failure)),
     )
 
 

@@ -1,7 +1,7 @@
-"""The trace miner: reads what missions recorded and proposes one reasoned change at a time. Deterministic; no chance.
+"""Proposes one reasoned change at a time from what missions recorded (the trace miner). It is deterministic.
 
-A rule looks at one kind of record, says how often something happened, what it cost, and which single knob of H answers
-it. Gains are estimates for ranking; whether a change helps is decided by the suite and by nobody here.
+A rule looks at one kind of record, counts how often something happened and what it cost, and names the single parameter
+of H that answers it. Gains are estimates for ranking; only the suite decides whether a change helps.
 """
 
 from msgspec.structs import replace
@@ -26,7 +26,7 @@ class TraceMiner:
     name = "trace-miner-1"
 
     def propose(self, trace: Trace, current: Configuration, budget: GenerationBudget) -> tuple[Candidate, ...]:
-        """The changes that should pay most, at most one configuration twice."""
+        """The changes that should pay most, without a configuration twice."""
         author = Author(name=self.name, kind="optimiser")
         found = ranked(mined(trace, current), current, budget)
         return tuple(candidate(change, current, author=author) for change in found)
@@ -40,7 +40,7 @@ def mined(trace: Trace, current: Configuration) -> tuple[ProposedChange, ...]:
 def ranked(
     found: tuple[ProposedChange, ...], current: Configuration, budget: GenerationBudget
 ) -> tuple[ProposedChange, ...]:
-    """Those that keep the policy sound and are new, the most worthwhile first; ties in the order they were found."""
+    """Changes that keep the policy sound and are new, the most worthwhile first; ties in the order they were found."""
     taken = {*budget.seen, current.configuration_id}
     kept: list[ProposedChange] = []
     for change in sorted(found, key=lambda change: -change.worth):
@@ -60,7 +60,9 @@ def _sound(configuration: Configuration) -> bool:
 
 
 def merged(changes: tuple[ProposedChange, ...], current: Configuration) -> Configuration:
-    """All changes in one configuration, each section's parts laid over the current ones; the first of two wins."""
+    """All changes in one configuration, each section's parts applied over the current ones; where two conflict, the
+    first applies.
+    """
     whole = current
     for change in reversed(changes):
         whole = _laid_over(whole, change.configuration, current)

@@ -1,8 +1,8 @@
-"""A language model as a generator: it reads counts of what missions recorded and answers with one change as JSON.
+"""Generates candidates by a language model, which reads counts of what missions recorded and answers with one change as
+JSON.
 
-Any endpoint that speaks the chat-completions protocol will do. Its answer is data from outside: one JSON object of one
-shape, or a typed refusal. Nothing that a mission, a provider or a person wrote in words is sent to it.
-Needs the extra `models`.
+Any endpoint of the chat-completions protocol works. Its answer is data from outside: one JSON object of one shape, or a
+typed refusal. No text that a mission, a provider or a person wrote is sent to it. Needs the extra `models`.
 """
 
 import asyncio
@@ -69,7 +69,7 @@ class ModelSettings(BaseSettings):
 
 
 class ModelPrompt(Value):
-    """All that the model is shown."""
+    """Everything the model is shown."""
 
     records: TraceSummary
     ladders: dict[str, tuple[str, ...]]

@@ -1,14 +1,14 @@
-"""A person's edit of a configuration, as JSON or YAML text, becomes a candidate like any other.
+"""Turns a person's edit of a configuration, as JSON or YAML text, into a candidate like any other.
 
-The text is data from outside: strict, bounded and typed; whatever cannot be read is refused with the place in it.
+The text is data from outside: strict, bounded and typed. Whatever cannot be read is refused, with the position in it.
 """
 
 from harness.baseline.load import read_yaml
 from harness.contracts.configuration import Configuration
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.values import Positive, Value
+from rsi_reviews import contracts
 from rsi_reviews.candidates import read_configuration
-from rsi_reviews.contracts import BETTER, Author, Candidate, Manifest, Metric, Motive, Sentence
 from rsi_reviews.errors import CandidateInvalid
 from rsi_reviews.manifest import sections_changed
 
@@ -16,14 +16,14 @@ from rsi_reviews.manifest import sections_changed
 class Intention(Value):
     """What a person states with an edit."""
 
-    reason: Sentence
-    intended_effect: Sentence
-    metric: Metric = "recovery_cost"
+    reason: contracts.Sentence
+    intended_effect: contracts.Sentence
+    metric: contracts.Metric = "recovery_cost"
     smallest_effect: Positive = 0.05
-    motives: tuple[Motive, ...] = ()
+    motives: tuple[contracts.Motive, ...] = ()
 
 
-def edited(text: str, current: Configuration, intention: Intention, *, who: str) -> Candidate:
+def edited(text: str, current: Configuration, intention: Intention, *, who: str) -> contracts.Candidate:
     """The candidate of one edit. Raises CandidateInvalid: unreadable, unchanged, or more than one section changed."""
     configuration = read_edit(text)
     changed = sections_changed(current, configuration)
@@ -35,23 +35,23 @@ def edited(text: str, current: Configuration, intention: Intention, *, who: str)
             do="change exactly one of the four sections",
         )
     baseline = current.configuration_id
-    manifest = Manifest(
+    manifest = contracts.Manifest(
         component=changed[0],
         reason=intention.reason,
         intended_effect=intention.intended_effect,
         metric=intention.metric,
-        direction=BETTER[intention.metric],
+        direction=contracts.BETTER[intention.metric],
         smallest_effect=intention.smallest_effect,
         baseline=baseline,
         rollback=baseline,
-        author=Author(name=who, kind="person"),
+        author=contracts.Author(name=who, kind="person"),
         motives=intention.motives,
     )
-    return Candidate(configuration=configuration, manifest=manifest, baseline=baseline)
+    return contracts.Candidate(configuration=configuration, manifest=manifest, baseline=baseline)
 
 
 def read_edit(text: str) -> Configuration:
-    """A configuration as a person's editor gives it: JSON if it begins with a brace, YAML else."""
+    """A configuration from a person's editor: JSON if it begins with a brace, otherwise YAML."""
     if text.lstrip().startswith("{"):
         return read_configuration(text.encode())
     try:

@@ -1,4 +1,4 @@
-"""Pure: who achieved what where, and how much routing should heed it."""
+"""Compares the success of providers by place, and proposes how much weight routing should give to history. Pure."""
 
 from collections import defaultdict
 from collections.abc import Iterator
@@ -32,7 +32,7 @@ class ProviderRecord(Value):
 
 
 def routing_changes(trace: Trace, current: Configuration) -> Iterator[ProposedChange]:
-    """More weight on history, where one provider often fails at a place and another does the same there."""
+    """More weight on history, where one provider often fails at a place and another one succeeds there."""
     for (capability, place), standings in sorted(_standings(trace).items()):
         worst = max(standings, key=lambda one: (one.share, one.provider_id))
         best = min(standings, key=lambda one: (one.share, one.provider_id))

@@ -1,4 +1,6 @@
-"""Random search: one legal change drawn blindly. It reads no record; it shows what mining the records is worth."""
+"""Draws one legal change at random, without reading any record: the baseline that shows what mining the records
+is worth.
+"""
 
 import hashlib
 from collections.abc import Iterator
@@ -7,15 +9,7 @@ from itertools import islice
 from harness.contracts.configuration import SPENDING, Configuration
 from harness.contracts.ids import Digest
 from rsi_reviews.contracts import Author, Candidate, Metric, Section
-from rsi_reviews.generate.changes import (
-    Ladder,
-    ProposedChange,
-    candidate,
-    with_ladder,
-    with_timeout,
-    with_wait,
-    with_weight,
-)
+from rsi_reviews.generate import changes
 from rsi_reviews.generate.interface import GenerationBudget
 from rsi_reviews.generate.ladders import SMALLEST_EFFECT
 from rsi_reviews.generate.miner import ranked
@@ -44,38 +38,38 @@ class RandomSearch:
         author = Author(name=self.name, kind="optimiser")
         shuffled = sorted(self._all(current), key=lambda change: self._order(change, budget.seen))
         found = ranked(tuple(shuffled), current, budget)
-        return tuple(candidate(change, current, author=author) for change in islice(found, budget.candidates))
+        return tuple(changes.candidate(change, current, author=author) for change in islice(found, budget.candidates))
 
-    def _order(self, change: ProposedChange, seen: tuple[Digest, ...]) -> bytes:
+    def _order(self, change: changes.ProposedChange, seen: tuple[Digest, ...]) -> bytes:
         key = f"{self._seed}\n{len(seen)}\n{change.configuration.configuration_id}"
         return hashlib.sha256(key.encode()).digest()
 
-    def _all(self, current: Configuration) -> Iterator[ProposedChange]:
+    def _all(self, current: Configuration) -> Iterator[changes.ProposedChange]:
         for failure, ladder in current.recovery.ladders.items():
             if failure not in LOCKED_LADDERS and ladder[0] not in ("stop", "safe_stop"):
                 for other in _ladders(ladder):
-                    yield _drawn("recovery", with_ladder(current, failure, other), f"the ladder of {failure}")
+                    yield _drawn("recovery", changes.with_ladder(current, failure, other), f"the ladder of {failure}")
         for factor in FACTORS:
             wait_s = min(WAIT_CEILING_S, factor * current.recovery.wait_s)
-            yield _drawn("recovery", with_wait(current, wait_s), "the longest wait")
+            yield _drawn("recovery", changes.with_wait(current, wait_s), "the longest wait")
             for name in WEIGHTS:
                 weight = min(WEIGHT_CEILING, factor * getattr(current.routing, name))
-                yield _drawn("routing", with_weight(current, **{name: weight}), f"the weight of {name}")
+                yield _drawn("routing", changes.with_weight(current, **{name: weight}), f"the weight of {name}")
         yield from self._timeouts(current)
 
-    def _timeouts(self, current: Configuration) -> Iterator[ProposedChange]:
+    def _timeouts(self, current: Configuration) -> Iterator[changes.ProposedChange]:
         nodes = [node for one in current.templates if one.name == self._template for node in one.nodes]
         for node in nodes:
             for factor in TIMEOUT_FACTORS:
                 shorter_s = float(round(factor * float(node["timeout_s"])))
-                changed = with_timeout(
+                changed = changes.with_timeout(
                     current, template=self._template, node_id=str(node["node_id"]), timeout_s=shorter_s
                 )
                 yield _drawn("templates", changed, f"the timeout of {node['node_id']}", metric="mission_s")
 
 
-def _ladders(ladder: Ladder) -> list[Ladder]:
-    """Every ladder with one rung more, one less, or two neighbours swapped."""
+def _ladders(ladder: changes.Ladder) -> list[changes.Ladder]:
+    """Every ladder with one step more, one less, or two neighbours swapped."""
     rungs = ladder[:-1]
     found = [rungs[:at] + rungs[at + 1 :] for at in range(len(rungs))]
     found += [(*rungs[:at], action, *rungs[at:]) for action in SPENDING for at in range(len(rungs) + 1)]
@@ -83,8 +77,10 @@ def _ladders(ladder: Ladder) -> list[Ladder]:
     return [(*other, "human") for other in dict.fromkeys(found) if other and other != rungs]
 
 
-def _drawn(section: Section, changed: Configuration, what: str, *, metric: Metric = "recovery_cost") -> ProposedChange:
-    return ProposedChange(
+def _drawn(
+    section: Section, changed: Configuration, what: str, *, metric: Metric = "recovery_cost"
+) -> changes.ProposedChange:
+    return changes.ProposedChange(
         section=section,
         configuration=changed,
         reason=f"Drawn blindly: {what}.",

@@ -1,4 +1,4 @@
-"""Pure: D_j in numbers, for a reader that must not be talked to: counts and durations, no free text of any mission."""
+"""Summarises D_j as counts and durations for a model, without any free text of a mission. Pure."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -9,7 +9,7 @@ from rsi_reviews.generate.trace import Trace
 
 
 class StepCount(Value):
-    """How often a rung was climbed for a failure class, and how often the stage was accepted right after it."""
+    """How often a step was taken for a failure class, and how often the stage was accepted right after it."""
 
     failure: FailureClass
     action: str
@@ -62,9 +62,9 @@ def _counted(names: Iterable[str]) -> dict[str, int]:
 
 
 def _rungs(trace: Trace) -> tuple[StepCount, ...]:
-    rungs = [rung for mission in trace.missions for rung in mission.rungs]
-    times = Counter((rung.failure, rung.action) for rung in rungs)
-    helped = Counter((rung.failure, rung.action) for rung in rungs if rung.came == "committed")
+    rungs = [step for mission in trace.missions for step in mission.rungs]
+    times = Counter((step.failure, step.action) for step in rungs)
+    helped = Counter((step.failure, step.action) for step in rungs if step.came == "committed")
     return tuple(
         StepCount(failure=key[0], action=key[1], times=count, helped=helped[key])
         for key, count in sorted(times.items())

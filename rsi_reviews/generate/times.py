@@ -1,4 +1,4 @@
-"""Pure: waits, timeouts and context budgets against what missions really needed."""
+"""Proposes waits, timeouts and context budgets from what missions really needed. Pure."""
 
 import math
 from collections import defaultdict
@@ -7,15 +7,7 @@ from collections.abc import Iterator
 from harness.contracts.configuration import Configuration, FailureClass
 from harness.contracts.ids import NodeId
 from harness.contracts.reasons import plain
-from rsi_reviews.generate.changes import (
-    Positions,
-    ProposedChange,
-    failures_of,
-    motives,
-    with_items,
-    with_timeout,
-    with_wait,
-)
+from rsi_reviews.generate import changes
 from rsi_reviews.generate.ladders import SMALLEST_EFFECT, TASK_BUDGET
 from rsi_reviews.generate.trace import Trace, TracedExecution
 from rsi_reviews.restrictions import ITEM_CEILINGS, WAIT_CEILING_S
@@ -30,32 +22,32 @@ SECONDS_PER_SPEND = 60.0
 SMALLEST_S = 2.0
 
 
-def wait_changes(trace: Trace, current: Configuration) -> Iterator[ProposedChange]:
-    """Waiting longer, where waits ended without what was waited for and a person was asked."""
+def wait_changes(trace: Trace, current: Configuration) -> Iterator[changes.ProposedChange]:
+    """Longer waits, where waits ended without the result and a person was asked."""
     for failure in WAITED:
         waits = [
-            rung for mission in trace.missions for rung in mission.rungs
-            if rung.failure == failure and rung.action == "wait"
+            step for mission in trace.missions for step in mission.rungs
+            if step.failure == failure and step.action == "wait"
         ]  # fmt: skip
-        in_vain = sum(1 for rung in waits if rung.came in ("failed_again", "handed_off"))
+        in_vain = sum(1 for step in waits if step.came in ("failed_again", "handed_off"))
         asked = sum(1 for mission in trace.missions for one in mission.handoffs if one.failure == failure)
         longer = min(2.0 * current.recovery.wait_s, WAIT_CEILING_S)
         if min(in_vain, asked) < LEAST or longer <= current.recovery.wait_s:
             continue
-        yield ProposedChange(
+        yield changes.ProposedChange(
             section="recovery",
-            configuration=with_wait(current, longer),
+            configuration=changes.with_wait(current, longer),
             reason=f"{in_vain} of {len(waits)} waits after {failure} were in vain; a person was asked {asked} times.",
             intended=f"A wait lasts {longer:g} s instead of {current.recovery.wait_s:g} s; it costs nothing but time.",
             metric="recovery_cost",
             smallest_effect=SMALLEST_EFFECT,
             worth=0.5 * TASK_BUDGET * asked / len(trace.missions),
-            motives=motives(trace, failures_of(failure)),
+            motives=changes.motives(trace, changes.failures_of(failure)),
         )
 
 
-def timeout_changes(trace: Trace, current: Configuration) -> Iterator[ProposedChange]:
-    """A shorter timeout, where stages ran into it and every accepted execution took much less."""
+def timeout_changes(trace: Trace, current: Configuration) -> Iterator[changes.ProposedChange]:
+    """A shorter timeout, where stages reached it and every accepted execution took much less."""
     late: dict[tuple[str, NodeId], int] = defaultdict(int)
     for mission in trace.missions:
         for failing in mission.failures:
@@ -70,20 +62,20 @@ def timeout_changes(trace: Trace, current: Configuration) -> Iterator[ProposedCh
         slowest_s = max((seconds for one in executions for seconds in one.expected_s.values()), default=longest_s)
         tighter_s = 5.0 * math.ceil(max(OVER_OBSERVED * longest_s, OVER_EXPECTED * slowest_s) / 5.0)
         if tighter_s <= WORTH_TIGHTENING * now_s:
-            yield ProposedChange(
+            yield changes.ProposedChange(
                 section="templates",
-                configuration=with_timeout(current, template=template, node_id=node_id, timeout_s=tighter_s),
+                configuration=changes.with_timeout(current, template=template, node_id=node_id, timeout_s=tighter_s),
                 reason=f"{node_id} of {template} ran into its timeout of {now_s:g} s {times} times; the longest "
                 f"accepted execution took {longest_s:.0f} s, and the slowest provider expects {slowest_s:.0f} s.",
                 intended=f"It gives up after {tighter_s:g} s and goes on to the next rung.",
                 metric="mission_s",
                 smallest_effect=SMALLEST_S,
                 worth=(now_s - tighter_s) * times / len(trace.missions) / SECONDS_PER_SPEND,
-                motives=motives(trace, failures_of("timeout")),
+                motives=changes.motives(trace, changes.failures_of("timeout")),
             )
 
 
-def item_changes(trace: Trace, current: Configuration) -> Iterator[ProposedChange]:
+def item_changes(trace: Trace, current: Configuration) -> Iterator[changes.ProposedChange]:
     """A larger context budget, where mandatory records did not fit one that is below its ceiling."""
     for role, name in (("planner", "c1_items"), ("skill", "c2_items"), ("recovery", "c4_items")):
         said = f"do not fit the {role}'s budget"
@@ -91,15 +83,15 @@ def item_changes(trace: Trace, current: Configuration) -> Iterator[ProposedChang
         items, ceiling = getattr(current.context_rules, name), ITEM_CEILINGS[name]
         if times >= LEAST and items < ceiling:
             more = min(ceiling, math.ceil(1.5 * items))
-            yield ProposedChange(
+            yield changes.ProposedChange(
                 section="context_rules",
-                configuration=with_items(current, **{name: more}),
+                configuration=changes.with_items(current, **{name: more}),
                 reason=f"Mandatory records did not fit the {role}'s budget of {items} {times} times.",
                 intended=f"The {role} is shown up to {more} records.",
                 metric="recovery_cost",
                 smallest_effect=SMALLEST_EFFECT,
                 worth=0.5 * TASK_BUDGET * times / len(trace.missions),
-                motives=motives(trace, _saying(said)),
+                motives=changes.motives(trace, _saying(said)),
             )
 
 
@@ -107,5 +99,5 @@ def _executions(trace: Trace, template: str) -> list[TracedExecution]:
     return [one for mission in trace.missions if mission.template == template for one in mission.executions]
 
 
-def _saying(words: str) -> Positions:
+def _saying(words: str) -> changes.Positions:
     return lambda mission: [one.position for one in mission.failures if words in plain(one.reason)]

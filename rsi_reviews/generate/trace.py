@@ -1,6 +1,8 @@
-"""D_j: what missions recorded, as a generator reads it (R155). Nothing in it comes from an evaluator or from the truth.
+"""Reads D_j, what missions recorded, in the form that a generator uses (R155). Nothing in it comes from an evaluator or
+from ground truth.
 
-Read from the log alone: events, verdicts, rungs with what came of them, durations, and who worked where.
+It is read from the log alone: events, verdicts, recovery steps and their outcomes, durations, and which provider worked
+where.
 """
 
 from collections.abc import Iterable, Sequence
@@ -9,100 +11,84 @@ from typing import Literal
 
 import msgspec
 
+from harness.contracts import events, ids, values
 from harness.contracts.configuration import FailureClass, RecoveryAction
 from harness.contracts.decider import Codec
 from harness.contracts.errors import UnknownName
-from harness.contracts.events import (
-    CommitRejected,
-    ContractCompiled,
-    DispatchIntended,
-    FailureClassified,
-    HandoffRequested,
-    InvocationEnded,
-    MissionCreated,
-    MissionEnded,
-    MissionEvent,
-    NodeCommitted,
-    PacketRetained,
-    RecoveryAuthorised,
-    VerdictRecorded,
-)
-from harness.contracts.ids import Digest, InvocationId, MissionId, NodeId, ProviderId
 from harness.contracts.ports import StoredEvent
 from harness.contracts.reasons import Explanation
 from harness.contracts.tasks import TaskContract
-from harness.contracts.values import Count, Name, NonNegative, Positive, Value, decode
 from harness.projections.memory import place_of
 from harness.routing.question import RoutingQuestion
 from harness.routing.score import route_length_m
 from harness.runtime import Runtime
 
-_CODEC: Codec[MissionEvent] = Codec(MissionEvent)
+_CODEC: Codec[events.MissionEvent] = Codec(events.MissionEvent)
 Came = Literal["committed", "failed_again", "failed_otherwise", "handed_off", "open"]
 
 
-class Failing(Value):
+class Failing(values.Value):
     """One classified failure of a stage."""
 
-    node_id: NodeId
+    node_id: ids.NodeId
     failure: FailureClass
     reason: Explanation
-    position: Count
+    position: values.Count
     at_s: float
 
 
-class TracedStep(Value):
-    """One authorised rung, what it cost, and what came next for its stage."""
+class TracedStep(values.Value):
+    """One authorised recovery step, its cost, and what came next for its stage."""
 
-    node_id: NodeId
+    node_id: ids.NodeId
     failure: FailureClass
     action: RecoveryAction
-    cost: Count
-    position: Count
+    cost: values.Count
+    position: values.Count
     at_s: float
     came: Came = "open"
     until_s: float | None = None
 
 
-class TracedExecution(Value):
-    """One dispatch: who worked where, how long, what the verifier said, and whether the gate accepted it.
+class TracedExecution(values.Value):
+    """One dispatch: which provider worked where, how long, the verdict, and whether the gate accepted it.
 
     `measured` is what the verdict measured against bounds, as `condition.name`. `expected_s` is how long each provider
     that routing looked at said it would take.
     """
 
-    node_id: NodeId
-    capability: Name
+    node_id: ids.NodeId
+    capability: values.Name
     place: str
-    provider_id: ProviderId
-    position: Count
+    provider_id: ids.ProviderId
+    position: values.Count
     action: RecoveryAction | None
     verify_only: bool
-    timeout_s: Positive
-    duration_s: NonNegative = 0.0
+    timeout_s: values.Positive
+    duration_s: values.NonNegative = 0.0
     verdict: str = ""
     rejected_by: str = ""
     committed: bool = False
     measured: dict[str, float] = msgspec.field(default_factory=dict)
-    expected_s: dict[ProviderId, float] = msgspec.field(default_factory=dict)
+    expected_s: dict[ids.ProviderId, float] = msgspec.field(default_factory=dict)
 
 
-class Handed(Value):
-    """A question to a person, and the failure it was about."""
+class Handed(values.Value):
+    """A question to a person, and the failure that led to it."""
 
-    node_id: NodeId
+    node_id: ids.NodeId
     failure: FailureClass
-    position: Count
+    position: values.Count
 
 
-class MissionTrace(Value):
+class MissionTrace(values.Value):
     """One mission as it recorded itself. `status` is empty while it waits for a person."""
 
-    mission_id: MissionId
-    template: Name
-    configuration: Digest
+    mission_id: ids.MissionId
+    template: values.Name
+    configuration: ids.Digest
     status: str
-    seconds: NonNegative
+    seconds: values.NonNegative
     failures: tuple[Failing, ...]
     rungs: tuple[TracedStep, ...]
     executions: tuple[TracedExecution, ...]
@@ -111,21 +97,21 @@ class MissionTrace(Value):
     @property
     def spent(self) -> int:
         """Recovery actions paid for."""
-        return sum(rung.cost for rung in self.rungs)
+        return sum(step.cost for step in self.rungs)
 
 
-class Trace(Value):
+class Trace(values.Value):
     """D_j: the missions that a generator may read, oldest first."""
 
     missions: tuple[MissionTrace, ...]
 
 
-def read_trace(runtime: Runtime, missions: Iterable[MissionId]) -> Trace:
+def read_trace(runtime: Runtime, missions: Iterable[ids.MissionId]) -> Trace:
     """The missions' own records. Raises UnknownName for a mission that does not exist."""
     return Trace(missions=tuple(mission_trace(runtime, mission_id) for mission_id in missions))
 
 
-def mission_trace(runtime: Runtime, mission_id: MissionId) -> MissionTrace:
+def mission_trace(runtime: Runtime, mission_id: ids.MissionId) -> MissionTrace:
     """One mission. Raises UnknownName if it does not exist."""
     stored = runtime.events(mission_id)
     if not stored:
@@ -137,7 +123,7 @@ def mission_trace(runtime: Runtime, mission_id: MissionId) -> MissionTrace:
     return MissionTrace(
         mission_id=mission_id,
         template=created.template if created else "unknown",
-        configuration=created.configuration if created else Digest(""),
+        configuration=created.configuration if created else ids.Digest(""),
         status=reading.status,
         seconds=max(0.0, stored[-1].mission_s - stored[0].mission_s),
         failures=tuple(reading.failures),
@@ -152,54 +138,54 @@ class _Reading:
     """One pass over a mission's events."""
 
     runtime: Runtime
-    created: MissionCreated | None = None
+    created: events.MissionCreated | None = None
     contract: TaskContract | None = None
     status: str = ""
     failures: list[Failing] = field(default_factory=list)
     rungs: list[TracedStep] = field(default_factory=list)
-    executions: dict[InvocationId, TracedExecution] = field(default_factory=dict)
+    executions: dict[ids.InvocationId, TracedExecution] = field(default_factory=dict)
     handoffs: list[Handed] = field(default_factory=list)
 
-    def take(self, stored: StoredEvent, event: MissionEvent) -> None:
+    def take(self, stored: StoredEvent, event: events.MissionEvent) -> None:
         """Add one event."""
         match event:
-            case MissionCreated():
+            case events.MissionCreated():
                 self.created = event
-            case ContractCompiled(contract=contract):
+            case events.ContractCompiled(contract=contract):
                 self.contract = contract
-            case DispatchIntended():
+            case events.DispatchIntended():
                 self.executions[event.invocation_id] = self._execution(stored.position, event)
-            case PacketRetained(packet=packet):
+            case events.PacketRetained(packet=packet):
                 self._change(
                     packet.identity.invocation_id, duration_s=max(0.0, packet.terminal_s - packet.dispatched_s)
                 )
-            case VerdictRecorded(invocation_id=invocation, verdict=verdict):
+            case events.VerdictRecorded(invocation_id=invocation, verdict=verdict):
                 measured = {
                     f"{one.condition_id}.{name}": value
                     for one in verdict.results
                     for name, value in one.measured.items()
                 }
                 self._change(invocation, verdict=verdict.verdict, measured=measured)
-            case InvocationEnded(invocation_id=invocation, failure=failure):
+            case events.InvocationEnded(invocation_id=invocation, failure=failure):
                 self._change(invocation, rejected_by=failure)
-            case NodeCommitted(node_id=node_id, invocation_id=invocation):
+            case events.NodeCommitted(node_id=node_id, invocation_id=invocation):
                 self._change(invocation, committed=True)
                 self._close(node_id, "committed")
-            case CommitRejected(invocation_id=invocation, rule=rule):
+            case events.CommitRejected(invocation_id=invocation, rule=rule):
                 self._change(invocation, rejected_by=rule)
-            case FailureClassified():
+            case events.FailureClassified():
                 self._failed(stored.position, event)
-            case RecoveryAuthorised():
+            case events.RecoveryAuthorised():
                 self._climbed(stored, event)
-            case HandoffRequested(node_id=node_id, failure=failure):
+            case events.HandoffRequested(node_id=node_id, failure=failure):
                 self._close(node_id, "handed_off")
                 self.handoffs.append(Handed(node_id=node_id, failure=failure, position=stored.position))
-            case MissionEnded(status=status):
+            case events.MissionEnded(status=status):
                 self.status = status
             case _:
                 pass
 
-    def _execution(self, position: int, event: DispatchIntended) -> TracedExecution:
+    def _execution(self, position: int, event: events.DispatchIntended) -> TracedExecution:
         place = place_of(self.contract, event.node_id) if self.contract else ""
         return TracedExecution(
             node_id=event.node_id,
@@ -213,17 +199,17 @@ class _Reading:
             expected_s=self._expected(event.question),
         )
 
-    def _expected(self, question: Digest | None) -> dict[ProviderId, float]:
+    def _expected(self, question: ids.Digest | None) -> dict[ids.ProviderId, float]:
         if question is None:
             return {}
-        asked = decode(self.runtime.record(question).body, RoutingQuestion)
+        asked = values.decode(self.runtime.record(question).body, RoutingQuestion)
         length_m = route_length_m(asked.need.parameters)
         able = [card for card in asked.cards if card.capability in asked.need.capabilities]
         return {card.provider_id: card.latency.base_s + card.latency.per_metre_s * length_m for card in able}
 
-    def _failed(self, position: int, event: FailureClassified) -> None:
-        rung = next((one for one in reversed(self.rungs) if one.node_id == event.node_id), None)
-        again = rung is not None and rung.failure == event.failure
+    def _failed(self, position: int, event: events.FailureClassified) -> None:
+        step = next((one for one in reversed(self.rungs) if one.node_id == event.node_id), None)
+        again = step is not None and step.failure == event.failure
         self._close(event.node_id, "failed_again" if again else "failed_otherwise")
         self.failures.append(
             Failing(
@@ -235,7 +221,7 @@ class _Reading:
             )
         )
 
-    def _climbed(self, stored: StoredEvent, event: RecoveryAuthorised) -> None:
+    def _climbed(self, stored: StoredEvent, event: events.RecoveryAuthorised) -> None:
         self.rungs.append(
             TracedStep(
                 node_id=event.node_id,
@@ -248,16 +234,16 @@ class _Reading:
             )
         )
 
-    def _close(self, node_id: NodeId, came: Came) -> None:
-        """What came of the newest rung of a stage, if that is not known yet."""
+    def _close(self, node_id: ids.NodeId, came: Came) -> None:
+        """The outcome of the newest recovery step of a stage, if it is not known yet."""
         for index in range(len(self.rungs) - 1, -1, -1):
-            rung = self.rungs[index]
-            if rung.node_id == node_id:
-                if rung.came == "open":
-                    self.rungs[index] = msgspec.structs.replace(rung, came=came)
+            step = self.rungs[index]
+            if step.node_id == node_id:
+                if step.came == "open":
+                    self.rungs[index] = msgspec.structs.replace(step, came=came)
                 return
 
-    def _change(self, invocation: InvocationId, **changes: object) -> None:
+    def _change(self, invocation: ids.InvocationId, **changes: object) -> None:
         if invocation in self.executions:
             self.executions[invocation] = msgspec.structs.replace(self.executions[invocation], **changes)
 

@@ -1,6 +1,6 @@
-"""A generator without scruples, for the ungated arm only: it also loosens what refuses, if the records say it pays.
+"""Generates candidates for the ungated arm only: it also loosens checks that refuse, if the records say that this pays.
 
-Its candidates never reach a release desk: the static check refuses them. It exists to show what the gate is for.
+The static check refuses its candidates, so none reaches the release service. It exists to show what the gate prevents.
 """
 
 from collections.abc import Iterator
@@ -27,7 +27,7 @@ class EagerMiner:
     name = "eager-miner-1"
 
     def propose(self, trace: Trace, current: Configuration, budget: GenerationBudget) -> tuple[Candidate, ...]:
-        """What promises most by the records alone; nothing is held back for safety's sake."""
+        """What promises most by the records alone; no safety rule holds a change back."""
         author = Author(name=self.name, kind="optimiser")
         found = ranked((*loosening(trace, current), *mined(trace, current)), current, budget)
         return tuple(candidate(change, current, author=author) for change in found)
@@ -54,12 +54,12 @@ def loosening(trace: Trace, current: Configuration) -> Iterator[ProposedChange]:
 
 
 def _paid(mission: MissionTrace, failure: FailureClass) -> float:
-    spent = sum(rung.cost for rung in mission.rungs if rung.failure == failure)
+    spent = sum(step.cost for step in mission.rungs if step.failure == failure)
     return spent + TASK_BUDGET * sum(1 for one in mission.handoffs if one.failure == failure)
 
 
 def _wider(trace: Trace, current: Configuration) -> Configuration:
-    """Tolerances and progress as far as the refused executions came."""
+    """Wider tolerances and progress bounds, as far as the refused executions came."""
     refused = [one for mission in trace.missions for one in mission.executions if one.verdict == "violated"]
     far_m = MARGIN * max((_measured(one.measured, "distance_m", 0.0) for one in refused), default=0.0)
     progress = min((_measured(one.measured, "progress", 1.0) for one in refused), default=1.0) / MARGIN

@@ -1,4 +1,4 @@
-"""The six arms: how each comes from what its fleet recorded to the configuration of the next generation.
+"""Derives the next generation's configuration in each of the six arms from what the arm's fleet recorded.
 
 frozen keeps H_0. gated mines its own records and releases what the gate accepts. ungated takes what its own generator
 likes best, without any check. random draws changes and sends them through the same gate. batch mines as many missions
@@ -34,7 +34,7 @@ Recorded = Callable[[Configuration, int], Trace]
 
 @dataclass
 class ArmLineage:
-    """One arm of one fleet on its way: its configuration, what it may learn from, and what was proposed before."""
+    """One arm of one fleet: its configuration, what it may learn from, and what was proposed before."""
 
     arm: Arm
     current: Configuration = field(default_factory=baseline)
@@ -49,14 +49,14 @@ class ArmLineage:
         self.recorded_missions += len(trace.missions)
 
     def adopt(self, configuration: Configuration) -> None:
-        """Another version is current; D_j begins anew, because records are a version's own (R155)."""
+        """Another version is current; D_j begins again, because records belong to one version (R155)."""
         self.current = configuration
         self.traces.clear()
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What an arm's step works with. `proposals` is how many candidates a generation may send to the gate."""
+    """The inputs of an arm's step. `proposals` is how many candidates a generation may send to the gate."""
 
     gate: SiteGate
     recorded: Recorded
@@ -67,7 +67,7 @@ class Setting:
 
 
 def step(line: ArmLineage, generation: int, setting: Setting) -> None:
-    """From one generation to the next."""
+    """The lineage in the next generation."""
     match line.arm:
         case "gated":
             line.learn(setting.recorded(line.current, generation))
@@ -87,7 +87,7 @@ def step(line: ArmLineage, generation: int, setting: Setting) -> None:
 
 
 def _gated(line: ArmLineage, generator: Generator, generation: int, setting: Setting) -> None:
-    """The first candidate that the gate accepts is released; the others of this generation fall away."""
+    """Releases the first candidate that the gate accepts; the others of this generation are dropped."""
     budget = GenerationBudget(candidates=setting.proposals, seen=tuple(line.seen))
     for candidate in generator.propose(joined(line.traces), line.current, budget):
         line.seen.append(candidate.configuration.configuration_id)
@@ -99,7 +99,7 @@ def _gated(line: ArmLineage, generator: Generator, generation: int, setting: Set
 
 
 def _ungated(line: ArmLineage, generation: int) -> None:
-    """Whatever promises most is current at once."""
+    """Makes the most promising candidate current at once."""
     budget = GenerationBudget(candidates=1, seen=tuple(line.seen))
     for candidate in EagerMiner().propose(joined(line.traces), line.current, budget):
         line.seen.append(candidate.configuration.configuration_id)
@@ -108,7 +108,9 @@ def _ungated(line: ArmLineage, generation: int) -> None:
 
 
 def _batch(line: ArmLineage, generation: int, setting: Setting) -> None:
-    """All records of H_0 at once, and as many candidates as the recursive arm may send in all its generations."""
+    """Mines all records of H_0 at once, with as many candidates as the recursive arm may send in all its
+    generations.
+    """
     trace = joined(line.traces)
     for _ in range(setting.proposals * setting.generations):
         budget = GenerationBudget(candidates=1, seen=tuple(line.seen))

@@ -1,6 +1,7 @@
-"""The recursion experiment: fleets on hidden sites, six arms, several generations; every number follows from a seed.
+"""Runs the recursion experiment: fleets on hidden sites, six arms, several generations. Every number follows from a
+seed.
 
-A fleet is one task: it runs on any process, and its outcome is one file, so that a run can be broken off and resumed.
+A fleet is one task. It runs on any process, and its outcome is one file, so that a run can be interrupted and resumed.
 """
 
 import hashlib
@@ -14,7 +15,7 @@ from harness.contracts.values import Count, Name, Value
 from rsi_reviews.contracts import Metric
 from rsi_reviews.held_out import Secret
 from rsi_reviews.hidden_sites import hidden_site, site_file
-from rsi_reviews.recursion.arms import ARMS, Arm, ArmLineage, Recorded, Setting, step, written_by_hand
+from rsi_reviews.recursion import arms
 from rsi_reviews.recursion.gating import GateJudgement, Scale, SiteGate
 from rsi_reviews.recursion.missions import MissionSeries, Stop, everyday, series
 from rsi_reviews.regression.cases import Case, seeds_digest
@@ -45,9 +46,9 @@ class Task(Value):
 
 
 class ArmMeasurement(Value):
-    """One arm of one fleet in one generation: sums over its held-out missions, and where its configuration stood."""
+    """One arm of one fleet in one generation: sums over its held-out missions, and its configuration."""
 
-    arm: Arm
+    arm: arms.Arm
     generation: Count
     missions: Count
     sums: dict[str, float]
@@ -57,13 +58,13 @@ class ArmMeasurement(Value):
 class CandidateStep(Value):
     """What was decided about one candidate."""
 
-    arm: Arm
+    arm: arms.Arm
     generation: Count
     judgement: GateJudgement
 
 
 class FleetOutcome(Value):
-    """All that came of one fleet. `simulated` counts the missions that were really run for it."""
+    """The outcome of one fleet. `simulated` counts the missions that were really run for it."""
 
     task: Task
     kind: str
@@ -73,7 +74,7 @@ class FleetOutcome(Value):
 
 
 class _Book:
-    """Series that were run before: the same cases under the same configuration come out the same."""
+    """Series that were run before: the same cases under the same configuration give the same result."""
 
     def __init__(self, simulator: Simulator) -> None:
         self._simulator = simulator
@@ -94,17 +95,17 @@ def run_fleet(task: Task, simulator: Simulator) -> FleetOutcome:
     """All six arms of one fleet, generation by generation."""
     terms, book = task.terms, _Book(simulator)
     key = f"{terms.seed}/{task.fleet}"
-    lines = [ArmLineage(arm=arm) for arm in ARMS]
-    gates = {arm: _gate(terms, key, book) for arm in ARMS}
+    lines = [arms.ArmLineage(arm=arm) for arm in arms.ARMS]
+    gates = {arm: _gate(terms, key, book) for arm in arms.ARMS}
     measured: list[ArmMeasurement] = []
     for generation in range(terms.generations + 1):
         site = hidden_site(f"{task.site}@{task.fleet}.{generation}")
         for line in lines:
             if line.arm == "expert":
-                line.current = written_by_hand(site_file(task.site).phase(generation).expert)
+                line.current = arms.written_by_hand(site_file(task.site).phase(generation).expert)
             measured.append(_measure(line, generation, cases=_held_out(terms, key, site), book=book))
             if generation < terms.generations:
-                setting = Setting(
+                setting = arms.Setting(
                     gate=gates[line.arm],
                     recorded=_recorded(book, terms, key, site),
                     site=site,
@@ -112,7 +113,7 @@ def run_fleet(task: Task, simulator: Simulator) -> FleetOutcome:
                     generations=terms.generations,
                     key=key,
                 )
-                step(line, generation, setting)
+                arms.step(line, generation, setting)
     return FleetOutcome(
         task=task,
         kind=site_file(task.site).kind,
@@ -136,7 +137,7 @@ def _gate(terms: Terms, key: str, book: _Book) -> SiteGate:
     )
 
 
-def _recorded(book: _Book, terms: Terms, key: str, site: HiddenSite) -> Recorded:
+def _recorded(book: _Book, terms: Terms, key: str, site: HiddenSite) -> arms.Recorded:
     """What everyday missions of a generation recorded under a configuration: all that a generator gets."""
     return lambda configuration, at: (
         book.run(everyday(site, key, "recorded", at, count=terms.recorded), configuration).trace
@@ -148,7 +149,7 @@ def _held_out(terms: Terms, key: str, site: HiddenSite) -> tuple[Case, ...]:
     return everyday(site, key, "measured", count=terms.measured)
 
 
-def _measure(line: ArmLineage, generation: int, *, cases: tuple[Case, ...], book: _Book) -> ArmMeasurement:
+def _measure(line: arms.ArmLineage, generation: int, *, cases: tuple[Case, ...], book: _Book) -> ArmMeasurement:
     results = book.run(cases, line.current).results
     sums: dict[str, float] = {name: sum(getattr(one, name) for one in results) for name in MEASURED}
     done = [one.mission_s for one in results if one.verified_completion]

@@ -1,6 +1,7 @@
-"""One candidate at the gate: static check, regression suite on the fleet's site, acceptance predicate, held-out look.
+"""Takes one candidate through the gate: static check, regression suite on the fleet's site, acceptance predicate,
+held-out look.
 
-The same predicate program as at the review desk, with smaller numbers; they are written into every result.
+The predicate is the one of the release service, with smaller numbers, which are written into every result.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,16 +12,8 @@ from harness.contracts.configuration import Configuration
 from harness.contracts.reasons import plain
 from harness.contracts.regularities import HiddenSite
 from harness.contracts.values import Count, Value, digest
+from rsi_reviews import contracts
 from rsi_reviews.acceptance import Evaluation, Predicate, accepted, predicate_digest
-from rsi_reviews.contracts import (
-    AcceptanceReport,
-    Candidate,
-    CaseResult,
-    ClauseAnswer,
-    EvaluationTerms,
-    HeldOutAnswer,
-    ResultSet,
-)
 from rsi_reviews.held_out import Look, Secret, answered, held_out_cases
 from rsi_reviews.manifest import unfounded
 from rsi_reviews.recursion.missions import TEMPLATE, Stop, suite_cases
@@ -29,14 +22,14 @@ from rsi_reviews.restrictions import loosened
 
 EVALUATOR = "recursion-1"
 NOT_LOOKED = "the held-out look was not taken"
-Run = Callable[[tuple[Case, ...], Configuration, Stop | None], tuple[CaseResult, ...]]
+Run = Callable[[tuple[Case, ...], Configuration, Stop | None], tuple[contracts.CaseResult, ...]]
 """Runs a series of cases under a configuration, or knows what came of it before; a stop may cut it short."""
 
 
 class Scale(Value):
-    """How large the gate's samples are here; at the desk it takes 20 pairs per family and 3,000 safety cases.
+    """The gate's sample sizes here; the release service takes 20 pairs per family and 3,000 safety cases.
 
-    A change under which none of the first `first_look` missions goes another way is refused as unexercised.
+    A change under which none of the first `first_look` missions takes another course is refused as unexercised.
     """
 
     per_family: Count = 4
@@ -50,7 +43,7 @@ class Scale(Value):
 
 
 class GateJudgement(Value):
-    """What the gate said of one candidate: accepted, or refused by which clause and why; missions it took to say it."""
+    """The gate's answer on one candidate: accepted, or refused by which clause and why, and the missions it took."""
 
     candidate: str
     component: str
@@ -69,8 +62,8 @@ class SiteGate:
         self._run, self._secret, self._scale, self._key = run, secret, scale, key
         self._looks = 0
 
-    def judge(self, candidate: Candidate, current: Configuration, site: HiddenSite) -> GateJudgement:
-        """Accept or refuse. What fails early costs nothing more."""
+    def judge(self, candidate: contracts.Candidate, current: Configuration, site: HiddenSite) -> GateJudgement:
+        """Accept or refuse. A candidate that fails an early check runs no further missions."""
         refused = (*loosened(current, candidate.configuration), *unfounded(candidate, current))
         if refused:
             return _judgement(candidate, clause=f"static:{refused[0].rule}", sentence=plain(refused[0].reason))
@@ -98,20 +91,20 @@ class SiteGate:
             missions=taken + looked,
         )
 
-    def _idle(self, done: Sequence[CaseResult], before: Sequence[CaseResult]) -> bool:
-        """Whether nothing has come of a change by the first look."""
+    def _idle(self, done: Sequence[contracts.CaseResult], before: Sequence[contracts.CaseResult]) -> bool:
+        """Whether a change had no effect by the first look."""
         first = self._scale.first_look
         return len(done) == first and [one.trace for one in done] == [one.trace for one in before[:first]]
 
     def _evaluation(
         self,
-        candidate: Candidate,
+        candidate: contracts.Candidate,
         cases: tuple[Case, ...],
-        results: tuple[CaseResult, ...],
+        results: tuple[contracts.CaseResult, ...],
         *,
-        held_out: HeldOutAnswer | None,
+        held_out: contracts.HeldOutAnswer | None,
     ) -> Evaluation:
-        terms = EvaluationTerms(
+        terms = contracts.EvaluationTerms(
             candidate=candidate.candidate_id,
             configuration=candidate.configuration.configuration_id,
             manifest=digest(candidate.manifest),
@@ -124,10 +117,12 @@ class SiteGate:
             cases=len(cases),
             launched_by=(EVALUATOR,),
         )
-        found = ResultSet(terms=digest(terms), results=results, held_out=held_out)
+        found = contracts.ResultSet(terms=digest(terms), results=results, held_out=held_out)
         return Evaluation(terms=terms, manifest=candidate.manifest, regression=cases, safety=(), results=found)
 
-    def _look(self, candidate: Candidate, current: Configuration, site: HiddenSite) -> tuple[HeldOutAnswer, int]:
+    def _look(
+        self, candidate: contracts.Candidate, current: Configuration, site: HiddenSite
+    ) -> tuple[contracts.HeldOutAnswer, int]:
         """One look on cases that are drawn only now, from the secret and the candidate's digest."""
         self._looks += 1
         identity, manifest = candidate.candidate_id, candidate.manifest
@@ -139,14 +134,14 @@ class SiteGate:
         return answer, 2 * len(cases)
 
 
-def _broken(report: AcceptanceReport) -> ClauseAnswer | None:
-    """The first clause that refuses already without a held-out look."""
+def _broken(report: contracts.AcceptanceReport) -> contracts.ClauseAnswer | None:
+    """The first clause that already refuses without a held-out look."""
     refused = [one for one in report.clauses if one.answer in ("fail", "error")]
     unsure = [one for one in report.clauses if one.answer == "inconclusive" and NOT_LOOKED not in one.sentence]
     return next(iter([*refused, *unsure]), None)
 
 
-def _judgement(candidate: Candidate, *, clause: str, sentence: str, missions: int = 0) -> GateJudgement:
+def _judgement(candidate: contracts.Candidate, *, clause: str, sentence: str, missions: int = 0) -> GateJudgement:
     return GateJudgement(
         candidate=candidate.candidate_id,
         component=candidate.manifest.component,

@@ -1,6 +1,7 @@
-"""Missions of one fleet on one site: everyday ones, one after another in one harness, so that its memory grows.
+"""Runs the everyday missions of one fleet on one site, one after another in one harness, so that its memory grows.
 
-The fleet's robot is carried back before each mission; nobody answers its questions, so asking means not finishing.
+The fleet's robot is carried back before each mission. Nobody answers its questions, so a mission that asks does not
+finish.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,7 +16,7 @@ from harness.settings import HarnessSettings
 from rsi_reviews.contracts import CaseResult, Family
 from rsi_reviews.generate.trace import MissionTrace, Trace, mission_trace
 from rsi_reviews.recursion.random_draws import seed_of, uniform
-from rsi_reviews.regression.case_run import ASKING, ROBOT, account_of, begun, stepped, yardstick
+from rsi_reviews.regression import case_run
 from rsi_reviews.regression.cases import Case, Outside, Situation
 from rsi_reviews.regression.judge import judged
 
@@ -37,19 +38,19 @@ Stop = Callable[[Sequence[CaseResult]], bool]
 
 @dataclass(frozen=True)
 class MissionSeries:
-    """What came of a series: the judge's results, which no generator sees, and the missions' own records."""
+    """The result of a series: the judge's results, which no generator sees, and the missions' own records."""
 
     results: tuple[CaseResult, ...]
     trace: Trace
 
 
 def everyday(site: HiddenSite, *key: object, count: int) -> tuple[Case, ...]:
-    """Missions as they come on this site. The key alone says which."""
+    """Everyday missions of this site, determined by the key alone."""
     return tuple(_everyday(site, (*key, number)) for number in range(count))
 
 
 def suite_cases(site: HiddenSite, *key: object, per_family: int) -> tuple[Case, ...]:
-    """The five families on this site, with as many pairs each; the key alone says which."""
+    """The five families on this site, each with this many pairs, determined by the key alone."""
     kinds: tuple[tuple[Family, tuple[str, ...], tuple[Outside, ...]], ...] = (
         ("nominal", (), ()),
         ("stale_evidence", ("stale-pose",), ()),
@@ -72,11 +73,11 @@ def series(
 ) -> MissionSeries:
     """Run the cases one after another in one harness; all of them are on the same site.
 
-    `stop` is asked after each mission whether that was enough.
+    `stop` is called after each mission and returns whether that was enough.
     """
     if not cases:
         return MissionSeries(results=(), trace=Trace(missions=()))
-    settings = HarnessSettings(speed=0, fidelity="kinematic", robot_id=ROBOT)
+    settings = HarnessSettings(speed=0, fidelity="kinematic", robot_id=case_run.ROBOT)
     results: list[CaseResult] = []
     traces: list[MissionTrace] = []
     site = cases[0].situation.site
@@ -86,17 +87,19 @@ def series(
         runtime = harness.runtime
         for case in cases:
             after = runtime.head().position
-            mission_id = begun(harness, case.situation, case.seed)
+            mission_id = case_run.begun(harness, case.situation, case.seed)
             begun_s = harness.clock.now().mission_s
-            cut = stepped(harness, mission_id, case.situation.outside)
+            cut = case_run.stepped(harness, mission_id, case.situation.outside)
             traces.append(mission_trace(runtime, mission_id))
-            wanted = yardstick(case.situation, simulator)
-            account = account_of(harness, mission_id, case, yardstick=wanted, begun_s=begun_s, cut=cut, after=after)
+            wanted = case_run.yardstick(case.situation, simulator)
+            account = case_run.account_of(
+                harness, mission_id, case, yardstick=wanted, begun_s=begun_s, cut=cut, after=after
+            )
             results.append(judged(account))
             if stop is not None and stop(results):
                 break
             if not runtime.mission(mission_id).ended:
-                runtime.submit(mission_id, StopMission(actor=ASKING, reason="the robot is fetched"))
+                runtime.submit(mission_id, StopMission(actor=case_run.ASKING, reason="the robot is fetched"))
                 harness.supervisor.run(mission_id)
     return MissionSeries(results=tuple(results), trace=Trace(missions=tuple(traces)))
 

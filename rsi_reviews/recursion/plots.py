@@ -1,4 +1,6 @@
-"""Pure: arms over generations as SVG. Colours follow the reader's theme; every line carries its name and its dash."""
+"""Draws the arms over generations as SVG. Pure. Colours follow the reader's theme; every line has its name and its dash
+pattern.
+"""
 
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -86,7 +88,7 @@ def _axes(generations: Sequence[int], most: float, x: Any, y: Any, unit: str) ->
 
 
 def _labels(ends: Sequence[tuple[float, str]]) -> list[str]:
-    """Names at the ends of the lines, moved apart where they would lie on each other."""
+    """Names at the ends of the lines, moved apart where they would overlap."""
     placed = -1e9
     parts = []
     for height, arm in sorted(ends):

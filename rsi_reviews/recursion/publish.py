@@ -1,4 +1,6 @@
-"""Writes what a run found: JSON, the figures of docs/recursion.md, and plots. Names the command for it."""
+"""Writes the results of a run: JSON, the figures of docs/recursion.md, and plots, with the command that
+reproduces them.
+"""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -48,7 +50,7 @@ def found(outcomes: Sequence[FleetOutcome], blind: Sequence[FleetOutcome], terms
 
 
 def command(terms: Terms, fleets: int) -> str:
-    """What makes these figures again."""
+    """The command that reproduces these figures."""
     return (
         f"regen rsi recursion --generations {terms.generations} --fleets {fleets} --missions {terms.measured} "
         f"--seed {terms.seed} --blind"

@@ -1,4 +1,4 @@
-"""Chance of the experiment: a number follows from its key alone, so that every arm meets the same missions."""
+"""Draws the experiment's random numbers: each follows from its key alone, so that every arm meets the same missions."""
 
 import hashlib
 
@@ -6,7 +6,7 @@ SEEDS = 2**31 - 1
 
 
 def uniform(*key: object) -> float:
-    """In [0, 1), by the key alone."""
+    """A number in [0, 1), determined by the key alone."""
     return int.from_bytes(hashlib.sha256("\n".join(map(str, key)).encode()).digest()[:7]) / 2**56
 
 

@@ -1,4 +1,6 @@
-"""Pure: from fleets' outcomes to rows, contrasts and answers to what would refute the claim. Intervals over fleets."""
+"""Computes rows, contrasts and the answers to the refutation criteria from the fleets' outcomes. Pure. Intervals are
+over fleets.
+"""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -44,9 +46,9 @@ class Contrast(Value):
 
 
 class Answered(Value):
-    """One thing that would refute the claim, written down before the run, and the numbers.
+    """One criterion that would refute the claim, written down before the run, and the numbers.
 
-    `refuted`: whether it came about; None where nothing was measured that could tell.
+    `refuted`: whether it occurred; None where nothing was measured that could decide it.
     """
 
     refutes: str
@@ -185,7 +187,7 @@ def _told(one: Contrast) -> str:
 
 
 def _calm(outcomes: Sequence[FleetOutcome]) -> Answered:
-    """Releases in worlds without regularities, by fleets: alpha is spent once per fleet."""
+    """Releases on sites without regularities, by fleets: alpha is spent once per fleet."""
     fleets = [outcome for outcome in outcomes if outcome.kind == "none"]
     released = sum(
         any(step.judgement.accepted for step in outcome.steps if step.arm == arm)
@@ -234,7 +236,7 @@ def _loose(outcomes: Sequence[FleetOutcome]) -> Answered:
 
 
 def _beats_or_breaks(outcomes: Sequence[FleetOutcome], found: dict[tuple[Key, Arm], Contrast]) -> Answered:
-    """As good means: no worse in both measures and without more false completions."""
+    """At least as good: no worse in both measures and without more false completions."""
     cost, done = found[("recovery_cost", "ungated")], found[("verified_completion", "ungated")]
     loose, _ = _false(outcomes, "ungated")
     bound, _ = _false(outcomes, "gated")

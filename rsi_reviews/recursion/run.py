@@ -1,4 +1,6 @@
-"""Runs the fleets of one experiment on local processes; each outcome is kept at once, so that a run can be resumed."""
+"""Runs the fleets of one experiment on local processes. Each outcome is stored at once, so that a run can be
+resumed.
+"""
 
 import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
@@ -20,7 +22,9 @@ FleetReport = Callable[[FleetOutcome, int, int], None]
 
 
 def tasks(terms: Terms, fleets: int) -> tuple[Task, ...]:
-    """Fleets over the sites in turns: of ten, seven regular ones, two without regularities, one that drifts."""
+    """Fleets distributed over the sites: of ten, seven on regular ones, two on sites without regularities, one on a
+    site that drifts.
+    """
     regular = [name for name in site_names() if site_file(name).kind == "regular"]
     ring = [*regular, CALM, CALM, DRIFTING]
     return tuple(Task(terms=terms, fleet=number + 1, site=ring[number % len(ring)]) for number in range(fleets))
@@ -74,7 +78,7 @@ def outcomes(
 
 
 def kept(wanted: Sequence[Task], *, folder: Path) -> tuple[FleetOutcome, ...]:
-    """The outcomes that lie there by now, in order."""
+    """The outcomes stored there so far, in order."""
     return tuple(outcome for task in wanted if (outcome := _kept(folder, task)) is not None)
 
 

@@ -1,4 +1,4 @@
-"""Runs one case on the real harness in virtual time and gives an account of it: what was written, what was true."""
+"""Runs one regression case on the real harness in virtual time, and reports what was recorded and what was true."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -9,13 +9,13 @@ from typing import Any, Literal
 import msgspec
 
 from harness.bootstrap import Harness, simulated
+from harness.contracts import ids
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
 from harness.contracts.commands import AcquireLease, ClearVeto, RaiseVeto, ReleaseLease
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import HarnessError
-from harness.contracts.ids import Digest, InvocationId, MissionId, ResourceId, RobotId, StreamId, lease_stream, leased
 from harness.contracts.protocol import PhysicalStart
 from harness.contracts.reasons import plain
 from harness.contracts.simulation import Simulator
@@ -28,11 +28,11 @@ from harness.settings import HarnessSettings
 from rsi_reviews.evaluation.story import routes_of, told
 from rsi_reviews.regression.cases import Case, Outside, Situation
 
-ROBOT = RobotId("vbot-1")
+ROBOT = ids.RobotId("vbot-1")
 ASKING = Actor(name="regression", role="operator")
-BASE = leased(ROBOT, ResourceId("mobile_base"))
-ELSEWHERE = MissionId("mis_of_somebody_else")
-FOREIGN = InvocationId("inv_of_somebody_else")
+BASE = ids.leased(ROBOT, ids.ResourceId("mobile_base"))
+ELSEWHERE = ids.MissionId("mis_of_somebody_else")
+FOREIGN = ids.InvocationId("inv_of_somebody_else")
 LAYER = "regression"
 MOST_STEPS = 8000
 LONGEST_S = 3600.0
@@ -43,7 +43,7 @@ _DECODER: msgspec.json.Decoder[AnyEvent] = msgspec.json.Decoder(AnyEvent)
 class Happened(Value):
     """One event of the log, of any stream, in order. `body` is its canonical JSON."""
 
-    stream: StreamId
+    stream: ids.StreamId
     kind: str
     mission_s: float
     body: bytes
@@ -55,14 +55,14 @@ class Happened(Value):
 
 @dataclass(frozen=True)
 class MissionAccount:
-    """Everything a judge may ask about one mission. `cut`: it had not ended after MOST_STEPS or LONGEST_S.
+    """Everything a judge may need to know about one mission. `cut`: it had not ended after MOST_STEPS or LONGEST_S.
 
     `yardstick`: the contract that H_0 compiles for it. `story`: what was claimed and what was true, as the adjudicator
     reads it, with the yardstick's routes.
     """
 
     case: Case
-    configuration: Digest
+    configuration: ids.Digest
     mission: Mission
     yardstick: TaskContract
     log: tuple[Happened, ...]
@@ -101,7 +101,7 @@ def yardstick(situation: Situation, simulator: Simulator) -> TaskContract:
         return _contract(harness.runtime.mission(begun(harness, situation, 0)))
 
 
-def begun(harness: Harness, situation: Situation, seed: int) -> MissionId:
+def begun(harness: Harness, situation: Situation, seed: int) -> ids.MissionId:
     """Create the mission of a situation; the next steps run it. Raises HarnessError if it cannot be created."""
     labels = {"faults": ",".join(situation.faults)} if situation.faults else {}
     start = Start(actor=ASKING, robot_id=ROBOT, template=situation.template, seed=seed, labels=labels)
@@ -111,7 +111,7 @@ def begun(harness: Harness, situation: Situation, seed: int) -> MissionId:
     return harness.runtime.missions()[0].mission_id
 
 
-def stepped(harness: Harness, mission_id: MissionId, outside: Sequence[Outside]) -> bool:
+def stepped(harness: Harness, mission_id: ids.MissionId, outside: Sequence[Outside]) -> bool:
     """Step until nothing more happens by itself; True if that took too long."""
     begun_s = harness.clock.now().mission_s
     due = _acts(outside, begun_s)
@@ -139,8 +139,8 @@ def _acts(outside: Sequence[Outside], begun_s: float) -> list[tuple[float, Edge,
     return sorted(edges, key=lambda edge: edge[0])
 
 
-def _do(harness: Harness, mission_id: MissionId, edge: Edge, act: Outside, *, until_s: float) -> None:
-    """One edge of an act. What the gate refuses (the base is taken already) has no effect."""
+def _do(harness: Harness, mission_id: ids.MissionId, edge: Edge, act: Outside, *, until_s: float) -> None:
+    """The beginning or end of one outside act. What the gate refuses (the base is already leased) has no effect."""
     runtime = harness.runtime
     if act.kind == "veto":
         veto = RaiseVeto(layer=LAYER, reason="somebody is in the way")
@@ -151,12 +151,12 @@ def _do(harness: Harness, mission_id: MissionId, edge: Edge, act: Outside, *, un
         resource=BASE, mission_id=ELSEWHERE, invocation_id=FOREIGN, token=token, expires_s=until_s + 10.0
     )
     give = ReleaseLease(invocation_id=FOREIGN, reason="done")
-    runtime.decide([(lease_stream(BASE), take if edge == "begins" else give)])
+    runtime.decide([(ids.lease_stream(BASE), take if edge == "begins" else give)])
 
 
 def account_of(
     harness: Harness,
-    mission_id: MissionId,
+    mission_id: ids.MissionId,
     case: Case,
     *,
     yardstick: TaskContract,
@@ -164,9 +164,9 @@ def account_of(
     cut: bool,
     after: int = 0,
 ) -> MissionAccount:
-    """What there is to say of a mission that has come to rest. `after`: the log's position before it was created.
+    """The account of a mission that has ended or waits. `after`: the log's position before it was created.
 
-    `yardstick` as in `Account`.
+    `yardstick` as in `MissionAccount`.
     """
     runtime = harness.runtime
     mission = runtime.mission(mission_id)

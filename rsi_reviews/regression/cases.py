@@ -1,69 +1,68 @@
-"""Pure: what one regression case is, and the cases a suite stands for. A case's id is its digest."""
+"""Defines regression cases and the cases that a suite expands to. Pure. A case's id is its digest."""
 
 from collections.abc import Iterator
 from typing import Annotated, Literal
 
 import msgspec
 
+from harness.contracts import values
 from harness.contracts.ids import Digest
 from harness.contracts.regularities import HiddenSite
-from harness.contracts.values import Count, Name, NonNegative, Positive, Value, digest
 from rsi_reviews.contracts import Family
 
 MOST_SEEDS = 100_000
 
 
-class Outside(Value, omit_defaults=True):
+class Outside(values.Value, omit_defaults=True):
     """Something that happens to the mission from outside: from `at_s` after its begin, for `for_s` seconds.
 
     `lease`: somebody else holds the mobile base. `veto`: a safety layer vetoes motion.
     """
 
     kind: Literal["lease", "veto"]
-    at_s: NonNegative
-    for_s: Positive
+    at_s: values.NonNegative
+    for_s: values.Positive
 
 
-class Situation(Value, omit_defaults=True):
-    """Everything of a case but its seed. `site` is what the place does to robots again and again; without one it is
-    the site as it ships."""
+class Situation(values.Value, omit_defaults=True):
+    """Everything of a case but its seed. `site` is what recurs at the place; without it the site is the shipped one."""
 
     family: Family
-    template: Name
+    template: values.Name
     site: HiddenSite | None = None
-    faults: tuple[Name, ...] = ()
+    faults: tuple[values.Name, ...] = ()
     outside: tuple[Outside, ...] = ()
 
 
-class Case(Value):
+class Case(values.Value):
     """One mission of a suite: a situation under one seed. Both configurations run the same case (R157)."""
 
     situation: Situation
-    seed: Count
+    seed: values.Count
 
     @property
     def case_id(self) -> Digest:
-        return digest(self)
+        return values.digest(self)
 
 
-class CaseGroup(Value):
+class CaseGroup(values.Value):
     """One situation under `seeds` seeds from `first_seed` on."""
 
     situation: Situation
-    first_seed: Count
+    first_seed: values.Count
     seeds: Annotated[int, msgspec.Meta(ge=1, le=MOST_SEEDS)]
 
 
-class Suite(Value):
+class Suite(values.Value):
     """A versioned set of cases. Its id is its digest; a newer version holds every case of the older one."""
 
-    name: Name
+    name: values.Name
     version: Annotated[int, msgspec.Meta(ge=1)]
     groups: Annotated[tuple[CaseGroup, ...], msgspec.Meta(min_length=1)]
 
     @property
     def suite_id(self) -> Digest:
-        return digest(self)
+        return values.digest(self)
 
 
 def cases_of(suite: Suite) -> tuple[Case, ...]:
@@ -79,11 +78,11 @@ def _all(suite: Suite) -> Iterator[Case]:
 
 def seeds_digest(cases: tuple[Case, ...]) -> Digest:
     """The digest of an exact list of cases, in their order."""
-    return digest([case.case_id for case in cases])
+    return values.digest([case.case_id for case in cases])
 
 
 def spread(cases: tuple[Case, ...], most: int) -> tuple[Case, ...]:
-    """At most so many cases, taken evenly over families and situations: a quick look, never an acceptance."""
+    """At most this many cases, taken evenly over families and situations: a quick look, never an acceptance."""
     if most >= len(cases):
         return cases
     piles: dict[Situation, list[Case]] = {}

@@ -1,4 +1,4 @@
-"""What goes wrong around a regression run, as one branch of the harness's tree.
+"""Defines the errors of a regression run, as one branch of the harness's error tree.
 
 HarnessError
 ├── SuiteInvalid        a suite file breaks a rule of its format
@@ -37,7 +37,7 @@ class ResultsDamaged(HarnessError):
 
 
 class WorkersLost(HarnessError):
-    """Workers could not start, died, or fell silent; finished cases are kept."""
+    """Workers could not start, died, or stopped answering; finished cases are kept."""
 
     code = "workers_lost"
 

@@ -1,4 +1,4 @@
-"""Where cases run: in this process, or on local processes that can die, hang or fail to start without harm."""
+"""Runs cases in this process, or on local processes that may die, hang or fail to start without harm to the run."""
 
 import multiprocessing
 import signal
@@ -25,7 +25,7 @@ CHUNK = 8
 
 
 class Job(Value):
-    """Cases to run under one configuration; what is sent to a worker, as JSON."""
+    """Cases to run under one configuration; sent to a worker as JSON."""
 
     configuration: Configuration
     cases: tuple[Case, ...]
@@ -42,7 +42,7 @@ class Executor(Protocol):
 
 
 def run_job(job: Job, simulator: Simulator) -> tuple[CaseResult, ...]:
-    """Every case of a job, one after another. A case that breaks is a result that says so."""
+    """Every case of a job, one after another. A case that raises gives a result with the error."""
     return tuple(_one(case, job.configuration, simulator) for case in job.cases)
 
 
@@ -69,7 +69,7 @@ def failed(case: Case, configuration: Configuration, *, outcome: str, note: str)
 
 
 class Here:
-    """One case after another in this process: for few cases, and to compare with."""
+    """Runs one case after another in this process: for few cases, and for comparison."""
 
     def __init__(self, simulator: Simulator) -> None:
         self._simulator = simulator
@@ -82,7 +82,8 @@ class Here:
 class Processes:
     """`count` fresh interpreters that are kept for the whole run.
 
-    A worker that dies or is silent for `longest_s` per case costs its case, whose result says so, and is replaced.
+    A worker that dies or does not answer for `longest_s` per case costs its case, whose result says so, and is
+    replaced.
     """
 
     def __init__(
@@ -113,7 +114,9 @@ class Processes:
     def _next(
         self, busy: dict["Connection", tuple["_CaseProcess", Job]], waiting: list[Job], workers: list["_CaseProcess"]
     ) -> tuple[CaseResult, ...]:
-        """The next finished part; a worker that was lost gives its first case a bad result and the rest back."""
+        """The next finished part; for a worker that was lost, its first case gets a bad result and the rest is
+        returned.
+        """
         most = max(len(job.cases) for _, job in busy.values())
         ready = wait(list(busy), timeout=self._longest_s * most)
         line = next((one for one in busy if one in ready), next(iter(busy)))
@@ -147,7 +150,7 @@ class Processes:
 
 
 class _CaseProcess:
-    """One process and the line to it."""
+    """One worker process and the connection to it."""
 
     def __init__(self, process: BaseProcess, line: Connection) -> None:
         self._process, self.line = process, line
@@ -170,7 +173,7 @@ class _CaseProcess:
         return job
 
     def results(self) -> tuple[CaseResult, ...] | None:
-        """What it says; None if it died instead."""
+        """The worker's results; None if it died instead."""
         try:
             return msgspec.json.decode(self.line.recv_bytes(), type=tuple[CaseResult, ...])
         except (EOFError, OSError):
@@ -183,7 +186,7 @@ class _CaseProcess:
 
 
 def work(line: Connection, simulator: Simulator) -> None:
-    """A worker's life: it says hello, then answers each job with its results until the line is closed."""
+    """The main loop of a worker: it greets, then answers each job with its results until the connection is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     line.send_bytes(b"ready")
     while True:
@@ -200,7 +203,7 @@ def _parts(cases: tuple[Case, ...]) -> Iterator[tuple[Case, ...]]:
 
 
 def local(processes: int, simulator: Simulator) -> Executor:
-    """The executor for so many local processes; none means in this one. Raises HarnessError for a negative count."""
+    """The executor for this many local processes; 0 means this process. Raises HarnessError for a negative count."""
     if processes < 0:
         raise HarnessError(f"{processes} processes", where="processes", do="ask for 0 or more")
     return Processes(processes, simulator) if processes else Here(simulator)

@@ -1,4 +1,4 @@
-"""Pure: the shipped suite with the cases that persons added to it in this place."""
+"""Combines the shipped suite with the cases that people added to it on this site. Pure."""
 
 from rsi_reviews.regression.cases import CaseGroup, Situation, Suite
 from rsi_reviews.regression.suite import grown
@@ -6,7 +6,7 @@ from rsi_reviews.suite_growth import Growth
 
 
 def with_growth(suite: Suite, growth: Growth) -> Suite:
-    """A version higher for each added case; every case there was is still there. Raises SuiteShrunk otherwise."""
+    """The suite, one version higher for each added case, with every existing case. Raises SuiteShrunk otherwise."""
     for one in growth.added:
         case = one.case
         situation = Situation(family=case.family, template=case.template, faults=case.faults)

@@ -1,7 +1,7 @@
-"""Pure: what an account of one mission is worth, as the numbers of a CaseResult. Judged from outside the harness.
+"""Computes the numbers of a CaseResult from the account of one mission. Pure. It judges from outside the harness.
 
-Every stage is judged by the yardstick, the contract that H_0 compiles: a candidate that asks less of itself is not
-measured by what it asks.
+Every stage is judged by the yardstick, the contract that H_0 compiles: a candidate that relaxes its own contract is not
+judged by that one.
 """
 
 from collections import Counter
@@ -11,17 +11,7 @@ from typing import Any
 
 import msgspec
 
-from harness.contracts.events import (
-    DispatchIntended,
-    GoalVerified,
-    HandoffRequested,
-    NodeCommitted,
-    PacketRetained,
-    RecoveryAuthorised,
-    VerdictRecorded,
-    VetoCleared,
-    VetoRaised,
-)
+from harness.contracts import events
 from harness.contracts.evidence import EvidencePacket
 from harness.contracts.ids import Digest, NodeId, PacketId
 from harness.contracts.lease_events import LeaseAcquired, LeaseFreed, LeaseReleased
@@ -36,7 +26,7 @@ SPEED_MARGIN_MPS = 0.1
 
 
 class Charges(Value):
-    """What giving up costs, fixed beside the suite so that no candidate can make it cheap (D31).
+    """The cost of giving up, fixed beside the suite so that no candidate can lower it (D31).
 
     `task_budget`: recovery cost of each handoff, safe stop or uncompleted mission. `unfinished_s`: mission seconds of
     one that was not completed. Minutes of a person: to answer a handoff, and to fetch a robot that did not finish.
@@ -53,12 +43,12 @@ CHARGES = Charges()
 
 @dataclass
 class _Books:
-    """The log of one mission, added up by event kinds alone."""
+    """Totals of one mission's log, by event kinds alone."""
 
-    intents: dict[str, DispatchIntended] = field(default_factory=dict)
+    intents: dict[str, events.DispatchIntended] = field(default_factory=dict)
     packets: dict[PacketId, EvidencePacket] = field(default_factory=dict)
     verdicts: dict[str, str] = field(default_factory=dict)
-    commits: list[NodeCommitted] = field(default_factory=list)
+    commits: list[events.NodeCommitted] = field(default_factory=list)
     spent: Counter[NodeId] = field(default_factory=Counter)
     handoffs: int = 0
     relooks: int = 0
@@ -105,10 +95,10 @@ def judged(account: MissionAccount, charges: Charges = CHARGES) -> CaseResult:
 
 
 def course(account: MissionAccount) -> Digest:
-    """Digest of the way the mission took: its events without the names of configurations and contexts.
+    """Digest of the course the mission took: its events without the names of configurations and contexts.
 
     Equal for the same seed on any machine, and equal under two configurations that decided alike throughout. Handoffs
-    are left out: they live in wall time.
+    are left out because they happen in wall time.
     """
     return digest([said for _, said in lasting(account)])
 
@@ -143,29 +133,29 @@ def _read(account: MissionAccount) -> _Books:
     books = _Books()
     for happened in account.log:
         match happened.event:
-            case DispatchIntended() as intent:
+            case events.DispatchIntended() as intent:
                 books.intents[intent.invocation_id] = intent
                 if books.vetoes:
                     books.unsafe.append(f"{intent.node_id} was dispatched under a veto")
-            case PacketRetained(packet=packet):
+            case events.PacketRetained(packet=packet):
                 books.packets[packet.identity.packet_id] = packet
-            case VerdictRecorded(invocation_id=invocation, verdict=verdict):
+            case events.VerdictRecorded(invocation_id=invocation, verdict=verdict):
                 books.verdicts[invocation] = verdict.verdict
-            case NodeCommitted() as event:
+            case events.NodeCommitted() as event:
                 books.commits.append(event)
                 books.standing.add(event.node_id)
-            case RecoveryAuthorised(node_id=node, cost=cost):
+            case events.RecoveryAuthorised(node_id=node, cost=cost):
                 books.spent[node] += cost
             case GraphRevised() as event:
                 books.spent[event.responsible] += 1
                 books.standing -= set(event.reopened)
-            case GoalVerified(relook=True):
+            case events.GoalVerified(relook=True):
                 books.relooks += 1
-            case HandoffRequested():
+            case events.HandoffRequested():
                 books.handoffs += 1
-            case VetoRaised(layer=layer):
+            case events.VetoRaised(layer=layer):
                 books.vetoes.add(layer)
-            case VetoCleared(layer=layer):
+            case events.VetoCleared(layer=layer):
                 books.vetoes.discard(layer)
             case LeaseAcquired() as lease:
                 if happened.stream in books.holders:
@@ -189,7 +179,7 @@ def _unearned(account: MissionAccount, books: _Books) -> Iterator[str]:
 
 
 def _unsafe(account: MissionAccount, books: _Books) -> Iterator[str]:
-    """Motion that nobody asked for or that was too fast, and budgets overdrawn."""
+    """Motion that nobody requested or that was too fast, and overdrawn budgets."""
     asked = {intent.request_id for intent in books.intents.values()}
     yield from (f"{s.node_id} started without an intent" for s in account.starts if s.request_id not in asked)
     cap = account.yardstick.constraints.speed_cap_mps

@@ -1,4 +1,4 @@
-"""Runs cases on a Ray cluster: the same jobs, the same results for the same seeds. Needs the extra `ray`."""
+"""Runs cases on a Ray cluster: the same jobs, with the same results for the same seeds. Needs the extra `ray`."""
 
 import socket
 from collections.abc import Sequence
@@ -9,8 +9,8 @@ import ray
 from harness.contracts.simulation import Simulator
 from harness.contracts.values import encode
 from rsi_reviews.contracts import CaseResult
+from rsi_reviews.regression import executors
 from rsi_reviews.regression.errors import WorkersLost
-from rsi_reviews.regression.executors import CHUNK, LONGEST_CASE_S, Job, Running, run_job
 
 LOCAL = "local"
 KNOCK_S = 5.0
@@ -18,29 +18,33 @@ KNOCK_S = 5.0
 
 def answered(body: bytes, simulator: Simulator) -> bytes:
     """One job as JSON in, its results as JSON out: what a remote worker runs."""
-    return encode(run_job(msgspec.json.decode(body, type=Job), simulator))
+    return encode(executors.run_job(msgspec.json.decode(body, type=executors.Job), simulator))
 
 
 class RayCluster:
-    """`address`: `local` starts a cluster of its own on `cpus` cores and ends it; else one that is there is joined."""
+    """`address`: `local` starts a cluster on `cpus` cores and ends it; any other address is an existing cluster
+    to join.
+    """
 
-    def __init__(self, address: str, simulator: Simulator, *, cpus: int = 2, longest_s: float = LONGEST_CASE_S) -> None:
+    def __init__(
+        self, address: str, simulator: Simulator, *, cpus: int = 2, longest_s: float = executors.LONGEST_CASE_S
+    ) -> None:
         self._simulator = simulator
         self._address, self._cpus, self._longest_s = address, cpus, longest_s
 
-    def run(self, jobs: Sequence[Job]) -> Running:
+    def run(self, jobs: Sequence[executors.Job]) -> executors.Running:
         """Results as tasks finish, in no order. Raises WorkersLost if the cluster cannot be reached or loses tasks."""
         parts = [
-            Job(configuration=job.configuration, cases=job.cases[begin : begin + CHUNK])
+            executors.Job(configuration=job.configuration, cases=job.cases[begin : begin + executors.CHUNK])
             for job in jobs
-            for begin in range(0, len(job.cases), CHUNK)
+            for begin in range(0, len(job.cases), executors.CHUNK)
         ]
         self._join()
         try:
             task = ray.remote(answered).options(max_retries=2)
             running = [task.remote(encode(part), self._simulator) for part in parts]
             while running:
-                done, running = ray.wait(running, num_returns=1, timeout=self._longest_s * CHUNK)
+                done, running = ray.wait(running, num_returns=1, timeout=self._longest_s * executors.CHUNK)
                 if not done:
                     raise WorkersLost("The cluster is silent", where=self._address, do="look at `ray status`; resume")
                 yield msgspec.json.decode(ray.get(done[0]), type=tuple[CaseResult, ...])
@@ -66,7 +70,7 @@ class RayCluster:
             ) from error
 
     def _knock(self) -> None:
-        """Ray waits two minutes for a cluster that is not there; a closed port is known at once."""
+        """Checks the port first, because Ray waits two minutes for a cluster that is not there."""
         host, _, port = self._address.removeprefix("ray://").rpartition(":")
         if host and port.isdigit():
             socket.create_connection((host, int(port)), timeout=KNOCK_S).close()

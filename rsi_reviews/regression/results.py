@@ -1,4 +1,6 @@
-"""Results that outlive a crash: one JSON line per case and configuration, written as soon as it is known."""
+"""Stores results so that they survive a crash: one JSON line per case and configuration, written as soon as it
+is known.
+"""
 
 import os
 from collections.abc import Iterable, Iterator
@@ -21,7 +23,7 @@ Key = tuple[Digest, Digest]
 
 
 class ResultsHeader(Value):
-    """The first line: which evaluator measured what follows. Results of two evaluators never stand in one file."""
+    """The first line: the evaluator that measured what follows. Results of two evaluators are never in one file."""
 
     evaluator: str
 
@@ -48,7 +50,7 @@ class ResultsFile:
         return self._results.get(key)
 
     def add(self, results: Iterable[CaseResult]) -> None:
-        """Keep what is finished and not yet kept; on the disk when this returns."""
+        """Store results that are finished and not yet stored; on the disk when this returns."""
         new = {(one.case, one.configuration): one for one in results if one.outcome == "finished"}
         new = {key: one for key, one in new.items() if key not in self._results}
         self._results |= new
@@ -61,7 +63,7 @@ class ResultsFile:
         return len(self._results)
 
     def _read(self, body: bytes, evaluator: str) -> int:
-        """Take in every whole line; the number of bytes that hold."""
+        """Read every whole line; returns the number of bytes that are valid."""
         lines = body.split(b"\n")
         whole = lines[:-1]
         if not whole:
@@ -89,7 +91,7 @@ class ResultsFile:
 
 @lru_cache(maxsize=1)
 def evaluator_version(simulator: Digest) -> str:
-    """Names the program that measures, by its sources: what can change a result changes this, the harness included.
+    """Identifies the evaluator by its sources: any source that can change a result changes it, the harness included.
 
     `simulator` names the sources of the simulator that the cases run on.
     """

@@ -1,4 +1,6 @@
-"""Runs cases under several configurations: what is kept is not run again, and every finished case is kept at once."""
+"""Runs cases under several configurations. Stored cases are not run again, and every finished case is stored at
+once.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
@@ -15,7 +17,7 @@ BATCH = 40
 
 
 class RunProgress(Value):
-    """How far a run is. `bad` cases have no measurement; `kept` were there before it began."""
+    """The progress of a run. `bad` cases have no measurement; `kept` were stored before it began."""
 
     done: int
     of: int
@@ -27,7 +29,7 @@ Watch = Callable[[RunProgress], None]
 
 
 def unwatched(advance: RunProgress) -> None:
-    """Nobody looks."""
+    """Reports progress to nobody."""
 
 
 def measured(

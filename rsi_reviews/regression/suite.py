@@ -1,4 +1,4 @@
-"""Suites as they ship and grow: versioned YAML, registered by digest, append-only (R158)."""
+"""Reads and extends regression suites: versioned YAML, registered by digest, append-only (R158)."""
 
 from importlib.resources import files
 from importlib.resources.abc import Traversable
@@ -36,7 +36,9 @@ def shipped(name: str) -> Suite:
 
 
 def newest(folder: Traversable, name: str) -> Suite:
-    """The newest registered version in a folder, after every version was read, matched and found grown."""
+    """The newest registered version in a folder, after every version was read, its digest checked and its
+    growth confirmed.
+    """
     register = read_yaml(folder.joinpath(REGISTER).read_text(encoding="utf-8"), Register, where=REGISTER)
     lines = sorted((one for one in register.versions if one.name == name), key=lambda one: one.version)
     if not lines:
@@ -65,19 +67,19 @@ def check_grown(older: Suite, newer: Suite) -> None:
 
 
 def grown(suite: Suite, *additions: CaseGroup) -> Suite:
-    """The next version: every case there was, and what a person adds (a disputed mission, a new fault)."""
+    """The next version: every existing case, and what a person adds (a disputed mission, a new fault)."""
     newer = msgspec.structs.replace(suite, version=suite.version + 1, groups=(*suite.groups, *additions))
     check_grown(suite, newer)
     return newer
 
 
 def written(suite: Suite) -> str:
-    """A suite as the YAML that reads back to the same digest."""
+    """A suite as YAML that reads back to the same digest."""
     return yaml.safe_dump(msgspec.to_builtins(suite), sort_keys=False, allow_unicode=True, width=120)
 
 
 def file_name(suite: Suite) -> str:
-    """Where a version of a suite lies in its folder."""
+    """The file name of a suite's version in its folder."""
     return f"{suite.name}-{suite.version}.yaml"
 
 

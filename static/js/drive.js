@@ -22,7 +22,7 @@ function begin(pad) {
         method: "POST", keepalive: true, headers: { "Content-Type": "application/json" },
         body: JSON.stringify({ session: pad.dataset.session, v_mps: v, w_radps: w }), signal: AbortSignal.timeout(1500),
       });
-      if (!answer.ok) { halt(tr("The robot does not take it: take the wheel again.")); pad.querySelector("[data-again]").hidden = false; return; }
+      if (!answer.ok) { halt(tr("The robot does not accept the command: take control again.")); pad.querySelector("[data-again]").hidden = false; return; }
       const report = await answer.json();
       if (!held && again) return;
       say(report.reason || (report.status === "driving" ? tr("driving, {speed} m/s", { speed: report.v_mps.toFixed(2) }) : report.status));

@@ -89,7 +89,7 @@ function shown() {
 // What was told together with an earlier change, and how often the link was lost: everything was read again each time.
 function counted(event) {
   if (event) { alive(); together = Number(event.data); }
-  const said = [together && tr("changes joined: {count}", { count: together }), losses && tr("link losses: {count}", { count: losses })];
+  const said = [together && tr("merged updates: {count}", { count: together }), losses && tr("reconnects: {count}", { count: losses })];
   if (drops) drops.textContent = said.filter(Boolean).join(" · ");
 }
 

@@ -14,7 +14,7 @@ document.addEventListener("click", (event) => { if (event.target.closest?.("[dat
 function call() {
   localStorage.setItem("call", called() ? "off" : "on");
   pressed();
-  say(called() ? tr("A tone and the title will tell of a new question.") : tr("New questions come without a tone."));
+  say(called() ? tr("A chime and the page title will announce a new handoff.") : tr("New questions come without a tone."));
   if (called()) tone();
 }
 

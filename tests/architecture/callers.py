@@ -1,4 +1,4 @@
-"""Who touches a port's guarded methods: by the name of the receiver, and by what it is annotated with."""
+"""Finds code that uses a port's guarded methods, by the receiver's name and by its annotated type."""
 
 import ast
 import re
@@ -10,7 +10,7 @@ from tests.architecture.sources import Module, functions
 
 @dataclass(frozen=True)
 class Guard:
-    """Methods of a port that few may call; the receiver shows by its name or by its annotated type."""
+    """Methods of a port that few modules may call; the receiver is recognised by its name or its annotated type."""
 
     methods: frozenset[str]
     receiver: re.Pattern[str]
@@ -32,7 +32,7 @@ PROVIDER = Guard(
 
 
 def touches(module: Module, guard: Guard) -> Iterator[tuple[int, str]]:
-    """(line, text) of every use of a guarded method, called or only passed on."""
+    """(line, text) of every use of a guarded method, called or passed on as a value."""
     typed = frozenset(_typed_names(module.tree, guard.types))
     for node in ast.walk(module.tree):
         if isinstance(node, ast.Attribute) and node.attr in guard.methods and isinstance(node.ctx, ast.Load):
@@ -71,7 +71,7 @@ def _mentions(annotation: ast.expr | None, types: frozenset[str]) -> bool:
 
 
 def _is_collection(annotation: ast.expr) -> bool:
-    """A dict or a sequence of ports is not itself a port; what is taken out of it shows by name or by loop."""
+    """A dict or a sequence of ports is not itself a port; an element is recognised by its name or by the loop."""
     return isinstance(annotation, ast.Subscript) and ast.unparse(annotation.value) != "Annotated"
 
 

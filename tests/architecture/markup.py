@@ -1,4 +1,4 @@
-"""Templates as text: their tags, the addresses in them, and what they must not contain."""
+"""Reads templates as text: their tags, the addresses in them, and constructs they must not contain."""
 
 import re
 from collections.abc import Iterator
@@ -25,7 +25,7 @@ _ATTRIBUTE = re.compile(r"""([\w:-]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""", re.DOTAL
 
 @dataclass(frozen=True)
 class Address:
-    """One address a template sends people or htmx to: HOLE stands for a value that is only known later."""
+    """One address that a link, a form or htmx uses; HOLE stands for a value known only at run time."""
 
     method: str
     url: str
@@ -44,7 +44,7 @@ def template_texts() -> dict[str, str]:
 
 
 def uncommented(text: str) -> str:
-    """Jinja comments and HTML comments taken out."""
+    """The text without Jinja comments and HTML comments."""
     return re.sub(r"\{#.*?#\}|<!--.*?-->", "", text, flags=re.DOTALL)
 
 
@@ -87,5 +87,7 @@ def _tags(text: str) -> Iterator[tuple[str, dict[str, str]]]:
 
 
 def _holed(text: str) -> str:
-    """Values become holes, statements vanish, so that quotes and angles inside them do no harm."""
+    """The text with values replaced by holes and statements removed, so that quotes and angle brackets in them
+    do no harm.
+    """
     return re.sub(r"\{%.*?%\}", " ", re.sub(r"\{\{.*?\}\}", HOLE, text, flags=re.DOTALL), flags=re.DOTALL)

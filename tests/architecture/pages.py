@@ -1,4 +1,4 @@
-"""What templates read against what page classes offer: types are followed through loops, includes and macros."""
+"""Compares what templates read with what page classes offer; types are followed through loops, includes and macros."""
 
 import dataclasses
 import inspect
@@ -18,7 +18,7 @@ NAMES_AS_TEXT = frozenset({"selectattr", "rejectattr", "map", "sort", "groupby",
 
 @dataclass
 class Reading:
-    """What templates were seen to read: fields of known classes, names on unknown ones, and reads of nothing."""
+    """What templates read: fields of known classes, names on unknown ones, and fields that do not exist."""
 
     environment: jinja2.Environment
     fields: set[tuple[type, str]] = field(default_factory=set)
@@ -99,7 +99,7 @@ def item_of(kind: object) -> object:
 
 
 class _Walk:
-    """One template's body with its variables."""
+    """Walks one template's body with its variables."""
 
     def __init__(self, reading: Reading, name: str, scope: Scope) -> None:
         self.reading, self.name, self.scope = reading, name, dict(scope)
@@ -130,7 +130,7 @@ class _Walk:
                 self.all(list(node.iter_child_nodes()))
 
     def kind(self, node: nodes.Node) -> object:
-        """The type of an expression, and everything read on the way."""
+        """The type of an expression; records everything read on the way."""
         match node:
             case nodes.Name():
                 return self.scope.get(node.name)

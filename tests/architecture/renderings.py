@@ -1,4 +1,4 @@
-"""Where the console renders which template, and of what class its page is: by the annotations of what makes it."""
+"""Finds where the console renders which template, and the class of its page, by annotations."""
 
 import ast
 import importlib
@@ -13,7 +13,9 @@ from tests.architecture.sources import Function, Module, functions
 
 @dataclass(frozen=True)
 class Rendering:
-    """One `render("x.html", page)`: where, which template, and the class of the page, None if it cannot be seen."""
+    """One `render("x.html", page)`: the position, the template, and the page's class, None if it cannot be
+    determined.
+    """
 
     where: str
     template: str
@@ -40,7 +42,7 @@ def _given(call: ast.Call) -> tuple[str, ast.expr | None]:
 
 
 class _Names:
-    """What the names inside one function are, as far as annotations tell."""
+    """The types of the names inside one function, as far as annotations give them."""
 
     def __init__(self, module: types.ModuleType, function: Function) -> None:
         self.module, self.function = module, function

@@ -1,4 +1,4 @@
-"""The project's own sources as text and syntax trees: what the architecture tests read."""
+"""Reads the project's own sources as text and syntax trees for the architecture tests."""
 
 import ast
 import subprocess
@@ -33,7 +33,7 @@ class Module:
 
 
 def module(path: str, text: str) -> Module:
-    """A module from text: real, or made up to see a check fail."""
+    """A module from text: a real one, or one made up to see a check fail."""
     return Module(path=path, text=text, tree=ast.parse(text))
 
 
@@ -77,5 +77,5 @@ def imports(tree: ast.AST) -> Iterator[tuple[int, str]]:
 
 
 def under(name: str, package: str) -> bool:
-    """Whether a dotted name is the package or lies in it."""
+    """Whether a dotted name is the package or is inside it."""
     return name == package or name.startswith(f"{package}.")

@@ -1,4 +1,6 @@
-"""How tests are collected: missions on real physics are counted, cheap folders run first, campaigns are marked."""
+"""Checks how tests are collected: missions on real physics are counted, cheap folders run first, campaigns are
+marked.
+"""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,7 +13,7 @@ from tests.conftest import MUJOCO_MISSIONS, ROOT, mujoco_missions, pytest_collec
 
 @dataclass
 class Collected:
-    """As much of a collected test as the hooks read."""
+    """The part of a collected test that the hooks read."""
 
     path: Path
     marks: list[pytest.Mark] = field(default_factory=list)
@@ -30,7 +32,7 @@ class Collected:
 
 
 def in_folder(folder: str, *marks: pytest.MarkDecorator, fixtures: tuple[str, ...] = ()) -> pytest.Item:
-    """A test that stands in a folder under tests/."""
+    """A test in a folder under tests/."""
     found = [mark.mark for mark in marks]
     return cast(pytest.Item, Collected(ROOT / "tests" / folder / "test_x.py", found, fixtures))
 

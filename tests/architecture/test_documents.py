@@ -1,4 +1,4 @@
-"""What the documents promise is there: the files they link to, the make targets they name."""
+"""Checks that what the documents refer to exists: linked files and make targets."""
 
 import re
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ def dead_links(path: str, text: str) -> list[str]:
 
 
 def targets() -> set[str]:
-    """Targets of the Makefile that say what they do."""
+    """Targets of the Makefile that have a description."""
     return set(re.findall(r"^([a-z-]+):.*##", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
 
 

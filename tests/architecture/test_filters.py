@@ -1,4 +1,4 @@
-"""Filters on items: each is used by a template, so that none outlives what it was made for."""
+"""Checks that every template filter on items is used by a template."""
 
 import re
 

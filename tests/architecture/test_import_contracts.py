@@ -1,4 +1,4 @@
-"""The import contracts of pyproject.toml hold, and each of them catches a planted violation."""
+"""Checks that the import contracts of pyproject.toml hold, and that each of them catches a planted violation."""
 
 import os
 import re

@@ -1,4 +1,4 @@
-"""What the repository carries: nothing of the machine it was written on, nothing large, locks without an index."""
+"""Checks the files of the repository: no path of a development machine, no large file, no index address in a lock."""
 
 import re
 import subprocess
@@ -18,7 +18,7 @@ PUBLIC = frozenset({"localhost", "127.0.0.1", "pypi.org", "github.com", "registr
 
 
 def texts() -> Iterator[tuple[str, str]]:
-    """(path, text) of every kept file that is text and not a third party's."""
+    """(path, text) of every tracked file that is text and not a third party's."""
     for path in kept_files():
         if "/vendor/" not in path:
             body = (ROOT / path).read_bytes()

@@ -1,4 +1,4 @@
-"""Layers: what a package may import directly, beside the import contracts that follow whole chains."""
+"""Checks what each package may import directly, beside the import contracts that follow whole chains."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ LOCKED_IN_THE_GATE = ("harness.gate.commit", "harness.gate.aggregate_cache", "ha
 
 @dataclass(frozen=True)
 class ImportRule:
-    """Modules under `package` may not import anything under `never`, save what lies under `save`."""
+    """Modules under `package` may not import anything under `never`, except what is under `save`."""
 
     package: str
     never: tuple[str, ...]
@@ -77,7 +77,7 @@ IMPORT_RULES = (
 
 
 def breaches(source: Module, rules: tuple[ImportRule, ...] = IMPORT_RULES) -> Iterator[str]:
-    """Every direct import that goes against a rule."""
+    """Every direct import that violates a rule."""
     for rule in rules:
         if not under(source.name, rule.package) or any(under(source.name, package) for package in rule.exempt):
             continue

@@ -1,4 +1,6 @@
-"""The ledger and its tools: all rows are there, a false mark is found, a mutation really breaks what it names."""
+"""Tests the requirements ledger and its tools: every row is there, a false mark is found, a mutation breaks
+what it names.
+"""
 
 from collections import Counter
 from pathlib import Path
@@ -59,7 +61,7 @@ def test_a_symbol_may_be_a_method(tmp_path: Path) -> None:
 
 
 def answer(operator: str, value: int | None, *, strict: bool = True) -> object:
-    """What `within(value, 10)` says after the operator."""
+    """The result of `within(value, 10)` after the operator."""
     source = mutated(SOURCE, qualname="within", operator=operator)
     assert source is not None
     names: dict[str, object] = {}

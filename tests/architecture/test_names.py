@@ -1,4 +1,4 @@
-"""Names: a class has one name in the project, and names that were given up for the field's terms do not come back."""
+"""Checks names: a class name is unique in the project, and retired names do not come back."""
 
 import ast
 import io
@@ -79,7 +79,7 @@ def classes(text: str) -> Iterator[str]:
 
 
 def repeated(texts: dict[str, str]) -> dict[str, list[str]]:
-    """Class names that stand in more than one place, each with its modules."""
+    """Class names that occur more than once, each with its modules."""
     found: defaultdict[str, list[str]] = defaultdict(list)
     for path, text in texts.items():
         for name in classes(text):
@@ -88,7 +88,7 @@ def repeated(texts: dict[str, str]) -> dict[str, list[str]]:
 
 
 def retired(text: str) -> set[str]:
-    """Identifiers of a module that were given up, the parts of its own name included."""
+    """Retired identifiers in a module, the parts of its own name included."""
     names = {
         token.string for token in tokenize.generate_tokens(io.StringIO(text).readline) if token.type == tokenize.NAME
     }

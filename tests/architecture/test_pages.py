@@ -1,4 +1,4 @@
-"""Page classes and templates agree both ways: nothing read that is not offered, nothing offered that nobody reads."""
+"""Checks that page classes and templates agree: no template reads a missing field, and no field is unread."""
 
 import inspect
 import re
@@ -87,10 +87,10 @@ def show(desk: Desk):
 
 
 class Desk:
-    """What a handler of the example above is given."""
+    """The parameter of a handler in the example above."""
 
     def best(self) -> Row:
-        """A page that is a row."""
+        """A row that the page exposes as a property."""
         return Row(name="", age_s=0.0)
 
 

@@ -1,4 +1,4 @@
-"""Every module of the product is reached from an entry point of the product: what only tests reach is no product."""
+"""Checks that every module of the product is reachable from an entry point of the product, not from tests alone."""
 
 import ast
 import re
@@ -15,8 +15,9 @@ ALEMBIC = "harness.adapters.stores.migrations"
 
 
 def named_in(source: Module, known: frozenset[str]) -> Iterator[str]:
-    """Modules that a module names instead of importing: `-m package`, `import_module("..."), "module:attribute"` in a
-    table of commands, and the file of a child process."""
+    """Modules that a module names instead of importing: `-m package`, `import_module("...")`, "module:attribute" in a
+    table of commands, and the file of a child process.
+    """
     prefixes = ("", *(f"{found}." for found in re.findall(r'f"([\w.]+)\.\{', source.text)))
     siblings = source.name.rpartition(".")[0]
     for node in ast.walk(source.tree):
@@ -29,7 +30,7 @@ def named_in(source: Module, known: frozenset[str]) -> Iterator[str]:
 
 
 def unreached(graph: grimp.ImportGraph, sources: Iterable[Module], entries: Iterable[str]) -> list[str]:
-    """Modules that no chain of imports and names joins to an entry point. Packages that are empty do not count."""
+    """Modules that no chain of imports and names connects to an entry point. Empty packages do not count."""
     by_name = {source.name: source for source in sources}
     known = frozenset(by_name)
     reached, waiting = set[str](), list(entries)
@@ -46,7 +47,7 @@ def unreached(graph: grimp.ImportGraph, sources: Iterable[Module], entries: Iter
 
 
 def entry_points() -> list[str]:
-    """What an installed product can be started by: the scripts of pyproject.toml."""
+    """How an installed product can be started: the scripts of pyproject.toml."""
     scripts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["scripts"]
     return [target.partition(":")[0] for target in scripts.values()]
 

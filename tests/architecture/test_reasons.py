@@ -1,4 +1,6 @@
-"""Every reason that the code gives has a sentence, every sentence a reason, and its holes are the facts given."""
+"""Checks that every reason in the code has a sentence, that every sentence has a reason, and that its holes are the
+facts given.
+"""
 
 import ast
 from collections.abc import Iterator
@@ -16,7 +18,9 @@ MAKERS = {"because": 0, "refused": 0, "_refusal": 4}
 
 
 def given() -> Iterator[tuple[str, frozenset[str] | None, str]]:
-    """(code, names of its facts, where) of every reason that the sources make; None where a dict is handed on."""
+    """(code, names of its facts, position) of every reason in the sources; None for the names where a dict is
+    passed on.
+    """
     for path in sorted(path for part in SPEAKERS for path in (ROOT / part).rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and _makes_code(node, node.func.id):
@@ -28,7 +32,9 @@ def given() -> Iterator[tuple[str, frozenset[str] | None, str]]:
 
 
 def _makes_code(call: ast.Call, name: str) -> bool:
-    """A refusal with a reason of its own has its code there; what the web's middleware calls `refused` has a scope."""
+    """Whether the call creates a code: a refusal with its own reason does; `refused` in the web's middleware
+    has a scope.
+    """
     if name not in MAKERS or len(call.args) <= MAKERS[name]:
         return False
     return name != "refused" or (len(call.args) == 1 and ast.unparse(call.args[0]) != "scope")

@@ -1,4 +1,6 @@
-"""One table of the mission page's regions: a new one is one line of it, a template and what the template reads."""
+"""Checks that the mission page's regions are one table: a new one needs one line, a template and what the
+template reads.
+"""
 
 import re
 
@@ -13,7 +15,7 @@ MANY = 4
 
 
 def listed(text: str) -> set[str]:
-    """Names of regions that stand as text of their own: quoted, or between the bars of a pattern."""
+    """Names of regions that occur as text elsewhere: quoted, or between the bars of a pattern."""
     return {name for name in REGIONS if re.search(rf"""["'|(]{name}["'|)]""", text)}
 
 

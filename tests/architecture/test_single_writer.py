@@ -1,4 +1,4 @@
-"""One writer, one dispatcher: only the gate appends, only the supervisor commands a provider."""
+"""Checks that only the gate appends to the log and only the supervisor commands a provider."""
 
 import pytest
 

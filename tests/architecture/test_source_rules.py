@@ -1,4 +1,4 @@
-"""Rules of style that a reader would stumble over where they are broken: names, sizes, first sentences, imports."""
+"""Checks rules of style over the sources: names, module docstrings, imports, unfinished work."""
 
 import ast
 import re
@@ -14,19 +14,19 @@ BANNED_VERBS = frozenset({"handle", "process"})
 
 
 def unopened(source: Module) -> Iterator[str]:
-    """A module without a docstring."""
+    """Reports a module without a docstring."""
     if not source.is_init and not ast.get_docstring(source.tree):
         yield "opens without a sentence that says what the module is for"
 
 
 def furnished(source: Module) -> Iterator[str]:
-    """An __init__ that is not empty."""
+    """Reports an __init__ that is not empty."""
     if source.is_init and source.text.strip():
         yield "is not empty"
 
 
 def hidden_imports(source: Module) -> Iterator[str]:
-    """An import inside a function or a class, a relative or star import, or one behind TYPE_CHECKING."""
+    """Reports an import inside a function or a class, a relative or star import, or one behind TYPE_CHECKING."""
     top = {id(node) for node in source.tree.body}
     for node in ast.walk(source.tree):
         if isinstance(node, ast.Import | ast.ImportFrom):
@@ -39,7 +39,7 @@ def hidden_imports(source: Module) -> Iterator[str]:
 
 
 def banned_names(source: Module) -> Iterator[str]:
-    """A file, class or function whose name says nothing."""
+    """Reports a file, class or function with a banned name."""
     named = [(source.path.rpartition("/")[2].removesuffix(".py"), 1)]
     named += [(node.name, node.lineno) for node in ast.walk(source.tree) if isinstance(node, ast.ClassDef)]
     named += [(node.name, node.lineno) for node in functions(source.tree)]
@@ -56,12 +56,12 @@ def banned_names(source: Module) -> Iterator[str]:
 
 
 def _overrides(kind: ast.AST) -> list[ast.stmt]:
-    """Methods of a class with bases: their names may be given by a library."""
+    """Methods of a class with bases: a library may give their names."""
     return kind.body if isinstance(kind, ast.ClassDef) and kind.bases else []
 
 
 def doubts(source: Module) -> Iterator[str]:
-    """Unfinished work left in the code."""
+    """Reports unfinished work left in the code."""
     for number, line in enumerate(source.text.splitlines(), start=1):
         if re.search(r"\b(TODO|FIXME|XXX|HACK)\b|NotImplementedError", line):
             yield f"line {number}: unfinished: {line.strip()}"

@@ -1,4 +1,6 @@
-"""Templates: they compile, escape, carry nothing inline, and every address in them leads to a route or a file."""
+"""Checks templates: they compile, escape, contain nothing inline, and every address in them leads to a route or
+a file.
+"""
 
 import ast
 import importlib
@@ -14,7 +16,7 @@ from tests.architecture.sources import ROOT, modules
 
 
 def environment() -> jinja2.Environment:
-    """The console's own."""
+    """The console's own template environment."""
     found = importlib.import_module("app.web.rendering").TEMPLATES
     assert isinstance(found, jinja2.Environment)
     return found

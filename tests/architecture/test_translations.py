@@ -1,4 +1,6 @@
-"""Every message is said in every language: nothing missing, nothing stale, holes kept, one translation per term."""
+"""Checks that every message is translated into every language: none missing or stale, holes kept, one translation per
+term.
+"""
 
 import ast
 import re
@@ -55,7 +57,7 @@ def test_a_term_of_the_paper_has_one_translation(locale: str, domain: str) -> No
 
 
 def glued(source: str) -> list[int]:
-    """Lines where words and holes become a text that no catalogue can know: not handed to `lazy_gettext`."""
+    """Lines where words and holes are joined to a text that no catalogue has: not passed to `lazy_gettext`."""
     tree = ast.parse(source)
     fine: set[int] = set()
     for node in ast.walk(tree):
@@ -73,7 +75,7 @@ def glued(source: str) -> list[int]:
 
 
 def _words(part: ast.expr) -> str:
-    """The text of a part that a person would read: no address, no markup."""
+    """The text of a part that a person reads: no address, no markup."""
     text = str(part.value) if isinstance(part, ast.Constant) else ""
     return "" if re.search(r"[/=&#<]", text) else text
 
@@ -92,7 +94,7 @@ INTERNAL = {"a canary has a manifest"}
 
 
 def unmarked(source: str) -> list[str]:
-    """Words of a template that a person reads and no catalogue knows."""
+    """Words of a template that a person reads and no catalogue has."""
     bare = re.sub(r"\{\{.*?\}\}|\{%.*?%\}|\{#.*?#\}", "", MARKED.sub("", source), flags=re.DOTALL)
     attributes = [value for tag in re.findall(r"<[a-zA-Z][^<>]*>", bare) for value in SHOWN.findall(tag)]
     texts = re.split(r"<!--.*?-->|<!?/?[a-zA-Z][^<>]*>", VERBATIM.sub("", bare), flags=re.DOTALL)
@@ -101,7 +103,7 @@ def unmarked(source: str) -> list[str]:
 
 
 def unmarked_constants(source: str) -> list[str]:
-    """Sentences in a view that are neither handed to `lazy_gettext` nor marked with `N_`."""
+    """Sentences in a view that are neither passed to `lazy_gettext` nor marked with `N_`."""
     tree = ast.parse(source)
     fine = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in ast.walk(node)}
     fine |= {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}

@@ -115,8 +115,8 @@ def too_wide(served: Serving, page: Page, paths: list[str]) -> list[str]:
 def named(served: Serving, bench: Bench) -> dict[str, str]:
     """What addresses name: missions, a handoff, and a candidate in every state that has a page of its own."""
     now = bench.current(routed())
-    current = bench.desk.candidate(now).configuration
-    stated = {"component": "routing", "baseline": bench.desk.current(), "rollback": bench.desk.current()}
+    current = bench.releases.candidate(now).configuration
+    stated = {"component": "routing", "baseline": bench.releases.current(), "rollback": bench.releases.current()}
     made = [
         candidate(replace(current, routing=replace(current.routing, history=share)), **stated)
         for share in (0.8, 0.7, 0.3)
@@ -136,8 +136,8 @@ def test_no_page_of_the_console_speaks_english_to_a_chinese_reader_or_is_too_wid
 ) -> None:
     console_watch.expect(f"{VIEWER}|404")
     with serving(finished=True, waits=False) as served:
-        desk = ReleaseService(served.asked.runtime, judge=partial(accepted, predicate=PREDICATE))
-        names = named(served, Bench(harness=served.asked.harness, desk=desk))
+        releases = ReleaseService(served.asked.runtime, judge=partial(accepted, predicate=PREDICATE))
+        names = named(served, Bench(harness=served.asked.harness, releases=releases))
         page = open_page()
         page.set_extra_http_headers(CHINESE)
         served.enter(page)

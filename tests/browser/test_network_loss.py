@@ -64,7 +64,7 @@ def test_a_lost_link_is_said_within_two_seconds_and_buttons_rest_until_it_is_bac
     page.wait_for_selector(LIVE)
     expect(page.locator("#reject")).to_be_enabled()
     expect(page.locator("[data-stale]")).to_have_count(0)
-    expect(page.locator("#drops")).to_contain_text("link losses: 1")
+    expect(page.locator("#drops")).to_contain_text("reconnects: 1")
     assert at(page, "#reject") == before
     assert page.locator("#reason").input_value() == "somebody stands there"
 

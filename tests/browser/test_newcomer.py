@@ -42,7 +42,7 @@ def served() -> Iterator[Served]:
             accounts=open_accounts(settings),
             answer=made.supervisor.answer,
             fleet=fleet,
-            wheel=made.harness.wheel,
+            teleoperation=made.harness.teleoperation,
         )
         server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1))
         thread = Thread(target=server.run, kwargs={"sockets": [listener]})
@@ -76,11 +76,11 @@ def test_a_newcomer_takes_a_robot_over_keeps_it_while_driving_and_hands_it_back(
     claim = asked.handoff.claim
     assert claim is not None
     asked.turn_to(opened_s)
-    expect(page.get_by_role("button", name="Take the wheel")).to_be_in_viewport()
-    page.get_by_role("button", name="Take the wheel").click()
+    expect(page.get_by_role("button", name="Take control")).to_be_in_viewport()
+    page.get_by_role("button", name="Take control").click()
     expect(page.get_by_role("heading", name="Hold to run, let go to stop")).to_be_visible()
     expect(page.locator(".callout").first).to_contain_text("Its deadline is paused")
-    expect(page.get_by_role("button", name="Return the wheel and go to the question")).to_be_in_viewport()
+    expect(page.get_by_role("button", name="Release control and go to the handoff")).to_be_in_viewport()
     take_picture(page, "newcomer-pad")
     page.get_by_role("button", name="Ahead").focus()
     page.keyboard.down("ArrowUp")
@@ -96,7 +96,7 @@ def test_a_newcomer_takes_a_robot_over_keeps_it_while_driving_and_hands_it_back(
     comes_true(page, driving, "a robot that drives")
     page.keyboard.up("ArrowUp")
     comes_true(page, lambda: _until_s(asked) > claim.until_at_s, "a claim that is kept while its holder drives")
-    page.get_by_role("button", name="Return the wheel and go to the question").click()
+    page.get_by_role("button", name="Release control and go to the handoff").click()
     page.wait_for_url(served.question)
     page.get_by_label("What you did").fill("drove it past the pallet")
     with page.expect_navigation():

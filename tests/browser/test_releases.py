@@ -82,8 +82,8 @@ def served(open_page: OpenPage) -> Iterator[Served]:
         server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1))
         thread = Thread(target=server.run, kwargs={"sockets": [listener]})
         thread.start()
-        desk = ReleaseService(harness.runtime, judge=partial(accepted, predicate=PREDICATE))
-        found = Served(f"http://127.0.0.1:{port}", Bench(harness=harness, desk=desk), open_page)
+        releases = ReleaseService(harness.runtime, judge=partial(accepted, predicate=PREDICATE))
+        found = Served(f"http://127.0.0.1:{port}", Bench(harness=harness, releases=releases), open_page)
         try:
             yield found
         finally:
@@ -108,7 +108,7 @@ def hold(page: Page, word: str, reason: str) -> None:
 
 def test_from_a_proposal_to_a_release_and_back_again(served: Served, take_picture: TakePicture) -> None:
     bench = served.bench
-    shipped = bench.desk.current()
+    shipped = bench.releases.current()
     author = served.enter("lea", "/candidates/new")
     author.locator('textarea[name="reason"]').fill("History tells who fails here")
     author.locator('input[name="intended_effect"]').fill("Choose who did better before")
@@ -118,10 +118,10 @@ def test_from_a_proposal_to_a_release_and_back_again(served: Served, take_pictur
     author.locator("#propose").click()
     expect(author.locator("h1")).to_have_text("Choose who did better before")
     name = author.url.rpartition("/")[2]
-    made = bench.desk.candidate(name)
-    taken(bench.desk.begin(terms_of(made), say(LAUNCHER)))
+    made = bench.releases.candidate(name)
+    taken(bench.releases.begin(terms_of(made), say(LAUNCHER)))
     expect(author.locator(".head .pill")).to_have_text("evaluating")
-    taken(bench.desk.submit_results(evaluation(made), say(LAUNCHER)))
+    taken(bench.releases.submit_results(evaluation(made), say(LAUNCHER)))
     expect(author.locator(".head .pill")).to_have_text("accepted")
     author.locator("#reason").fill("every clause passes")
     author.locator("#submit").click()
@@ -150,7 +150,7 @@ def test_from_a_proposal_to_a_release_and_back_again(served: Served, take_pictur
     releaser.locator("#reason").fill("slower than before")
     releaser.locator("#rollback").click()
     expect(releaser.locator(".head .pill").first).to_have_text("rolled back")
-    assert bench.desk.current() == shipped
+    assert bench.releases.current() == shipped
     reviewer.goto(served.address + "/releases")
     expect(reviewer.locator("#now")).to_contain_text("quarantined")
 
@@ -183,16 +183,16 @@ def test_a_cycle_that_moves_on_under_a_reader_turns_the_buttons_off(served: Serv
     name = served.bench.in_review(candidate())
     page = served.enter("rob", f"/candidates/{name}")
     page.locator("#reason").fill("half a sen")
-    desk = served.bench.desk
-    taken(desk.recall(name, say(LAUNCHER)))
-    taken(desk.submit(name, say(LAUNCHER)))
+    releases = served.bench.releases
+    taken(releases.recall(name, say(LAUNCHER)))
+    taken(releases.submit(name, say(LAUNCHER)))
     expect(page.locator("#words [data-changed]")).to_be_visible()
     expect(page.locator("#approve")).to_be_disabled()
     expect(page.locator("#reason")).to_have_value("half a sen")
 
 
 def test_a_canary_that_fails_goes_back_by_itself(served: Served) -> None:
-    shipped = served.bench.desk.current()
+    shipped = served.bench.releases.current()
     name = served.bench.in_canary(routed())
     page = served.enter("ria", f"/candidates/{name}")
     served.bench.mission()
@@ -202,7 +202,7 @@ def test_a_canary_that_fails_goes_back_by_itself(served: Served) -> None:
     form.get_by_role("button").click()
     expect(page.locator(".head .pill").first).to_have_text("rolled back")
     expect(page.locator("#canary")).to_contain_text("it never reached the shelf")
-    assert served.bench.desk.current() == shipped
+    assert served.bench.releases.current() == shipped
 
 
 def test_one_person_alone_needs_the_single_operator_policy(served: Served) -> None:

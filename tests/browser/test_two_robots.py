@@ -24,7 +24,7 @@ def take_the_wheel(page: Page, address: str) -> None:
     page.goto(f"{address}/robots/vbot-1/drive")
     page.get_by_label("Device").fill("tablet")
     page.get_by_label("Why").fill("out of the way")
-    page.get_by_role("button", name="Take the wheel").click()
+    page.get_by_role("button", name="Take control").click()
     expect(page.get_by_role("heading", name="Hold to run, let go to stop")).to_be_visible()
     expect(page.locator("body")).to_have_attribute("data-link", "live")
 
@@ -65,7 +65,7 @@ def test_letting_go_leaving_the_page_and_a_lost_link_each_stop_the_robot(
     expect(word).to_contain_text("The link is lost")
     page.keyboard.up("ArrowUp")
     page.context.set_offline(False)
-    page.get_by_role("button", name="Return the wheel").click()
+    page.get_by_role("button", name="Release control").click()
     expect(page.locator("#robot")).to_contain_text("standing")
     expect(page.locator("#robot")).to_contain_text("In control: nobody")
 

@@ -1,4 +1,4 @@
-"""A real console over a real runtime in virtual time, and browsers that are or are not signed in."""
+"""Builds a real console over a real runtime in virtual time, and browsers with or without a session."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -44,7 +44,7 @@ class Stand:
         return TestClient(self.app, base_url=BASE, follow_redirects=False)
 
     def operator(self) -> TestClient:
-        """A browser that used a sign-in link; sends what a browser sends from the console's own pages."""
+        """A browser that used a sign-in link; it sends the headers of the console's own pages."""
         client = TestClient(self.app, base_url=BASE, follow_redirects=False, headers=OWN)
         assert client.get(self.app.state.sessions.invite()).status_code == 200
         return client
@@ -115,7 +115,7 @@ def console_stand(*, seed: int = 1, settings: ConsoleSettings | None = None) -> 
                     answer=harness.supervisor.answer,
                     starts=harness.starts,
                     fleet=Fleet(harness.robots, harness.cameras, lambda: harness.clock.now().wall_s),
-                    wheel=harness.wheel,
+                    teleoperation=harness.teleoperation,
                 ),
             )
         finally:

@@ -1,4 +1,4 @@
-"""Stands between a client and a PostgreSQL server, and cuts their connection when it hears COMMIT."""
+"""Provides a proxy between a client and a PostgreSQL server that cuts their connection at a COMMIT."""
 
 import re
 import socket
@@ -12,9 +12,9 @@ _SOCKET = ".s.PGSQL.5432"
 
 
 class Eavesdropper:
-    """Listens in `folder` for the server in `server`; the first COMMIT ends that connection, later ones go through.
+    """Listens in `folder` for the server in `server`; the first COMMIT ends that connection, later ones pass.
 
-    `answered`: the server still hears that COMMIT and carries it out. Otherwise it never arrives.
+    `answered`: the server still receives that COMMIT and executes it. Otherwise it never arrives.
     """
 
     def __init__(self, folder: Path, server: Path, *, answered: bool) -> None:
@@ -81,7 +81,7 @@ def _received(end: socket.socket) -> bytes:
 
 @contextmanager
 def overheard(url: str, *, answered: bool) -> Iterator[str]:
-    """The address of the same database, by way of an eavesdropper that must have struck when the block ends."""
+    """The address of the same database through a proxy, which must have cut a connection when the block ends."""
     database, _, host = url.partition("?host=")
     with tempfile.TemporaryDirectory(prefix="regen-cut-", dir="/tmp") as folder:
         eavesdropper = Eavesdropper(Path(folder), Path(host), answered=answered)

@@ -1,4 +1,4 @@
-"""Evaluations whose results are written down, so that a test can say exactly what a candidate did."""
+"""Builds evaluations with given results, so that a test can state exactly what a candidate did."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -37,7 +37,7 @@ def patient(wait_s: float = 60.0) -> Configuration:
 
 
 def manifest(**given: Any) -> Manifest:
-    """Recovery cost is to fall by at least 0.1 per mission."""
+    """A manifest by which recovery cost is to fall by at least 0.1 per mission."""
     stated = Manifest(
         component="recovery",
         reason="Leases of others end after half a minute",
@@ -60,7 +60,7 @@ def candidate(configuration: Configuration | None = None, **given: Any) -> Candi
 
 @lru_cache(maxsize=8)
 def suite(name: str, per_family: int, first_seed: int = 0) -> Suite:
-    """Five families with so many seeds each."""
+    """Five families with this many seeds each."""
     groups = tuple(
         CaseGroup(situation=Situation(family=family, template="circuit"), first_seed=first_seed, seeds=per_family)
         for family in FAMILIES
@@ -74,18 +74,18 @@ def cases(name: str, per_family: int, first_seed: int = 0) -> tuple[Case, ...]:
 
 
 def quietly(case: Case) -> Numbers:
-    """Every second mission costs one recovery step."""
+    """Results in which every second mission costs one recovery step."""
     return {"recovery_cost": float(case.seed % 2)}
 
 
 def thriftily(case: Case) -> Numbers:
-    """No mission costs anything."""
+    """Results in which no mission costs anything."""
     return {"recovery_cost": 0.0}
 
 
 @dataclass(frozen=True)
 class Story:
-    """What both configurations did in every case, and what is wrong with the evaluation."""
+    """The results of both configurations in every case, and what is wrong with the evaluation."""
 
     before: Told = quietly
     after: Told = thriftily
@@ -97,7 +97,9 @@ class Story:
 
 
 def evaluation(story: Story) -> Evaluation:
-    """Complete and sound unless the story says otherwise; 20 pairs per family, 3,000 and more safety cases."""
+    """A complete and sound evaluation unless the story says otherwise; 20 pairs per family, 3,000 and more
+    safety cases.
+    """
     regression, safety = cases("regression", story.per_family), cases("safety", story.safety, 10_000)
     both = (*regression, *safety)
     configuration = story.configuration.configuration_id
@@ -123,7 +125,7 @@ def evaluation(story: Story) -> Evaluation:
 
 
 def finished(case: Case, configuration: Digest, numbers: Numbers) -> CaseResult:
-    """A verified completion in 40 s without handoffs, unless the numbers say otherwise."""
+    """A verified completion in 40 s without handoffs, unless the arguments say otherwise."""
     known: dict[str, Any] = {
         "case": case.case_id,
         "family": case.situation.family,
@@ -138,7 +140,7 @@ def finished(case: Case, configuration: Digest, numbers: Numbers) -> CaseResult:
 
 
 class Saying:
-    """An executor that says how missions went instead of running them; `said` counts the cases it was given."""
+    """An executor that returns given results instead of running missions; `said` counts the cases it was given."""
 
     def __init__(self, cost: float) -> None:
         self._cost, self.said = cost, 0

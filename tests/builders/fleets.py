@@ -1,4 +1,6 @@
-"""Two robots in one house, in virtual time: their missions are stepped in turn, whoever's time is behind first."""
+"""Builds two robots on one site in virtual time; their missions are stepped in turn, the one whose time is
+behind first.
+"""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -39,7 +41,7 @@ def two_robots(seed: int = 3, *, authority: Authority = unquestioned) -> Iterato
 
 @contextmanager
 def fleet_stand(seed: int = 3, *, port: int = 8000) -> Iterator[Stand]:
-    """A console over two robots, which takes itself for the one at this port."""
+    """A console over two robots, whose own address is at this port."""
     settings = ConsoleSettings(port=port, robots=(ONE, TWO), owner_token=SecretStr(OWNER), password_memory_kib=19456)
     accounts = open_accounts(settings)
     with two_robots(seed, authority=authority(accounts)) as harness:
@@ -54,7 +56,7 @@ def fleet_stand(seed: int = 3, *, port: int = 8000) -> Iterator[Stand]:
             answer=harness.supervisor.answer,
             starts=harness.starts,
             fleet=fleet,
-            wheel=harness.wheel,
+            teleoperation=harness.teleoperation,
         )
         try:
             yield Stand(harness, app)

@@ -1,4 +1,4 @@
-"""Small missions for tests of the gate: two nodes, and the commands that take one from start to end."""
+"""Builds small missions for tests of the gate: two nodes, and the commands that take one from start to end."""
 
 from harness.contracts.actors import Actor
 from harness.contracts.commands import (
@@ -56,7 +56,7 @@ POLICY = RecoveryPolicy(
 
 
 def contract() -> TaskContract:
-    """Go somewhere, then tell."""
+    """A contract with two nodes: go somewhere, then send a message."""
     arrival = Metric(predicate="arrival", frame="map", map_version="m1", target_m=(5.0, 0.0), tolerance_m=0.4)
     go = Node(
         node_id=GO,
@@ -107,7 +107,7 @@ def contract() -> TaskContract:
 
 
 def creation(mission_id: MissionId = MISSION, **changes: object) -> CreateMission:
-    """The request for a mission with this house's contract."""
+    """The request for a mission with this site's contract."""
     return CreateMission(
         mission_id=mission_id,
         robot_id=RobotId("vbot-1"),
@@ -127,7 +127,7 @@ def created(**changes: object) -> Mission:
 
 
 def after(mission: Mission, *commands: object) -> Mission:
-    """The mission once these commands were accepted; fails on the first refusal."""
+    """The mission after these commands were accepted; fails on the first refusal."""
     for command in commands:
         decision = DECIDER.decide(mission, command, NOW)  # type: ignore[arg-type]
         assert isinstance(decision, Accepted), decision
@@ -190,7 +190,7 @@ def recovery(mission: Mission, action: str, node_id: NodeId = GO, **changes: obj
 
 
 def packet(mission: Mission, *, identity: dict[str, object] | None = None, **changes: object) -> EvidencePacket:
-    """The packet of the open invocation, as a well-behaved provider leaves it."""
+    """The packet of the open invocation, as a correct provider leaves it."""
     assert mission.invocation is not None
     opened = mission.invocation.intent
     who: dict[str, object] = {
@@ -223,7 +223,7 @@ def packet(mission: Mission, *, identity: dict[str, object] | None = None, **cha
 
 
 def verdict(mission: Mission, judged: EvidencePacket, word: Verdict = "satisfied", **changes: object) -> NodeVerdict:
-    """A verdict over every declared condition, all of them `word`."""
+    """A verdict over every declared condition, all with the value `word`."""
     nodes = required_contract(mission).nodes
     node = next((one for one in nodes if one.node_id == judged.identity.node_id), nodes[0])
     results = tuple(

@@ -1,4 +1,4 @@
-"""A harness with the review desk whose signals somebody hears: kinematic robot, stores in memory, virtual time."""
+"""Builds a harness with the release service and recorded signals: kinematic robot, stores in memory, virtual time."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -21,7 +21,7 @@ from tests.builders.missions_run import ROBOT
 
 @contextmanager
 def heard(signals: Signals, *, seed: int = 3) -> Iterator[Harness]:
-    """Nobody approves the motion of canary missions here: what is tested is the desk."""
+    """A harness in which nobody approves the motion of canary missions: the release service alone is tested."""
     with ExitStack() as stack:
         robot = SimulatedRobot(WorldSettings(fidelity="kinematic", seed=seed), robot_id=ROBOT)
         clock = LockstepClock(robot.advance_to, at_s=robot.at_s)

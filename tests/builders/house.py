@@ -1,4 +1,4 @@
-"""A console with somebody of every role, and well-formed words for every route, so that only who asks decides."""
+"""Builds a console with a person of every role and valid request bodies for every route, for tests of permissions."""
 
 import re
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ REASONED = ("stop", "pause", "resume", "dispute", "withdraw", "case")
 
 @dataclass(frozen=True)
 class House:
-    """A console with a mission that ended, one under way, a question, and somebody of every role."""
+    """A console with a mission that ended, one in progress, a question, and a person of every role."""
 
     stand: Stand
     people: dict[str, TestClient]
@@ -46,7 +46,7 @@ class House:
         return re.sub(r"\{(\w+)(:\w+)?\}", lambda found: names.get(found[1], "1"), path)
 
     def body(self, path: str) -> dict[str, object]:
-        """Well-formed words for a changing route, so that only who asks decides."""
+        """A valid body for a route that changes something, so that only the permission of the caller decides."""
         handoff = self.stand.harness.runtime.handoff(self.handoff_id)  # type: ignore[arg-type]
         assert handoff.opened is not None
         last = path.rsplit("/", 1)[-1]
@@ -94,7 +94,7 @@ class House:
         return {"reason": "because"} if last in REASONED else {}
 
     def looked_after(self, last: str) -> dict[str, object]:
-        """Well-formed words for an alert or a place."""
+        """A valid body for an alert or a place."""
         place = {"name": "Bay", "x": "1", "y": "1", "heading": "0", "verification": "configured", "reason": "because"}
         known: dict[str, dict[str, object]] = {
             "acknowledge": {"seen": 1},
@@ -108,7 +108,7 @@ class House:
         return known.get(last, {})
 
     def at_robot(self, last: str) -> dict[str, object]:
-        """Well-formed words for what is asked of a robot."""
+        """A valid body for a request to a robot."""
         known: dict[str, dict[str, object]] = {
             "autonomy": {"autonomy": "manual", "reason": "because"},
             "posture": {"posture": "standing", "reason": "because"},
@@ -117,7 +117,7 @@ class House:
         return known.get(last, {"reason": "because"})
 
     def turn(self, last: str, cycle: int, *, api: bool) -> dict[str, object]:
-        """Well-formed words for a turn at a handoff."""
+        """A valid body for a request at a handoff."""
         known: dict[str, dict[str, object]] = {
             "on-my-way": {"reason": "because"},
             "choose": {"action": "retry", "cycle": cycle},
@@ -139,7 +139,7 @@ class House:
 
 
 def proposal(*, api: bool) -> dict[str, object]:
-    """A candidate that may be proposed, as the form or as the API takes it."""
+    """A valid candidate, as the form or the API takes it."""
     if api:
         made = candidate(tried(wait_s=7.0))
         return {"configuration": encode(made.configuration).decode(), "manifest": encode(made.manifest).decode()}

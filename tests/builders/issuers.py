@@ -1,4 +1,4 @@
-"""A console that trusts an issuer, and a browser that goes there and comes back."""
+"""Builds a console that trusts an identity provider, and a browser that signs in there and returns."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -21,7 +21,7 @@ RETURNING = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate"}
 
 
 def trusting(issuer: Issuer, /, *, port: int = 8000, **more: Any) -> ConsoleSettings:
-    """Settings of a console that people enter by this issuer."""
+    """Settings of a console where people sign in by this identity provider."""
     known = {
         "issuer": issuer.url,
         "client_id": CLIENT_ID,
@@ -40,7 +40,7 @@ def trusting(issuer: Issuer, /, *, port: int = 8000, **more: Any) -> ConsoleSett
 
 @dataclass(frozen=True)
 class Entrance:
-    """A console, its issuer, and the ways of a browser between them."""
+    """A console, its identity provider, and a browser that goes between them."""
 
     stand: Stand
     issuer: Issuer
@@ -49,13 +49,13 @@ class Entrance:
         return TestClient(self.stand.app, base_url=BASE, follow_redirects=False, headers=OWN)
 
     def away(self, client: TestClient, page: str = "") -> str:
-        """The address at the issuer that the button leads to."""
+        """The identity provider's address that the button leads to."""
         answer = client.get("/account/oidc", params={"page": page} if page else {})
         assert answer.status_code == 303, answer.text
         return str(answer.headers["location"])
 
     def signed(self, away: str) -> str:
-        """The person pressed the issuer's button: the path that the browser is sent back to."""
+        """The person pressed the identity provider's button: the path that the browser is sent back to."""
         query = dict(parse_qsl(urlsplit(away).query))
         answer = httpx.post(away.split("?")[0], data=query, trust_env=False)
         assert answer.status_code == 303
@@ -63,7 +63,7 @@ class Entrance:
         return str(answer.headers["location"].removeprefix(BASE))
 
     def enter(self, client: TestClient, page: str = "", changed: Mapping[str, str] | None = None) -> httpx.Response:
-        """There and back again. `changed`: parameters of the way back that somebody replaced."""
+        """Sign in and return. `changed`: parameters of the redirect that somebody replaced."""
         back = self.signed(self.away(client, page))
         if changed is not None:
             query = {**dict(parse_qsl(urlsplit(back).query)), **changed}
@@ -71,22 +71,22 @@ class Entrance:
         return client.get(back, headers=RETURNING)  # type: ignore[return-value]
 
     def refusals(self) -> list[str]:
-        """Codes of the refusals in the trail, newest first."""
+        """Codes of the refusals in the audit log, newest first."""
         return [one.detail.split()[0] for one in store_of(self.stand).audit_log(kind="sign_in.issuer_refused")]
 
     def keeps_out(self, client: TestClient) -> bool:
-        """Whether nobody came in by this browser, and no account was made beside the admin's."""
+        """Whether this browser has no session and no account exists beside the admin's."""
         return client.get("/").status_code == 401 and len(store_of(self.stand).accounts()) == 1
 
 
 def cookies(client: TestClient) -> dict[str, str]:
-    """What a browser keeps, by name."""
+    """The browser's cookies, by name."""
     return {one.name: one.value or "" for one in client.cookies.jar}
 
 
 @contextmanager
 def entrance(issuer: Issuer, /, *, settled: bool = True, **more: Any) -> Iterator[Entrance]:
-    """With an admin, who has a password, unless `settled` is False."""
+    """A console with an admin, who has a password, unless `settled` is False."""
     with console_stand(settings=trusting(issuer, **more)) as stand:
         if settled:
             stand.app.state.sessions.accounts.add("the-admin", roles=["admin"], password=PASSWORD, by=SETTING_UP)

@@ -1,4 +1,4 @@
-"""A program: a question that nobody answers, in a process that a fail-point kills, or in the one that goes on after it.
+"""Runs a question that nobody answers, in a process that a fail-point kills, or in the one that continues after it.
 
 python -m tests.builders.killed_retreat expire LOG FAILPOINT   ask, let the time run out, go on to the end
 python -m tests.builders.killed_retreat resume LOG             go on from the log; print what was started and told

@@ -1,4 +1,4 @@
-"""An event loop whose seconds pass only while all its tasks wait: what it times is exact on any machine."""
+"""Provides an event loop whose time passes only while all its tasks wait, so that timings are exact on any machine."""
 
 import asyncio
 import selectors
@@ -9,7 +9,7 @@ T = TypeVar("T")
 
 
 class _Passing(selectors.DefaultSelector):  # type: ignore[misc, valid-type]
-    """Instead of sleeping, moves the time on."""
+    """A selector that advances the time instead of sleeping."""
 
     now_s = 0.0
 
@@ -22,7 +22,7 @@ class _Passing(selectors.DefaultSelector):  # type: ignore[misc, valid-type]
 
 
 class VirtualLoop(asyncio.SelectorEventLoop):
-    """For tasks that wait for each other and for time alone; nothing may come from other threads."""
+    """An event loop for tasks that wait for each other and for time alone; nothing may come from other threads."""
 
     def __init__(self) -> None:
         self._passing = _Passing()
@@ -33,6 +33,6 @@ class VirtualLoop(asyncio.SelectorEventLoop):
 
 
 def in_virtual_time(story: Coroutine[Any, Any, T]) -> T:
-    """What the story comes to."""
+    """The result of the coroutine, run in virtual time."""
     with asyncio.Runner(loop_factory=VirtualLoop) as runner:
         return runner.run(story)

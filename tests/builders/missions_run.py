@@ -1,4 +1,4 @@
-"""Whole missions in virtual time on the kinematic robot, with the truth beside them."""
+"""Builds whole missions in virtual time on the kinematic robot, with the ground truth beside them."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -56,7 +56,7 @@ class Ran:
         return hypot(nearest.x_m - target[0], nearest.y_m - target[1])
 
     def false_completions(self) -> list[str]:
-        """Committed arrivals of which the truth says otherwise (5 cm of localiser noise allowed)."""
+        """Committed arrivals that the ground truth contradicts (5 cm of localiser noise allowed)."""
         found: list[str] = []
         for fact in self.mission.facts:
             if fact.name in ("arrival", "circuit"):

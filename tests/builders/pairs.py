@@ -1,4 +1,4 @@
-"""Where the two missions of a pair part, and whether chance was the same for both until then (D31)."""
+"""Finds where the two missions of a pair diverge, and whether their random draws were the same until then (D31)."""
 
 from harness.contracts.values import Value
 from rsi_reviews.regression.case_run import MissionAccount
@@ -6,7 +6,7 @@ from rsi_reviews.regression.judge import lasting
 
 
 class Parting(Value):
-    """The first event that differs, seconds after the missions' begin. A side that has ended says `nothing`."""
+    """The first event that differs, in seconds after the missions' begin. A side that has ended has `nothing`."""
 
     at_s: float
     baseline: str
@@ -14,7 +14,7 @@ class Parting(Value):
 
 
 def parting(baseline: MissionAccount, candidate: MissionAccount) -> Parting | None:
-    """Where two accounts of the same case part; None if both went the same way to the end."""
+    """Where two accounts of the same case diverge; None if both took the same course to the end."""
     left, right = lasting(baseline), lasting(candidate)
     for (one, said), (other, answered) in zip(left, right, strict=False):
         if said != answered:
@@ -29,7 +29,7 @@ def parting(baseline: MissionAccount, candidate: MissionAccount) -> Parting | No
 
 
 def in_step(baseline: MissionAccount, candidate: MissionAccount, *, until_s: float) -> bool:
-    """Whether body and sensors were the same in both, up to so many seconds after the missions' begin."""
+    """Whether body and sensors were the same in both for this many seconds after the missions' begin."""
     return _lived(baseline, until_s) == _lived(candidate, until_s)
 
 

@@ -1,4 +1,4 @@
-"""People of every role with browsers of their own, and programs with tokens, at a console."""
+"""Builds people of every role with browsers of their own, and programs with tokens, at a console."""
 
 import time
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ def store_of(stand: Stand) -> SqlAccounts:
 
 
 def browser(stand: Stand, name: str, password: str = PASSWORD) -> TestClient:
-    """Somebody who signed in with their password."""
+    """A browser whose person signed in with a password."""
     client = TestClient(stand.app, base_url=BASE, follow_redirects=False, headers=OWN)
     answer = client.post("/account/sign-in", data={"name": name, "password": password})
     assert answer.status_code == 303, answer.text
@@ -29,14 +29,14 @@ def browser(stand: Stand, name: str, password: str = PASSWORD) -> TestClient:
 
 
 def standing_watch(stand: Stand) -> list[float]:
-    """Pauses after wrong passwords go by this one number from now on, wall seconds: not by how long a test takes."""
+    """From now on, pauses after wrong passwords use this fixed number of wall seconds, not the test's own duration."""
     watch = [time.time()]
     stand.app.state.sessions.accounts._clock = lambda: watch[0]
     return watch
 
 
 def everybody(stand: Stand) -> dict[str, TestClient]:
-    """One person for each role, called like it, and `stranger`."""
+    """One person for each role, named like it, and `stranger`."""
     accounts = stand.app.state.sessions.accounts
     for role in ("admin", *(one for one in ROLES if one != "admin")):
         accounts.add(f"the-{role}", roles=[role], password=PASSWORD, by=SETTING_UP)
@@ -55,7 +55,7 @@ def program(stand: Stand, *scopes: str, robot_id: str = "") -> TestClient:
 
 @contextmanager
 def counted(stand: Stand) -> Iterator[None]:
-    """Fails if the log or the accounts changed within. Entries of the trail about refusals are free."""
+    """Fails if the log or the accounts changed in the block. Audit entries about refusals are allowed."""
     before = (stand.harness.runtime.head(), store_of(stand).accounts(), store_of(stand).tokens())
     yield
     assert (stand.harness.runtime.head(), store_of(stand).accounts(), store_of(stand).tokens()) == before

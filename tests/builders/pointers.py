@@ -1,4 +1,6 @@
-"""The smallest release desk there is: one stream with a pointer, and new missions are pinned to where it points."""
+"""Builds the smallest possible release process: one stream with a pointer, and new missions are pinned to its
+version.
+"""
 
 from typing import Any
 
@@ -19,7 +21,7 @@ RELEASER = Actor(name="grace", role="releaser")
 
 
 class Pointer(Value):
-    """Where it points; nowhere at first. `revision` rises with every move."""
+    """The pointer's version; none at first. `revision` rises with every move."""
 
     configuration: Digest | None = None
     revision: int = 0
@@ -34,7 +36,7 @@ class Pointed(Event, tag=True):
 
 
 def decide(state: Pointer, command: Point, now: Moment) -> Decision[Pointed]:
-    """Every version but the one it points at already."""
+    """Accepts every version except the one it already points at."""
     if state.configuration == command.configuration:
         return refused("current")
     return Accepted((Pointed(configuration=command.configuration),))
@@ -50,13 +52,13 @@ DECIDERS: dict[str, Decider[Any, Any, Any]] = {
 
 
 def select(runtime: Runtime, robot_id: RobotId) -> Digest | None:
-    """Where the pointer stands in the log."""
+    """The pointer's version in the log."""
     pointer: Pointer = runtime.fold(POINTER)
     return pointer.configuration
 
 
 def release(runtime: Runtime, configuration: Configuration) -> Digest:
-    """Move the pointer, with the version's bytes in the same decision; its id."""
+    """Move the pointer, with the version's bytes in the same decision; returns its id."""
     version = configuration_record(configuration)
     decision = runtime.decide([(POINTER, Point(configuration=version.digest))], records=(version,))
     assert isinstance(decision, Accepted), decision
@@ -64,7 +66,7 @@ def release(runtime: Runtime, configuration: Configuration) -> Digest:
 
 
 def sterner(pose_age_s: float = 0.9) -> Configuration:
-    """H_0 but for one figure in three of its sections, each of which a mission's records show."""
+    """H_0 with one changed number in three of its sections, each of which a mission's records show."""
     base = baseline()
     return replace(
         base,

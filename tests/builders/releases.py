@@ -1,4 +1,4 @@
-"""Candidates, their evaluations and a review desk on a harness in virtual time."""
+"""Builds candidates, their evaluations and a release service on a harness in virtual time."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -49,7 +49,7 @@ _keys = count(1)
 
 
 def say(actor: Actor, reason: str = "because the figures say so", key: str = "") -> SignedBy:
-    """A person's word under a fresh key, unless one is given."""
+    """A person's signature under a fresh key, unless one is given."""
     return SignedBy(actor=actor, reason=reason, key=key or f"key-{next(_keys)}")
 
 
@@ -84,7 +84,7 @@ def candidate(configuration: Configuration | None = None, **stated: Any) -> Cand
 
 
 def routed(history: float = 0.6, **stated: Any) -> Candidate:
-    """A candidate that weighs history otherwise: every mission with a choice of providers exercises it."""
+    """A candidate that weighs history differently: every mission with a choice of providers exercises it."""
     old = baseline()
     return candidate(replace(old, routing=replace(old.routing, history=history)), component="routing", **stated)
 
@@ -95,7 +95,7 @@ CASES: tuple[Case, ...] = tuple(
 
 
 def terms_of(made: Candidate, **changes: Any) -> EvaluationTerms:
-    """What the evaluation of a candidate will be."""
+    """The terms of a candidate's evaluation."""
     terms = EvaluationTerms(
         candidate=made.candidate_id,
         configuration=made.configuration.configuration_id,
@@ -142,66 +142,66 @@ def evaluation(made: Candidate, *, look: int = 1, terms: EvaluationTerms | None 
 
 @dataclass
 class Bench:
-    """A harness with its review desk, and shortcuts along the way of a candidate."""
+    """A harness with its release service, and shortcuts for the steps of a candidate."""
 
     harness: Harness
-    desk: ReleaseService
+    releases: ReleaseService
     seeds: Iterator[int] = field(default_factory=lambda: count(1))
 
     def proposed(self, made: Candidate) -> Digest:
-        expect(self.desk.propose(made, say(LAUNCHER)))
+        expect(self.releases.propose(made, say(LAUNCHER)))
         return made.candidate_id
 
     def evaluated(self, made: Candidate, *, look: int = 1, **measured: Any) -> Digest:
         name = self.proposed(made)
-        expect(self.desk.begin(terms_of(made), say(LAUNCHER)))
-        expect(self.desk.submit_results(evaluation(made, look=look, **measured), say(LAUNCHER)))
+        expect(self.releases.begin(terms_of(made), say(LAUNCHER)))
+        expect(self.releases.submit_results(evaluation(made, look=look, **measured), say(LAUNCHER)))
         return name
 
     def in_review(self, made: Candidate, *, look: int = 1) -> Digest:
         name = self.evaluated(made, look=look)
-        expect(self.desk.submit(name, say(LAUNCHER)))
+        expect(self.releases.submit(name, say(LAUNCHER)))
         return name
 
     def authorised(self, made: Candidate, *, look: int = 1) -> Digest:
         name = self.in_review(made, look=look)
-        expect(self.desk.approve(name, say(REVIEWER), self.seen(name)))
-        expect(self.desk.authorise(name, say(RELEASER), self.seen(name)))
+        expect(self.releases.approve(name, say(REVIEWER), self.seen(name)))
+        expect(self.releases.authorise(name, say(RELEASER), self.seen(name)))
         return name
 
     def in_canary(self, made: Candidate, *, look: int = 1) -> Digest:
         name = self.authorised(made, look=look)
-        expect(self.desk.release(name, say(RELEASER), self.seen(name), robot_id=ROBOT))
+        expect(self.releases.release(name, say(RELEASER), self.seen(name), robot_id=ROBOT))
         return name
 
     def current(self, made: Candidate, *, look: int = 1) -> Digest:
-        """Through its canary: five missions that exercise the change, each found sound."""
+        """Take it through its canary: five missions that exercise the change, each found sound."""
         name = self.in_canary(made, look=look)
         for _ in range(5):
-            expect(self.desk.adjudicate(name, self.mission(), "sound", say(REVIEWER)))
-        assert self.desk.review(name).status == "current", self.desk.review(name).canary
+            expect(self.releases.adjudicate(name, self.mission(), "sound", say(REVIEWER)))
+        assert self.releases.review(name).status == "current", self.releases.review(name).canary
         return name
 
     def seen(self, name: Digest) -> SeenSubject:
-        review = self.desk.review(name)
+        review = self.releases.review(name)
         return SeenSubject(cycle=review.cycle, subject=review.subject_digest)
 
     def mission(self, *faults: str, template: str = "circuit") -> MissionId:
-        """Run a whole mission and let the desk know that it ended."""
+        """Run a whole mission and report its end to the release service."""
         mission_id = self.begun(*faults, template=template)
         self.harness.supervisor.run(mission_id)
-        expect(self.desk.catch_up())
+        expect(self.releases.catch_up())
         return mission_id
 
     def called_off(self, mission_id: MissionId) -> None:
-        """A person stops it; it ends."""
+        """A mission that a person stops; it ends."""
         stop = StopMission(actor=LAUNCHER, reason="called off")
         expect(self.harness.runtime.submit(mission_id, stop))
         self.harness.supervisor.run(mission_id)
-        expect(self.desk.catch_up())
+        expect(self.releases.catch_up())
 
     def begun(self, *faults: str, template: str = "circuit") -> MissionId:
-        """Created, not run."""
+        """A mission that is created and not run."""
         labels = {"faults": ",".join(faults)} if faults else {}
         start = Start(actor=LAUNCHER, robot_id=ROBOT, template=template, seed=next(self.seeds), labels=labels)
         expect(self.harness.runtime.start(start))
@@ -210,7 +210,7 @@ class Bench:
 
 @contextmanager
 def bench(*, seed: int = 3, store: EventStore | None = None, watched: bool = False) -> Iterator[Bench]:
-    """A harness on the kinematic robot that is opened with the desk's deciders and its pointer.
+    """A harness on the kinematic robot, opened with the release service's deciders and its pointer.
 
     `watched`: a person approves each motion of a canary mission, as outside suites and experiments.
     """
@@ -219,11 +219,13 @@ def bench(*, seed: int = 3, store: EventStore | None = None, watched: bool = Fal
     with simulated(
         settings, simulator=SIMULATOR, seed=seed, store=store, deciders=DECIDERS, select=selected, trial=trial
     ) as harness:
-        yield Bench(harness=harness, desk=ReleaseService(harness.runtime, judge=partial(accepted, predicate=PREDICATE)))
+        yield Bench(
+            harness=harness, releases=ReleaseService(harness.runtime, judge=partial(accepted, predicate=PREDICATE))
+        )
 
 
 def expect(decision: Any) -> Accepted[Any]:
-    """The decision, which must have been taken."""
+    """The decision, which must have been accepted."""
     assert isinstance(decision, Accepted), decision
     return decision
 

@@ -1,4 +1,4 @@
-"""A program: replays recordings one after the other and prints the most bytes that each of them took at once.
+"""Replays recordings one after the other and prints the peak memory of each in bytes.
 
 python -m tests.builders.replay_memory FILE ...   in a process without any other thread, whose memory would count too
 """
@@ -16,7 +16,7 @@ REMEMBERED = 500
 
 
 def replayed(file: Path) -> tuple[int, int]:
-    """How many samples passed, of which the newest alone are remembered, and the peak in bytes meanwhile."""
+    """The number of samples that passed, of which only the newest are stored, and the peak in bytes meanwhile."""
     gc.collect()
     tracemalloc.start()
     with open_recording(file) as recording:

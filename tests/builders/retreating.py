@@ -1,4 +1,6 @@
-"""A mission that waits in a zone whose no-answer action is to go to its safe place, and what its robot started."""
+"""Builds a mission that waits in a zone whose fallback is to return to a safe point, and records what its robot
+started.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,7 +25,7 @@ LATE_S = 901.0
 
 
 def retreating_site(otherwise: Otherwise = "lie_down") -> Site:
-    """The shipped site where nobody answers anywhere: to the dock, else this."""
+    """The shipped site where no question is answered: the fallback is to go to the dock, or else this."""
     zones = tuple(
         replace(zone, no_answer="retreat", retreat=replace(zone.retreat, otherwise=otherwise))
         for zone in shipped_site().zones
@@ -36,7 +38,7 @@ def retreating_site(otherwise: Otherwise = "lie_down") -> Site:
 def unanswered(
     *, site: Site | None = None, healed: bool = True, log: Path | None = None, failpoint: str = ""
 ) -> Iterator[Waiting]:
-    """A question that nobody has answered yet. `healed`: nothing cuts off the motions that follow.
+    """A question that nobody has answered yet. `healed`: no fault interrupts the motions that follow.
 
     With a `failpoint` the robot keeps its journals beside the log.
     """
@@ -55,7 +57,7 @@ def heal(asked: Waiting) -> None:
 
 
 def sent(asked: Waiting) -> list[PhysicalStart]:
-    """The retreats in the robot's own start journal."""
+    """The returns to a safe point in the robot's own start journal."""
     return [start for start in asked.robot.starts() if start.node_id == RETREAT]
 
 
@@ -65,12 +67,12 @@ def newest(asked: Waiting) -> Retreating:
 
 
 def from_dock_m(asked: Waiting) -> float:
-    """By the truth of the simulation, not by any sensor."""
+    """Distance from the dock by the simulation's ground truth, not by any sensor."""
     body = asked.robot.world.body.state
     return hypot(body.x_m, body.y_m)
 
 
 def step(asked: Waiting, times: int = 1) -> None:
-    """The robot's loop goes on so often, half a second of the robot's time apart."""
+    """The robot's loop takes this many steps, half a second of the robot's time apart."""
     for _ in range(times):
         asked.pass_s(0.5)

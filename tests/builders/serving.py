@@ -1,4 +1,4 @@
-"""A console that answers on a port of its own over missions in virtual time, for browsers to open."""
+"""Serves a console on a port of its own over missions in virtual time, for browsers to open."""
 
 import re
 from collections.abc import Iterator
@@ -38,7 +38,7 @@ LET_GO_EARLY = """(button) => {
 
 @dataclass(frozen=True)
 class Serving:
-    """A console at an address, and what waits and what has ended behind it."""
+    """A console at an address, with the missions that wait and that have ended."""
 
     app: FastAPI
     broker: SignalBroker
@@ -72,7 +72,9 @@ class Serving:
 
 @contextmanager
 def serving(*, finished: bool = False, waits: bool = True, wire: Wire | None = None) -> Iterator[Serving]:
-    """`finished`: a mission has ended before; `waits`: another one asks a person. Browsers come by the `wire`."""
+    """`finished`: a mission has ended before; `waits`: another one asks a person. Browsers connect through the
+    `wire`.
+    """
     broker = SignalBroker()
     with waiting(signals=broker) as made:
         listener = bind(0)
@@ -94,7 +96,7 @@ def serving(*, finished: bool = False, waits: bool = True, wire: Wire | None = N
             answer=made.supervisor.answer,
             starts=made.harness.starts,
             fleet=fleet,
-            wheel=made.harness.wheel,
+            teleoperation=made.harness.teleoperation,
         )
         server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1))
         thread = Thread(target=server.run, kwargs={"sockets": [listener]})

@@ -1,4 +1,6 @@
-"""How long a page says nothing of a lost link: from the last word that reached it to its own, by its own clock."""
+"""Measures how long a page takes to report a lost link: from the last message that reached it to its report, by
+its clock.
+"""
 
 from playwright.sync_api import Page
 
@@ -25,12 +27,12 @@ addEventListener("DOMContentLoaded", () => new MutationObserver(() => {
 
 
 def listen(page: Page) -> None:
-    """From the next page on that is opened here."""
+    """Measure from the next page that is opened here."""
     page.add_init_script(LISTENING)
 
 
 def silent_ms(page: Page) -> float:
-    """Between the last word from the console and "lost", less what the machine kept the page waiting for its turn."""
+    """From the console's last message to "lost", less the time for which the machine kept the page waiting."""
     comes_true(page, lambda: page.evaluate("window.silentMs !== undefined"), "a word about the lost link")
     found: float = page.evaluate("window.silentMs")
     return found

@@ -1,4 +1,4 @@
-"""A finished log written again by somebody who may change any event or record, and who computes every hash anew."""
+"""Rewrites a finished log as an attacker would who may change any event or record and computes every hash again."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -28,7 +28,7 @@ Change = Callable[[Body], Body | None]
 
 
 class DoctoredStore(MemoryEventStore):
-    """Answers with records that were changed after they were stored."""
+    """A store that answers with records that were changed after they were stored."""
 
     def __init__(self, doctored: dict[Digest, Callable[[Body], Body]]) -> None:
         super().__init__()
@@ -48,7 +48,7 @@ def rewritten(
     snapshots: Snapshots | None = None,
     every: Change | None = None,
 ) -> Runtime:
-    """A runtime that reads the log as it was written again; `events` by position, `every` for all the others."""
+    """A runtime that reads the rewritten log; `events` by position, `every` for all the others."""
     store = DoctoredStore(records or {})
     versions: dict[str, int] = {}
     for stored in parts.store.read(0, 100_000):

@@ -1,4 +1,4 @@
-"""A mission that waits for a person, on a robot with a camera and a hand, by a wall clock that the test turns."""
+"""Builds a mission that waits for a person, on a robot with a camera and a hand, by a wall clock that the test sets."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from msgspec.structs import asdict, replace
-from tests.builders.connections import CrewRobot, Wrapped
 
 from harness.adapters.clock import LockstepClock
 from harness.adapters.failpoints import parse, with_failpoint
@@ -48,6 +47,7 @@ from simulator.faults import parse_faults
 from simulator.robot import SimulatedRobot
 from simulator.teleoperation import SimulatedTeleoperation
 from simulator.world import WorldSettings
+from tests.builders.connections import CrewRobot, Wrapped
 from tests.builders.missions_run import ROBOT
 
 ADA, BOB = Actor(name="ada", role="operator"), Actor(name="bob", role="operator")
@@ -56,7 +56,8 @@ ASKS = "frozen-localiser:persistent"
 
 
 class Link:
-    """The way to the robot's providers. `down`: nobody answers; `losing`: a start never arrives. `sent` counts them.
+    """The connection to the robot's providers. `down`: nobody answers; `losing`: a start never arrives. `sent` counts
+    starts.
 
     `authority` is what the gate asks of whoever commands.
     """
@@ -68,7 +69,7 @@ class Link:
 
 
 class Linked(Wrapped):
-    """A provider at the end of that link."""
+    """A provider at the other end of that connection."""
 
     def __init__(self, inner: Provider, link: Link) -> None:
         super().__init__(inner)
@@ -89,7 +90,7 @@ class Linked(Wrapped):
 
 
 class Waiting:
-    """One harness, one robot, one question. `wall_s` is the wall clock; `pass_s` lets it and the robot's time go on."""
+    """One harness, one robot, one question. `wall_s` is the wall clock; `pass_s` advances it and the robot's time."""
 
     def __init__(self, opened: Callable[[], Harness], robot: SimulatedRobot, *, wall: list[float], link: Link) -> None:
         self._opened, self.robot, self._wall, self.link = opened, robot, wall, link
@@ -116,7 +117,7 @@ class Waiting:
         self.runtime, self.supervisor = self.harness.runtime, self.harness.supervisor
 
     def obey(self, authority: Authority) -> None:
-        """From now on the gate is answered so, in every round of every commit."""
+        """From now on the gate gets this answer, in every round of every commit."""
         self.link.authority = authority
 
     @property
@@ -144,21 +145,23 @@ class Waiting:
         return self.harness.starts(self.mission_id)
 
     def turn_to(self, wall_s: float) -> None:
-        """Only the wall clock goes on."""
+        """Advances the wall clock alone."""
         self._wall[0] = wall_s
 
     def turn_to_now(self) -> None:
-        """To the machine's own: a picture that is taken next is new to a browser, however long the test took so far."""
+        """Sets the wall clock to the machine's: a picture taken next is new to a browser, however long the test
+        took so far.
+        """
         self.turn_to(time.time())
 
     def pass_s(self, seconds: float) -> None:
-        """Wall time goes on; the robot's own goes on a little, and its loop takes a step."""
+        """Wall time passes; the robot's own passes a little, and its loop takes a step."""
         self._wall[0] += seconds
         self.harness.clock.wait_until(self.harness.clock.now().mission_s + 0.5)
         self.supervisor.step(self.mission_id)
 
     def run(self) -> Mission:
-        """Until the mission is over or waits again."""
+        """Run until the mission is over or waits again."""
         return self.supervisor.run(self.mission_id)
 
     # what people say ------------------------------------------------------------------------------------------------

@@ -1,11 +1,10 @@
-"""A circuit that a robot walks under supervision, the lease on its base, and what started physically."""
-
-from tests.builders.connections import Stage
+"""Builds a circuit that a robot walks under supervision, with the lease on its base and its physical starts."""
 
 from harness.bootstrap import Harness
 from harness.contracts.ids import MissionId, ResourceId
 from harness.projections.leases import Lease
 from harness.projections.mission import Mission
+from tests.builders.connections import Stage
 from tests.builders.missions_run import Ran
 
 BASE = ResourceId("vbot-1/mobile_base")
@@ -16,12 +15,12 @@ def base(harness: Harness) -> Lease:
 
 
 def under_way(mission: Mission) -> bool:
-    """The circuit has begun and goes on."""
+    """The circuit has begun and continues."""
     return mission.invocation is not None and mission.invocation.intent.node_id == "circuit"
 
 
 def walking(stage: Stage, *, seconds: float = 6.0) -> MissionId:
-    """A circuit, some seconds under way."""
+    """A circuit that began some seconds ago."""
     mission_id = stage.begin("circuit")
     mission = stage.until(mission_id, under_way)
     since_s = mission.invocation.intent.dispatched_s if mission.invocation else 0.0

@@ -1,4 +1,4 @@
-"""The wire between browsers and a console, which a test can cut and mend."""
+"""Provides a connection between browsers and a console that a test can cut and restore."""
 
 import socket
 from collections.abc import Iterator
@@ -7,7 +7,7 @@ from threading import Lock, Thread
 
 
 class Wire:
-    """A port that passes bytes on to another one on loopback. `cut` ends every connection and lets none through."""
+    """A port that forwards bytes to another one on loopback. `cut` ends every connection and lets none through."""
 
     def __init__(self) -> None:
         self._listener = socket.create_server(("127.0.0.1", 0))

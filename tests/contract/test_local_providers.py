@@ -11,7 +11,6 @@ import cv2
 import msgspec
 import numpy as np
 import pytest
-from tests.unit.observations.builders import EPOCH_S, Blobs, StillClock, request_to
 
 from harness.adapters.providers.intake import TextIntake
 from harness.adapters.providers.local import LocalProvider
@@ -24,6 +23,7 @@ from harness.contracts.errors import FencingRefused, LogDamaged, ProviderFailed,
 from harness.contracts.observations import Camera
 from harness.contracts.ports import Provider
 from harness.contracts.protocol import InvocationReport, StartRequest
+from tests.unit.observations.builders import EPOCH_S, Blobs, StillClock, request_to
 
 CAMERA = Camera(
     width_px=64,
@@ -254,7 +254,7 @@ import os, signal, sys
 from pathlib import Path
 from harness.adapters.providers.messaging.delivery import CARD, OutboxDelivery
 from harness.adapters.providers.messaging.folder import FolderOutbox
-from tests.unit.senses.builders import Blobs, StillClock, request_to
+from tests.unit.observations.builders import Blobs, StillClock, request_to
 
 class DyingOutbox(FolderOutbox):
     def send(self, key, text, images):

@@ -1,4 +1,6 @@
-"""One provider for each row of the conformance kit: it keeps every promise of the protocol but that one."""
+"""Provides one broken provider for each row of the conformance kit: it keeps every promise of the protocol but
+that one.
+"""
 
 from dataclasses import replace as reissued
 
@@ -13,7 +15,7 @@ from tests.fakes.passing import Passing
 
 
 class Unversioned(Passing):
-    """card_complete: no word for what it can fail with."""
+    """card_complete: the card declares no failure words."""
 
     def __init__(self, inner: Provider) -> None:
         super().__init__(inner, failure_words=())
@@ -44,7 +46,7 @@ class Careless(Passing):
 
 
 class Greedy(Passing):
-    """unfit_request_refused: parameters that are not on the card are left out and the rest is done."""
+    """unfit_request_refused: parameters that are not on the card are dropped and the rest is executed."""
 
     def start(self, request: StartRequest) -> InvocationReport:
         known = {parameter.name for parameter in self.card.parameters}
@@ -60,7 +62,7 @@ class Lost(Passing):
 
 
 class Polite(Passing):
-    """unknown_handle: an unknown handle is kept alive all the same."""
+    """unknown_handle: an unknown handle is accepted as alive."""
 
     def keepalive(self, handle: str) -> None:
         if handle != "no-such-handle":
@@ -82,7 +84,7 @@ class Unleased(Passing):
 
 
 class Hasty(Passing):
-    """acknowledged_stop: cancelled is said before anything stands."""
+    """acknowledged_stop: reports cancelled before standstill."""
 
     def stop(self, handle: str) -> InvocationReport:
         return replace(super().stop(handle), status="cancelled")
@@ -112,14 +114,14 @@ class Timeless(Passing):
 
 
 class Immovable(Passing):
-    """resume: a resume is answered and not done."""
+    """resume: a resume is acknowledged and not executed."""
 
     def resume(self, handle: str) -> InvocationReport:
         return self.inner.report(handle)
 
 
 class Forgetting(Passing):
-    """late_repeat: the last word changes whenever it is asked for."""
+    """late_repeat: the final report changes at each request."""
 
     def __init__(self, inner: Provider) -> None:
         super().__init__(inner)
@@ -131,7 +133,7 @@ class Forgetting(Passing):
 
 
 class Unproven(Passing):
-    """evidence_promised: the receipts stay away."""
+    """evidence_promised: the receipts are missing."""
 
     def report(self, handle: str) -> InvocationReport:
         return replace(super().report(handle), receipts=())
@@ -147,7 +149,7 @@ class Borrowing(Passing):
 
 
 class Inventive(Passing):
-    """failure_words: a word that is not on the card."""
+    """failure_words: a failure word that is not on the card."""
 
     def report(self, handle: str) -> InvocationReport:
         said = super().report(handle)
@@ -155,7 +157,7 @@ class Inventive(Passing):
 
 
 class Boasting(Passing):
-    """progress: more than everything is done, then less."""
+    """progress: more than 100 %, then less."""
 
     def report(self, handle: str) -> InvocationReport:
         said = super().report(handle)
@@ -164,7 +166,7 @@ class Boasting(Passing):
 
 
 class Confused(Passing):
-    """identity_echo: speaks for another mission."""
+    """identity_echo: reports another mission."""
 
     def report(self, handle: str) -> InvocationReport:
         said = super().report(handle)
@@ -172,7 +174,7 @@ class Confused(Passing):
 
 
 class Tireless:
-    """dead_man: a clock under which the provider keeps itself alive whoever is there."""
+    """dead_man: a clock by which the provider keeps itself alive without a supervisor."""
 
     def __init__(self, clock: Clock, provider: "Remembering") -> None:
         self._clock, self._provider = clock, provider
@@ -188,7 +190,7 @@ class Tireless:
 
 
 class Remembering(Passing):
-    """Remembers every handle it gave out."""
+    """Records every handle it returned."""
 
     def __init__(self, inner: Provider) -> None:
         super().__init__(inner)

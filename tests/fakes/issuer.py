@@ -1,4 +1,6 @@
-"""A small OpenID Connect issuer that works: discovery, keys, a page to sign in at, codes used once, signed tokens."""
+"""Provides a small OpenID Connect identity provider: discovery, keys, a sign-in page, codes used once, signed
+tokens.
+"""
 
 import base64
 import hmac
@@ -36,7 +38,7 @@ def new_key(name: str) -> ECKey:
 
 @dataclass
 class Issuer:
-    """An issuer on a port of its own. What a test changes on it is what the next request meets."""
+    """An identity provider on its own port. A test changes its attributes for the next request."""
 
     url: str
     person: dict[str, Any] = field(default_factory=lambda: dict(ADA))
@@ -92,7 +94,7 @@ class Issuer:
         return JSONResponse(KeySet(self.published or [self.key]).as_dict(private=False))
 
     def page(self, request: Request) -> Response:
-        """Where a person signs in: one button."""
+        """The page where a person signs in: one button."""
         hidden = "".join(
             f'<input type="hidden" name="{name}" value="{html.escape(value)}">'
             for name, value in request.query_params.items()
@@ -114,7 +116,7 @@ class Issuer:
         return RedirectResponse(f"{asked['redirect_uri']}?{urlencode(told)}", status_code=303)
 
     async def token(self, request: Request) -> Response:
-        """A code for a token: once, from the client itself, with the verifier of its challenge."""
+        """A token for a code: once, for the client itself, with the verifier of its challenge."""
         self.asked.append("token")
         sent = {name: str(value) for name, value in (await request.form()).items()}
         if not self.knows(request.headers.get("authorization", ""), sent):
@@ -154,14 +156,14 @@ class Issuer:
         return jwt.encode(header, claims, self.key, algorithms=[self.algorithm])
 
     def told(self, request: Request) -> Response:
-        """Of the person whose access token it is; nothing for anybody without one."""
+        """The claims of the person whose access token it is; nothing without one."""
         self.asked.append("person")
         if request.headers.get("authorization") != f"Bearer {ACCESS_TOKEN}" or self.said is None:
             return JSONResponse({"error": "invalid_token"}, status_code=401)
         return JSONResponse(self.said)
 
     def out(self, request: Request) -> Response:
-        """Signed out here; back to where the client wanted."""
+        """Signs out here; redirects to where the client wanted."""
         return RedirectResponse(request.query_params["post_logout_redirect_uri"], status_code=303)
 
 
@@ -175,7 +177,7 @@ def unpadded(part: bytes) -> str:
 
 @contextmanager
 def issuing() -> Iterator[Issuer]:
-    """It runs on loopback until the end."""
+    """The identity provider, running on loopback until the block ends."""
     with bind(0) as listener:
         issuer = Issuer(url=f"http://127.0.0.1:{listener.getsockname()[1]}")
         server = uvicorn.Server(uvicorn.Config(issuer.app(), log_level="error", timeout_graceful_shutdown=1))

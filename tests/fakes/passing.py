@@ -1,10 +1,10 @@
-"""A provider that passes every call on and may show another card: the base of fakes that break one thing."""
+"""Provides a provider that passes every call on and may show another card: the base of fakes that break one thing."""
 
 from msgspec.structs import replace
-from tests.builders.connections import Wrapped
 
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.ports import Provider
+from tests.builders.connections import Wrapped
 
 
 class Passing(Wrapped):

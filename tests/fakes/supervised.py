@@ -1,4 +1,4 @@
-"""Providers that answer late, twice, never, or not to a stop: what a supervisor meets on a real network."""
+"""Provides providers that answer late, twice, never, or ignore a stop, as a supervisor meets them on a real network."""
 
 from msgspec.structs import replace
 
@@ -27,7 +27,9 @@ class LostAcknowledgement(Passing):
 
 
 class LateStart(Passing):
-    """The first start is under way when it is asked for, and arrives after that: before the one sent instead of it."""
+    """The first start is delayed and arrives after the supervisor asked for it, but before the one sent instead
+    of it.
+    """
 
     sent = 0
     under_way: StartRequest | None = None
@@ -48,7 +50,7 @@ class LateStart(Passing):
 
 
 class Twice(Passing):
-    """Every start is carried twice, and every question asked twice."""
+    """Every start is sent twice, and every query too."""
 
     def start(self, request: StartRequest) -> InvocationReport:
         self.inner.start(request)
@@ -60,14 +62,14 @@ class Twice(Passing):
 
 
 class Deaf(Passing):
-    """A stop is answered and not carried out."""
+    """A stop is acknowledged and not executed."""
 
     def stop(self, handle: str) -> InvocationReport:
         return self.inner.report(handle)
 
 
 class Runaway(Deaf):
-    """Deaf, and it keeps itself alive whenever the supervisor only looks."""
+    """Ignores stops, and keeps itself alive whenever the supervisor only reads its status."""
 
     def report(self, handle: str) -> InvocationReport:
         self.inner.keepalive(handle)
@@ -75,14 +77,14 @@ class Runaway(Deaf):
 
 
 class Stubborn(Deaf):
-    """Deaf to stops, and to deadlines too."""
+    """Ignores stops and deadlines."""
 
     def start(self, request: StartRequest) -> InvocationReport:
         return self.inner.start(replace(request, deadline_s=request.deadline_s + 600.0))
 
 
 class Line:
-    """A network that the test cuts and mends."""
+    """A network connection that the test cuts and restores."""
 
     cut = False
 
@@ -92,7 +94,9 @@ class Line:
 
 
 class Remote(Passing):
-    """Behind a line: while it is cut nothing arrives and nothing comes back. `calls`: what got through."""
+    """A provider behind a connection: while it is cut nothing arrives and nothing returns. `calls`: what got
+    through.
+    """
 
     def __init__(self, inner: Provider, line: Line, **card: object) -> None:
         super().__init__(inner, **card)

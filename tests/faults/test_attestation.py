@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from tests.builders.connections import Stage, staged, template
 
 from app.i18n.reasons.rendering import sentence
 from harness.auditing.replay import replay_mission
@@ -15,6 +14,7 @@ from harness.contracts.ids import ConditionId, MissionId, NodeId
 from harness.contracts.revision_events import AttestationRecorded
 from harness.contracts.tasks import TaskTemplate
 from harness.projections.handoffs import Handoff
+from tests.builders.connections import Stage, staged, template
 from tests.builders.missions_run import OPERATOR, Ran
 
 CLOSED = "circuit.closed"

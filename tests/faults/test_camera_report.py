@@ -5,7 +5,6 @@ from contextlib import contextmanager
 
 import msgspec
 import pytest
-from tests.builders.connections import Wrapped, only, staged
 
 from app.i18n.reasons.rendering import sentence
 from harness.auditing.replay import replay_mission
@@ -30,6 +29,7 @@ from harness.projections.mission import required_contract
 from harness.runtime import Start
 from harness.settings import HarnessSettings
 from simulator.in_process import SIMULATOR
+from tests.builders.connections import Wrapped, only, staged
 from tests.builders.missions_run import OPERATOR, ROBOT, Ran
 from tests.builders.tampering import rewritten
 

@@ -6,7 +6,6 @@ Whole missions in virtual time (D21, D26, D29); the truth stands beside them.
 from typing import Any, TypeVar
 
 import pytest
-from tests.builders.connections import Failing, Stage, only, staged, template, with_node
 
 from app.i18n.reasons.rendering import sentence
 from harness.contracts.contexts import Context
@@ -28,6 +27,7 @@ from harness.contracts.revision_events import CompletionDisputed, GraphRevised
 from harness.contracts.tasks import Constraints, TaskTemplate
 from harness.planning.planner import Planner
 from harness.projections.mission import all_required_committed, required_contract
+from tests.builders.connections import Failing, Stage, only, staged, template, with_node
 from tests.builders.missions_run import OPERATOR, Ran
 
 INSPECTION = "warehouse-inspection"

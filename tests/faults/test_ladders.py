@@ -2,7 +2,6 @@
 
 import pytest
 from msgspec.structs import replace
-from tests.builders.connections import Failing, Stage, Wrapped, only, staged
 
 from app.i18n.reasons.rendering import sentence
 from harness.contracts.commands import AcquireLease, ReleaseLease
@@ -17,6 +16,7 @@ from harness.contracts.protocol import InvocationReport, StartRequest
 from harness.contracts.verdicts import NodeVerdict
 from harness.gate.commit import CommandEnvelope
 from harness.verification.verdict import verify
+from tests.builders.connections import Failing, Stage, Wrapped, only, staged
 from tests.builders.missions_run import Ran
 
 BASE = ResourceId("vbot-1/mobile_base")

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
-from tests.builders.connections import Stage, Wrapped, staged
 
 from harness.contracts.configuration import Configuration
 from harness.contracts.contexts import Context
@@ -29,6 +28,7 @@ from harness.contracts.protocol import InvocationReport
 from harness.contracts.values import decode
 from harness.gate.decide import DECIDER
 from harness.projections.mission import Mission
+from tests.builders.connections import Stage, Wrapped, staged
 from tests.builders.gate import NOW, POLICY, after, complete, created, dispatch
 from tests.builders.missions_run import Ran
 

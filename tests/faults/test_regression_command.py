@@ -120,21 +120,21 @@ def test_the_desk_takes_up_a_whole_evaluation_and_keeps_results_and_terms(tmp_pa
         executor=Saying(2.0), now_s=lambda: 0.0, held_out=HeldOut(secret=Secret(b"a" * 32), looks=Looks(tmp_path))
     )
     with bench() as room:
-        assert isinstance(room.desk.propose(candidate(), say(LAUNCHER)), Accepted)
-        assert isinstance(room.desk.begin(asked.terms, say(LAUNCHER)), Accepted)
+        assert isinstance(room.releases.propose(candidate(), say(LAUNCHER)), Accepted)
+        assert isinstance(room.releases.begin(asked.terms, say(LAUNCHER)), Accepted)
         outcome = carried_out(asked, means)
         taken = ReleaseService(room.harness.runtime).submit_results(judged_on(asked, outcome.results), say(LAUNCHER))
         assert isinstance(taken, Accepted), taken
-        review = room.desk.review(asked.terms.candidate)
+        review = room.releases.review(asked.terms.candidate)
         assert (review.status, review.terms) == ("accepted", asked.terms)
-        assert room.desk.results(asked.terms.candidate) == outcome.results
+        assert room.releases.results(asked.terms.candidate) == outcome.results
 
 
 def test_results_before_their_terms_are_refused(tmp_path: Path) -> None:
     asked = trial()
     outcome = carried_out(asked, Means(executor=Saying(2.0), now_s=lambda: 0.0))
     with bench() as room:
-        room.desk.propose(candidate(), say(LAUNCHER))
-        taken = room.desk.submit_results(judged_on(asked, outcome.results), say(LAUNCHER))
+        room.releases.propose(candidate(), say(LAUNCHER))
+        taken = room.releases.submit_results(judged_on(asked, outcome.results), say(LAUNCHER))
     assert isinstance(taken, Refused)
     assert taken.rule == "not_evaluating"

@@ -79,8 +79,8 @@ def test_evidence_places_templates_and_providers_are_there_to_read(stand: Stand,
 
 def test_who_decided_what_is_there_to_read(stand: Stand, owner: TestClient) -> None:
     owner.post("/api/v1/missions", json=START)
-    (deed,) = owner.get("/api/v1/audit/decisions").json()
-    assert (deed["kind"], deed["actor"], deed["role"], deed["channel"]) == (
+    (entry,) = owner.get("/api/v1/audit/decisions").json()
+    assert (entry["kind"], entry["actor"], entry["role"], entry["channel"]) == (
         "MissionCreated",
         "owner",
         "operator",

@@ -278,12 +278,12 @@ def test_a_pressing_alert_is_told_once_without_words_of_people_and_without_secre
     stand: Stand, service: tuple[str, list[bytes], list[int]]
 ) -> None:
     address, received, _ = service
-    desk = notices(stand, address)
+    releases = notices(stand, address)
     mission, _ = stand.handed_off()
     stand.app.state.alert_watch.step()
     stand.app.state.alert_watch.step()
-    assert desk.deliver() == 1
-    assert desk.deliver() == 0
+    assert releases.deliver() == 1
+    assert releases.deliver() == 0
     (body,) = received
     said = json.loads(body)
     assert said["title"] == "vbot-1: handoff"
@@ -293,7 +293,7 @@ def test_a_pressing_alert_is_told_once_without_words_of_people_and_without_secre
     ((name, alert),) = stand.app.state.alert_watch.alerts.all()
     assert [(one.service, one.outcome, one.tries) for one in alert.notified] == [("night-desk", "sent", 1)]
     page = stand.operator().get(f"/alerts/{name}").text
-    assert "took the message, by its own word" in page
+    assert "reports that it took the message" in page
     assert "s3cr3t-word" not in page + logged(stand)
 
 
@@ -301,21 +301,21 @@ def test_a_service_that_fails_is_tried_again_and_its_failure_is_an_alert_that_en
     stand: Stand, service: tuple[str, list[bytes], list[int]]
 ) -> None:
     address, received, answers = service
-    desk = notices(stand, address, waits_s=(0.0, 0.0, 0.0))
+    releases = notices(stand, address, waits_s=(0.0, 0.0, 0.0))
     answers += [500, 503, 500]
     stand.handed_off()
     stand.app.state.alert_watch.step()
-    assert desk.deliver() == 0
+    assert releases.deliver() == 0
     assert len(received) == 3
     kinds = {one.newest.kind: one for _, one in stand.app.state.alert_watch.alerts.all() if one.newest}
     failed = kinds["notification_failed"]
     assert failed.standing == ("notification_failed",)
     assert kinds["handoff"].notified[-1].outcome == "failed"
     ((name, alert),) = [one for one in stand.app.state.alert_watch.alerts.all() if one[1] == kinds["handoff"]]
-    desk._told.clear()
-    desk.offer(name, alert)
+    releases._told.clear()
+    releases.offer(name, alert)
     answers += [500, 200]
-    assert desk.deliver() == 1
+    assert releases.deliver() == 1
     again = {one.newest.kind: one for _, one in stand.app.state.alert_watch.alerts.all() if one.newest}
     assert again["notification_failed"].standing == ()
     assert "s3cr3t-word" not in logged(stand)
@@ -324,10 +324,10 @@ def test_a_service_that_fails_is_tried_again_and_its_failure_is_an_alert_that_en
 def test_a_redirect_of_a_service_is_not_followed(stand: Stand, service: tuple[str, list[bytes], list[int]]) -> None:
     address, received, answers = service
     answers += [302]
-    desk = notices(stand, address)
+    releases = notices(stand, address)
     stand.handed_off()
     stand.app.state.alert_watch.step()
-    assert desk.deliver() == 0
+    assert releases.deliver() == 0
     assert len(received) == 1
 
 

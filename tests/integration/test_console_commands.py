@@ -30,7 +30,7 @@ def operator(stand: Stand) -> TestClient:
 
 
 def key(operator: TestClient) -> str:
-    return re.findall(r'name="key" value="([^"]*)"', operator.get("/missions/new").text)[0]
+    return re.findall(r'name="key"\s+value="([^"]*)"', operator.get("/missions/new").text)[0]
 
 
 def test_a_form_starts_a_mission_with_the_persons_own_words(stand: Stand, operator: TestClient) -> None:

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import pytest
 from fastapi.testclient import TestClient
-from tests.builders.connections import Stage, staged
 
 from app.background.signals import SignalBroker
 from app.i18n.reasons.rendering import sentence
@@ -25,6 +24,7 @@ from harness.projections.exploration import decisions, updates
 from harness.projections.mission import Mission
 from rsi_reviews.candidate_queries import selected
 from rsi_reviews.deciders import DECIDERS
+from tests.builders.connections import Stage, staged
 from tests.builders.consoles import Stand, console_stand
 
 RUN = re.compile(r"M(-?[\d.]+) (-?[\d.]+)h([\d.]+)v([\d.]+)h-[\d.]+z")

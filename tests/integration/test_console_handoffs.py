@@ -259,7 +259,7 @@ def test_an_answer_to_an_older_question_is_shown_what_changed(stand: Stand, wait
     refused = operator.post(f"/handoffs/{handoff_id}/decision", data=old)
     assert refused.status_code == 409
     rows = re.findall(
-        r"<tr><td>([^<]*)</td><td class=\"wrap\">([^<]*)</td><td class=\"wrap\">([^<]*)</td>", refused.text
+        r"<tr>\s*<td>([^<]*)</td>\s*<td class=\"wrap\">([^<]*)</td>\s*<td class=\"wrap\">([^<]*)</td>", refused.text
     )
     assert ("action: action", "retry", "verify_again") in rows
     body = {"decision": "approve", "reason": "r", "key": "k-9", "cycle": int(old["cycle"])}

@@ -40,7 +40,7 @@ def wakes(stand: Stand, client: TestClient, method: str, path: str, **sent: Any)
 
 def token(client: TestClient, path: str) -> str:
     """What the page's own claim form sends."""
-    return re.findall(r'name="claim" value="([^"]+)"', client.get(path).text)[0]
+    return re.findall(r'name="claim"\s+value="([^"]+)"', client.get(path).text)[0]
 
 
 def test_claiming_and_deciding_count_as_the_persons_own_by_htmx_and_without(

@@ -164,7 +164,7 @@ def test_a_decision_is_stored_with_who_in_which_role_by_which_channel() -> None:
         people = everybody(stand)
         text = people["operator"].get(f"/handoffs/{handoff_id}").text
         fields = {
-            name: re.findall(rf'name="{name}" value="([^"]*)"', text)[0]
+            name: re.findall(rf'name="{name}"\s+value="([^"]*)"', text)[0]
             for name in ("cycle", "subject", "evidence", "key")
         }
         form = {**fields, "decision": "reject", "reason": "not safe"}

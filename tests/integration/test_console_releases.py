@@ -65,20 +65,20 @@ class House:
         return answer.status_code, answer.text
 
     def status(self, name: str) -> str:
-        return self.bench.desk.review(name).status
+        return self.bench.releases.review(name).status
 
 
 @pytest.fixture
 def house() -> Iterator[House]:
     with console_stand() as stand:
-        desk = ReleaseService(stand.harness.runtime, judge=partial(accepted, predicate=PREDICATE))
+        releases = ReleaseService(stand.harness.runtime, judge=partial(accepted, predicate=PREDICATE))
         people = everybody(stand)
         accounts = stand.app.state.sessions.accounts
         accounts.add("the-other-reviewer", roles=["reviewer"], password=PASSWORD, by=SETTING_UP)
         people["other-reviewer"] = browser(stand, "the-other-reviewer")
         accounts.add("lea", roles=["operator", "reviewer", "releaser"], password=PASSWORD, by=SETTING_UP)
         people["author"] = browser(stand, "lea")
-        yield House(stand, Bench(harness=stand.harness, desk=desk), people)
+        yield House(stand, Bench(harness=stand.harness, releases=releases), people)
 
 
 def shows(text: str, *parts: str) -> None:
@@ -105,8 +105,8 @@ def test_the_review_page_tells_what_got_worse_first_and_everything_a_reviewer_ne
     name = house.bench.in_review(candidate())
     text = house.page("viewer", f"/candidates/{name}")
     shows(text, "Pass to fail", "Fail to pass", "Paired differences", "Held-out, apart", "clause by clause",
-          "The change, by component", "The raw difference", "Your word", "Because", "Counterfactual replay",
-          "Who is pinned to what", "Rollback target", "What a release changes", "Said so far")  # fmt: skip
+          "The change, by component", "The raw difference", "Your decision", "Because", "Counterfactual replay",
+          "Who is pinned to what", "Rollback target", "What a release changes", "Discussion")  # fmt: skip
     shows(text, "resource conflict", "<svg", "better by")
     assert "loaded just now and keeps its name" in text
     assert text.count('data-verdict="satisfied"') >= 4
@@ -116,7 +116,7 @@ def test_the_review_page_tells_what_got_worse_first_and_everything_a_reviewer_ne
 def test_a_case_that_got_worse_is_listed_before_those_that_got_better(house: House) -> None:
     made = candidate()
     name = house.bench.proposed(made)
-    expect(house.bench.desk.begin(terms_of(made), say(RELEASER)))
+    expect(house.bench.releases.begin(terms_of(made), say(RELEASER)))
     found = evaluation(made)
     own = made.configuration.configuration_id
     cases = sorted({one.case for one in found.results.results})
@@ -129,7 +129,7 @@ def test_a_case_that_got_worse_is_listed_before_those_that_got_better(house: Hou
     )
     whole = msgspec.structs.replace(found.results, results=results)
     judged = type(found)(found.terms, found.manifest, found.regression, found.safety, whole)
-    expect(house.bench.desk.submit_results(judged, say(RELEASER)))
+    expect(house.bench.releases.submit_results(judged, say(RELEASER)))
     text = house.page("viewer", f"/candidates/{name}")
     shows(text, "Pass to fail: 1 of 100", cases[0][:8], "Fail to pass: 1 of 100", cases[1][:8])
     only = house.page("viewer", f"/candidates/{name}/cases?change=pass%20to%20fail")
@@ -144,7 +144,7 @@ def test_an_author_is_told_before_the_click_and_refused_after_it(house: House) -
     assert "disabled" in button
     status, told = house.said("author", name, "approve")
     assert status == 409 and "lea is an author of it" in told
-    assert house.bench.desk.review(name).approvals == ()
+    assert house.bench.releases.review(name).approvals == ()
 
 
 def test_a_word_without_a_reason_is_sent_back_and_a_form_sent_twice_counts_once(house: House) -> None:
@@ -153,8 +153,8 @@ def test_a_word_without_a_reason_is_sent_back_and_a_form_sent_twice_counts_once(
     fields = {**house.bound("reviewer", name), "reason": "the figures hold"}
     for _ in range(2):
         assert house.people["reviewer"].post(f"/candidates/{name}/approve", data=fields).status_code == 303
-    assert [one.actor.name for one in house.bench.desk.review(name).approvals] == ["the-reviewer"]
-    assert house.bench.desk.review(name).approvals[0].actor.role == "reviewer"
+    assert [one.actor.name for one in house.bench.releases.review(name).approvals] == ["the-reviewer"]
+    assert house.bench.releases.review(name).approvals[0].actor.role == "reviewer"
 
 
 @pytest.mark.parametrize(
@@ -175,9 +175,9 @@ def test_requested_changes_void_approvals_and_an_old_page_is_answered_with_what_
     assert house.said("reviewer", name, "approve")[0] == 303
     old = {**house.bound("other-reviewer", name), "reason": "seen it"}
     assert house.said("other-reviewer", name, "request-changes")[0] == 303
-    assert house.bench.desk.review(name).approvals == ()
+    assert house.bench.releases.review(name).approvals == ()
     assert house.said("operator", name, "submit")[0] == 303
-    assert house.bench.desk.review(name).cycle == 2
+    assert house.bench.releases.review(name).cycle == 2
     answer = house.people["other-reviewer"].post(f"/candidates/{name}/approve", data=old)
     assert answer.status_code == 409 and "it is in cycle 2, not 1" in answer.text
     assert "seen it" in answer.text
@@ -204,7 +204,7 @@ def test_a_candidate_whose_baseline_is_no_longer_current_cannot_be_approved(hous
 
 
 def test_a_release_runs_through_its_canary_and_back_again_by_two_clicks(house: House) -> None:
-    shipped = house.bench.desk.current()
+    shipped = house.bench.releases.current()
     name = house.bench.in_review(routed())
     assert house.said("reviewer", name, "approve")[0] == 303
     assert house.said("releaser", name, "release", robot_id="vbot-1")[0] == 409
@@ -220,23 +220,23 @@ def test_a_release_runs_through_its_canary_and_back_again_by_two_clicks(house: H
     shows(text, "Roll back", "released to every robot", "canary began", "shipped with the program")
     second = house.page("releaser", f"/candidates/{name}/rollback")
     assert shipped[:8] in second
-    fields = {"key": re.findall(r'name="key" value="([^"]*)"', second)[0], "second-step": "yes"}
+    fields = {"key": re.findall(r'name="key"\s+value="([^"]*)"', second)[0], "second-step": "yes"}
     assert (
         house.people["releaser"].post(f"/candidates/{name}/rollback", data=fields | {"reason": ""}).status_code == 422
     )
     answer = house.people["releaser"].post(f"/candidates/{name}/rollback", data=fields | {"reason": "slower"})
     assert answer.status_code == 303
-    assert (house.status(name), house.bench.desk.current()) == ("rolled_back", shipped)
+    assert (house.status(name), house.bench.releases.current()) == ("rolled_back", shipped)
     shows(house.page("viewer", "/releases"), "rolled back", "quarantined", "slower")
 
 
 def test_a_false_completion_found_in_the_canary_rolls_back_at_once(house: House) -> None:
-    shipped = house.bench.desk.current()
+    shipped = house.bench.releases.current()
     name = house.bench.in_canary(routed())
     mission = house.bench.mission()
     status, _ = house.said("reviewer", name, "adjudicate", mission_id=mission, finding="false_completion")
     assert status == 303
-    assert (house.status(name), house.bench.desk.current()) == ("rolled_back", shipped)
+    assert (house.status(name), house.bench.releases.current()) == ("rolled_back", shipped)
     text = house.page("viewer", f"/candidates/{name}")
     shows(text, "rolled back", "false completion")
     assert house.said("reviewer", name, "adjudicate", mission_id=mission, finding="nonsense")[0] == 422
@@ -255,7 +255,7 @@ def test_whoever_released_does_not_adjudicate(house: House) -> None:
 
 def test_what_was_current_at_an_instant_is_told_for_every_robot(house: House) -> None:
     name = house.bench.in_canary(routed())
-    own, shipped = house.bench.desk.review(name).configuration, house.bench.desk.current()
+    own, shipped = house.bench.releases.review(name).configuration, house.bench.releases.current()
     text = house.page("viewer", "/releases?at=2100-01-01T00:00:00Z")
     shows(text, "new missions were pinned to", shipped, "on vbot-1, in canary, to", own)
     assert "was not written yet" in house.page("viewer", "/releases?at=1999-01-01")
@@ -280,7 +280,7 @@ def test_a_single_operator_decides_alone_only_by_a_policy_and_after_cooling_off(
     assert admin.post("/releases/policy", data=shortly).status_code == 303
     status, told = house.said("author", name, "approve")
     assert status == 303, re.findall(r"did not count.{0,300}", told)
-    assert house.bench.desk.review(name).approvals[0].override
+    assert house.bench.releases.review(name).approvals[0].override
     assert "by the single-operator policy" in house.page("viewer", f"/candidates/{name}")
 
 
@@ -297,12 +297,12 @@ def test_a_person_proposes_by_fields_and_what_loosens_is_refused_beside_its_fiel
     assert author.post("/candidates", data=typed).status_code == 422
     fine = author.post("/candidates/check", data=typed | {"recovery.wait_s": "12"})
     assert fine.status_code == 200 and "No rule is broken" in fine.text
-    assert house.bench.desk.reviews() == []
+    assert house.bench.releases.reviews() == []
     made = author.post("/candidates", data=typed | {"recovery.wait_s": "12"})
     assert made.status_code == 303
-    review = house.bench.desk.review(made.headers["location"].rpartition("/")[2])
+    review = house.bench.releases.review(made.headers["location"].rpartition("/")[2])
     assert review.status == "draft" and review.authors == {"lea"}
-    assert house.bench.desk.candidate(review.candidate).configuration.recovery.wait_s == 12.0
+    assert house.bench.releases.candidate(review.candidate).configuration.recovery.wait_s == 12.0
 
 
 def test_a_program_checks_a_candidate_as_the_page_does_and_nothing_is_stored(house: House) -> None:
@@ -321,7 +321,7 @@ def test_a_program_checks_a_candidate_as_the_page_does_and_nothing_is_stored(hou
     assert not loose["holds"] and "wait_bounds" in {one["rule"] for one in loose["refusals"]}
     wrong = author.post("/api/v1/candidates/check", json={"configuration": "{}", "manifest": "{}"})
     assert (wrong.status_code, wrong.json()["code"]) == (422, "candidate_invalid")
-    assert house.bench.harness.runtime.head() == head and house.bench.desk.reviews() == []
+    assert house.bench.harness.runtime.head() == head and house.bench.releases.reviews() == []
 
 
 def test_the_api_says_every_word_and_names_every_rule_that_refuses(house: House) -> None:
@@ -352,26 +352,28 @@ def test_the_evaluation_page_draws_what_is_published_and_says_where_nothing_is(h
 def test_the_watch_takes_the_pointer_up_and_ended_canary_missions_in(house: House) -> None:
     name = house.bench.in_canary(routed())
     runtime = house.stand.harness.runtime
-    watch = ReleaseWatch(desk=house.bench.desk, head=runtime.head, read=runtime.log, duplicate_starts=lambda one: 0)
+    watch = ReleaseWatch(
+        releases=house.bench.releases, head=runtime.head, read=runtime.log, duplicate_starts=lambda one: 0
+    )
     watch.step()
-    assert [(one.worker, one.revision) for one in house.bench.desk.pointer().uptakes] == [("console", 1)]
+    assert [(one.worker, one.revision) for one in house.bench.releases.pointer().uptakes] == [("console", 1)]
     mission = house.bench.begun()
     house.stand.harness.supervisor.run(mission)
-    assert house.bench.desk.review(name).canary == ()
+    assert house.bench.releases.review(name).canary == ()
     watch.step()
-    assert [one.measured.mission_id for one in house.bench.desk.review(name).canary] == [mission]
+    assert [one.measured.mission_id for one in house.bench.releases.review(name).canary] == [mission]
     before = runtime.head()
     watch.step()
     assert runtime.head() == before
-    assert isinstance(house.bench.desk.current(), str) and Digest(name)
+    assert isinstance(house.bench.releases.current(), str) and Digest(name)
 
 
 def test_an_evaluation_under_way_tells_how_many_results_are_kept(house: House, tmp_path: Path) -> None:
     made = candidate()
     name = house.bench.proposed(made)
-    expect(house.bench.desk.begin(terms_of(made, evaluator="regression-1+abc"), say(RELEASER)))
-    review = house.bench.desk.review(name)
+    expect(house.bench.releases.begin(terms_of(made, evaluator="regression-1+abc"), say(RELEASER)))
+    review = house.bench.releases.review(name)
     assert "200 missions to run" in house.page("viewer", "/candidates?status=evaluating")
     kept = ResultsFile(tmp_path / "results-abc.jsonl", evaluator="regression-1+abc")
     kept.add([result(CASES[0], made.baseline), result(CASES[0], made.configuration.configuration_id)])
-    assert Evaluated(house.bench.desk, tmp_path).progress(review) == "2 of 200 missions to run"
+    assert Evaluated(house.bench.releases, tmp_path).progress(review) == "2 of 200 missions to run"

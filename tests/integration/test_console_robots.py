@@ -153,18 +153,16 @@ def test_a_robot_is_sent_to_its_safe_place_shown_on_its_way_and_stopped_there_by
         assert "Stop it on its way" in page and "Stop all 1 now" in operator.get("/robots/stop").text
         assert operator.post("/robots/stop", data=REASON).status_code == 303
         to_the_end(stand)
-        assert "not shown to be there" in sentence(operator.get(f"/robots/{ONE}").text)
+        assert "arrival not confirmed" in sentence(operator.get(f"/robots/{ONE}").text)
         assert operator.post("/robots/stop", data={"safe": "yes", **REASON}).status_code == 303
         to_the_end(stand)
-        assert "declared succeeded. Nothing is accepted of it." in sentence(operator.get(f"/robots/{ONE}").text)
+        assert "declared succeeded. No facts are accepted from this." in sentence(operator.get(f"/robots/{ONE}").text)
         assert from_dock_m(stand) < 0.4
         ended = [one.recorded_s for one in stand.harness.runtime.stream(CONTROL) if name_of(one.kind) == "RetreatEnded"]
-        said = re.findall(
-            r'<time datetime="([^"]*)">[^<]+ UTC</time>: Last sent to', operator.get(f"/robots/{ONE}").text
-        )
+        said = re.findall(r'<time datetime="([^"]*)">[^<]+ UTC</time>: Sent to', operator.get(f"/robots/{ONE}").text)
         assert said == [iso(ended[-1])]
         started(stand.harness, ONE)
-        assert "Last sent to" not in sentence(operator.get(f"/robots/{ONE}").text), "it mattered until the next mission"
+        assert "Sent to" not in sentence(operator.get(f"/robots/{ONE}").text), "it mattered until the next mission"
         assert 'href="/audit?kind=Retreat"' in sentence(operator.get(f"/robots/{ONE}").text)
         history = operator.get("/audit?kind=RetreatEnded").text
         assert (history.count("<td>RetreatEnded</td>"), history.count(f'<span class="under">{ONE}</span>')) == (2, 2)

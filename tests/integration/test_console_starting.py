@@ -82,7 +82,7 @@ def test_missions_of_a_busy_robot_wait_in_order_and_one_that_has_not_begun_is_ta
     assert operator.post(f"/queue/{second}/withdraw", data={"reason": ""}).status_code == 422
     assert operator.post(f"/queue/{second}/withdraw", data={"reason": "not today"}).status_code == 303
     taken = stand.harness.runtime.mission(second)
-    assert (taken.status, taken.reason) == ("cancelled", "Taken back by operator before it began: not today")
+    assert (taken.status, sentence(taken.reason)) == ("cancelled", "Withdrawn by operator before it began: not today")
     assert stand.harness.starts(second) == ()
     page = operator.get("/queue").text
     assert second not in page

@@ -260,15 +260,15 @@ def test_a_robot_handed_back_is_looked_at_afresh_and_nothing_moves(asked: Waitin
 def test_the_gate_takes_no_robot_back_while_somebody_has_its_wheel(asked: Waiting) -> None:
     asked.claim()
     asked.take_over()
-    wheel = asked.harness.wheel
-    assert isinstance(wheel.take(ROBOT, actor=ADA, device="tablet", reason="round the pallet"), Accepted)
+    teleoperation = asked.harness.teleoperation
+    assert isinstance(teleoperation.take(ROBOT, actor=ADA, device="tablet", reason="round the pallet"), Accepted)
     before, starts = asked.runtime.head(), len(asked.starts)
     refused = asked.hand_back()
     assert rule(refused) == "wheel_held"
     assert isinstance(refused, Refused)
     assert refused.reason == because("wheel_held", actor="ada", robot_id="vbot-1", device="tablet")
     assert asked.runtime.head() == before and len(asked.starts) == starts
-    assert isinstance(wheel.give_back(ROBOT, actor=ADA, reason="round it"), Accepted)
+    assert isinstance(teleoperation.give_back(ROBOT, actor=ADA, reason="round it"), Accepted)
     assert isinstance(asked.hand_back(), Accepted)
     assert asked.kinds.count("HandoffHandedBack") == 1
 

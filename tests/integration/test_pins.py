@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 from msgspec.structs import replace
-from tests.builders.connections import Stage, staged
 from typer.testing import CliRunner
 
 from app.cli.main import app
@@ -29,6 +28,7 @@ from harness.projections.mission import Mission, required_policy
 from harness.routing.question import RoutingQuestion
 from harness.settings import HarnessSettings
 from simulator.in_process import SIMULATOR
+from tests.builders.connections import Stage, staged
 from tests.builders.gate import POLICY, contract
 from tests.builders.missions_run import OPERATOR, ROBOT, begin
 from tests.builders.pointers import DECIDERS, POINTER, RELEASER, Point, release, select, sterner

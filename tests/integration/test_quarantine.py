@@ -1,7 +1,6 @@
 """A base in quarantine: nobody gets it, and only a named person on measured rest or a reported end frees it."""
 
 import pytest
-from tests.builders.connections import only, staged
 
 from app.i18n.reasons.rendering import sentence
 from harness.contracts.commands import AcquireLease, QuarantineLease, StopMission
@@ -10,6 +9,7 @@ from harness.contracts.errors import UnknownName
 from harness.contracts.ids import InvocationId, ResourceId, RobotId, lease_stream
 from harness.gate.commit import CommandEnvelope
 from harness.runtime import Start
+from tests.builders.connections import only, staged
 from tests.builders.missions_run import OPERATOR
 from tests.builders.walking import BASE, base, starts, walking
 from tests.fakes.supervised import Deaf, Runaway

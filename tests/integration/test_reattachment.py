@@ -5,7 +5,6 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
 import pytest
-from tests.builders.connections import CrewRobot, Stage, Wrap, only, staged
 
 from harness.adapters.clock import LockstepClock
 from harness.adapters.ids import SeededIds
@@ -19,6 +18,7 @@ from harness.settings import HarnessSettings
 from simulator.camera import CAMERA
 from simulator.robot import SimulatedRobot
 from simulator.world import WorldSettings
+from tests.builders.connections import CrewRobot, Stage, Wrap, only, staged
 from tests.builders.missions_run import ROBOT
 from tests.builders.walking import base, starts, walking
 from tests.fakes.supervised import Line, LostAcknowledgement, Remote

@@ -61,12 +61,12 @@ def test_a_canary_looks_at_no_mission_that_ended_before_it_began(on: Bench, stor
     on.harness.supervisor.step(mission)
     store.missions()
     on.harness.supervisor.run(mission)
-    expect(on.desk.catch_up())
-    entry = on.desk.review(name).entry(mission)
+    expect(on.releases.catch_up())
+    entry = on.releases.review(name).entry(mission)
     assert entry is not None and entry.finding is None
-    assert on.desk.current(ROBOT) == MADE.baseline
-    expect(on.desk.adjudicate(name, mission, "sound", say(REVIEWER)))
-    assert on.desk.current(ROBOT) == MADE.configuration.configuration_id
+    assert on.releases.current(ROBOT) == MADE.baseline
+    expect(on.releases.adjudicate(name, mission, "sound", say(REVIEWER)))
+    assert on.releases.current(ROBOT) == MADE.configuration.configuration_id
     assert store.missions() == {mission_stream(mission)}
 
 
@@ -75,19 +75,19 @@ def test_a_canary_looks_at_no_mission_that_ended_before_it_began(on: Bench, stor
 def test_a_canary_mission_that_is_over_and_not_taken_in_yet_keeps_the_next_one_back(on: Bench) -> None:
     name = on.in_canary(MADE)
     mission = on.begun()
-    assert on.desk.current(ROBOT) == MADE.configuration.configuration_id
+    assert on.releases.current(ROBOT) == MADE.configuration.configuration_id
     while not on.harness.runtime.mission(mission).invocation:
         on.harness.clock.wait_until(on.harness.supervisor.step(mission) or 0.0)
-    assert on.desk.current(ROBOT) == MADE.baseline
+    assert on.releases.current(ROBOT) == MADE.baseline
     on.harness.supervisor.run(mission)
     assert on.harness.runtime.mission(mission).ended
-    expect(on.desk.comment(name, say(REVIEWER, "I watched it.")))
-    assert on.desk.current(ROBOT) == MADE.baseline
-    expect(on.desk.catch_up())
-    assert on.desk.review(name).entry(mission) is not None
-    assert on.desk.current(ROBOT) == MADE.baseline
-    expect(on.desk.adjudicate(name, mission, "sound", say(REVIEWER)))
-    assert on.desk.current(ROBOT) == MADE.configuration.configuration_id
+    expect(on.releases.comment(name, say(REVIEWER, "I watched it.")))
+    assert on.releases.current(ROBOT) == MADE.baseline
+    expect(on.releases.catch_up())
+    assert on.releases.review(name).entry(mission) is not None
+    assert on.releases.current(ROBOT) == MADE.baseline
+    expect(on.releases.adjudicate(name, mission, "sound", say(REVIEWER)))
+    assert on.releases.current(ROBOT) == MADE.configuration.configuration_id
 
 
 def test_the_newest_missions_are_read_one_by_one_and_no_further_than_asked(on: Bench, store: ReadStore) -> None:

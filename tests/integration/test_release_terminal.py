@@ -57,9 +57,9 @@ class Terminal:
         """As the evaluator does: terms first, then results, judged by the predicate."""
         settings = HarnessSettings(data_folder=self.folder / "var")
         with edit_harness(settings, deciders=DECIDERS, select=selected) as runtime:
-            desk = ReleaseService(runtime, judge=partial(accepted, predicate=PREDICATE))
-            expect(desk.begin(terms_of(MADE), say(LEA)))
-            expect(desk.submit_results(evaluation(MADE), say(LEA)))
+            releases = ReleaseService(runtime, judge=partial(accepted, predicate=PREDICATE))
+            expect(releases.begin(terms_of(MADE), say(LEA)))
+            expect(releases.submit_results(evaluation(MADE), say(LEA)))
 
 
 @pytest.fixture

@@ -10,7 +10,6 @@ from typing import Any
 
 import pytest
 from msgspec.structs import replace
-from tests.builders.connections import CrewRobot
 
 from app.i18n.reasons.rendering import sentence
 from experiments.campaigns.races import opened_gates, together
@@ -40,6 +39,7 @@ from harness.gate.commit import CommandEnvelope, Gate
 from harness.gate.control import DECIDER as HOUSE
 from harness.gate.decide import DECIDER as MISSION
 from simulator.faults import FaultPlan, parse_faults
+from tests.builders.connections import CrewRobot
 from tests.builders.missions_run import ROBOT
 from tests.builders.retreating import LATE_S, from_dock_m, newest, retreating_site, sent, step, unanswered
 from tests.builders.waiting import BOB, Waiting
@@ -356,9 +356,9 @@ def test_a_person_sends_a_robot_without_a_mission_to_its_safe_place() -> None:
     with unanswered() as asked:
         stopped(asked)
         asked.restart()
-        decision = asked.harness.wheel.to_safety(ROBOT, actor=BOB, reason="the hall is needed")
+        decision = asked.harness.teleoperation.to_safety(ROBOT, actor=BOB, reason="the hall is needed")
         assert isinstance(decision, Accepted), decision
-        again = asked.harness.wheel.to_safety(ROBOT, actor=BOB, reason="once more")
+        again = asked.harness.teleoperation.to_safety(ROBOT, actor=BOB, reason="once more")
         assert isinstance(again, Refused) and again.rule == "retreat_under_way"
         for _ in range(200):
             if newest(asked).ended is None:
@@ -374,7 +374,7 @@ def test_where_the_zone_has_no_safe_place_it_lies_down_and_the_log_says_why() ->
     zones = tuple(replace(zone, no_answer="hold", retreat=None) for zone in bare.zones)
     with unanswered(site=replace(bare, zones=zones)) as asked:
         stopped(asked)
-        assert isinstance(asked.harness.wheel.to_safety(ROBOT, actor=BOB, reason="enough"), Accepted)
+        assert isinstance(asked.harness.teleoperation.to_safety(ROBOT, actor=BOB, reason="enough"), Accepted)
         assert sent(asked) == [] and asked.robot.status().posture == "lying"
         told = [HOUSE.codec.decode(one) for one in asked.runtime.stream(CONTROL)]
         assert isinstance(told[-1], PostureOrdered) and isinstance(told[-1].reason, Reason)

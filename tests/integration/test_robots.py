@@ -101,32 +101,32 @@ def test_the_house_s_limit_holds_for_missions_that_start_later_and_never_loosens
 def test_a_person_drives_a_robot_that_nothing_else_moves_and_returns_it_at_rest() -> None:
     with two_robots() as harness:
         clock, robot = harness.clocks[ONE], harness.robots[ONE]
-        session = session_of(harness.wheel.take(ONE, actor=ADA, device="tablet", reason="out of the way"))
+        session = session_of(harness.teleoperation.take(ONE, actor=ADA, device="tablet", reason="out of the way"))
         for _ in range(8):
-            harness.wheel.turn(ONE, session, v_mps=0.3, w_radps=0.0)
+            harness.teleoperation.turn(ONE, session, v_mps=0.3, w_radps=0.0)
             clock.wait_until(clock.now().mission_s + 0.4)
         assert robot.status().posture == "moving" and robot.status().driven_by == session
         clock.wait_until(clock.now().mission_s + 2.0)
         assert robot.status().posture == "standing", "the dead man lets go when no order comes"
-        back = harness.wheel.give_back(ONE, actor=ADA, reason="done")
+        back = harness.teleoperation.give_back(ONE, actor=ADA, reason="done")
         assert isinstance(back, Accepted)
         returned = next(event for event in back.events if isinstance(event, WheelReturned))
         assert returned.measured["displacement_m"] < 0.02
         assert harness.runtime.lease(leased(ONE, "mobile_base")).status == "free"
         with pytest.raises(ProviderFailed, match="does not drive"):
-            harness.wheel.turn(ONE, session, v_mps=0.3, w_radps=0.0)
+            harness.teleoperation.turn(ONE, session, v_mps=0.3, w_radps=0.0)
 
 
 def test_nobody_drives_a_robot_while_a_mission_acts_and_no_mission_acts_while_somebody_drives() -> None:
     with two_robots() as harness:
         mission_id = started(harness, ONE)
         run_together(harness, mission_id, until=lambda: moving(harness, mission_id))
-        refused = harness.wheel.take(ONE, actor=ADA, device="tablet", reason="let me")
+        refused = harness.teleoperation.take(ONE, actor=ADA, device="tablet", reason="let me")
         assert isinstance(refused, Refused) and refused.rule == "mission_in_control"
         harness.runtime.submit(mission_id, PauseMission(actor=ADA, reason="I drive"))
         run_together(harness, mission_id)
-        session_of(harness.wheel.take(ONE, actor=ADA, device="tablet", reason="let me"))
-        second = harness.wheel.take(ONE, actor=BEN, device="phone", reason="me too")
+        session_of(harness.teleoperation.take(ONE, actor=ADA, device="tablet", reason="let me"))
+        second = harness.teleoperation.take(ONE, actor=BEN, device="phone", reason="me too")
         assert isinstance(second, Refused) and second.rule == "wheel_taken"
         before = len(harness.robots[ONE].starts())
         other = started(harness, ONE)
@@ -137,19 +137,19 @@ def test_nobody_drives_a_robot_while_a_mission_acts_and_no_mission_acts_while_so
             harness.clocks[ONE].wait_until(wake_s)
         assert [one for one in harness.robots[ONE].starts()[before:] if one.moves] == []
         with pytest.raises(UnknownName, match="no robot vbot-9"):
-            harness.wheel.take(RobotId("vbot-9"), actor=ADA, device="tablet", reason="where is it")
+            harness.teleoperation.take(RobotId("vbot-9"), actor=ADA, device="tablet", reason="where is it")
 
 
 def test_a_robot_lies_down_once_its_mission_is_stopped_and_stands_up_for_the_next() -> None:
     with two_robots() as harness:
         mission_id = started(harness, ONE)
         run_together(harness, mission_id, until=lambda: harness.robots[ONE].status().posture == "moving")
-        early = harness.wheel.rest(ONE, posture="lying", actor=ADA, reason="rest")
+        early = harness.teleoperation.rest(ONE, posture="lying", actor=ADA, reason="rest")
         assert isinstance(early, Refused) and early.rule == "mission_in_control"
         assert harness.robots[ONE].status().posture == "moving"
         harness.runtime.submit(mission_id, StopMission(actor=ADA, reason="rest"))
         run_together(harness, mission_id)
-        assert isinstance(harness.wheel.rest(ONE, posture="lying", actor=ADA, reason="rest"), Accepted)
+        assert isinstance(harness.teleoperation.rest(ONE, posture="lying", actor=ADA, reason="rest"), Accepted)
         assert harness.robots[ONE].status().posture == "lying"
         again = started(harness, ONE)
         run_together(harness, again, until=lambda: harness.robots[ONE].status().posture == "moving")
@@ -159,7 +159,7 @@ def test_a_robot_lies_down_once_its_mission_is_stopped_and_stands_up_for_the_nex
 
 def test_a_wheel_that_an_earlier_process_left_taken_is_returned() -> None:
     with two_robots() as harness:
-        session_of(harness.wheel.take(TWO, actor=ADA, device="tablet", reason="let me"))
-        harness.wheel.return_abandoned()
-        assert harness.wheel.holder(TWO) is None
+        session_of(harness.teleoperation.take(TWO, actor=ADA, device="tablet", reason="let me"))
+        harness.teleoperation.return_abandoned()
+        assert harness.teleoperation.holder(TWO) is None
         assert harness.runtime.lease(leased(TWO, "mobile_base")).status == "free"

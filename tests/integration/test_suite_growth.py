@@ -28,9 +28,9 @@ def disputed(on: Bench, *faults: str) -> MissionId:
 def test_a_disputed_mission_is_a_case_of_the_suite_once_and_the_suite_lost_none() -> None:
     with bench() as on:
         mission_id = disputed(on, "stale-pose")
-        expect(on.desk.add_case(mission_id, say(EVE)))
-        assert on.desk.add_case(mission_id, say(EVE)) == Accepted(())
-        suite, larger = shipped("regression"), with_growth(shipped("regression"), on.desk.growth())
+        expect(on.releases.add_case(mission_id, say(EVE)))
+        assert on.releases.add_case(mission_id, say(EVE)) == Accepted(())
+        suite, larger = shipped("regression"), with_growth(shipped("regression"), on.releases.growth())
         added = set(cases_of(larger)) - set(cases_of(suite))
         assert [(one.situation.family, one.situation.faults) for one in added] == [("stale_evidence", ("stale-pose",))]
         assert {one.seed for one in added} == {on.harness.runtime.mission(mission_id).seed}
@@ -39,22 +39,22 @@ def test_a_disputed_mission_is_a_case_of_the_suite_once_and_the_suite_lost_none(
 
 def test_what_nobody_disputed_and_what_no_person_asks_for_becomes_no_case() -> None:
     with bench() as on:
-        assert rule_of(on.desk.add_case(on.mission(), say(EVE))) == "not_disputed"
+        assert rule_of(on.releases.add_case(on.mission(), say(EVE))) == "not_disputed"
         machine = replace(EVE, channel="policy")
-        assert rule_of(on.desk.add_case(disputed(on), say(machine))) == "not_a_person"
-        assert on.desk.growth().added == ()
+        assert rule_of(on.releases.add_case(disputed(on), say(machine))) == "not_a_person"
+        assert on.releases.growth().added == ()
 
 
 def test_who_grew_the_suite_is_an_author_of_what_is_evaluated_on_it() -> None:
     with bench() as on:
         grower = replace(REVIEWER, role="operator+reviewer")
-        expect(on.desk.add_case(disputed(on), say(grower)))
-        growth, made = on.desk.growth(), candidate()
+        expect(on.releases.add_case(disputed(on), say(grower)))
+        growth, made = on.releases.growth(), candidate()
         suites = (with_growth(shipped("regression"), growth), shipped("safety"))
         baseline = on.harness.runtime.stored_configuration(made.baseline)
         trial = prepared(
             made, baseline, suites, launched_by=("lea",), simulator=SIMULATOR, suite_edited_by=growth.hands
         )
-        expect(on.desk.propose(made, say(EVE)))
-        expect(on.desk.begin(trial.terms, say(EVE)))
-        assert REVIEWER.name in on.desk.review(made.candidate_id).authors
+        expect(on.releases.propose(made, say(EVE)))
+        expect(on.releases.begin(trial.terms, say(EVE)))
+        assert REVIEWER.name in on.releases.review(made.candidate_id).authors

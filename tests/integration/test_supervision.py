@@ -1,7 +1,6 @@
 """Supervision of providers that answer late, twice, never, or not to a stop: whole missions in virtual time."""
 
 import pytest
-from tests.builders.connections import Stage, only, staged, template, with_node
 
 from app.i18n.reasons.rendering import sentence
 from harness.contracts.capabilities import CapabilityCard
@@ -18,6 +17,7 @@ from harness.contracts.events import (
 from harness.contracts.ids import MissionId
 from harness.contracts.tasks import Node
 from harness.contracts.values import decode
+from tests.builders.connections import Stage, only, staged, template, with_node
 from tests.builders.missions_run import OPERATOR
 from tests.builders.walking import BASE, base, starts, walking
 from tests.fakes.passing import Passing

@@ -8,7 +8,6 @@ from typing import Any, cast
 import msgspec
 import pytest
 from msgspec.structs import replace
-from tests.builders.connections import Failing, Stage, only, staged, template
 
 from harness.auditing.replay import NONE_STORED, UNEQUAL, ReplayReport, replay_all, replay_mission
 from harness.bootstrap import read_harness
@@ -22,6 +21,7 @@ from harness.contracts.stored_commands import command_of
 from harness.contracts.upcasting import name_of
 from harness.projections.mission import Mission, all_required_committed
 from harness.settings import HarnessSettings
+from tests.builders.connections import Failing, Stage, only, staged, template
 from tests.builders.missions_run import OPERATOR
 from tests.builders.tampering import Body, rewritten
 

@@ -21,7 +21,7 @@ SENTENCES: Mapping[str, str] = {
     "alert_unsafe": N_("unsafe at {stage:word}"),
     "alert_veto": N_("{layer} vetoes motion"),
     "alert_with_goal": N_("{text}. Goal: {goal}"),
-    "by_robots_word": N_("by the robot's word"),
+    "by_robots_word": N_("as reported by the robot"),
     "charge_left": N_("{charge:.0%} left"),
     "last_answered": N_("last answered {age_s:.0f} s ago"),
     "never_answered": N_("never answered"),

@@ -37,7 +37,7 @@ SENTENCES: Mapping[str, str] = {
     "result_accepted": N_("the gate accepted the result"),
     "result_not_accepted": N_("the gate did not accept the result"),
     "result_unknown": N_("nobody can say whether it was done"),
-    "retreat_over": N_("retreat: {outcome:word}"),
+    "retreat_over": N_("return to the safe point: {outcome:word}"),
     "stop_shown_static": N_("the stop was acknowledged and the body is static"),
     "stopped_by_veto": N_("vetoed: {vetoes}"),
     "stopped_while_sending": N_("the harness stopped while it was being sent, and the robot knows no such request"),

@@ -17,5 +17,5 @@ SENTENCES: Mapping[str, str] = {
     "not_reopened": N_("{why} {again}"),
     "stage_not_reopened": N_("{stage} is not opened again: {why}."),
     "stopped_without_rest": N_("{stopped}. No evidence shows the robot at rest: {why}"),
-    "withdrawn_before_begin": N_("Taken back by {actor} before it began: {reason}"),
+    "withdrawn_before_begin": N_("Withdrawn by {actor} before it began: {reason}"),
 }

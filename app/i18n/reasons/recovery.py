@@ -21,8 +21,8 @@ SENTENCES: Mapping[str, str] = {
     "given_up_for_good": N_("{failure:word}: {why}"),
     "mission_is_manual": N_("The mission is manual: a person approves every dispatch."),
     "next_step": N_(
-        "{failure:capital}. Tried before: {tried:words}. Next: {following}. Left before this: "
-        "{left_node} for the stage, {left_mission} for the mission."
+        "{failure:capital}. Tried before: {tried:words}. Next: {following}. Recovery attempts left: {left_node} in "
+        "this stage, {left_mission} in the mission."
     ),
     "no_alternative": N_("no other provider can do it"),
     "of_stage": N_("{stage}: {reason}"),

@@ -11,7 +11,7 @@ from typing import Any
 
 from msgspec import Struct, structs, to_builtins
 
-from app.i18n.catalogues import ENGLISH, translated
+from app.i18n.catalogues import ENGLISH, N_, translated
 from app.i18n.reasons import (
     alerts,
     console,
@@ -49,6 +49,13 @@ SENTENCES: Mapping[str, str] = {
     **verification.SENTENCES,
 }
 """Every code of the project and its message."""
+VARIANTS: Mapping[str, tuple[str, Any, str]] = {
+    "all_conditions_hold": ("count", 1, N_("the condition holds")),
+    "handoff_was_answered": ("decision", "expired", N_("The handoff expired unanswered")),
+    "retreat_ended": ("outcome", "short", N_("Return failed: {reason}; the provider declared {declared}")),
+    "retreat_over": ("outcome", "short", N_("the return to the safe point failed")),
+}
+"""Codes with a second message, for one value of one fact: the fact, the value, the message."""
 BETWEEN: Mapping[str, tuple[str, str, str]] = {"en": (", ", "; ", " or "), "zh-Hans": ("、", "；", "或")}
 """What stands between names, between sentences, and before the last of several that are offered."""
 WORDS = frozenset({"word", "words", "or", "capital"})
@@ -59,7 +66,7 @@ def sentence(reason: Explanation, language: str = ENGLISH) -> str:
     """The reason in that language; text stays as it is. A code without a sentence warns and is shown with its facts."""
     if isinstance(reason, str):
         return reason
-    message = SENTENCES.get(reason.code)
+    message = _message(reason)
     if message is None:
         warnings.warn(f"the reason {reason.code!r} has no sentence", stacklevel=2)
         return plain(reason)
@@ -68,6 +75,11 @@ def sentence(reason: Explanation, language: str = ENGLISH) -> str:
     except (KeyError, ValueError, TypeError) as wrong:
         warnings.warn(f"the facts of {reason!r} do not fill its sentence: {wrong!r}", stacklevel=2)
         return plain(reason)
+
+
+def _message(reason: Reason) -> str | None:
+    fact, value, variant = VARIANTS.get(reason.code, ("", None, ""))
+    return variant if fact and reason.facts.get(fact) == value else SENTENCES.get(reason.code)
 
 
 def sentences(reasons: tuple[Explanation, ...], language: str = ENGLISH) -> str:

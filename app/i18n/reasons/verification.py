@@ -102,7 +102,7 @@ SENTENCES: Mapping[str, str] = {
     "poses_stopped": N_("no pose arrived in the last {silent_s:.1f} s, while other sensors went on"),
     "precondition_names_no_place": N_("the precondition names no place"),
     "predicate_failed": N_("the predicate {predicate} failed: {kind}: {error}"),
-    "providers_word_alone": N_("{reason} (single source: the provider's own word)"),
+    "providers_word_alone": N_("{reason} (single source: declared by the provider)"),
     "ran_too_fast": N_("the body ran at {speed_mps:.2f} m/s, the cap is {cap_mps:.2f} m/s"),
     "receipts_repeated": N_("{receipts} receipts came twice"),
     "receipts_without_request": N_("{receipts} receipts answer no request of this mission"),

@@ -1,4 +1,6 @@
-"""Apache Burr with its SQLite persister: seven no-op actions per application, one connection per thread."""
+"""Runs the peer Apache Burr with its SQLite persister: seven no-op actions per application, one connection per
+thread.
+"""
 
 import sys
 import threading

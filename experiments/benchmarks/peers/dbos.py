@@ -1,4 +1,4 @@
-"""DBOS Transact on SQLite as shipped: a workflow of seven no-op steps."""
+"""Runs the peer DBOS Transact on SQLite as shipped: a workflow of seven no-op steps."""
 
 import os
 import sys
@@ -12,13 +12,13 @@ from experiments.benchmarks.turns import STAGES, mission_turns, on_disk, serve
 
 @DBOS.step()
 def stage(number: int, place: int) -> dict[str, Any]:
-    """Nothing, recorded."""
+    """Does nothing, durably."""
     return {"step": place, "ok": True}
 
 
 @DBOS.workflow()
 def mission(number: int) -> None:
-    """Seven steps."""
+    """Runs seven steps."""
     for place in range(STAGES):
         stage(number, place)
 

@@ -1,4 +1,6 @@
-"""The eventsourcing library on SQLite: eight events per stage in one save, or aggregates rebuilt from their events."""
+"""Runs the peer eventsourcing on SQLite: eight events per stage in one save, or aggregates rebuilt from their
+events.
+"""
 
 import os
 import sys

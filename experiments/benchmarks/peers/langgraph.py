@@ -1,4 +1,6 @@
-"""LangGraph on its SQLite saver, durability="sync": seven no-op nodes per thread, or interrupt and resume."""
+"""Runs the peer LangGraph on its SQLite saver, durability="sync": seven no-op nodes per thread, or interrupt
+and resume.
+"""
 
 import sqlite3
 import sys

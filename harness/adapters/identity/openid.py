@@ -1,4 +1,4 @@
-"""One OpenID Connect issuer, through Authlib: authorization code with PKCE, state and nonce. It keeps no token."""
+"""Signs people in through one OpenID Connect provider: authorization code, PKCE, state and nonce. Stores no token."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -13,11 +13,11 @@ from authlib.oauth2.rfc7636 import create_s256_code_challenge
 from authlib.oidc.discovery import get_well_known_url
 from joserfc.jwk import KeySet
 
+from harness.adapters.identity import tokens
 from harness.adapters.identity.person import person_of
-from harness.adapters.identity.tokens import KeyUnknown, accepted, algorithm_of, keys_of, offered, verified
 from harness.adapters.identity.wire import HttpTransport, secure
+from harness.contracts import identity
 from harness.contracts.errors import ContractInvalid
-from harness.contracts.identity import Claims, ClientRefused, CodeRefused, IssuerUnreachable, IssuerWrong, SignInAttempt
 
 KNOWN_S, KEYS_AGAIN_S, AWAY_S = 3600.0, 60.0, 5.0
 MOST_GROUPS, LONGEST_SECRET = 1000, 4096
@@ -27,7 +27,7 @@ CLIENT_ERRORS = frozenset({"invalid_client", "unauthorized_client"})
 
 @dataclass(frozen=True)
 class Registration:
-    """What issuer and console know of each other. `hosts` beside the issuer's own may be asked too."""
+    """The console's registration at the issuer. `hosts` are allowed besides the issuer's own."""
 
     issuer: str
     client_id: str
@@ -40,7 +40,7 @@ class Registration:
 
 @dataclass(frozen=True)
 class _Document:
-    """What the issuer says of itself, and its keys, as read at `read_s`."""
+    """The issuer's discovery document and its keys, as read at `read_s`."""
 
     body: Mapping[str, Any]
     keys: KeySet
@@ -48,10 +48,10 @@ class _Document:
 
 
 class OpenIdProvider:
-    """Implements IdentityProvider. `clock` gives wall seconds; the secret is sent to the token endpoint alone."""
+    """Implements IdentityProvider. `clock` gives wall seconds; the secret goes to the token endpoint only."""
 
     def __init__(self, registration: Registration, *, secret: str, clock: Callable[[], float]) -> None:
-        """Asks nobody yet. Raises ContractInvalid for an issuer that is no https address, or no client id."""
+        """Sends no request yet. Raises ContractInvalid for an issuer that is no https address, or no client id."""
         if not secure(registration.issuer) or urlsplit(registration.issuer).query:
             raise ContractInvalid(
                 "The identity provider's address is none that can be trusted",
@@ -68,7 +68,7 @@ class OpenIdProvider:
         own = urlsplit(registration.issuer).netloc
         self._wire = HttpTransport((own, *registration.hosts), authority=registration.authority)
         self._read: _Document | None = None
-        self._away: tuple[float, IssuerUnreachable] | None = None
+        self._away: tuple[float, identity.IssuerUnreachable] | None = None
         self._lock = Lock()
 
     @property
@@ -79,7 +79,7 @@ class OpenIdProvider:
     def back(self) -> str:
         return self._registration.back
 
-    def begin(self, attempt: SignInAttempt) -> str:
+    def begin(self, attempt: identity.SignInAttempt) -> str:
         address: str = prepare_grant_uri(
             self._wire.allowed(self._document().body.get("authorization_endpoint")),
             client_id=self._registration.client_id,
@@ -93,19 +93,21 @@ class OpenIdProvider:
         )
         return address
 
-    def finish(self, attempt: SignInAttempt, *, code: str, issuer: str, by_groups: Callable[[str], bool]) -> Claims:
+    def finish(
+        self, attempt: identity.SignInAttempt, *, code: str, issuer: str, by_groups: Callable[[str], bool]
+    ) -> identity.Claims:
         document = self._document()
         announced = document.body.get("authorization_response_iss_parameter_supported") is True
         if issuer != self.issuer and (issuer or announced):
-            raise IssuerWrong(
+            raise identity.IssuerWrong(
                 "The answer comes from another issuer than the one that was asked",
                 where=issuer[:200],
                 do="close this page and sign in again from the console's own",
             )
         answer = self._exchange(document, code=code, verifier=attempt.verifier)
         token = answer.get("id_token")
-        algorithm_of(token)
-        claims = accepted(
+        tokens.algorithm_of(token)
+        claims = tokens.accepted(
             self._signed(token, document),
             issuer=self.issuer,
             client_id=self._registration.client_id,
@@ -117,7 +119,7 @@ class OpenIdProvider:
         endpoint, subject = document.body.get("userinfo_endpoint"), told["sub"]
         if self._registration.groups_claim not in told and self._wire.permits(endpoint) and by_groups(subject):
             told = person_of(self._wire, endpoint, answer, subject=subject) | told
-        return Claims(
+        return identity.Claims(
             issuer=self.issuer,
             subject=subject,
             name=next((str(told[one]) for one in ("preferred_username", "email", "name") if told.get(one)), ""),
@@ -132,21 +134,21 @@ class OpenIdProvider:
         return f"{self._wire.allowed(endpoint)}{'&' if '?' in str(endpoint) else '?'}{query}"
 
     def examined(self) -> int:
-        """Asks the issuer anew for what it says of itself; how many keys it signs with. Raises as `begin` does."""
+        """Reads the issuer's discovery document again; returns how many keys it signs with. Raises as `begin` does."""
         document = self._fetched()
         for name in ("authorization_endpoint", "token_endpoint"):
             self._wire.allowed(document.body.get(name))
         return len(document.keys.keys)
 
     def _signed(self, token: object, document: _Document) -> Any:
-        """The issuer may have new keys since they were read: an unknown one is looked for once more, not more often."""
-        algorithms = offered(document.body.get("id_token_signing_alg_values_supported"))
+        """Reads the issuer's keys again, once, for an unknown key: the issuer may have changed them since."""
+        algorithms = tokens.offered(document.body.get("id_token_signing_alg_values_supported"))
         try:
-            return verified(token, document.keys, algorithms=algorithms)
-        except KeyUnknown:
+            return tokens.verified(token, document.keys, algorithms=algorithms)
+        except tokens.KeyUnknown:
             if self._clock() - document.read_s < KEYS_AGAIN_S:
                 raise
-        return verified(token, self._fetched().keys, algorithms=algorithms)
+        return tokens.verified(token, self._fetched().keys, algorithms=algorithms)
 
     def _exchange(self, document: _Document, *, code: str, verifier: str) -> dict[str, Any]:
         methods = document.body.get("token_endpoint_auth_methods_supported")
@@ -159,28 +161,28 @@ class OpenIdProvider:
         if status == 200:
             return answer
         if status == 401 or answer.get("error") in CLIENT_ERRORS:
-            raise ClientRefused(
+            raise identity.ClientRefused(
                 "The identity provider does not take this console's own credentials",
                 where=self.issuer,
                 do="an admin checks REGEN_OIDC_CLIENT_ID and the client secret",
             )
-        raise CodeRefused(
+        raise identity.CodeRefused(
             "The identity provider does not take the code that it gave: it is good once, for a short while",
             where=self.issuer,
             do="sign in again",
         )
 
     def _document(self) -> _Document:
-        """As it was read, for an hour. One that was away is not asked again at once: who waits keeps others waiting."""
+        """The document, cached for an hour. After a failure the issuer is not asked again at once."""
         with self._lock:
             known, away = self._read, self._away
         if known and self._clock() - known.read_s < KNOWN_S:
             return known
         if away and self._clock() - away[0] < AWAY_S:
-            raise IssuerUnreachable(away[1].what, where=away[1].where, do=away[1].do)
+            raise identity.IssuerUnreachable(away[1].what, where=away[1].where, do=away[1].do)
         try:
             return self._fetched()
-        except IssuerUnreachable as error:
+        except identity.IssuerUnreachable as error:
             with self._lock:
                 self._away = (self._clock(), error)
             raise
@@ -188,21 +190,21 @@ class OpenIdProvider:
     def _fetched(self) -> _Document:
         status, body = self._wire.ask("GET", get_well_known_url(self.issuer, external=True), headers=FORM)
         if status != 200:
-            raise IssuerUnreachable(
+            raise identity.IssuerUnreachable(
                 f"The identity provider answers {status} where it should describe itself",
                 where=self.issuer,
                 do="an admin checks REGEN_OIDC_ISSUER",
             )
         if body.get("issuer") != self.issuer:
-            raise IssuerWrong(
+            raise identity.IssuerWrong(
                 "The identity provider calls itself something else than what is configured",
                 where=str(body.get("issuer", ""))[:200],
                 do="an admin sets REGEN_OIDC_ISSUER to exactly what the provider calls itself",
             )
         status, keys = self._wire.ask("GET", body.get("jwks_uri"), headers=FORM)
         if status != 200:
-            raise IssuerUnreachable(f"The identity provider answers {status} for its keys", where=self.issuer)
-        read = _Document(body, keys_of(keys), self._clock())
+            raise identity.IssuerUnreachable(f"The identity provider answers {status} for its keys", where=self.issuer)
+        read = _Document(body, tokens.keys_of(keys), self._clock())
         with self._lock:
             self._read = read
         return read

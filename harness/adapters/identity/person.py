@@ -1,4 +1,4 @@
-"""What the issuer's userinfo endpoint says of the person whose access token this is: for who they are, nobody else."""
+"""Reads a person's claims from the identity provider's userinfo endpoint, with that person's own access token."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -13,10 +13,10 @@ AGAIN = "sign in again; if it stays so, an admin looks at the settings of the id
 
 
 def person_of(wire: HttpTransport, endpoint: object, answer: Mapping[str, Any], *, subject: str) -> dict[str, Any]:
-    """Its claims. `answer` is the token endpoint's; the access token in it is sent there and kept nowhere.
+    """The person's claims. `answer` is the token endpoint's; its access token is sent there and not stored.
 
     Raises IssuerWrong before anything is sent to a host that is not configured, IssuerUnreachable where it does not
-    answer or not with plain JSON, PersonMismatch for claims of anybody but `subject` (OpenID Connect Core, 5.3.2).
+    answer with plain JSON, PersonMismatch for claims of anyone but `subject` (OpenID Connect Core, 5.3.2).
     """
     token, kind = answer.get("access_token"), answer.get("token_type", "Bearer")
     if not isinstance(token, str) or not 0 < len(token) <= LONGEST_TOKEN or not token.isascii():

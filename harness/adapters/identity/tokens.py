@@ -1,4 +1,4 @@
-"""An identity token, believed only if the issuer's own key signed it, now, for this console and this sign-in."""
+"""Verifies an identity token: signed by the provider's own key, current, and issued for this console and sign-in."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -8,14 +8,7 @@ from joserfc import jws, jwt
 from joserfc.errors import ClaimError, ExpiredTokenError, InvalidKeyIdError, JoseError
 from joserfc.jwk import JWKRegistry, KeySet
 
-from harness.contracts.identity import (
-    IssuerWrong,
-    NonceMismatch,
-    SignatureBad,
-    TokenExpired,
-    TokenInvalid,
-    TokenUnsigned,
-)
+from harness.contracts import identity
 
 LEEWAY_S = 60
 ASYMMETRIC = (
@@ -24,7 +17,7 @@ ASYMMETRIC = (
 AGAIN = "sign in again; if it stays so, an admin looks at the settings of the identity provider"
 
 
-class KeyUnknown(SignatureBad):
+class KeyUnknown(identity.SignatureBad):
     """The token names a key that was not among the issuer's when they were last read."""
 
 
@@ -43,20 +36,20 @@ def keys_of(document: Mapping[str, Any]) -> KeySet:
 
 
 def offered(supported: object) -> tuple[str, ...]:
-    """The algorithms that are taken: asymmetric ones, of those that the issuer says it uses."""
+    """The accepted algorithms: the asymmetric ones among those that the issuer declares."""
     named = [one for one in ASYMMETRIC if one in supported] if isinstance(supported, list) else []
     return tuple(named) or ASYMMETRIC
 
 
 def algorithm_of(token: object) -> str:
-    """What a token says it is signed with, unverified. Raises TokenInvalid; TokenUnsigned for no or a shared key."""
+    """The algorithm that a token declares, unverified. Raises TokenInvalid; TokenUnsigned for no or a shared key."""
     try:
         header = jws.extract_compact(str(token).encode()).headers()
     except (JoseError, ValueError, RecursionError) as error:
         raise _invalid(type(error).__name__) from None
     algorithm = header.get("alg")
     if not isinstance(algorithm, str) or algorithm not in ASYMMETRIC:
-        raise TokenUnsigned(
+        raise identity.TokenUnsigned(
             "The identity token is not signed with a key of the identity provider's own",
             where=f"alg {str(algorithm)[:20]!r}",
             do="an admin has the provider sign with RS256, ES256 or another of the asymmetric algorithms",
@@ -65,7 +58,7 @@ def algorithm_of(token: object) -> str:
 
 
 def verified(token: object, keys: KeySet, *, algorithms: Iterable[str]) -> jwt.Token:
-    """Header and claims of a token that one of `keys` signed. Raises KeyUnknown, SignatureBad and their kin."""
+    """Header and claims of a token that one of `keys` signed. Raises KeyUnknown, SignatureBad and related errors."""
     algorithm_of(token)
     registry = jws.JWSRegistry(algorithms=list(algorithms), strict_check_header=False)
     try:
@@ -73,15 +66,15 @@ def verified(token: object, keys: KeySet, *, algorithms: Iterable[str]) -> jwt.T
     except InvalidKeyIdError:
         raise KeyUnknown("The identity token names a key that the issuer does not publish", do=AGAIN) from None
     except (JoseError, ValueError, TypeError, RecursionError) as error:
-        raise SignatureBad(
+        raise identity.SignatureBad(
             "The identity token is not signed by the identity provider", where=type(error).__name__, do=AGAIN
         ) from None
 
 
 def accepted(token: jwt.Token, *, issuer: str, client_id: str, nonce: str, access_token: object, now_s: float) -> Any:
-    """The claims, if they name this issuer, this client, this sign-in and the present. Raises TokenInvalid's kinds."""
+    """The claims, if they name this issuer, this client, this sign-in and the present. Raises TokenInvalid."""
     if token.claims.get("iss") != issuer:
-        raise IssuerWrong(
+        raise identity.IssuerWrong(
             "The identity token comes from another issuer", where=str(token.claims.get("iss", ""))[:200], do=AGAIN
         )
     claims = CodeIDToken(
@@ -93,10 +86,10 @@ def accepted(token: jwt.Token, *, issuer: str, client_id: str, nonce: str, acces
     try:
         claims.validate(now=lambda: int(now_s), leeway=LEEWAY_S)
     except ExpiredTokenError:
-        raise TokenExpired("The identity token is no longer good", do=AGAIN) from None
+        raise identity.TokenExpired("The identity token is no longer good", do=AGAIN) from None
     except ClaimError as error:
         if error.claim == "nonce":
-            raise NonceMismatch("The identity token was made for another sign-in", do=AGAIN) from None
+            raise identity.NonceMismatch("The identity token was made for another sign-in", do=AGAIN) from None
         raise _invalid(f"claim {error.claim}") from None
     except (JoseError, ValueError, TypeError, AttributeError) as error:
         raise _invalid(type(error).__name__) from None
@@ -106,5 +99,5 @@ def accepted(token: jwt.Token, *, issuer: str, client_id: str, nonce: str, acces
     return claims
 
 
-def _invalid(where: str) -> TokenInvalid:
-    return TokenInvalid("The identity token cannot be believed", where=where, do=AGAIN)
+def _invalid(where: str) -> identity.TokenInvalid:
+    return identity.TokenInvalid("The identity token cannot be believed", where=where, do=AGAIN)

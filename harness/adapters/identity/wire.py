@@ -1,4 +1,4 @@
-"""The way to an issuer: JSON from the configured hosts alone, over TLS, bounded in size and time, never redirected."""
+"""Fetches JSON from the configured identity provider only: over TLS, limited in size and time, without redirects."""
 
 import json
 import ssl
@@ -30,7 +30,7 @@ class HttpTransport:
         return isinstance(url, str) and secure(url) and urlsplit(url).netloc.lower() in self._hosts
 
     def allowed(self, url: object) -> str:
-        """The address, if it may be asked or a browser sent there. Raises IssuerWrong."""
+        """The address, if requests and browsers may be sent there. Raises IssuerWrong."""
         if not isinstance(url, str) or not self.permits(url):
             raise IssuerWrong(
                 "The identity provider names an address outside of what is configured",
@@ -68,7 +68,7 @@ class HttpTransport:
 
 
 def secure(url: str) -> bool:
-    """Whether an address is https, or http on this very machine; without user, query or fragment to hide behind."""
+    """Whether an address is https, or http on this very machine; without user, query or fragment."""
     try:
         parts = urlsplit(url)
         host = parts.hostname or ""

@@ -1,6 +1,6 @@
-"""Services that tell people outside (chat, mail, push), through Apprise: only those configured, none by redirect.
+"""Notifies people through external services (chat, mail, push) with Apprise; only configured ones, no redirects.
 
-Their addresses carry secrets: they come from settings, are kept here, and stand in no event, log or page.
+Their addresses contain secrets: they come from settings, stay in this module, and appear in no event, log or page.
 """
 
 import logging
@@ -36,11 +36,11 @@ class AppriseNotifier:
 
     @property
     def services(self) -> Collection[str]:
-        """Names."""
+        """Names of the configured services."""
         return tuple(self._services)
 
     def send(self, service: str, message: Notification) -> str:
-        """One try. Whatever an address or a service brings about is answered in words of our own."""
+        """Tries once. Every failure of an address or a service is reported with our own message."""
         kind = apprise.NotifyType.FAILURE if message.urgent else apprise.NotifyType.WARNING
         try:
             sent = self._services[service].notify(title=message.title, body=message.body, notify_type=kind)

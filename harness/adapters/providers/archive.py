@@ -1,4 +1,4 @@
-"""Keeps a picture as evidence: reads it back, computes its checksum again and stores a certificate beside it."""
+"""Archives a picture as evidence: reads it back, recomputes its checksum and stores a certificate with it."""
 
 from pathlib import Path
 
@@ -7,28 +7,28 @@ import numpy as np
 
 from harness.adapters.providers.local import LocalProvider, Outcome, ReceiptDraft, Result
 from harness.adapters.providers.models.description import only_image
-from harness.contracts.capabilities import CancelBehaviour, CapabilityCard, Estimates, Latency, Parameter
+from harness.contracts import capabilities
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest, ProviderId
 from harness.contracts.ports import BlobStore, Clock
 from harness.contracts.protocol import StartRequest
 from harness.contracts.values import Count, Value, encode
 
-CARD = CapabilityCard(
+CARD = capabilities.CapabilityCard(
     provider_id=ProviderId("evidence-keeper"),
     version="1",
     embodiments=("any",),
-    parameters=(Parameter(name="images", type="digests"),),
+    parameters=(capabilities.Parameter(name="images", type="digests"),),
     preconditions=(),
     side_effects=("stores the picture and a certificate",),
-    latency=Latency(base_s=0.5),
+    latency=capabilities.Latency(base_s=0.5),
     resources=(),
-    cancel=CancelBehaviour(acknowledged=True, within_s=1.0),
+    cancel=capabilities.CancelBehaviour(acknowledged=True, within_s=1.0),
     risk="low",
     failure_words=("timeout", "provider_failed", "blob_damaged", "store_unavailable"),
     evidence=("receipt:keeping",),
     capability="keep_evidence",
-    estimates=Estimates(success=0.99, risk=0.0, uncertainty=0.0, cost=0.0),
+    estimates=capabilities.Estimates(success=0.99, risk=0.0, uncertainty=0.0, cost=0.0),
     moves=False,
     sources=("camera",),
     software="evidence-keeper",
@@ -36,7 +36,7 @@ CARD = CapabilityCard(
 
 
 class Certificate(Value):
-    """One kept picture. `image` is the checksum of the bytes that were stored."""
+    """One archived picture. `image` is the checksum of the bytes that were stored."""
 
     image: Digest
     width_px: Count

@@ -1,29 +1,29 @@
-"""Typed requests: keeps the person's own words as bytes, so that a checksum can tie later stages to them."""
+"""Takes typed requests: stores the person's own words as bytes, so that a checksum can tie later stages to them."""
 
 from pathlib import Path
 
 from harness.adapters.providers.local import LocalProvider, ReceiptDraft, Result
-from harness.contracts.capabilities import CancelBehaviour, CapabilityCard, Estimates, Latency, Parameter
+from harness.contracts import capabilities
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import ProviderId
 from harness.contracts.ports import BlobStore, Clock
 from harness.contracts.protocol import StartRequest
 
-CARD = CapabilityCard(
+CARD = capabilities.CapabilityCard(
     provider_id=ProviderId("text-intake"),
     version="1",
     embodiments=("any",),
-    parameters=(Parameter(name="text", type="string"),),
+    parameters=(capabilities.Parameter(name="text", type="string"),),
     preconditions=(),
     side_effects=("stores the text of the request",),
-    latency=Latency(base_s=0.1),
+    latency=capabilities.Latency(base_s=0.1),
     resources=(),
-    cancel=CancelBehaviour(acknowledged=True, within_s=1.0),
+    cancel=capabilities.CancelBehaviour(acknowledged=True, within_s=1.0),
     risk="low",
     failure_words=("timeout", "store_unavailable"),
     evidence=("receipt:transcript",),
     capability="take_request",
-    estimates=Estimates(success=1.0, risk=0.0, uncertainty=0.0, cost=0.0),
+    estimates=capabilities.Estimates(success=1.0, risk=0.0, uncertainty=0.0, cost=0.0),
     moves=False,
     sources=("keyboard",),
     software="text-intake",

@@ -1,4 +1,4 @@
-"""Base of providers that run beside the harness and move nothing: accept durably, work when polled, end once."""
+"""Base class of providers that run inside the harness and move nothing: accept durably, work when polled, end once."""
 
 import threading
 from abc import ABC, abstractmethod
@@ -8,18 +8,18 @@ from typing import Any
 
 import msgspec
 
+from harness.contracts import protocol
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import FencingRefused, HarnessError, ProviderFailed
 from harness.contracts.ids import Digest, RequestId
 from harness.contracts.ports import BlobStore, Clock
-from harness.contracts.protocol import TERMINAL, InvocationReport, Progress, Receipt, StartRequest
 from harness.contracts.values import Value, digest
 from harness.provider_protocol.journal import JournalEntry, RequestJournal
 from harness.provider_protocol.parameters import parameter_problems
 
 
 class ReceiptDraft(Value):
-    """A receipt before it has an id, a source and a request."""
+    """A receipt without its id, source and request."""
 
     kind: Any
     text: str = ""
@@ -38,17 +38,17 @@ class Result(Value):
 
 
 class Failed(Value):
-    """Work that cannot be finished: a failure word of the card, and the reason for a person."""
+    """Work that cannot be finished: a failure code of the card, and the reason for a person."""
 
     failure: str
     message: str
 
 
-Outcome = Result | Progress | Failed
+Outcome = Result | protocol.Progress | Failed
 
 
 class LocalProvider(ABC):
-    """The provider protocol for work inside this process. Subclasses say what `work` is.
+    """The provider protocol for work inside this process. Subclasses implement `work`.
 
     `start` accepts durably and begins; `report` works and ends the invocation. After a restart an accepted request
     goes on by its request id, so `work` must be idempotent. Nothing here moves, so a stop is acknowledged at once.
@@ -64,7 +64,7 @@ class LocalProvider(ABC):
     def card(self) -> CapabilityCard:
         return self._card
 
-    def start(self, request: StartRequest) -> InvocationReport:
+    def start(self, request: protocol.StartRequest) -> protocol.InvocationReport:
         """Accept once per request id. Raises ProviderFailed (refused) or FencingRefused; a refusal leaves no trace."""
         with self._lock:
             known = self.find(request.identity.request_id)
@@ -74,24 +74,24 @@ class LocalProvider(ABC):
             self._refuse_unfit(request)
             self.check(request)
             now_s = self._clock.now().mission_s
-            report = InvocationReport(
+            report = protocol.InvocationReport(
                 handle=f"{self._card.provider_id}:{request.identity.request_id}",
                 identity=request.identity,
                 status="accepted",
                 at_s=now_s,
-                progress=Progress(share=0.0),
+                progress=protocol.Progress(share=0.0),
             )
             self._journal.write(JournalEntry(report=report, request=request))
             return self._guarded(report, lambda: self.begin(request, now_s))
 
-    def find(self, request: RequestId) -> InvocationReport | None:
+    def find(self, request: RequestId) -> protocol.InvocationReport | None:
         return self._journal.reports.get(request)
 
-    def report(self, handle: str) -> InvocationReport:
-        """Do what can be done by now, and say how far it is. Raises ProviderFailed for an unknown handle."""
+    def report(self, handle: str) -> protocol.InvocationReport:
+        """Do what can be done by now, and report the progress. Raises ProviderFailed for an unknown handle."""
         with self._lock:
             report = self._known(handle)
-            if report.status in TERMINAL:
+            if report.status in protocol.TERMINAL:
                 return report
             now_s = self._clock.now().mission_s
             request = self._journal.requests[report.identity.request_id]
@@ -103,36 +103,38 @@ class LocalProvider(ABC):
     def keepalive(self, handle: str) -> None:
         self._known(handle)
 
-    def resume(self, handle: str) -> InvocationReport:
+    def resume(self, handle: str) -> protocol.InvocationReport:
         """Never blocked, so there is nothing to resume. Raises ProviderFailed."""
         raise self._refusal(f"Invocation {handle} is {self._known(handle).status}, not blocked", do="poll its report")
 
-    def stop(self, handle: str) -> InvocationReport:
+    def stop(self, handle: str) -> protocol.InvocationReport:
         """Cancelled at once unless it had already ended."""
         with self._lock:
             report = self._known(handle)
-            if report.status in TERMINAL:
+            if report.status in protocol.TERMINAL:
                 return report
             self.halt(report.identity.request_id)
             return self._end(report, status="cancelled", message="Stopped on request.")
 
-    def check(self, request: StartRequest) -> None:
+    def check(self, request: protocol.StartRequest) -> None:
         """Refuse what the card's parameter types cannot express. Raises ProviderFailed."""
         return None
 
-    def begin(self, request: StartRequest, now_s: float) -> None:
+    def begin(self, request: protocol.StartRequest, now_s: float) -> None:
         """What must happen at the start itself rather than at a poll."""
         return None
 
     def halt(self, request: RequestId) -> None:
-        """Let go of what `begin` took."""
+        """Release what `begin` acquired."""
         return None
 
     @abstractmethod
-    def work(self, request: StartRequest, now_s: float) -> Outcome:
-        """How it ended, or how far it is. A HarnessError ends the invocation as failed, its code the failure word."""
+    def work(self, request: protocol.StartRequest, now_s: float) -> Outcome:
+        """The result, or the progress. A HarnessError ends the invocation as failed; its code is the failure code."""
 
-    def _guarded(self, report: InvocationReport, act: Callable[[], Outcome | None]) -> InvocationReport:
+    def _guarded(
+        self, report: protocol.InvocationReport, act: Callable[[], Outcome | None]
+    ) -> protocol.InvocationReport:
         try:
             outcome = act()
         except HarnessError as error:
@@ -141,16 +143,16 @@ class LocalProvider(ABC):
             return report
         if isinstance(outcome, Failed):
             return self._fail(report, failure=outcome.failure, message=outcome.message)
-        if isinstance(outcome, Progress):
+        if isinstance(outcome, protocol.Progress):
             at_s = self._clock.now().mission_s
             return msgspec.structs.replace(report, status="running", progress=outcome, at_s=at_s)
         return self._succeed(report, result=outcome)
 
-    def _succeed(self, report: InvocationReport, *, result: Result) -> InvocationReport:
+    def _succeed(self, report: protocol.InvocationReport, *, result: Result) -> protocol.InvocationReport:
         request = report.identity.request_id
         at_s = self._clock.now().mission_s if result.at_s is None else result.at_s
         receipts = tuple(
-            Receipt(
+            protocol.Receipt(
                 receipt_id=f"{draft.kind}-{request[:16]}-{index}",
                 kind=draft.kind,
                 at_s=at_s,
@@ -169,13 +171,13 @@ class LocalProvider(ABC):
             at_s=at_s,
         )
 
-    def _fail(self, report: InvocationReport, *, failure: str, message: str) -> InvocationReport:
+    def _fail(self, report: protocol.InvocationReport, *, failure: str, message: str) -> protocol.InvocationReport:
         return self._end(msgspec.structs.replace(report, failure=failure), status="failed", message=message)
 
     def _end(
-        self, report: InvocationReport, *, status: Any, message: str, at_s: float | None = None
-    ) -> InvocationReport:
-        progress = Progress(share=1.0, text=message) if status == "succeeded" else report.progress
+        self, report: protocol.InvocationReport, *, status: Any, message: str, at_s: float | None = None
+    ) -> protocol.InvocationReport:
+        progress = protocol.Progress(share=1.0, text=message) if status == "succeeded" else report.progress
         ended = msgspec.structs.replace(
             report,
             status=status,
@@ -186,13 +188,13 @@ class LocalProvider(ABC):
         self._journal.write(JournalEntry(report=ended))
         return ended
 
-    def _known(self, handle: str) -> InvocationReport:
+    def _known(self, handle: str) -> protocol.InvocationReport:
         report = self.find(RequestId(handle.removeprefix(f"{self._card.provider_id}:")))
         if report is None:
             raise self._refusal(f"No invocation has the handle {handle}", do="find it by its request id")
         return report
 
-    def _same(self, request: StartRequest) -> None:
+    def _same(self, request: protocol.StartRequest) -> None:
         first = self._journal.requests[request.identity.request_id]
         if _asked(first) != _asked(request):
             raise self._refusal(
@@ -200,7 +202,7 @@ class LocalProvider(ABC):
                 do="repeat it unchanged, or authorise a new attempt",
             )
 
-    def _refuse_unfit(self, request: StartRequest) -> None:
+    def _refuse_unfit(self, request: protocol.StartRequest) -> None:
         named = (request.identity.provider_id, request.capability)
         if named != (self._card.provider_id, self._card.capability):
             raise self._refusal(
@@ -227,6 +229,6 @@ class LocalProvider(ABC):
         return ProviderFailed(what, where=self._card.provider_id, do=do)
 
 
-def _asked(request: StartRequest) -> str:
+def _asked(request: protocol.StartRequest) -> str:
     """What makes two requests the same: who asks for what. The state version may move between repeats (D1)."""
     return digest([request.identity, request.capability, request.parameters, request.blobs])

@@ -1,6 +1,6 @@
-"""People, sessions, tokens and the trail of who came in, in a database of their own. Holds digests, never secrets.
+"""Stores people, sessions, tokens and the audit log of sign-ins in a separate database. Holds digests, never secrets.
 
-The trail is a hash chain of its own: an entry's digest covers the one before it.
+The audit log is a separate hash chain: an entry's digest covers the one before it.
 """
 
 import sqlite3
@@ -16,17 +16,7 @@ from sqlalchemy import Connection, RowMapping, create_engine, delete, func, inse
 from sqlalchemy.exc import IntegrityError, SQLAlchemyError
 from sqlalchemy.pool import StaticPool
 
-from harness.adapters.stores.accounts_rows import Account, AuditEntry, ExternalIdentity, Session, StoredAnswer, Token
-from harness.adapters.stores.accounts_schema import (
-    ACCOUNTS,
-    ANSWERS,
-    IDENTITIES,
-    METADATA,
-    SESSIONS,
-    TOKENS,
-    TRAIL,
-    VERSION,
-)
+from harness.adapters.stores import accounts_rows, accounts_schema
 from harness.adapters.stores.query_cache import QueryCache
 from harness.contracts.errors import ConcurrencyConflict, LogDamaged, StoreNewer, StoreUnavailable
 from harness.contracts.ids import Digest, sha256
@@ -57,65 +47,84 @@ class SqlAccounts:
             connection.exec_driver_sql("PRAGMA journal_mode=WAL")
             connection.exec_driver_sql("PRAGMA synchronous=FULL")
             found = int(connection.exec_driver_sql("PRAGMA user_version").scalar_one())
-            if found > VERSION:
+            if found > accounts_schema.VERSION:
                 raise StoreNewer(
                     "The accounts were written by a later release",
                     where=str(file),
                     do="install the newer version of the program",
                 )
-            METADATA.create_all(connection, checkfirst=True)
-            connection.exec_driver_sql(f"PRAGMA user_version={VERSION}")
+            accounts_schema.METADATA.create_all(connection, checkfirst=True)
+            connection.exec_driver_sql(f"PRAGMA user_version={accounts_schema.VERSION}")
             driver = connection.connection.driver_connection
         assert isinstance(driver, sqlite3.Connection)
         self._remembered = QueryCache(driver)
 
     # accounts -------------------------------------------------------------------------------------------------------
 
-    def accounts(self) -> list[Account]:
-        """Everybody, disabled ones included, by name."""
-        return [_account(row) for row in self._rows(select(ACCOUNTS).order_by(ACCOUNTS.c.name))]
+    def accounts(self) -> list[accounts_rows.Account]:
+        """All accounts, disabled ones included, by name."""
+        return [
+            _account(row)
+            for row in self._rows(select(accounts_schema.ACCOUNTS).order_by(accounts_schema.ACCOUNTS.c.name))
+        ]
 
-    def account(self, name: str) -> Account | None:
-        def ask() -> Account | None:
-            return next((_account(row) for row in self._rows(select(ACCOUNTS).where(ACCOUNTS.c.name == name))), None)
+    def account(self, name: str) -> accounts_rows.Account | None:
+        def ask() -> accounts_rows.Account | None:
+            return next(
+                (
+                    _account(row)
+                    for row in self._rows(
+                        select(accounts_schema.ACCOUNTS).where(accounts_schema.ACCOUNTS.c.name == name)
+                    )
+                ),
+                None,
+            )
 
         return self._answer(("account", name), ask)
 
     def any_account(self) -> bool:
-        return self._answer(("any account", ""), lambda: bool(self._rows(select(ACCOUNTS.c.name).limit(1))))
+        return self._answer(
+            ("any account", ""), lambda: bool(self._rows(select(accounts_schema.ACCOUNTS.c.name).limit(1)))
+        )
 
-    def add_account(self, account: Account) -> None:
+    def add_account(self, account: accounts_rows.Account) -> None:
         """Raises ConcurrencyConflict if the name is taken."""
         try:
-            self._write(insert(ACCOUNTS).values(_columns(account, roles=" ".join(account.roles))))
+            self._write(insert(accounts_schema.ACCOUNTS).values(_columns(account, roles=" ".join(account.roles))))
         except IntegrityError as error:
             raise ConcurrencyConflict(
                 f"There is an account {account.name} already", do="choose another name"
             ) from error
 
-    def change_account(self, account: Account) -> None:
+    def change_account(self, account: accounts_rows.Account) -> None:
         row = _columns(account, roles=" ".join(account.roles))
-        self._write(update(ACCOUNTS).where(ACCOUNTS.c.name == account.name).values(row))
+        self._write(update(accounts_schema.ACCOUNTS).where(accounts_schema.ACCOUNTS.c.name == account.name).values(row))
 
     # identities -----------------------------------------------------------------------------------------------------
 
-    def identity(self, issuer: str, subject: str) -> ExternalIdentity | None:
-        """Whose account that is."""
-        mine = (IDENTITIES.c.issuer == issuer) & (IDENTITIES.c.subject == subject)
-        return next((_identity(row) for row in self._rows(select(IDENTITIES).where(mine))), None)
+    def identity(self, issuer: str, subject: str) -> accounts_rows.ExternalIdentity | None:
+        """The account of that identity."""
+        mine = (accounts_schema.IDENTITIES.c.issuer == issuer) & (accounts_schema.IDENTITIES.c.subject == subject)
+        return next((_identity(row) for row in self._rows(select(accounts_schema.IDENTITIES).where(mine))), None)
 
-    def identities(self, name: str) -> list[ExternalIdentity]:
+    def identities(self, name: str) -> list[accounts_rows.ExternalIdentity]:
         """Every identity that leads to one account, oldest first."""
-        query = select(IDENTITIES).where(IDENTITIES.c.name == name).order_by(IDENTITIES.c.linked_at_s)
+        query = (
+            select(accounts_schema.IDENTITIES)
+            .where(accounts_schema.IDENTITIES.c.name == name)
+            .order_by(accounts_schema.IDENTITIES.c.linked_at_s)
+        )
         return [_identity(row) for row in self._rows(query)]
 
-    def link(self, identity: ExternalIdentity, *, account: Account | None = None) -> None:
-        """With the account that is made for it, or neither. Raises ConcurrencyConflict if either is known already."""
+    def link(self, identity: accounts_rows.ExternalIdentity, *, account: accounts_rows.Account | None = None) -> None:
+        """Store the identity and its new account, or neither. Raises ConcurrencyConflict if either is known already."""
         try:
             with self._transaction() as connection:
                 if account is not None:
-                    connection.execute(insert(ACCOUNTS).values(_columns(account, roles=" ".join(account.roles))))
-                connection.execute(insert(IDENTITIES).values(_columns(identity)))
+                    connection.execute(
+                        insert(accounts_schema.ACCOUNTS).values(_columns(account, roles=" ".join(account.roles)))
+                    )
+                connection.execute(insert(accounts_schema.IDENTITIES).values(_columns(identity)))
         except IntegrityError as error:
             raise ConcurrencyConflict(
                 f"The account {identity.name}, or who it is for, is known already", do="sign in again, or unlink it"
@@ -123,63 +132,103 @@ class SqlAccounts:
 
     def unlink(self, issuer: str, subject: str) -> bool:
         """Whether it was linked."""
-        mine = (IDENTITIES.c.issuer == issuer) & (IDENTITIES.c.subject == subject)
-        return self._write(delete(IDENTITIES).where(mine)) == 1
+        mine = (accounts_schema.IDENTITIES.c.issuer == issuer) & (accounts_schema.IDENTITIES.c.subject == subject)
+        return self._write(delete(accounts_schema.IDENTITIES).where(mine)) == 1
 
     # sessions -------------------------------------------------------------------------------------------------------
 
-    def session(self, digest: str) -> Session | None:
+    def session(self, digest: str) -> accounts_rows.Session | None:
         """The session whose cookie this is, or was until it was rotated."""
 
-        def ask() -> Session | None:
-            found = self._rows(select(SESSIONS).where(or_(SESSIONS.c.digest == digest, SESSIONS.c.previous == digest)))
+        def ask() -> accounts_rows.Session | None:
+            found = self._rows(
+                select(accounts_schema.SESSIONS).where(
+                    or_(accounts_schema.SESSIONS.c.digest == digest, accounts_schema.SESSIONS.c.previous == digest)
+                )
+            )
             return _session(found[0]) if found else None
 
         return self._answer(("session", digest), ask)
 
-    def sessions(self, name: str) -> list[Session]:
+    def sessions(self, name: str) -> list[accounts_rows.Session]:
         """One person's, newest first."""
-        query = select(SESSIONS).where(SESSIONS.c.name == name).order_by(SESSIONS.c.began_at_s.desc())
+        query = (
+            select(accounts_schema.SESSIONS)
+            .where(accounts_schema.SESSIONS.c.name == name)
+            .order_by(accounts_schema.SESSIONS.c.began_at_s.desc())
+        )
         return [_session(row) for row in self._rows(query)]
 
-    def open_session(self, session: Session) -> None:
-        self._write(insert(SESSIONS).values(_columns(session)))
+    def open_session(self, session: accounts_rows.Session) -> None:
+        self._write(insert(accounts_schema.SESSIONS).values(_columns(session)))
 
-    def change_session(self, digest: str, session: Session) -> bool:
-        """Replace the session that has this digest; False if somebody else changed its digest first."""
-        return self._write(update(SESSIONS).where(SESSIONS.c.digest == digest).values(_columns(session))) == 1
+    def change_session(self, digest: str, session: accounts_rows.Session) -> bool:
+        """Replace the session that has this digest; False if another request changed its digest first."""
+        return (
+            self._write(
+                update(accounts_schema.SESSIONS)
+                .where(accounts_schema.SESSIONS.c.digest == digest)
+                .values(_columns(session))
+            )
+            == 1
+        )
 
     def close_sessions(self, *, digest: str = "", name: str = "", but: str = "") -> int:
         """End one session by its digest, or all of a person's but one; how many."""
         if digest:
-            return self._write(delete(SESSIONS).where(or_(SESSIONS.c.digest == digest, SESSIONS.c.previous == digest)))
-        return self._write(delete(SESSIONS).where(SESSIONS.c.name == name, SESSIONS.c.digest != but))
+            return self._write(
+                delete(accounts_schema.SESSIONS).where(
+                    or_(accounts_schema.SESSIONS.c.digest == digest, accounts_schema.SESSIONS.c.previous == digest)
+                )
+            )
+        return self._write(
+            delete(accounts_schema.SESSIONS).where(
+                accounts_schema.SESSIONS.c.name == name, accounts_schema.SESSIONS.c.digest != but
+            )
+        )
 
     # tokens ---------------------------------------------------------------------------------------------------------
 
-    def tokens(self) -> list[Token]:
+    def tokens(self) -> list[accounts_rows.Token]:
         """All of them, revoked ones included, newest first."""
-        return [_token(row) for row in self._rows(select(TOKENS).order_by(TOKENS.c.created_at_s.desc()))]
+        return [
+            _token(row)
+            for row in self._rows(select(accounts_schema.TOKENS).order_by(accounts_schema.TOKENS.c.created_at_s.desc()))
+        ]
 
-    def token(self, digest: str) -> Token | None:
-        return next((_token(row) for row in self._rows(select(TOKENS).where(TOKENS.c.digest == digest))), None)
+    def token(self, digest: str) -> accounts_rows.Token | None:
+        return next(
+            (
+                _token(row)
+                for row in self._rows(select(accounts_schema.TOKENS).where(accounts_schema.TOKENS.c.digest == digest))
+            ),
+            None,
+        )
 
-    def add_token(self, token: Token) -> None:
-        self._write(insert(TOKENS).values(_columns(token, scopes=" ".join(token.scopes))))
+    def add_token(self, token: accounts_rows.Token) -> None:
+        self._write(insert(accounts_schema.TOKENS).values(_columns(token, scopes=" ".join(token.scopes))))
 
-    def change_token(self, token: Token) -> None:
+    def change_token(self, token: accounts_rows.Token) -> None:
         row = _columns(token, scopes=" ".join(token.scopes))
-        self._write(update(TOKENS).where(TOKENS.c.token_id == token.token_id).values(row))
+        self._write(
+            update(accounts_schema.TOKENS).where(accounts_schema.TOKENS.c.token_id == token.token_id).values(row)
+        )
 
-    # the trail ------------------------------------------------------------------------------------------------------
+    # the audit log --------------------------------------------------------------------------------------------------
 
     def record(
         self, *, at_s: float, kind: str, actor: str, role: str, subject: str, detail: str, source: str
-    ) -> AuditEntry:
-        """Append one entry to the trail's chain."""
+    ) -> accounts_rows.AuditEntry:
+        """Append one entry to the audit log's chain."""
         with self._transaction() as connection:
-            last = connection.execute(select(TRAIL).order_by(TRAIL.c.number.desc()).limit(1)).mappings().first()
-            bare = AuditEntry(
+            last = (
+                connection.execute(
+                    select(accounts_schema.TRAIL).order_by(accounts_schema.TRAIL.c.number.desc()).limit(1)
+                )
+                .mappings()
+                .first()
+            )
+            bare = accounts_rows.AuditEntry(
                 number=(last["number"] if last else 0) + 1,
                 at_s=at_s,
                 kind=kind,
@@ -192,33 +241,35 @@ class SqlAccounts:
                 digest="",
             )
             entry = msgspec.structs.replace(bare, digest=sha256(encode(bare)))
-            connection.execute(insert(TRAIL).values(_columns(entry)))
+            connection.execute(insert(accounts_schema.TRAIL).values(_columns(entry)))
             return entry
 
     def audit_log(
         self, *, before: int | None = None, kind: str = "", actor: str = "", limit: int = 50
-    ) -> list[AuditEntry]:
+    ) -> list[accounts_rows.AuditEntry]:
         """Newest first, with numbers below `before`; `kind` may be a beginning such as `sign_in`."""
-        query = select(TRAIL).order_by(TRAIL.c.number.desc()).limit(limit)
+        query = select(accounts_schema.TRAIL).order_by(accounts_schema.TRAIL.c.number.desc()).limit(limit)
         if before is not None:
-            query = query.where(TRAIL.c.number < before)
+            query = query.where(accounts_schema.TRAIL.c.number < before)
         if kind:
-            query = query.where(TRAIL.c.kind.startswith(kind, autoescape=True))
+            query = query.where(accounts_schema.TRAIL.c.kind.startswith(kind, autoescape=True))
         if actor:
-            query = query.where(TRAIL.c.actor == actor)
+            query = query.where(accounts_schema.TRAIL.c.actor == actor)
         return [_entry(row) for row in self._rows(query)]
 
     def refusals(self, *, since_s: float, name: str = "", source: str = "") -> tuple[int, float]:
         """How many sign-ins were refused since then (for a name: since its last success), and when the last one was."""
-        column, value = (TRAIL.c.subject, name) if name else (TRAIL.c.source, source)
-        mine = select(func.coalesce(func.max(TRAIL.c.number), 0)).where(
-            TRAIL.c.kind == "sign_in.accepted", TRAIL.c.subject == name
+        column, value = (accounts_schema.TRAIL.c.subject, name) if name else (accounts_schema.TRAIL.c.source, source)
+        mine = select(func.coalesce(func.max(accounts_schema.TRAIL.c.number), 0)).where(
+            accounts_schema.TRAIL.c.kind == "sign_in.accepted", accounts_schema.TRAIL.c.subject == name
         )
-        query = select(func.count().label("count"), func.coalesce(func.max(TRAIL.c.at_s), 0.0).label("last_s")).where(
-            TRAIL.c.kind == "sign_in.refused",
+        query = select(
+            func.count().label("count"), func.coalesce(func.max(accounts_schema.TRAIL.c.at_s), 0.0).label("last_s")
+        ).where(
+            accounts_schema.TRAIL.c.kind == "sign_in.refused",
             column == value,
-            TRAIL.c.at_s > since_s,
-            TRAIL.c.number > mine.scalar_subquery(),
+            accounts_schema.TRAIL.c.at_s > since_s,
+            accounts_schema.TRAIL.c.number > mine.scalar_subquery(),
         )
         row = self._rows(query)[0]
         return int(row["count"]), float(row["last_s"])
@@ -227,7 +278,9 @@ class SqlAccounts:
         """Recompute the chain; how many entries it has. Raises LogDamaged at the first entry that does not fit."""
         previous: str = GENESIS
         entries = 0
-        for index, row in enumerate(self._rows(select(TRAIL).order_by(TRAIL.c.number)), start=1):
+        for index, row in enumerate(
+            self._rows(select(accounts_schema.TRAIL).order_by(accounts_schema.TRAIL.c.number)), start=1
+        ):
             entry = _entry(row)
             bare = msgspec.structs.replace(entry, digest="")
             if (entry.number, entry.previous, entry.digest) != (index, previous, sha256(encode(bare))):
@@ -242,25 +295,33 @@ class SqlAccounts:
 
     # idempotent requests --------------------------------------------------------------------------------------------
 
-    def begin(self, answer: StoredAnswer, *, forget_before_s: float) -> StoredAnswer | None:
+    def begin(self, answer: accounts_rows.StoredAnswer, *, forget_before_s: float) -> accounts_rows.StoredAnswer | None:
         """None if this key is new (it is taken now), else what is known of the first request."""
         with self._transaction() as connection:
-            connection.execute(delete(ANSWERS).where(ANSWERS.c.begun_at_s < forget_before_s))
-            query = select(ANSWERS).where(ANSWERS.c.caller == answer.caller, ANSWERS.c.key == answer.key)
+            connection.execute(
+                delete(accounts_schema.ANSWERS).where(accounts_schema.ANSWERS.c.begun_at_s < forget_before_s)
+            )
+            query = select(accounts_schema.ANSWERS).where(
+                accounts_schema.ANSWERS.c.caller == answer.caller, accounts_schema.ANSWERS.c.key == answer.key
+            )
             found = connection.execute(query).mappings().first()
             if found is None:
-                connection.execute(insert(ANSWERS).values(_columns(answer)))
+                connection.execute(insert(accounts_schema.ANSWERS).values(_columns(answer)))
                 return None
-            return StoredAnswer(**dict(found))
+            return accounts_rows.StoredAnswer(**dict(found))
 
-    def keep(self, answer: StoredAnswer) -> None:
+    def keep(self, answer: accounts_rows.StoredAnswer) -> None:
         """The answer to a request that was begun."""
-        mine = (ANSWERS.c.caller == answer.caller) & (ANSWERS.c.key == answer.key)
-        self._write(update(ANSWERS).where(mine).values(_columns(answer)))
+        mine = (accounts_schema.ANSWERS.c.caller == answer.caller) & (accounts_schema.ANSWERS.c.key == answer.key)
+        self._write(update(accounts_schema.ANSWERS).where(mine).values(_columns(answer)))
 
     def forget(self, caller: str, key: str) -> None:
         """The request changed nothing: its key is free again."""
-        self._write(delete(ANSWERS).where(ANSWERS.c.caller == caller, ANSWERS.c.key == key))
+        self._write(
+            delete(accounts_schema.ANSWERS).where(
+                accounts_schema.ANSWERS.c.caller == caller, accounts_schema.ANSWERS.c.key == key
+            )
+        )
 
     # ----------------------------------------------------------------------------------------------------------------
 
@@ -295,7 +356,7 @@ class SqlAccounts:
         )
 
     def _answer(self, question: tuple[str, str], ask: Callable[[], Answer]) -> Answer:
-        """What is asked with every request: the database is read again once anybody has written."""
+        """Caches a query that every request makes; the database is read again after any write."""
         try:
             with self._lock:
                 return self._remembered.answer(question, ask)
@@ -327,21 +388,21 @@ def _columns(value: Value, **instead: Any) -> dict[str, Any]:
     return {**{name: getattr(value, name) for name in value.__struct_fields__}, **instead}
 
 
-def _account(row: RowMapping) -> Account:
-    return Account(**{**row, "roles": tuple(row["roles"].split()), "disabled": bool(row["disabled"])})
+def _account(row: RowMapping) -> accounts_rows.Account:
+    return accounts_rows.Account(**{**row, "roles": tuple(row["roles"].split()), "disabled": bool(row["disabled"])})
 
 
-def _identity(row: RowMapping) -> ExternalIdentity:
-    return ExternalIdentity(**{**row, "by_groups": bool(row["by_groups"])})
+def _identity(row: RowMapping) -> accounts_rows.ExternalIdentity:
+    return accounts_rows.ExternalIdentity(**{**row, "by_groups": bool(row["by_groups"])})
 
 
-def _session(row: RowMapping) -> Session:
-    return Session(**{**row, "invited": bool(row["invited"])})
+def _session(row: RowMapping) -> accounts_rows.Session:
+    return accounts_rows.Session(**{**row, "invited": bool(row["invited"])})
 
 
-def _token(row: RowMapping) -> Token:
-    return Token(**{**row, "scopes": tuple(row["scopes"].split())})
+def _token(row: RowMapping) -> accounts_rows.Token:
+    return accounts_rows.Token(**{**row, "scopes": tuple(row["scopes"].split())})
 
 
-def _entry(row: RowMapping) -> AuditEntry:
-    return AuditEntry(**row)
+def _entry(row: RowMapping) -> accounts_rows.AuditEntry:
+    return accounts_rows.AuditEntry(**row)

@@ -1,4 +1,4 @@
-"""What the accounts' database holds, as values: people, identities, sessions, tokens, the trail, kept answers."""
+"""Rows of the accounts database as values: people, identities, sessions, tokens, audit entries, stored answers."""
 
 from harness.contracts.values import Name, Value
 
@@ -15,7 +15,7 @@ class Account(Value):
 
 
 class ExternalIdentity(Value):
-    """Who somebody is at an identity provider. `by_groups`: their roles follow their groups there at every sign-in."""
+    """A person at an identity provider. `by_groups`: their roles follow their groups there at every sign-in."""
 
     issuer: Name
     subject: str
@@ -55,7 +55,7 @@ class Token(Value):
 
 
 class AuditEntry(Value):
-    """One line of the trail. `subject` is the account, token or stream it is about; `source` an address."""
+    """One entry of the audit log. `subject` is the account, token or stream it is about; `source` an address."""
 
     number: int
     at_s: float
@@ -70,7 +70,7 @@ class AuditEntry(Value):
 
 
 class StoredAnswer(Value):
-    """What a request with an idempotency key was answered. `status` 0: begun, and its answer is not known."""
+    """The answer to a request with an idempotency key. `status` 0: begun, and its answer is not known."""
 
     caller: str
     key: str

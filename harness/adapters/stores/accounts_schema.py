@@ -1,4 +1,4 @@
-"""Tables of the accounts' own database. Times are wall seconds; every credential is a digest or an argon2id hash."""
+"""Tables of the accounts database. Times are wall seconds; every credential is a digest or an argon2id hash."""
 
 from sqlalchemy import Boolean, Column, Float, Index, Integer, LargeBinary, MetaData, Table, Text
 

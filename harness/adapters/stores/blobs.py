@@ -1,6 +1,6 @@
-"""Content-addressed files: FOLDER/ab/cd/abcd..., named by the SHA-256 of their bytes. Nothing is ever changed.
+"""Stores content-addressed files: FOLDER/ab/cd/abcd..., named by the SHA-256 of their bytes. Never changes one.
 
-A blob is written under another name, synced, then renamed: under its digest there is all of it or nothing.
+A blob is written under another name, synced, then renamed, so that its digest names all of it or nothing.
 """
 
 import os
@@ -33,7 +33,7 @@ class FileBlobStore:
             raise self._unavailable(error) from error
 
     def put(self, body: bytes) -> Digest:
-        """Durable on return. Writing the same bytes again is free, and mends a damaged file."""
+        """Durable on return. Writing the same bytes again is free, and repairs a damaged file."""
         digest = sha256(body)
         path = self._path(digest)
         try:
@@ -76,7 +76,7 @@ class FileBlobStore:
                         yield Digest(path.name)
 
     def discard_unfinished(self) -> int:
-        """Remove what a killed writer left behind and say how much; only for the owner of the data folder.
+        """Remove what a killed writer left behind; returns how much. Only for the owner of the data folder.
 
         Raises StoreUnavailable.
         """

@@ -1,4 +1,4 @@
-"""Pure: how events are linked into one hash chain, and how the chain is checked. Stores nothing.
+"""Links events into one hash chain and checks the chain. Pure: stores nothing.
 
 An event's digest is the SHA-256 of these bytes, numbers big-endian, so that any language can check a log:
 previous digest (32 bytes), position and version (8 bytes each), mission and recorded time (IEEE 754 doubles),
@@ -13,20 +13,20 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 
 import msgspec
 
+from harness.contracts import ports
 from harness.contracts.errors import ConcurrencyConflict, ContractInvalid, LogDamaged
 from harness.contracts.ids import Digest, StreamId, sha256
-from harness.contracts.ports import Batch, LogHead, NewEvent, Record, StoredEvent
 from harness.contracts.stored_commands import command_of
 from harness.contracts.values import Moment
 
-GENESIS = LogHead(position=0, digest=Digest("0" * 64))
+GENESIS = ports.LogHead(position=0, digest=Digest("0" * 64))
 
 _RESTORE = "everything before it can still be read; restore the data folder from a copy to get the rest back"
 _UNKEPT = re.compile("[\0\ud800-\udfff]")
 _FRONT = struct.Struct(">32sQQddII")
 
 
-def event_digest(event: StoredEvent) -> Digest:
+def event_digest(event: ports.StoredEvent) -> Digest:
     """What `event.digest` must be, from its other fields. Raises ValueError or struct.error if one is out of range."""
     stream, kind = event.stream.encode(), event.kind.encode()
     front = _FRONT.pack(
@@ -41,7 +41,9 @@ def event_digest(event: StoredEvent) -> Digest:
     return Digest(hashlib.sha256(front + stream + kind + event.body).hexdigest())
 
 
-def link(head: LogHead, versions: Mapping[StreamId, int], batches: Sequence[Batch], now: Moment) -> list[StoredEvent]:
+def link(
+    head: ports.LogHead, versions: Mapping[StreamId, int], batches: Sequence[ports.Batch], now: Moment
+) -> list[ports.StoredEvent]:
     """The events to store after `head`, given the number of events each stream holds.
 
     A stream may occur in several batches: each sees the events of those before it. A batch without events only
@@ -51,7 +53,7 @@ def link(head: LogHead, versions: Mapping[StreamId, int], batches: Sequence[Batc
     if not (math.isfinite(now.mission_s) and math.isfinite(now.wall_s)):
         raise ContractInvalid(f"An event cannot be recorded at {now}", where="clock", do="check the mission's clock")
     at = dict(versions)
-    events: list[StoredEvent] = []
+    events: list[ports.StoredEvent] = []
     for batch in batches:
         actual = at.get(batch.stream, 0)
         if actual != batch.expected_version:
@@ -63,12 +65,12 @@ def link(head: LogHead, versions: Mapping[StreamId, int], batches: Sequence[Batc
         for version, new in enumerate(batch.events, start=actual + 1):
             event = _sealed(batch.stream, version, new, head, now)
             events.append(event)
-            head = LogHead(position=event.position, digest=event.digest)
+            head = ports.LogHead(position=event.position, digest=event.digest)
         at[batch.stream] = actual + len(batch.events)
     return events
 
 
-def check(events: Iterable[StoredEvent], after: LogHead = GENESIS) -> LogHead:
+def check(events: Iterable[ports.StoredEvent], after: ports.LogHead = GENESIS) -> ports.LogHead:
     """Walk a log in global order, holding one event at a time; raises LogDamaged for the first that does not fit."""
     head = after
     for event in events:
@@ -82,16 +84,16 @@ def check(events: Iterable[StoredEvent], after: LogHead = GENESIS) -> LogHead:
             raise damaged(event.position, f"a field is not of its type ({error})") from error
         if event.digest != expected:
             raise damaged(event.position, "its digest does not match its content")
-        head = LogHead(position=event.position, digest=event.digest)
+        head = ports.LogHead(position=event.position, digest=event.digest)
     return head
 
 
 def check_commands(
-    events: Iterable[StoredEvent], stored: Callable[[Sequence[Digest]], Collection[Digest]], *, page: int = 500
-) -> Iterator[StoredEvent]:
+    events: Iterable[ports.StoredEvent], stored: Callable[[Sequence[Digest]], Collection[Digest]], *, page: int = 500
+) -> Iterator[ports.StoredEvent]:
     """The same events; raises LogDamaged for one that names a command which is not stored.
 
-    `stored` says which of these records are there; it is asked once for so many events.
+    `stored` returns which of these records exist; it is called once per batch of events.
     """
     waiting: dict[Digest, int] = {}
     for number, event in enumerate(events, start=1):
@@ -113,7 +115,7 @@ def _check_stored(waiting: Mapping[Digest, int], stored: Callable[[Sequence[Dige
             raise damaged(position, f"the command {command[:12]} that it names is not stored")
 
 
-def check_record(record: Record) -> None:
+def check_record(record: ports.Record) -> None:
     """Raises LogDamaged unless the record's digest is the SHA-256 of its body."""
     if sha256(record.body) != record.digest:
         raise LogDamaged(
@@ -121,8 +123,8 @@ def check_record(record: Record) -> None:
         )
 
 
-def admit(batches: Sequence[Batch], records: Sequence[Record]) -> None:
-    """Refuse at the door what not every database keeps, and what `check_record` would find damaged later.
+def admit(batches: Sequence[ports.Batch], records: Sequence[ports.Record]) -> None:
+    """Refuse what some database could not store, and what `check_record` would find damaged later.
 
     Raises ContractInvalid.
     """
@@ -148,8 +150,8 @@ def damaged(position: int, why: str) -> LogDamaged:
     return LogDamaged(f"The log is damaged: {why}", where=f"position {position}", do=_RESTORE)
 
 
-def _sealed(stream: StreamId, version: int, new: NewEvent, head: LogHead, now: Moment) -> StoredEvent:
-    event = StoredEvent(
+def _sealed(stream: StreamId, version: int, new: ports.NewEvent, head: ports.LogHead, now: Moment) -> ports.StoredEvent:
+    event = ports.StoredEvent(
         position=head.position + 1,
         stream=stream,
         version=version,

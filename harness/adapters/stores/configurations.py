@@ -1,4 +1,4 @@
-"""Configuration versions by their digest: those this release ships, and every record of one in the log (R155)."""
+"""Finds configuration versions by digest: those this release ships, and every one recorded in the log (R155)."""
 
 from collections.abc import Callable, Iterable
 
@@ -26,7 +26,7 @@ class StoredConfigurations:
     """Versions are immutable, so each is read and decoded once.
 
     `first` is what robots work under until `selected` names another version; `shipped` are known without the log;
-    `on_trial` says which version is in canary.
+    `on_trial` returns the version in canary.
     """
 
     def __init__(

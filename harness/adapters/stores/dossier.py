@@ -1,4 +1,4 @@
-"""Dossiers as files: a ZIP archive whose contents list is signed with the installation's Ed25519 key."""
+"""Reads and writes dossiers: ZIP archives whose contents list is signed with the installation's Ed25519 key."""
 
 import os
 import zipfile
@@ -13,10 +13,8 @@ from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 
 from harness.adapters.stores.chain import check_record, damaged, event_digest
-from harness.contracts.dossier import CONTENTS, EVENTS, FORMAT, RECORDS, SIGNATURE, DossierContents, DossierSignature
-from harness.contracts.errors import BlobDamaged, ContractInvalid, DossierInvalid, StoreUnavailable, UnknownName
+from harness.contracts import dossier, errors, ports
 from harness.contracts.ids import Digest, StreamId, sha256
-from harness.contracts.ports import MISSION_ENDED, MISSION_STREAMS, Batch, LogHead, Record, StoredEvent
 from harness.contracts.stored_commands import command_of
 from harness.contracts.values import Moment, decode, encode
 
@@ -37,47 +35,57 @@ def signing_key(folder: Path) -> Ed25519PrivateKey:
                 file.write(Ed25519PrivateKey.generate().private_bytes_raw())
         return Ed25519PrivateKey.from_private_bytes(path.read_bytes())
     except (OSError, ValueError) as error:
-        raise StoreUnavailable(
+        raise errors.StoreUnavailable(
             f"The signing key cannot be used: {error}", where=str(path), do="make the data folder writable"
         ) from error
 
 
 def public_key(key: Ed25519PrivateKey) -> str:
-    """In hexadecimal: what a recipient compares with the key they were told."""
+    """In hexadecimal: a recipient compares it with the key they were given."""
     return key.public_key().public_bytes_raw().hex()
 
 
-def write_dossier(path: Path, contents: DossierContents, files: Mapping[str, bytes], key: Ed25519PrivateKey) -> None:
-    """Under another name first, then renamed: there is all of it or nothing. Raises StoreUnavailable."""
+def write_dossier(
+    path: Path, contents: dossier.DossierContents, files: Mapping[str, bytes], key: Ed25519PrivateKey
+) -> None:
+    """Written under another name, then renamed, so that it is complete or absent. Raises StoreUnavailable."""
     signed = encode(contents)
-    signature = DossierSignature(algorithm=ALGORITHM, public_key=public_key(key), signature=key.sign(signed).hex())
+    signature = dossier.DossierSignature(
+        algorithm=ALGORITHM, public_key=public_key(key), signature=key.sign(signed).hex()
+    )
     partial = path.with_name(f".{path.name}.partial")
     try:
         with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
-            for name, body in ((CONTENTS, signed), (SIGNATURE, encode(signature)), *sorted(files.items())):
+            for name, body in (
+                (dossier.CONTENTS, signed),
+                (dossier.SIGNATURE, encode(signature)),
+                *sorted(files.items()),
+            ):
                 archive.writestr(name, body)
         partial.replace(path)
     except OSError as error:
         partial.unlink(missing_ok=True)
-        raise StoreUnavailable(
+        raise errors.StoreUnavailable(
             f"The dossier cannot be written: {error.strerror or error}", where=str(path), do="name another file"
         ) from error
 
 
 class DossierBlobs:
-    """The blobs of a dossier, read when asked for. Nothing can be put."""
+    """The blobs of a dossier, read on demand. Read-only."""
 
-    def __init__(self, archive: zipfile.ZipFile, contents: DossierContents) -> None:
+    def __init__(self, archive: zipfile.ZipFile, contents: dossier.DossierContents) -> None:
         self._archive = archive
         self._names = {name.removeprefix("blobs/") for name in contents.files if name.startswith("blobs/")}
 
     def put(self, body: bytes) -> Digest:
-        raise ContractInvalid("A dossier is never written to", where="blobs", do="work on the data folder itself")
+        raise errors.ContractInvalid(
+            "A dossier is never written to", where="blobs", do="work on the data folder itself"
+        )
 
     def get(self, digest: Digest) -> bytes:
         """Raises BlobDamaged if it is not in the dossier."""
         if digest not in self._names:
-            raise BlobDamaged(f"Blob {digest} is not in the dossier", where="blobs", do="ask who exported it")
+            raise errors.BlobDamaged(f"Blob {digest} is not in the dossier", where="blobs", do="ask who exported it")
         return self._archive.read(f"blobs/{digest}")
 
     def has(self, digest: Digest) -> bool:
@@ -91,46 +99,48 @@ class DossierBlobs:
 class DossierLog:
     """The events and records of a dossier behind the log's port. Nothing can be appended."""
 
-    def __init__(self, events: Sequence[StoredEvent], records: Sequence[Record], head: LogHead) -> None:
+    def __init__(
+        self, events: Sequence[ports.StoredEvent], records: Sequence[ports.Record], head: ports.LogHead
+    ) -> None:
         self._log = list(events)
         self._records = {record.digest: record for record in records}
         self._head = head
-        self._by_stream: dict[StreamId, list[StoredEvent]] = {}
+        self._by_stream: dict[StreamId, list[ports.StoredEvent]] = {}
         for event in self._log:
             self._by_stream.setdefault(event.stream, []).append(event)
 
-    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> LogHead:
-        raise ContractInvalid("A dossier is never written to", where="log", do="work on the data folder itself")
+    def append(self, batches: Sequence[ports.Batch], records: Sequence[ports.Record], now: Moment) -> ports.LogHead:
+        raise errors.ContractInvalid("A dossier is never written to", where="log", do="work on the data folder itself")
 
-    def load(self, stream: StreamId, after: int = 0) -> list[StoredEvent]:
+    def load(self, stream: StreamId, after: int = 0) -> list[ports.StoredEvent]:
         return self._by_stream.get(stream, [])[after:]
 
-    def read(self, after: int = 0, limit: int = 1000) -> list[StoredEvent]:
+    def read(self, after: int = 0, limit: int = 1000) -> list[ports.StoredEvent]:
         return [event for event in self._log if event.position > after][:limit]
 
     def streams(self, prefix: str) -> list[StreamId]:
         return [stream for stream in self._by_stream if stream.startswith(prefix)]
 
     def open_missions(self) -> list[StreamId]:
-        ended = {event.stream for event in self._log if event.kind == MISSION_ENDED}
-        return [one for one in self.streams(MISSION_STREAMS) if one not in ended]
+        ended = {event.stream for event in self._log if event.kind == ports.MISSION_ENDED}
+        return [one for one in self.streams(ports.MISSION_STREAMS) if one not in ended]
 
     def ended_missions(self, after: int, upto: int) -> list[StreamId]:
-        return [one.stream for one in self._log if one.kind == MISSION_ENDED and after < one.position <= upto]
+        return [one.stream for one in self._log if one.kind == ports.MISSION_ENDED and after < one.position <= upto]
 
-    def record(self, digest: Digest) -> Record:
+    def record(self, digest: Digest) -> ports.Record:
         """Raises UnknownName."""
         if digest not in self._records:
-            raise UnknownName(f"The dossier holds no record {digest}", where="records")
+            raise errors.UnknownName(f"The dossier holds no record {digest}", where="records")
         return self._records[digest]
 
-    def head(self) -> LogHead:
+    def head(self) -> ports.LogHead:
         """Of the log that the dossier was taken from."""
         return self._head
 
-    def verify(self) -> LogHead:
+    def verify(self) -> ports.LogHead:
         """Every event's own digest, its stream's numbering, and the chain where two neighbours are both here."""
-        before: StoredEvent | None = None
+        before: ports.StoredEvent | None = None
         at: dict[StreamId, int] = {}
         for event in self._log:
             if event.digest != event_digest(event):
@@ -159,7 +169,7 @@ class DossierLog:
 class Dossier:
     """An opened dossier whose signature and files hold. `public_key` in hexadecimal."""
 
-    contents: DossierContents
+    contents: dossier.DossierContents
     public_key: str
     log: DossierLog
     blobs: DossierBlobs
@@ -171,19 +181,19 @@ def open_dossier(archive: zipfile.ZipFile, *, where: str) -> Dossier:
     Raises DossierInvalid or LogDamaged that name the first part that does not hold.
     """
     _bounded(archive, where)
-    signed = _member(archive, CONTENTS, where)
+    signed = _member(archive, dossier.CONTENTS, where)
     try:
-        contents = decode(signed, DossierContents)
-        signature = decode(_member(archive, SIGNATURE, where), DossierSignature)
+        contents = decode(signed, dossier.DossierContents)
+        signature = decode(_member(archive, dossier.SIGNATURE, where), dossier.DossierSignature)
     except msgspec.MsgspecError as error:
         raise _invalid(f"its contents list or signature cannot be read ({error})", where) from error
     _signed(signed, signature, where)
-    if contents.format != FORMAT:
-        raise _invalid(f"it is of format {contents.format}, this release reads {FORMAT}", where)
+    if contents.format != dossier.FORMAT:
+        raise _invalid(f"it is of format {contents.format}, this release reads {dossier.FORMAT}", where)
     _listed(archive, contents, where)
     try:
-        events = _lines(_member(archive, EVENTS, where), StoredEvent)
-        records = _lines(_member(archive, RECORDS, where), Record)
+        events = _lines(_member(archive, dossier.EVENTS, where), ports.StoredEvent)
+        records = _lines(_member(archive, dossier.RECORDS, where), ports.Record)
     except msgspec.MsgspecError as error:
         raise _invalid(f"an event or record cannot be read ({error})", where) from error
     log = DossierLog(events, records, contents.head)
@@ -197,7 +207,7 @@ def _bounded(archive: zipfile.ZipFile, where: str) -> None:
         raise _invalid(f"it unpacks to more than {LARGEST_BYTES} bytes or {MOST_FILES} files", where)
 
 
-def _signed(signed: bytes, signature: DossierSignature, where: str) -> None:
+def _signed(signed: bytes, signature: dossier.DossierSignature, where: str) -> None:
     if signature.algorithm != ALGORITHM:
         raise _invalid(f"it is signed with {signature.algorithm!r}, this release knows {ALGORITHM}", where)
     try:
@@ -207,8 +217,8 @@ def _signed(signed: bytes, signature: DossierSignature, where: str) -> None:
         raise _invalid("the signature does not match its contents list", where) from error
 
 
-def _listed(archive: zipfile.ZipFile, contents: DossierContents, where: str) -> None:
-    names = {one.filename for one in archive.infolist()} - {CONTENTS, SIGNATURE}
+def _listed(archive: zipfile.ZipFile, contents: dossier.DossierContents, where: str) -> None:
+    names = {one.filename for one in archive.infolist()} - {dossier.CONTENTS, dossier.SIGNATURE}
     if strange := sorted(names - set(contents.files)):
         raise _invalid(f"{strange[0]} is in it and was not signed", where)
     for name, expected in contents.files.items():
@@ -229,5 +239,7 @@ def _lines(body: bytes, kind: type[T]) -> list[T]:
     return [msgspec.json.decode(line, type=kind) for line in body.splitlines()]
 
 
-def _invalid(why: str, where: str) -> DossierInvalid:
-    return DossierInvalid(f"The dossier does not verify: {why}", where=where, do="ask who exported it for a new one")
+def _invalid(why: str, where: str) -> errors.DossierInvalid:
+    return errors.DossierInvalid(
+        f"The dossier does not verify: {why}", where=where, do="ask who exported it for a new one"
+    )

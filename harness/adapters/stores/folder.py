@@ -1,4 +1,4 @@
-"""The data folder: what lies where, and whether it can be used. Opens no store."""
+"""Layout of the data folder, and the check that it can be used. Opens no store."""
 
 import os
 import shutil

@@ -1,13 +1,13 @@
-"""Stores that live as long as their process: for tests, suites and simulated missions. Nothing reaches the disk."""
+"""In-memory stores for tests, suites and simulated missions. They end with their process; nothing reaches the disk."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from threading import Lock
 
-from harness.adapters.stores.chain import GENESIS, admit, check, check_commands, check_record, link
+from harness.adapters.stores import chain
+from harness.contracts import ports
 from harness.contracts.errors import BlobDamaged, UnknownName
 from harness.contracts.ids import Digest, InvocationId, StreamId, sha256
 from harness.contracts.observations import AnySample
-from harness.contracts.ports import MISSION_ENDED, MISSION_STREAMS, Batch, LogHead, Record, StoredEvent
 from harness.contracts.values import Moment
 
 
@@ -16,16 +16,16 @@ class MemoryEventStore:
 
     def __init__(self) -> None:
         self._lock = Lock()
-        self._log: list[StoredEvent] = []
-        self._by_stream: dict[StreamId, list[StoredEvent]] = {}
-        self._records: dict[Digest, Record] = {}
+        self._log: list[ports.StoredEvent] = []
+        self._by_stream: dict[StreamId, list[ports.StoredEvent]] = {}
+        self._records: dict[Digest, ports.Record] = {}
 
-    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> LogHead:
+    def append(self, batches: Sequence[ports.Batch], records: Sequence[ports.Record], now: Moment) -> ports.LogHead:
         """All or nothing. Raises ConcurrencyConflict, or ContractInvalid for a record or name that no log takes."""
-        admit(batches, records)
+        chain.admit(batches, records)
         with self._lock:
             versions = {batch.stream: len(self._by_stream.get(batch.stream, ())) for batch in batches}
-            events = link(self._end(), versions, batches, now)
+            events = chain.link(self._end(), versions, batches, now)
             self._log.extend(events)
             for event in events:
                 self._by_stream.setdefault(event.stream, []).append(event)
@@ -33,12 +33,12 @@ class MemoryEventStore:
                 self._records.setdefault(record.digest, record)
             return self._end()
 
-    def load(self, stream: StreamId, after: int = 0) -> list[StoredEvent]:
+    def load(self, stream: StreamId, after: int = 0) -> list[ports.StoredEvent]:
         """Events of one stream with version > after, in order."""
         with self._lock:
             return self._by_stream.get(stream, [])[after:]
 
-    def read(self, after: int = 0, limit: int = 1000) -> list[StoredEvent]:
+    def read(self, after: int = 0, limit: int = 1000) -> list[ports.StoredEvent]:
         """Events of all streams with position > after, in global order, at most `limit`."""
         with self._lock:
             return self._log[after : after + limit]
@@ -51,41 +51,43 @@ class MemoryEventStore:
     def open_missions(self) -> list[StreamId]:
         """Streams of missions that hold no MissionEnded, by first position."""
         with self._lock:
-            ended = {event.stream for event in self._log if event.kind == MISSION_ENDED}
-            return [one for one in self._by_stream if one.startswith(MISSION_STREAMS) and one not in ended]
+            ended = {event.stream for event in self._log if event.kind == ports.MISSION_ENDED}
+            return [one for one in self._by_stream if one.startswith(ports.MISSION_STREAMS) and one not in ended]
 
     def ended_missions(self, after: int, upto: int) -> list[StreamId]:
         """Streams whose MissionEnded has a position > after and <= upto, in the order of their ends."""
         with self._lock:
-            return [event.stream for event in self._log[after:upto] if event.kind == MISSION_ENDED]
+            return [event.stream for event in self._log[after:upto] if event.kind == ports.MISSION_ENDED]
 
-    def record(self, digest: Digest) -> Record:
+    def record(self, digest: Digest) -> ports.Record:
         """Raises UnknownName."""
         with self._lock:
             if digest not in self._records:
                 raise UnknownName(f"The log holds no record {digest}", where="records")
             return self._records[digest]
 
-    def head(self) -> LogHead:
+    def head(self) -> ports.LogHead:
         """The end of the log; the genesis head of an empty one."""
         with self._lock:
             return self._end()
 
-    def verify(self) -> LogHead:
+    def verify(self) -> ports.LogHead:
         """Recompute the chain and every record's digest; raises LogDamaged that names the first bad position."""
         with self._lock:
             log, records = list(self._log), list(self._records.values())
         kept = {record.digest for record in records}
-        head = check(check_commands(log, kept.intersection))
+        head = chain.check(chain.check_commands(log, kept.intersection))
         for record in records:
-            check_record(record)
+            chain.check_record(record)
         return head
 
     def close(self) -> None:
         """Nothing to release."""
 
-    def _end(self) -> LogHead:
-        return LogHead(position=self._log[-1].position, digest=self._log[-1].digest) if self._log else GENESIS
+    def _end(self) -> ports.LogHead:
+        return (
+            ports.LogHead(position=self._log[-1].position, digest=self._log[-1].digest) if self._log else chain.GENESIS
+        )
 
 
 class MemoryBlobStore:

@@ -1,24 +1,15 @@
-"""A memory index that lives as long as its process: for tests, suites and simulated missions."""
+"""In-memory index of memory records, for tests, suites and simulated missions. It ends with its process."""
 
 from bisect import insort
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from threading import Lock
 
+from harness.contracts import memory
 from harness.contracts.errors import ConcurrencyConflict, UnknownName
 from harness.contracts.ids import Digest
-from harness.contracts.memory import (
-    FloorBox,
-    FollowPosition,
-    Labels,
-    MemoryQuery,
-    MemoryRecord,
-    RecordStanding,
-    Remembered,
-    labels_of,
-)
 
-EMPTY = FollowPosition(fold="", position=0, digest=Digest(""))
+EMPTY = memory.FollowPosition(fold="", position=0, digest=Digest(""))
 
 
 @dataclass
@@ -26,23 +17,23 @@ class IndexRow:
     """One record, and the positions of the log at which something superseded or contradicted it."""
 
     seq: int
-    record: MemoryRecord
-    labels: Labels
+    record: memory.MemoryRecord
+    labels: memory.Labels
     superseded_at: int | None = None
     disputed_at: int | None = None
     until_s: float | None = None
 
-    def standing(self, as_of: int | None) -> RecordStanding:
-        """What had become of it by that position of the log; None: by now."""
+    def standing(self, as_of: int | None) -> memory.RecordStanding:
+        """Its standing at that position of the log; None: now."""
         if _by(self.superseded_at, as_of):
             return "superseded"
         return "disputed" if _by(self.disputed_at, as_of) else self.record.verification
 
-    def remembered(self, as_of: int | None = None) -> Remembered:
+    def remembered(self, as_of: int | None = None) -> memory.Remembered:
         """The row as it is handed out."""
         cut = _by(self.superseded_at, as_of)
         until_s = self.until_s if cut else self.record.valid_until_s
-        return Remembered(record=self.record, standing=self.standing(as_of), until_s=until_s)
+        return memory.Remembered(record=self.record, standing=self.standing(as_of), until_s=until_s)
 
 
 class VolatileMemoryIndex:
@@ -50,18 +41,20 @@ class VolatileMemoryIndex:
 
     def __init__(self) -> None:
         self._lock = Lock()
-        self._mark: FollowPosition = EMPTY
+        self._mark: memory.FollowPosition = EMPTY
         self._rows: dict[str, list[IndexRow]] = {}
         self._by_id: dict[str, IndexRow] = {}
         self._current: dict[tuple[str, str], list[IndexRow]] = {}
         self._by_provider: dict[tuple[str, str], list[IndexRow]] = {}
 
-    def mark(self) -> FollowPosition:
+    def mark(self) -> memory.FollowPosition:
         """How far the index has followed the log."""
         with self._lock:
             return self._mark
 
-    def add(self, records: Sequence[MemoryRecord], *, after: FollowPosition, upto: FollowPosition) -> None:
+    def add(
+        self, records: Sequence[memory.MemoryRecord], *, after: memory.FollowPosition, upto: memory.FollowPosition
+    ) -> None:
         """All or nothing. Raises ConcurrencyConflict if the index is not at `after`."""
         with self._lock:
             if self._mark != after:
@@ -77,21 +70,21 @@ class VolatileMemoryIndex:
             for held in (self._rows, self._by_id, self._current, self._by_provider):
                 held.clear()
 
-    def get(self, record_id: str) -> Remembered:
+    def get(self, record_id: str) -> memory.Remembered:
         """Raises UnknownName."""
         with self._lock:
             if record_id not in self._by_id:
                 raise UnknownName(f"Memory holds no record {record_id}", where="memory index")
             return self._by_id[record_id].remembered()
 
-    def current(self, kind: str, subject: str) -> list[Remembered]:
+    def current(self, kind: str, subject: str) -> list[memory.Remembered]:
         """What nothing has superseded, oldest first."""
         with self._lock:
             return [row.remembered() for row in self._current.get((kind, subject), ())]
 
-    def find(self, query: MemoryQuery) -> list[Remembered]:
+    def find(self, query: memory.MemoryQuery) -> list[memory.Remembered]:
         """Newest first, at most `limit`."""
-        found: list[Remembered] = []
+        found: list[memory.Remembered] = []
         with self._lock:
             for row in self._candidates(query):
                 if len(found) == query.limit:
@@ -103,8 +96,8 @@ class VolatileMemoryIndex:
     def close(self) -> None:
         """Nothing to release."""
 
-    def _add(self, record: MemoryRecord) -> None:
-        row = IndexRow(len(self._by_id) + 1, record, labels_of(record), until_s=record.valid_until_s)
+    def _add(self, record: memory.MemoryRecord) -> None:
+        row = IndexRow(len(self._by_id) + 1, record, memory.labels_of(record), until_s=record.valid_until_s)
         position = record.provenance.position
         for older in (self._by_id[name] for name in record.supersedes):
             older.superseded_at = position
@@ -118,7 +111,7 @@ class VolatileMemoryIndex:
         if row.labels.provider_id:
             self._by_provider.setdefault((record.kind, row.labels.provider_id), []).append(row)
 
-    def _candidates(self, query: MemoryQuery) -> Iterable[IndexRow]:
+    def _candidates(self, query: memory.MemoryQuery) -> Iterable[IndexRow]:
         if query.provider_id:
             lists = [self._by_provider.get((kind, query.provider_id), []) for kind in query.kinds]
         elif query.subject and "superseded" not in query.standings and query.as_of is None:
@@ -133,8 +126,8 @@ class VolatileMemoryIndex:
         return merged
 
 
-def moved(mark: FollowPosition, after: FollowPosition) -> ConcurrencyConflict:
-    """The error for an index that somebody else has taken further."""
+def moved(mark: memory.FollowPosition, after: memory.FollowPosition) -> ConcurrencyConflict:
+    """The error for an index that another process advanced."""
     return ConcurrencyConflict(
         f"The memory index is at position {mark.position}, not at {after.position}",
         where="memory index",
@@ -151,7 +144,7 @@ def _by(position: int | None, as_of: int | None) -> bool:
     return position is not None and (as_of is None or position <= as_of)
 
 
-def _answers(row: IndexRow, query: MemoryQuery) -> bool:
+def _answers(row: IndexRow, query: memory.MemoryQuery) -> bool:
     record, labels = row.record, row.labels
     asked = (
         (query.subject, record.subject),
@@ -172,7 +165,7 @@ def _answers(row: IndexRow, query: MemoryQuery) -> bool:
     )
 
 
-def _touches(where: FloorBox | None, region: FloorBox) -> bool:
+def _touches(where: memory.FloorBox | None, region: memory.FloorBox) -> bool:
     return (
         where is not None
         and (where.frame, where.map_version) == (region.frame, region.map_version)
@@ -183,5 +176,5 @@ def _touches(where: FloorBox | None, region: FloorBox) -> bool:
     )
 
 
-def _speaks(one: Remembered, at_s: float) -> bool:
+def _speaks(one: memory.Remembered, at_s: float) -> bool:
     return one.record.valid_from_s <= at_s and (one.until_s is None or at_s < one.until_s)

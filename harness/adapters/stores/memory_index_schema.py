@@ -1,4 +1,4 @@
-"""The tables of the memory index in SQLite, and the questions they answer. Opens nothing."""
+"""SQLite tables of the memory index, and the queries over them. Opens nothing."""
 
 from harness.contracts.memory import MemoryQuery
 
@@ -82,7 +82,7 @@ def finding(query: MemoryQuery) -> tuple[str, tuple[str | int | float, ...]]:
 
 
 def _way(query: MemoryQuery) -> str:
-    """The table to read from, and by which index where that has to be said."""
+    """The table to read from, with an explicit index where one is needed."""
     if query.region is not None:
         return OF_REGION
     if query.subject and query.as_of is None and "superseded" not in query.standings:
@@ -114,7 +114,7 @@ def _standing(query: MemoryQuery, clauses: list[str], arguments: Arguments) -> N
 
 
 def _instant(query: MemoryQuery, clauses: list[str], arguments: Arguments) -> None:
-    """Only what speaks for one instant; what was learnt after `as_of` cut nothing short yet."""
+    """Only records valid at one instant; records learnt after `as_of` had not ended any interval yet."""
     if query.valid_at_s is None:
         return
     until_s = "memory.until_s"
@@ -127,7 +127,7 @@ def _instant(query: MemoryQuery, clauses: list[str], arguments: Arguments) -> No
 
 
 def _region(query: MemoryQuery, clauses: list[str], arguments: Arguments) -> None:
-    """What touches a region: the box tree narrows it down, in time too unless an earlier knowledge is asked for."""
+    """Records that touch a region: the box tree narrows them down, and in time unless `as_of` is given."""
     region = query.region
     if region is None:
         return

@@ -1,4 +1,4 @@
-"""The memory index in an SQLite file of its own, through SQLAlchemy. A read model: deleting the file loses nothing.
+"""Stores the memory index in a separate SQLite file through SQLAlchemy. It can be deleted and rebuilt from the log.
 
 Its commits reach the disk with the next checkpoint, not at once; after a crash it is behind the log and follows it
 again. Boxes and intervals of spatial records lie in an R*-tree.
@@ -15,32 +15,15 @@ import msgspec
 from sqlalchemy import Connection
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 
+from harness.adapters.stores import memory_index_schema
 from harness.adapters.stores.memory_index import EMPTY, moved
-from harness.adapters.stores.memory_index_schema import (
-    CREATE,
-    CURRENT,
-    CUT_BOX,
-    DISPUTE,
-    DROP,
-    EPOCH_S,
-    FOREVER_S,
-    GET,
-    INSERT,
-    INSERT_BOX,
-    LAST,
-    MARK,
-    SCHEMA_VERSION,
-    SET_MARK,
-    SUPERSEDE,
-    finding,
-)
 from harness.adapters.stores.sql_engine import aside_engine, enter_wal, file_url, reader_engine
 from harness.adapters.stores.sqlite_driver import AnyRow, ReaderPool, driver_of, immediately
+from harness.contracts import memory
 from harness.contracts.errors import StoreUnavailable, UnknownName
-from harness.contracts.memory import FollowPosition, MemoryQuery, MemoryRecord, RecordStanding, Remembered, labels_of
 from harness.contracts.values import encode
 
-_decoder = msgspec.json.Decoder(MemoryRecord)
+_decoder = msgspec.json.Decoder(memory.MemoryRecord)
 # A provider's history is asked for at every dispatch, and its records never change.
 _decoded = lru_cache(maxsize=4096)(_decoder.decode)
 
@@ -56,7 +39,7 @@ class SqlMemoryIndex:
         self._lock = Lock()
         self._readers = ReaderPool(reader_engine(self._url, busy_s=busy_s))
         self._writer: Connection | None = None
-        self._known: FollowPosition | None = None
+        self._known: memory.FollowPosition | None = None
         self._change = -1
         with self._translated():
             writer = aside_engine(self._url, busy_s=busy_s).connect()
@@ -64,7 +47,7 @@ class SqlMemoryIndex:
                 enter_wal(writer, busy_s=busy_s)
                 driver = driver_of(writer)
                 with immediately(driver):
-                    if driver.execute("PRAGMA user_version").fetchone()[0] != SCHEMA_VERSION:
+                    if driver.execute("PRAGMA user_version").fetchone()[0] != memory_index_schema.SCHEMA_VERSION:
                         _create(driver)
                     driver.execute("COMMIT")
             except BaseException:
@@ -72,29 +55,31 @@ class SqlMemoryIndex:
                 raise
             self._writer = writer
 
-    def mark(self) -> FollowPosition:
-        """How far the index has followed the log. Asks for no row where nobody but this process wrote it."""
+    def mark(self) -> memory.FollowPosition:
+        """How far the index has followed the log. Reads no row if only this process wrote it."""
         with self._translated(), self._lock:
             change: int = self._opened().execute("PRAGMA data_version").fetchone()[0]
             if change == self._change and self._known is not None:
                 return self._known
             self._change, self._known = change, None
-        rows = self._rows(MARK, ())
+        rows = self._rows(memory_index_schema.MARK, ())
         return _mark(rows[0]) if rows else EMPTY
 
-    def add(self, records: Sequence[MemoryRecord], *, after: FollowPosition, upto: FollowPosition) -> None:
+    def add(
+        self, records: Sequence[memory.MemoryRecord], *, after: memory.FollowPosition, upto: memory.FollowPosition
+    ) -> None:
         """All or nothing. Raises ConcurrencyConflict if the index is not at `after`."""
         with self._translated(), self._lock:
             writer = self._opened()
             self._known = None
             with immediately(writer):
-                row = writer.execute(MARK).fetchone()
+                row = writer.execute(memory_index_schema.MARK).fetchone()
                 found = _mark(row) if row else EMPTY
                 if found != after:
                     raise moved(found, after)
                 _insert(writer, records)
                 writer.execute("DELETE FROM mark")
-                writer.execute(SET_MARK, msgspec.structs.astuple(upto))
+                writer.execute(memory_index_schema.SET_MARK, msgspec.structs.astuple(upto))
                 writer.execute("COMMIT")
             self._known = upto
 
@@ -107,20 +92,20 @@ class SqlMemoryIndex:
                 _create(writer)
                 writer.execute("COMMIT")
 
-    def get(self, record_id: str) -> Remembered:
+    def get(self, record_id: str) -> memory.Remembered:
         """Raises UnknownName."""
-        rows = self._rows(GET, (record_id,))
+        rows = self._rows(memory_index_schema.GET, (record_id,))
         if not rows:
             raise UnknownName(f"Memory holds no record {record_id}", where=str(self._url.database))
         return _remembered(rows[0], None)
 
-    def current(self, kind: str, subject: str) -> list[Remembered]:
+    def current(self, kind: str, subject: str) -> list[memory.Remembered]:
         """What nothing has superseded, oldest first."""
-        return [_remembered(row, None) for row in self._rows(CURRENT, (kind, subject))]
+        return [_remembered(row, None) for row in self._rows(memory_index_schema.CURRENT, (kind, subject))]
 
-    def find(self, query: MemoryQuery) -> list[Remembered]:
+    def find(self, query: memory.MemoryQuery) -> list[memory.Remembered]:
         """Newest first, at most `limit`."""
-        return [_remembered(row, query.as_of) for row in self._rows(*finding(query))]
+        return [_remembered(row, query.as_of) for row in self._rows(*memory_index_schema.finding(query))]
 
     def close(self) -> None:
         """Close every connection; the index answers nothing afterwards."""
@@ -154,31 +139,31 @@ class SqlMemoryIndex:
 
 
 def _create(writer: sqlite3.Connection) -> None:
-    for statement in (*DROP, *CREATE):
+    for statement in (*memory_index_schema.DROP, *memory_index_schema.CREATE):
         writer.execute(statement)
-    writer.execute(f"PRAGMA user_version={SCHEMA_VERSION}")
+    writer.execute(f"PRAGMA user_version={memory_index_schema.SCHEMA_VERSION}")
 
 
-def _insert(writer: sqlite3.Connection, records: Sequence[MemoryRecord]) -> None:
+def _insert(writer: sqlite3.Connection, records: Sequence[memory.MemoryRecord]) -> None:
     """The rows first, then what they do to older ones, in order."""
-    last = int(writer.execute(LAST).fetchone()[0])
+    last = int(writer.execute(memory_index_schema.LAST).fetchone()[0])
     numbered = list(enumerate(records, start=last + 1))
     boxes = [_box(seq, record) for seq, record in numbered if record.where is not None]
     if numbered:
-        writer.executemany(INSERT, [_columns(seq, record) for seq, record in numbered])
+        writer.executemany(memory_index_schema.INSERT, [_columns(seq, record) for seq, record in numbered])
     if boxes:
-        writer.executemany(INSERT_BOX, boxes)
+        writer.executemany(memory_index_schema.INSERT_BOX, boxes)
     for record in records:
         position, from_s = record.provenance.position, record.valid_from_s
         for name in record.supersedes:
-            writer.execute(SUPERSEDE, (position, from_s, from_s, name))
-            writer.execute(CUT_BOX, (from_s - EPOCH_S, name))
+            writer.execute(memory_index_schema.SUPERSEDE, (position, from_s, from_s, name))
+            writer.execute(memory_index_schema.CUT_BOX, (from_s - memory_index_schema.EPOCH_S, name))
         for name in record.conflicts:
-            writer.execute(DISPUTE, (position, name))
+            writer.execute(memory_index_schema.DISPUTE, (position, name))
 
 
-def _columns(seq: int, record: MemoryRecord) -> tuple[Any, ...]:
-    where, labels = record.where, labels_of(record)
+def _columns(seq: int, record: memory.MemoryRecord) -> tuple[Any, ...]:
+    where, labels = record.where, memory.labels_of(record)
     return (
         seq,
         record.record_id,
@@ -204,23 +189,29 @@ def _columns(seq: int, record: MemoryRecord) -> tuple[Any, ...]:
     )
 
 
-def _box(seq: int, record: MemoryRecord) -> tuple[Any, ...]:
+def _box(seq: int, record: memory.MemoryRecord) -> tuple[Any, ...]:
     where = record.where
     if where is None:
         raise ValueError(f"{record.record_id} has no place")
-    until_s = FOREVER_S if record.valid_until_s is None else record.valid_until_s - EPOCH_S
-    from_s = record.valid_from_s - EPOCH_S
+    until_s = (
+        memory_index_schema.FOREVER_S
+        if record.valid_until_s is None
+        else record.valid_until_s - memory_index_schema.EPOCH_S
+    )
+    from_s = record.valid_from_s - memory_index_schema.EPOCH_S
     return seq, where.x_min_m, where.x_max_m, where.y_min_m, where.y_max_m, from_s, max(from_s, until_s)
 
 
-def _mark(row: AnyRow) -> FollowPosition:
+def _mark(row: AnyRow) -> memory.FollowPosition:
     fold, position, digest = row
-    return FollowPosition(fold=fold, position=position, digest=digest)
+    return memory.FollowPosition(fold=fold, position=position, digest=digest)
 
 
-def _remembered(row: AnyRow, as_of: int | None) -> Remembered:
+def _remembered(row: AnyRow, as_of: int | None) -> memory.Remembered:
     body, verification, superseded_at, disputed_at, stated_until_s, until_s = row
     superseded = superseded_at is not None and (as_of is None or superseded_at <= as_of)
     disputed = disputed_at is not None and (as_of is None or disputed_at <= as_of)
-    standing: RecordStanding = "superseded" if superseded else "disputed" if disputed else verification
-    return Remembered(record=_decoded(body), standing=standing, until_s=until_s if superseded else stated_until_s)
+    standing: memory.RecordStanding = "superseded" if superseded else "disputed" if disputed else verification
+    return memory.Remembered(
+        record=_decoded(body), standing=standing, until_s=until_s if superseded else stated_until_s
+    )

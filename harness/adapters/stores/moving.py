@@ -1,4 +1,4 @@
-"""Moving the event log from one database to another: the same events at the same positions, with the same digests.
+"""Moves the event log from one database to another: the same events, positions and digests.
 
 Blobs, spool and robots stay where they are, in the data folder. The log that is moved from is left as it was.
 """

@@ -1,4 +1,4 @@
-"""Which store an address means: an SQLite file or a PostgreSQL database."""
+"""Opens the event log at an address: an SQLite file or a PostgreSQL database."""
 
 from harness.adapters.stores.postgres import PostgresEventStore
 from harness.adapters.stores.sql import SqlEventStore

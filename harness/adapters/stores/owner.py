@@ -1,4 +1,4 @@
-"""One owner per data folder (D11): the running supervisor holds owner.lock and says in it where it can be reached.
+"""Gives a data folder one owner (D11): the running supervisor holds owner.lock, which names its address.
 
 The lock is the kernel's (flock): it ends with the process, however that ends. The file stays and is taken over.
 A child made by fork without exec would inherit the lock; children of the harness are started by exec.
@@ -38,7 +38,7 @@ class OwnerLock:
         self._started_s = 0.0
 
     def take(self, *, token: str, url: str = "") -> Owner:
-        """Become the owner; once it is, change what it says of itself, such as the address it now listens on.
+        """Become the owner; if it already is, update its entry, such as the address it now listens on.
 
         Raises StoreOwned naming the present owner's process and address, StoreUnavailable if the folder cannot be
         written.
@@ -86,7 +86,7 @@ class OwnerLock:
 
 
 def read_owner(folder: Path) -> Owner | None:
-    """The live owner of `folder`, or None. Raises StoreUnavailable if one holds it and does not say who it is."""
+    """The live owner of `folder`, or None. Raises StoreUnavailable if the owner's entry cannot be read."""
     path = folder / _NAME
     try:
         file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)

@@ -1,7 +1,7 @@
-"""The event log in a PostgreSQL database, for several processes and hosts. Appends and reads; decides nothing.
+"""Stores the event log in PostgreSQL, for several processes and hosts. Appends and reads; decides nothing.
 
 Appends of all processes queue at one advisory lock, so that there is one order and one chain; readers never wait.
-The log wants a database of its own. Its owner can still switch the triggers off: then the chain tells.
+The log needs a database of its own. Its owner can still switch the triggers off; the chain then shows changes.
 """
 
 from collections.abc import Iterator, Sequence
@@ -10,16 +10,7 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from sqlalchemy import Connection
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 
-from harness.adapters.stores.postgres_engine import (
-    aside_engine,
-    examined,
-    reader_engine,
-    server_url,
-    shown,
-    translated,
-    unavailable,
-    writer_engine,
-)
+from harness.adapters.stores import postgres_engine
 from harness.adapters.stores.sql_log import SqlLog
 from harness.adapters.stores.sql_schema import migrate, needs_migration
 from harness.adapters.stores.sql_statements import statements
@@ -43,13 +34,16 @@ class PostgresEventStore(SqlLog):
     """
 
     def __init__(self, url: str, *, busy_s: float = 10.0) -> None:
-        self._url = server_url(url)
+        self._url = postgres_engine.server_url(url)
         super().__init__(
-            _POSTGRESQL, where=shown(self._url), readers=reader_engine(self._url), aside=aside_engine(self._url)
+            _POSTGRESQL,
+            where=postgres_engine.shown(self._url),
+            readers=postgres_engine.reader_engine(self._url),
+            aside=postgres_engine.aside_engine(self._url),
         )
-        self._writers = writer_engine(self._url, busy_s=busy_s)
+        self._writers = postgres_engine.writer_engine(self._url, busy_s=busy_s)
         self._writer: Connection | None = None
-        with translated(self._url):
+        with postgres_engine.translated(self._url):
             try:
                 self._prepare(self._connected())
             except BaseException:
@@ -58,7 +52,7 @@ class PostgresEventStore(SqlLog):
 
     def durability(self) -> dict[str, str | int]:
         """What is in force on the writer's connection, as PostgreSQL names it."""
-        with translated(self._url), self._lock:
+        with postgres_engine.translated(self._url), self._lock:
             self._check_open()
             writer = self._connected()
             return {name: writer.exec_driver_sql(f"SHOW {name}").scalar_one() for name in _IN_FORCE}
@@ -78,10 +72,10 @@ class PostgresEventStore(SqlLog):
                 alone.exec_driver_sql("COMMIT")
 
     def _translated(self) -> AbstractContextManager[None]:
-        return translated(self._url)
+        return postgres_engine.translated(self._url)
 
     def _examined(self) -> AbstractContextManager[None]:
-        return examined(self._url)
+        return postgres_engine.examined(self._url)
 
     @contextmanager
     def _alone(self) -> Iterator[Connection]:
@@ -116,7 +110,7 @@ class PostgresEventStore(SqlLog):
         except SQLAlchemyError:
             raise StoreUnavailable(
                 f"The connection was lost while an append was committed, and whether it is stored is not known yet: "
-                f"{unavailable(self._url, error.orig).what}",
+                f"{postgres_engine.unavailable(self._url, error.orig).what}",
                 where=self.where,
                 do="load the stream again once the database answers, then decide anew",
             ) from error
@@ -133,7 +127,7 @@ class PostgresEventStore(SqlLog):
                     reader.exec_driver_sql("ROLLBACK")
 
     def _check_indexes(self, connection: Connection, head: LogHead) -> None:
-        with examined(self._url):
+        with postgres_engine.examined(self._url):
             connection.exec_driver_sql(_BY_ROWS)
             held = connection.exec_driver_sql("SELECT count(*) FROM event").scalar_one()
         if held != head.position:
@@ -144,7 +138,7 @@ class PostgresEventStore(SqlLog):
             )
 
     def _begun(self) -> Connection:
-        """The writer inside its transaction; opened anew, once, if the connection was lost while it was idle."""
+        """The writer inside its transaction; opened again, once, if the connection was lost while it was idle."""
         try:
             return self._begin()
         except DBAPIError as error:

@@ -1,7 +1,7 @@
-"""PostgreSQL through SQLAlchemy and psycopg: how connections are opened, what is in force, what failures mean.
+"""Opens PostgreSQL connections through SQLAlchemy and psycopg, with their settings, and translates their failures.
 
 Appends commit with synchronous_commit on: they are as durable as the server's own fsync setting makes them. The
-server ends a transaction whose owner falls silent, so that a suspended process does not hold up the others.
+server ends an idle transaction after a while, so that a suspended process does not block the others.
 """
 
 from collections.abc import Iterator, Mapping
@@ -124,7 +124,7 @@ def unavailable(url: URL, cause: BaseException | None) -> StoreUnavailable:
 
 
 def sqlstate(cause: BaseException | None) -> str | None:
-    """The server's five-character code; None where it said nothing, as when it cannot be reached."""
+    """The server's five-character code; None without one, as when it cannot be reached."""
     return cause.sqlstate if isinstance(cause, psycopg.Error) else None
 
 

@@ -1,6 +1,6 @@
-"""Names of streams that any process appended to, as PostgreSQL tells them (LISTEN/NOTIFY). Asks nothing in between.
+"""Reports the names of streams that any process appended to, through PostgreSQL's LISTEN/NOTIFY. Never polls.
 
-After a lost connection the streams that changed meanwhile are read from the log and told too: no name is missed.
+After a lost connection the streams that changed meanwhile are read from the log, so that no name is missed.
 """
 
 import os
@@ -89,7 +89,7 @@ class Listener:
             self._changed(stream)
 
     def _closed_within(self, connection: int | None, timeout_s: float | None = None) -> bool:
-        """Wait until the connection says something, for as long as `timeout_s` allows; whether `close` was called."""
+        """Wait up to `timeout_s` for the connection to become readable; whether `close` was called."""
         watched = [self._closing] if connection is None else [self._closing, connection]
         ready, _, _ = select.select(watched, [], [], timeout_s)
         return self._closing in ready

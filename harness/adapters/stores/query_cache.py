@@ -1,4 +1,4 @@
-"""Answers to what is asked with every request, remembered until anybody writes, in this process or another."""
+"""Caches the answers to queries made with every request, until this process or another one writes."""
 
 import sqlite3
 from collections.abc import Callable
@@ -9,10 +9,10 @@ Answer = TypeVar("Answer")
 
 
 class QueryCache:
-    """Over one connection. Not safe between threads by itself: its owner's lock covers every call.
+    """A cache over one connection. Not safe between threads by itself: its owner's lock covers every call.
 
-    SQLite counts, for a connection, what all others have committed (`PRAGMA data_version`); what this one commits its
-    owner tells by `forget`.
+    SQLite counts, for a connection, what all others have committed (`PRAGMA data_version`); its
+    own commits are reported by `forget`.
     """
 
     def __init__(self, connection: sqlite3.Connection) -> None:
@@ -21,7 +21,7 @@ class QueryCache:
         self._answers: dict[tuple[str, str], Any] = {}
 
     def answer(self, question: tuple[str, str], ask: Callable[[], Answer]) -> Answer:
-        """What `ask` answers, or answered since the last commit. Raises sqlite3.Error if the connection is no more."""
+        """The result of `ask`, cached since the last commit. Raises sqlite3.Error if the connection is closed."""
         version: int = self._connection.execute("PRAGMA data_version").fetchone()[0]
         if version != self._version or len(self._answers) >= KEPT:
             self.forget()
@@ -32,5 +32,5 @@ class QueryCache:
         return found
 
     def forget(self) -> None:
-        """After every commit of the owner's."""
+        """Called after every commit of the owner."""
         self._answers.clear()

@@ -1,4 +1,4 @@
-"""The lists in an SQLite file of their own, or in memory. Deleting them loses nothing: the log makes them again.
+"""Stores the list read models in a separate SQLite file or in memory. They can be deleted and rebuilt from the log.
 
 Commits to a file reach the disk with the next checkpoint; after a crash they are behind the log and follow it again.
 """
@@ -15,32 +15,12 @@ from sqlalchemy.engine import make_url
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 from sqlalchemy.pool import StaticPool
 
+from harness.adapters.stores import read_models_schema
 from harness.adapters.stores.memory_index import EMPTY, moved
-from harness.adapters.stores.read_models_schema import (
-    ADD_WORD,
-    BEGINNING,
-    CREATE,
-    DROP,
-    MARK,
-    SCHEMA_VERSION,
-    SET_MARK,
-    SPELLINGS,
-    TABLES,
-    TALLIES,
-    TALLY,
-    TERMS,
-    Argument,
-    count_of,
-    matching,
-    page_of,
-    spoken,
-    terms_of,
-    walk_of,
-)
 from harness.adapters.stores.sql_engine import aside_engine, enter_wal, file_url, reader_engine
+from harness.contracts import read_models
 from harness.contracts.errors import StoreUnavailable
 from harness.contracts.memory import FollowPosition
-from harness.contracts.read_models import MANY, Bookmark, FacetCount, Listing, ListPage, ListQuery, ListRow
 
 MEMORY = "sqlite://"
 LAST_SIGN = "\U0010ffff"
@@ -67,7 +47,7 @@ class SqlReadModels:
                 if not self._volatile:
                     enter_wal(writer, busy_s=busy_s)
                 with _transaction(writer):
-                    if writer.exec_driver_sql("PRAGMA user_version").scalar_one() != SCHEMA_VERSION:
+                    if writer.exec_driver_sql("PRAGMA user_version").scalar_one() != read_models_schema.SCHEMA_VERSION:
                         _create(writer)
             except BaseException:
                 writer.close()
@@ -76,21 +56,21 @@ class SqlReadModels:
 
     def mark(self) -> FollowPosition:
         """How far the lists have followed the log."""
-        rows = self._rows(MARK, ())
+        rows = self._rows(read_models_schema.MARK, ())
         return _mark(rows[0]) if rows else EMPTY
 
-    def add(self, rows: Sequence[ListRow], *, after: FollowPosition, upto: FollowPosition) -> None:
+    def add(self, rows: Sequence[read_models.ListRow], *, after: FollowPosition, upto: FollowPosition) -> None:
         """All or nothing. Raises ConcurrencyConflict if the lists are not at `after`."""
         with self._translated(), self._lock:
             writer = self._opened()
             with _transaction(writer):
-                row = writer.exec_driver_sql(MARK).first()
+                row = writer.exec_driver_sql(read_models_schema.MARK).first()
                 found = _mark(row) if row else EMPTY
                 if found != after:
                     raise moved(found, after)
                 _put(writer, rows)
                 writer.exec_driver_sql("DELETE FROM mark")
-                writer.exec_driver_sql(SET_MARK, msgspec.structs.astuple(upto))
+                writer.exec_driver_sql(read_models_schema.SET_MARK, msgspec.structs.astuple(upto))
 
     def clear(self) -> None:
         """Forget everything."""
@@ -99,30 +79,30 @@ class SqlReadModels:
             with _transaction(writer):
                 _create(writer)
 
-    def page(self, query: ListQuery) -> ListPage:
+    def page(self, query: read_models.ListQuery) -> read_models.ListPage:
         """One page, in the order asked for."""
         match = self._match(query)
-        walks = query.order == "largest" and match != "" and self._count(query, match) > MANY
-        rows = self._rows(*(walk_of if walks else page_of)(query, match))
+        walks = query.order == "largest" and match != "" and self._count(query, match) > read_models.MANY
+        rows = self._rows(*(read_models_schema.walk_of if walks else read_models_schema.page_of)(query, match))
         shown = rows[: query.limit]
         last = shown[-1] if len(rows) > query.limit else None
-        return ListPage(
+        return read_models.ListPage(
             bodies=tuple(bytes(row[2]) for row in shown),
-            following=Bookmark(seq=last[0], amount=last[1]) if last is not None else None,
+            following=read_models.Bookmark(seq=last[0], amount=last[1]) if last is not None else None,
         )
 
-    def count(self, query: ListQuery) -> int:
+    def count(self, query: read_models.ListQuery) -> int:
         """How many rows answer the query, counted up to MANY + 1."""
         return self._count(query, self._match(query))
 
-    def tallies(self, listing: Listing) -> list[FacetCount]:
+    def tallies(self, listing: read_models.Listing) -> list[read_models.FacetCount]:
         """Every value of every facet with its count, by facet and value."""
-        rows = self._rows(TALLIES, (listing,))
-        return [FacetCount(facet=facet, value=value, count=count) for facet, value, count in rows]
+        rows = self._rows(read_models_schema.TALLIES, (listing,))
+        return [read_models.FacetCount(facet=facet, value=value, count=count) for facet, value, count in rows]
 
-    def body(self, listing: Listing, key: str) -> bytes | None:
+    def body(self, listing: read_models.Listing, key: str) -> bytes | None:
         """One item by its key."""
-        rows = self._rows(f"SELECT body FROM {TABLES[listing]} WHERE key = ?", (key,))
+        rows = self._rows(f"SELECT body FROM {read_models_schema.TABLES[listing]} WHERE key = ?", (key,))
         return bytes(rows[0][0]) if rows else None
 
     def close(self) -> None:
@@ -133,17 +113,17 @@ class SqlReadModels:
                 self._writer = None
         self._readers.dispose()
 
-    def _count(self, query: ListQuery, match: str) -> int:
-        return int(self._rows(*count_of(query, match, limit=MANY + 1))[0][0])
+    def _count(self, query: read_models.ListQuery, match: str) -> int:
+        return int(self._rows(*read_models_schema.count_of(query, match, limit=read_models.MANY + 1))[0][0])
 
-    def _match(self, query: ListQuery) -> str:
+    def _match(self, query: read_models.ListQuery) -> str:
         def spellings(word: str) -> list[str]:
-            asked = (query.listing, word, word + LAST_SIGN, SPELLINGS + 1)
-            return [row[0] for row in self._rows(BEGINNING, asked)]
+            asked = (query.listing, word, word + LAST_SIGN, read_models_schema.SPELLINGS + 1)
+            return [row[0] for row in self._rows(read_models_schema.BEGINNING, asked)]
 
-        return matching(query, spellings)
+        return read_models_schema.matching(query, spellings)
 
-    def _rows(self, statement: str, arguments: tuple[Argument, ...]) -> Sequence[AnyRow]:
+    def _rows(self, statement: str, arguments: tuple[read_models_schema.Argument, ...]) -> Sequence[AnyRow]:
         writer = self._opened()
         if self._volatile:
             with self._translated(), self._lock:
@@ -187,25 +167,27 @@ def _transaction(writer: Connection) -> Iterator[None]:
 
 
 def _create(writer: Connection) -> None:
-    for statement in (*DROP, *CREATE):
+    for statement in (*read_models_schema.DROP, *read_models_schema.CREATE):
         writer.exec_driver_sql(statement)
-    writer.exec_driver_sql(f"PRAGMA user_version={SCHEMA_VERSION}")
+    writer.exec_driver_sql(f"PRAGMA user_version={read_models_schema.SCHEMA_VERSION}")
 
 
-def _put(writer: Connection, rows: Sequence[ListRow]) -> None:
+def _put(writer: Connection, rows: Sequence[read_models.ListRow]) -> None:
     """Rows in the place of older ones; terms and tallies follow. Of several rows with one number the last counts."""
     tallies: Tallies = Counter()
-    for listing in TABLES:
+    for listing in read_models_schema.TABLES:
         newest = {row.seq: row for row in rows if row.listing == listing}
         if newest:
             _put_listing(writer, listing, newest, tallies)
     changes = [(*name, count) for name, count in sorted(tallies.items()) if count]
     if changes:
-        writer.exec_driver_sql(TALLY, changes)
+        writer.exec_driver_sql(read_models_schema.TALLY, changes)
 
 
-def _put_listing(writer: Connection, listing: Listing, rows: dict[int, ListRow], tallies: Tallies) -> None:
-    table, terms = TABLES[listing], TERMS[listing]
+def _put_listing(
+    writer: Connection, listing: read_models.Listing, rows: dict[int, read_models.ListRow], tallies: Tallies
+) -> None:
+    table, terms = read_models_schema.TABLES[listing], read_models_schema.TERMS[listing]
     old = f"SELECT seq, facets, terms FROM {table} WHERE seq IN (SELECT value FROM json_each(?))"
     for seq, facets, said in writer.exec_driver_sql(old, (msgspec.json.encode(list(rows)).decode(),)).all():
         writer.exec_driver_sql(f"INSERT INTO {terms} ({terms}, rowid, terms) VALUES ('delete', ?, ?)", (seq, said))
@@ -216,7 +198,7 @@ def _put_listing(writer: Connection, listing: Listing, rows: dict[int, ListRow],
             row.key,
             row.amount,
             msgspec.json.encode(row.facets, order="deterministic").decode(),
-            terms_of(row),
+            read_models_schema.terms_of(row),
             row.body,
         )
         for row in rows.values()
@@ -224,7 +206,10 @@ def _put_listing(writer: Connection, listing: Listing, rows: dict[int, ListRow],
     writer.exec_driver_sql(f"INSERT OR REPLACE INTO {table} VALUES (?, ?, ?, ?, ?, ?)", stored)
     writer.exec_driver_sql(f"INSERT INTO {terms} (rowid, terms) VALUES (?, ?)", [(one[0], one[4]) for one in stored])
     writer.exec_driver_sql(
-        ADD_WORD, sorted({(listing, word) for row in rows.values() for word in spoken(row)} or {(listing, "")})
+        read_models_schema.ADD_WORD,
+        sorted(
+            {(listing, word) for row in rows.values() for word in read_models_schema.spoken(row)} or {(listing, "")}
+        ),
     )
     for row in rows.values():
         _tally(tallies, listing, row.facets, 1)

@@ -1,4 +1,4 @@
-"""The tables of the lists in SQLite, and the questions they answer. Opens nothing.
+"""SQLite tables of the list read models, and the queries over them. Opens nothing.
 
 Facets and words of a row are terms in a full-text index without content: an inverted index, in which any combination
 of filters costs what its rarest term costs, and pages are read in the order of the rows' numbers.
@@ -64,7 +64,7 @@ def terms_of(row: ListRow) -> str:
 
 
 def spoken(row: ListRow) -> list[str]:
-    """The words of a row, whole and in parts."""
+    """The text of a row as words, whole and in parts."""
     words = words_of(row.words)
     return sorted(set(words) | {part for word in words for part in _INNER.split(word) if part})
 
@@ -86,7 +86,7 @@ def words_of(text: str) -> tuple[str, ...]:
 
 
 def facet_term(name: str, value: str) -> str:
-    """One facet as one term: it begins with a sign that no word holds, so that no word is mistaken for it."""
+    """One facet as one term: it begins with a character that no word contains, so that no word is mistaken for it."""
     return f"={name}={_SEPARATORS.sub('-', value.lower())}"
 
 
@@ -153,5 +153,5 @@ def matching(query: ListQuery, spellings: Spellings) -> str:
 
 
 def _quoted_id(word: str) -> str:
-    """A digest is found by as many signs as its term holds."""
+    """A digest is found by as many characters as its term holds."""
     return f'"{id_term(word)}"' if not _DIGEST.fullmatch(word) else f'"{id_term(word[:DIGEST_SIGNS])}"'

@@ -1,7 +1,7 @@
-"""Folded states kept beside the log, so that opening a stream costs its tail. Never the truth: events alone are.
+"""Stores snapshots of folded states, so that opening a stream reads only its newest events. Events stay authoritative.
 
-A snapshot is used only if it is whole, was folded by this very code into this very shape, and up to an event that
-the log holds. Writing is done by a thread of its own; what it could not write is folded again, some day.
+A snapshot is used only if it is whole, was folded by exactly this code into this shape, and up to an event that
+the log holds. A separate thread writes; a snapshot that it could not write is folded again later.
 """
 
 from functools import lru_cache
@@ -50,7 +50,7 @@ class StoredSnapshots:
         return state, found.version
 
     def offer(self, stream: StreamId, version: int, state: object) -> None:
-        """Keep the state some time soon if enough happened since the last one. `state` must not change any more."""
+        """Store the state soon if enough events followed the last snapshot. `state` must not change any more."""
         kept = self._kept.get(stream, 0)
         if self._thread and version - kept >= max(EVERY, kept // 8):
             self._kept[stream] = version
@@ -97,7 +97,7 @@ def _software(package: str) -> Digest:
 
 
 def _comes_back(body: bytes, kind: type) -> bool:
-    """Whether decoding gives the same state again; a number that JSON has no word for would not."""
+    """Whether decoding gives the same state again; a number that JSON cannot express would not."""
     try:
         return encode(msgspec.json.decode(body, type=kind)) == body
     except msgspec.DecodeError:

@@ -1,4 +1,4 @@
-"""Samples of running invocations as JSON lines, one file each, not synced: a killed process loses half a line at most.
+"""Spools samples of running invocations to JSON lines, one file each; unsynced, so a kill loses half a line at most.
 
 What matters is sealed as a blob at the end (D8); after a power failure the robot is observed again.
 """

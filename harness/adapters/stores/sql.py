@@ -1,4 +1,4 @@
-"""The event log in an SQLite file, through SQLAlchemy Core. Appends and reads; decides nothing.
+"""Stores the event log in an SQLite file through SQLAlchemy Core. Appends and reads; decides nothing.
 
 Two processes may append to the same file: the log's head is read inside the write transaction (BEGIN IMMEDIATE).
 """
@@ -11,15 +11,8 @@ from sqlalchemy import Connection
 from sqlalchemy.engine import URL
 from sqlalchemy.exc import DBAPIError
 
+from harness.adapters.stores import sql_engine
 from harness.adapters.stores.chain import damaged
-from harness.adapters.stores.sql_engine import (
-    Translated,
-    aside_engine,
-    enter_wal,
-    file_url,
-    reader_engine,
-    writer_engine,
-)
 from harness.adapters.stores.sql_log import AnyRow, Arguments, SqlLog, event_of
 from harness.adapters.stores.sql_schema import migrate, needs_migration
 from harness.adapters.stores.sql_statements import statements
@@ -42,13 +35,16 @@ class SqlEventStore(SqlLog):
     """
 
     def __init__(self, url: str, *, busy_s: float = 10.0) -> None:
-        self._url = file_url(url)
-        readers, aside = reader_engine(self._url, busy_s=busy_s), aside_engine(self._url, busy_s=busy_s)
+        self._url = sql_engine.file_url(url)
+        readers, aside = (
+            sql_engine.reader_engine(self._url, busy_s=busy_s),
+            sql_engine.aside_engine(self._url, busy_s=busy_s),
+        )
         super().__init__(_SQLITE, where=str(self._url.database), readers=readers, aside=aside)
         self._quick = ReaderPool(readers)
-        self._failures = Translated(self._url)
+        self._failures = sql_engine.Translated(self._url)
         with self._failures:
-            self._writer = writer_engine(self._url, busy_s=busy_s).connect()
+            self._writer = sql_engine.writer_engine(self._url, busy_s=busy_s).connect()
             try:
                 _prepare(self._writer, self._url, busy_s=busy_s)
                 self._driver = driver_of(self._writer)
@@ -60,7 +56,7 @@ class SqlEventStore(SqlLog):
     def load(self, stream: StreamId, after: int = 0) -> list[StoredEvent]:
         """Events of one stream with version > after, in order.
 
-        Asks for no rows where it is known that there are none and nobody else wrote since.
+        Reads no rows where it is known that there are none and no other process wrote since.
         """
         self._check_open()
         with self._failures:
@@ -156,12 +152,12 @@ def _prepare(writer: Connection, url: URL, *, busy_s: float) -> None:
     """Bring the file to this program's schema; refuse another program's, a newer version's, or one without WAL."""
     where = str(url.database)
     if needs_migration(writer, where=where):
-        enter_wal(writer, busy_s=busy_s)
+        sql_engine.enter_wal(writer, busy_s=busy_s)
         with immediately(driver_of(writer)):
             if needs_migration(writer, where=where):
                 migrate(writer)
             writer.exec_driver_sql("COMMIT")
-    mode = enter_wal(writer, busy_s=busy_s)
+    mode = sql_engine.enter_wal(writer, busy_s=busy_s)
     if mode != "wal":
         raise StoreUnavailable(
             f"The file system allows journal mode {mode} only, the event log needs wal",

@@ -1,4 +1,4 @@
-"""SQLite through SQLAlchemy: how connections are opened, what durability is in force, what its failures mean.
+"""Opens SQLite connections through SQLAlchemy, with their durability settings, and translates their failures.
 
 WAL with synchronous=FULL: a commit is on the disk when it returns, and readers never wait for the writer.
 Transactions are opened by hand (BEGIN IMMEDIATE), so that two writers queue instead of failing half-way.
@@ -78,7 +78,7 @@ def enter_wal(connection: Connection, *, busy_s: float) -> str:
 
 
 class Translated:
-    """Around what asks the database: its failures become StoreUnavailable with where and what to do."""
+    """A context in which failures of the database become StoreUnavailable with where and what to do."""
 
     def __init__(self, url: URL) -> None:
         self._url = url

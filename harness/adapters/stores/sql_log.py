@@ -1,7 +1,7 @@
-"""What every SQL database does alike for the event log: append, read, verify, be filled. Knows no database by name.
+"""The event log's operations that all SQL databases share: append, read, verify and copy.
 
-One connection appends, under a lock and inside the database's one write transaction, in which the log's head is
-read: processes queue there, whichever of them comes first. Readers have connections of their own that cannot write.
+One connection appends, under a lock and inside the database's single write transaction, in which the log's head is
+read, so processes queue there. Readers have separate connections that cannot write.
 """
 
 from abc import ABC, abstractmethod
@@ -16,11 +16,11 @@ import msgspec
 from sqlalchemy import Connection, Engine, Row
 from sqlalchemy.exc import DBAPIError
 
-from harness.adapters.stores.chain import GENESIS, admit, check, check_commands, check_record, link
+from harness.adapters.stores import chain
 from harness.adapters.stores.sql_statements import Statements
+from harness.contracts import ports
 from harness.contracts.errors import ConcurrencyConflict, ContractInvalid, StoreUnavailable, UnknownName
 from harness.contracts.ids import Digest, StreamId
-from harness.contracts.ports import MISSION_STREAMS, Batch, LogHead, Record, StateSnapshot, StoredEvent
 from harness.contracts.values import Moment
 
 T = TypeVar("T")
@@ -35,10 +35,10 @@ _PAGE = 500
 class _Append:
     """One caller's append, and what became of it."""
 
-    batches: Sequence[Batch]
-    records: Sequence[Record]
+    batches: Sequence[ports.Batch]
+    records: Sequence[ports.Record]
     now: Moment
-    head: LogHead = GENESIS
+    head: ports.LogHead = chain.GENESIS
     error: BaseException | None = None
     done: bool = False
 
@@ -61,12 +61,12 @@ class SqlLog(ABC):
 
     # the port -------------------------------------------------------------------------------------------------------
 
-    def append(self, batches: Sequence[Batch], records: Sequence[Record], now: Moment) -> LogHead:
+    def append(self, batches: Sequence[ports.Batch], records: Sequence[ports.Record], now: Moment) -> ports.LogHead:
         """All or nothing, synced on return. Raises ConcurrencyConflict, StoreUnavailable, ContractInvalid.
 
         Threads that come while another one's commit reaches the disk share the next commit.
         """
-        admit(batches, records)
+        chain.admit(batches, records)
         mine = _Append(batches, records, now)
         self._waiting.append(mine)
         with self._translated(), self._lock:
@@ -76,11 +76,11 @@ class SqlLog(ABC):
                 raise mine.error
         return mine.head
 
-    def load(self, stream: StreamId, after: int = 0) -> list[StoredEvent]:
+    def load(self, stream: StreamId, after: int = 0) -> list[ports.StoredEvent]:
         """Events of one stream with version > after, in order."""
         return [event_of(row) for row in self._rows(self._sql.load, (stream, after))]
 
-    def read(self, after: int = 0, limit: int = 1000) -> list[StoredEvent]:
+    def read(self, after: int = 0, limit: int = 1000) -> list[ports.StoredEvent]:
         """Events of all streams with position > after, in global order, at most `limit`."""
         return [event_of(row) for row in self._rows(self._sql.read, (after, limit))]
 
@@ -91,27 +91,27 @@ class SqlLog(ABC):
     def open_missions(self) -> list[StreamId]:
         """Streams of missions that hold no MissionEnded, by first position."""
         ended = {row[0] for row in self._rows(self._sql.ended, ())}
-        return [stream for stream in self.streams(MISSION_STREAMS) if stream not in ended]
+        return [stream for stream in self.streams(ports.MISSION_STREAMS) if stream not in ended]
 
     def ended_missions(self, after: int, upto: int) -> list[StreamId]:
         """Streams whose MissionEnded has a position > after and <= upto, in the order of their ends."""
         return [StreamId(row[0]) for row in self._rows(self._sql.ended_between, (after, upto))]
 
-    def record(self, digest: Digest) -> Record:
+    def record(self, digest: Digest) -> ports.Record:
         """Raises UnknownName; LogDamaged if the stored body does not match."""
         rows = self._rows(self._sql.record, (digest,))
         if not rows:
             raise UnknownName(f"The log holds no record {digest}", where=self.where)
         found = _record(rows[0])
-        check_record(found)
+        chain.check_record(found)
         return found
 
-    def head(self) -> LogHead:
+    def head(self) -> ports.LogHead:
         """The end of the log; the genesis head of an empty one."""
         rows = self._rows(self._sql.head, ())
-        return LogHead(position=rows[0][0], digest=rows[0][1]) if rows else GENESIS
+        return ports.LogHead(position=rows[0][0], digest=rows[0][1]) if rows else chain.GENESIS
 
-    def verify(self) -> LogHead:
+    def verify(self) -> ports.LogHead:
         """Recompute the chain and every record's digest, a page at a time, on one instant of the log.
 
         Raises LogDamaged that names the first bad position, the bad record, or the index that lost rows. A log cut
@@ -131,16 +131,16 @@ class SqlLog(ABC):
 
     # snapshots ------------------------------------------------------------------------------------------------------
 
-    def snapshot(self, stream: StreamId) -> StateSnapshot | None:
-        """What was kept of a stream, if it was folded from the events this log holds."""
+    def snapshot(self, stream: StreamId) -> ports.StateSnapshot | None:
+        """The stored snapshot of a stream, if it was folded from the events this log holds."""
         rows = self._rows(self._sql.snapshot, (stream,))
         if not rows:
             return None
         name, version, fingerprint, digest, body = rows[0]
-        return StateSnapshot(stream=name, version=version, fingerprint=fingerprint, digest=digest, body=body)
+        return ports.StateSnapshot(stream=name, version=version, fingerprint=fingerprint, digest=digest, body=body)
 
-    def keep(self, snapshot: StateSnapshot) -> None:
-        """Replace what is kept of the stream; a stream that holds no event of that version keeps nothing."""
+    def keep(self, snapshot: ports.StateSnapshot) -> None:
+        """Replace the stream's snapshot; stores nothing for a stream without an event of that version."""
         kept = (snapshot.version, snapshot.fingerprint, snapshot.digest, snapshot.body)
         self._check_open()
         with self._translated(), self._aside.connect() as connection:
@@ -148,17 +148,17 @@ class SqlLog(ABC):
 
     # moving ---------------------------------------------------------------------------------------------------------
 
-    def fill_from(self, source: "SqlLog") -> LogHead:
-        """Take over every event and record of `source` as it stands there, into an empty log, and verify the copy.
+    def fill_from(self, source: "SqlLog") -> ports.LogHead:
+        """Copy every event and record of `source` unchanged into an empty log, and verify the copy.
 
         All or nothing: what does not verify, here or there, leaves this log empty. Raises LogDamaged, and
-        StoreUnavailable if this log holds anything or if somebody appended to `source` meanwhile.
+        StoreUnavailable if this log holds anything or if anyone appended to `source` meanwhile.
         """
         with self._translated(), self._lock:
             self._check_open()
             with self._alone() as writer, source.frozen() as reader:
                 self._check_empty(writer)
-                head = check(self._copied(writer, source.walk(reader)))
+                head = chain.check(self._copied(writer, source.walk(reader)))
                 for records in _pages(source.records(reader)):
                     self._insert(writer, (), records)
                 self._verified(writer)
@@ -176,20 +176,20 @@ class SqlLog(ABC):
         self._check_open()
         return self._frozen()
 
-    def walk(self, connection: Connection) -> Iterator[StoredEvent]:
+    def walk(self, connection: Connection) -> Iterator[ports.StoredEvent]:
         """Every event in global order, a page at a time."""
         position = 0
         while rows := self._page(connection, self._sql.read, position):
             yield from map(event_of, rows)
             position = rows[-1][0]
 
-    def records(self, connection: Connection) -> Iterator[Record]:
+    def records(self, connection: Connection) -> Iterator[ports.Record]:
         """Every record by digest, a page at a time; raises LogDamaged at the first whose digest is not its body's."""
         digest = ""
         while rows := self._page(connection, self._sql.records, digest):
             for row in rows:
                 found = _record(row)
-                check_record(found)
+                chain.check_record(found)
                 yield found
             digest = rows[-1][0]
 
@@ -208,7 +208,7 @@ class SqlLog(ABC):
         """The one write transaction of the database, rolled back on any exception; `_commit` ends it."""
 
     @abstractmethod
-    def _commit(self, writer: Connection, events: Sequence[StoredEvent], records: Sequence[Record]) -> None:
+    def _commit(self, writer: Connection, events: Sequence[ports.StoredEvent], records: Sequence[ports.Record]) -> None:
         """Make durable what was inserted, which is what is given."""
 
     @abstractmethod
@@ -216,8 +216,8 @@ class SqlLog(ABC):
         """A reader's transaction that sees one instant of the log."""
 
     @abstractmethod
-    def _check_indexes(self, connection: Connection, head: LogHead) -> None:
-        """Raises LogDamaged if the database itself finds fault with its tables or indexes."""
+    def _check_indexes(self, connection: Connection, head: ports.LogHead) -> None:
+        """Raises LogDamaged if the database reports damage in its tables or indexes."""
 
     @abstractmethod
     def _release(self) -> None:
@@ -225,8 +225,8 @@ class SqlLog(ABC):
 
     # shared ---------------------------------------------------------------------------------------------------------
 
-    def _verified(self, connection: Connection) -> LogHead:
-        head = check(check_commands(self.walk(connection), lambda names: self._held(connection, names)))
+    def _verified(self, connection: Connection) -> ports.LogHead:
+        head = chain.check(chain.check_commands(self.walk(connection), lambda names: self._held(connection, names)))
         for _ in self.records(connection):
             pass
         self._check_indexes(connection, head)
@@ -239,8 +239,8 @@ class SqlLog(ABC):
 
     def _write(self, group: Sequence[_Append]) -> None:
         """Several appends in one transaction: one that does not fit is refused alone, a failing database fails all."""
-        events: list[StoredEvent] = []
-        records: list[Record] = []
+        events: list[ports.StoredEvent] = []
+        records: list[ports.Record] = []
         try:
             self._check_open()
             with self._alone() as writer:
@@ -258,29 +258,29 @@ class SqlLog(ABC):
             for one in group:
                 one.done = True
 
-    def _linked(self, writer: Connection, one: _Append) -> list[StoredEvent]:
-        """The append's events behind what the log holds by now; none, and the reason with it, if it does not fit."""
+    def _linked(self, writer: Connection, one: _Append) -> list[ports.StoredEvent]:
+        """The append's events behind what the log holds by now; none, with the reason, if it does not fit."""
         streams = list(dict.fromkeys(batch.stream for batch in one.batches))
         head, versions = self._ends(writer, streams)
         try:
-            events = link(head, versions, one.batches, one.now)
+            events = chain.link(head, versions, one.batches, one.now)
         except (ConcurrencyConflict, ContractInvalid) as refusal:
             one.error = refusal
             return []
-        one.head = LogHead(position=events[-1].position, digest=events[-1].digest) if events else head
+        one.head = ports.LogHead(position=events[-1].position, digest=events[-1].digest) if events else head
         return events
 
-    def _ends(self, writer: Connection, streams: Sequence[StreamId]) -> tuple[LogHead, dict[StreamId, int]]:
+    def _ends(self, writer: Connection, streams: Sequence[StreamId]) -> tuple[ports.LogHead, dict[StreamId, int]]:
         """The log's head, and how many events each of `streams` holds."""
         if not streams:
             rows = self._asked(writer, self._sql.head, ())
-            return (LogHead(position=rows[0][0], digest=rows[0][1]) if rows else GENESIS), {}
+            return (ports.LogHead(position=rows[0][0], digest=rows[0][1]) if rows else chain.GENESIS), {}
         rows = self._asked(writer, self._sql.ends(len(streams)), tuple(streams))
         position, digest = rows[0][2:]
-        head = LogHead(position=position, digest=digest) if position else GENESIS
+        head = ports.LogHead(position=position, digest=digest) if position else chain.GENESIS
         return head, {row[0]: row[1] or 0 for row in rows}
 
-    def _insert(self, writer: Connection, events: Sequence[StoredEvent], records: Sequence[Record]) -> None:
+    def _insert(self, writer: Connection, events: Sequence[ports.StoredEvent], records: Sequence[ports.Record]) -> None:
         if events:
             self._put(writer, self._sql.insert, [msgspec.structs.astuple(event) for event in events])
         if records:
@@ -294,13 +294,13 @@ class SqlLog(ABC):
         """Rows that the appending connection inserts."""
         writer.exec_driver_sql(statement, list(rows))
 
-    def _copied(self, writer: Connection, events: Iterable[StoredEvent]) -> Iterator[StoredEvent]:
+    def _copied(self, writer: Connection, events: Iterable[ports.StoredEvent]) -> Iterator[ports.StoredEvent]:
         for page in _pages(events):
             self._insert(writer, page, ())
             yield from page
 
     def _check_empty(self, writer: Connection) -> None:
-        if self._ends(writer, ())[0] != GENESIS or writer.exec_driver_sql(self._sql.records, ("", 1)).first():
+        if self._ends(writer, ())[0] != chain.GENESIS or writer.exec_driver_sql(self._sql.records, ("", 1)).first():
             raise StoreUnavailable(
                 "The log to move to is not empty; nothing was moved",
                 where=self.where,
@@ -331,10 +331,10 @@ class SqlLog(ABC):
             raise StoreUnavailable("The event log is closed", where=self.where, do="open it again")
 
 
-def event_of(row: AnyRow) -> StoredEvent:
+def event_of(row: AnyRow) -> ports.StoredEvent:
     """The event that a row of `load` or `read` holds."""
     position, stream, version, kind, body, mission_s, recorded_s, previous, digest = row
-    return StoredEvent(
+    return ports.StoredEvent(
         position=position,
         stream=stream,
         version=version,
@@ -347,9 +347,9 @@ def event_of(row: AnyRow) -> StoredEvent:
     )
 
 
-def _record(row: AnyRow) -> Record:
+def _record(row: AnyRow) -> ports.Record:
     digest, kind, body = row
-    return Record(digest=digest, kind=kind, body=body)
+    return ports.Record(digest=digest, kind=kind, body=body)
 
 
 def _pages(items: Iterable[T]) -> Iterator[list[T]]:

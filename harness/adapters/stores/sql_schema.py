@@ -1,7 +1,6 @@
-"""Which version of the log's tables a database holds, and how it is brought to the one this program writes.
+"""Reads which version of the log's tables a database holds, and migrates it to the version this program writes.
 
-The tables themselves are written down once, in `migrations/versions`, for every database: a new log is an old one
-with all revisions to come.
+The tables are defined once, in `migrations/versions`, for every database: a new log runs all revisions.
 """
 
 from pathlib import Path

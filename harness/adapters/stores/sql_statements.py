@@ -1,4 +1,4 @@
-"""The log's SQL, once for every database: they differ only in how an argument is marked. Runs nothing."""
+"""SQL statements of the event log for all databases, which differ only in the parameter marker. Runs nothing."""
 
 from dataclasses import dataclass
 from functools import lru_cache

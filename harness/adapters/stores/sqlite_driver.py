@@ -1,4 +1,4 @@
-"""SQLite's driver without SQLAlchemy's way to it: for the few statements that every step of a mission runs.
+"""Runs the few statements that every mission step needs directly on SQLite's driver, bypassing SQLAlchemy.
 
 SQLAlchemy opens the connections, with their settings, and runs everything else.
 """
@@ -33,7 +33,7 @@ def immediately(driver: sqlite3.Connection) -> Iterator[None]:
 
 
 class ReaderPool:
-    """Connections that cannot write, for any number of threads: each is used by one at a time and kept for the next.
+    """Connections that cannot write, for any number of threads: each is used by one thread at a time and reused.
 
     Raises sqlite3.Error; a connection that failed is not used again.
     """

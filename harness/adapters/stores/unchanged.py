@@ -1,8 +1,8 @@
-"""What an SQLite log is known to end with, for as long as nobody else writes it. Reads no event, writes nothing.
+"""Remembers the last version of each stream in an SQLite log until another connection writes. Reads no event.
 
-SQLite counts, for each connection, the commits of all others (`PRAGMA data_version`). Two connections are asked: the
-appending one, whose count leaves our own commits out, and one that only watches. Where the watching one has not moved,
-nobody committed, and the question waits for nothing; where it has, the appending one tells whether it was us.
+SQLite counts, for each connection, the commits of all others (`PRAGMA data_version`). Two connections read it: the
+appending one, whose count excludes our own commits, and one that only watches. If the watching count has not changed,
+there was no commit, and the answer is immediate; if it has, the appending connection's count shows whether it was ours.
 """
 
 import sqlite3
@@ -40,11 +40,11 @@ class Unchanged:
         return None if self._others_wrote() else self._last
 
     def asked(self) -> int:
-        """To be taken before a stream is read, and given back to `found`."""
+        """A mark to take before a stream is read, and to pass to `found`."""
         return self._round
 
     def found(self, stream: StreamId, version: int, *, asked: int) -> None:
-        """A stream ended at this version when it was read; void if anybody wrote since `asked`."""
+        """A stream ended at this version when it was read; void if anyone wrote since `asked`."""
         with self._knowing:
             if self._round == asked:
                 self._versions[stream] = version

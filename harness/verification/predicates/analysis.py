@@ -1,4 +1,4 @@
-"""relational analysis_of: a report bound to the accepted frames. Whether it is right, its binding does not show."""
+"""relational analysis_of: a report is bound to the accepted frames. The binding does not prove the report right."""
 
 import msgspec
 

@@ -1,4 +1,4 @@
-"""metric arrival (D18): where the body is by measurement. What the provider declares is not read here."""
+"""metric arrival (D18): the body is measured to be at its target. Never reads what the provider declares."""
 
 from dataclasses import dataclass
 
@@ -27,7 +27,7 @@ class _Place:
 def arrival(effect: AnyEffect, evidence: Evidence) -> Finding:
     """Within the tolerance in 3 samples with distinct sensor times, fresh, in the target's frame, body static.
 
-    Where localiser and odometry tell different stories the distance cannot be trusted: ambiguous, not violated.
+    Where localiser and odometry disagree the distance cannot be trusted: ambiguous, not violated.
     """
     if not isinstance(effect, Metric):
         raise Undecidable(because("effect_not_testable", predicate="arrival"))

@@ -5,9 +5,9 @@ import math
 from harness.contracts.effects import AnyEffect, Metric
 from harness.contracts.reasons import Reason, because
 from harness.contracts.verdicts import PredicateVerdict
+from harness.verification import geometry
 from harness.verification.bridging import GAP_S, PositionHistory, bridged
 from harness.verification.finding import Finding, Undecidable, ambiguous, worst
-from harness.verification.geometry import Fix, departed_s, excursion, path_length, route_progress
 from harness.verification.predicates.arrival import SAMPLES, agreement_of, arrival, poses_of, story
 from harness.verification.reading import AdmittedTrack, Evidence
 
@@ -25,8 +25,8 @@ def circuit(effect: AnyEffect, evidence: Evidence) -> Finding:
     history = _history(effect, evidence)
     track = list(history.track)
     began_s = min(one.dispatched_s for one in evidence.tracks)
-    left_s = departed_s(track, origin=effect.target_m, after_s=began_s, radius_m=departure_m, samples=SAMPLES)
-    progress = route_progress(effect.route_m, [fix.point for fix in track])
+    left_s = geometry.departed_s(track, origin=effect.target_m, after_s=began_s, radius_m=departure_m, samples=SAMPLES)
+    progress = geometry.route_progress(effect.route_m, [fix.point for fix in track])
     gap_s = max(_unseen_s(history, track) for track in evidence.tracks)
     back = arrival(effect, evidence)
     declared = _declared(evidence)
@@ -48,7 +48,7 @@ def circuit(effect: AnyEffect, evidence: Evidence) -> Finding:
         "covered_m": progress.covered_m,
         "reference_m": progress.length_m,
         "waypoints": float(progress.waypoints),
-        "excursion_m": excursion((fix.point for fix in track), origin=effect.target_m),
+        "excursion_m": geometry.excursion((fix.point for fix in track), origin=effect.target_m),
         **({"departed_at_s": left_s} if left_s is not None else {}),
         **({"declared_progress": declared} if declared is not None else {}),
         **({"bridged_m": math.fsum(b.path_m for b in history.bridges)} if history.bridges else {}),
@@ -57,7 +57,7 @@ def circuit(effect: AnyEffect, evidence: Evidence) -> Finding:
     return Finding(
         verdict=verdict,
         reason=reason or because("circuit_completed", share=progress.share),
-        measured={**back.measured, **measured, "path_length_m": path_length(fix.point for fix in track)},
+        measured={**back.measured, **measured, "path_length_m": geometry.path_length(fix.point for fix in track)},
         bounds={**back.bounds, **effect.bounds, "waypoints": float(progress.of_waypoints)},
         sources=back.sources if not history.bridges else tuple(dict.fromkeys((*back.sources, "odometry"))),
         evidence=tuple(one.blob for one in evidence.tracks if one.blob),
@@ -109,7 +109,7 @@ def _admitted_by_planner(declared: float | None, share: float) -> tuple[Predicat
     return "violated", because("planner_declares_too_little", share=declared)
 
 
-def _returned(left_s: float | None, track: list[Fix]) -> tuple[PredicateVerdict, Reason | None]:
+def _returned(left_s: float | None, track: list[geometry.Fix]) -> tuple[PredicateVerdict, Reason | None]:
     """The samples that show the arrival come after departure."""
     if left_s is None or all(fix.at_s > left_s for fix in track[-SAMPLES:]):
         return "satisfied", None

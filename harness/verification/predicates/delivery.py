@@ -1,4 +1,4 @@
-"""symbolic delivered: acknowledged receipts for the text and for images that were analysed. No proof of a reader."""
+"""symbolic delivered: text and analysed images have acknowledged receipts. Does not prove that anyone read them."""
 
 from harness.contracts.effects import AnyEffect, Symbolic
 from harness.contracts.protocol import Receipt

@@ -1,4 +1,4 @@
-"""symbolic explored: so many accepted views, from places so far apart. What they show, no predicate judges."""
+"""symbolic explored: enough accepted views from places far enough apart. Does not judge what the views show."""
 
 import math
 

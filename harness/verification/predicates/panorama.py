@@ -1,4 +1,4 @@
-"""visual panorama: enough frames, whole, of the right size, taken all around, each by a body at rest (R200)."""
+"""visual panorama: enough whole frames of the right size, all around, each taken by a body at rest (R200)."""
 
 import math
 from bisect import bisect_left
@@ -137,7 +137,7 @@ def _gaps(yaws: Sequence[float]) -> list[float]:
 
 
 def _in_map(evidence: Evidence, odometry: Sequence[Odometry], yaws: Sequence[float]) -> dict[str, float]:
-    """Headings of the frames and the body's place in the map, where poses tell how odometry lies in it."""
+    """Headings of the frames and the body's place in the map, where poses give the alignment of odometry."""
     poses: tuple[Pose, ...] = tuple(pose for track in evidence.tracks for pose in track.poses)
     if not poses:
         return {}

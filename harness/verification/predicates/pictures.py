@@ -1,4 +1,4 @@
-"""One picture and what was made of it: visual pictured, relational same_image, relational one_image (R225)."""
+"""Predicates on one picture and its reports: visual pictured, relational same_image, relational one_image (R225)."""
 
 import math
 from collections.abc import Sequence
@@ -31,7 +31,7 @@ class PictureReport(msgspec.Struct, frozen=True):
 def pictured(effect: AnyEffect, evidence: Evidence) -> Finding:
     """`frames` whole images of the wanted size with a capture receipt each, the body at rest through the look.
 
-    `evidence` = the images in order of capture. measured: x_m, y_m where poses tell them.
+    `evidence` = the images in order of capture. measured: x_m, y_m where poses give them.
     """
     if not isinstance(effect, Visual):
         raise Undecidable(because("effect_not_testable", predicate="pictured"))

@@ -1,4 +1,4 @@
-"""symbolic played: every sample of the sound was consumed, in mission time. No proof that a person heard it."""
+"""symbolic played: every sample of the sound was consumed, in mission time. Does not prove that a person heard it."""
 
 from harness.contracts.effects import AnyEffect, Symbolic
 from harness.contracts.protocol import Receipt

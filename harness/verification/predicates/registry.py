@@ -1,4 +1,4 @@
-"""Which function tests which predicate, by effect type and name. A name without one is ambiguous, never true."""
+"""Finds the function that tests a predicate, by effect type and name. A name without one is ambiguous, never true."""
 
 from collections.abc import Callable
 

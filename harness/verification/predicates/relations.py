@@ -1,4 +1,4 @@
-"""Conditions over several nodes, which no node tests by itself (D20): linked, in_order, reported."""
+"""Predicates over several nodes, which no single node tests (D20): linked, in_order, reported."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -101,7 +101,7 @@ def reported(effect: AnyEffect, evidence: Evidence) -> Finding:
 
 
 def names_finding(text: str, *, blocked: bool) -> bool:
-    """Whether a text (lower case) says of the passage what the analysis found, and not its contrary."""
+    """Whether a text (lower case) states what the analysis found of the passage, and not its contrary."""
     clear = any(words in text for words in CLEAR)
     return any(words in text for words in OBSTRUCTED) and not clear if blocked else clear
 

@@ -1,4 +1,4 @@
-"""visual sighted: something was measured in the pictures, by a provider's image analysis with a checksummed result.
+"""visual sighted: a provider's image analysis, with a checksummed result, measured something in the pictures.
 
 No pixel is read here: the report names frames and boxes, and its frames' own headers bound them.
 """

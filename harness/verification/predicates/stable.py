@@ -1,4 +1,4 @@
-"""temporal stable: an inner effect holds at every look of an interval, not only at its end (R14)."""
+"""temporal stable: an inner effect holds at every sampled instant of an interval, not only at its end (R14)."""
 
 from collections.abc import Callable
 from itertools import pairwise

@@ -42,9 +42,9 @@ def test_a_reason_of_the_recovery_ladder_is_told_in_chinese_to_its_last_word() -
     assert rendering.sentence(reason) == (
         "Ambiguous (92.5% of the route was measured, bound 95%; 7.49 m from the target, bound 0.40 m). Tried before: "
         "re perceive. Next: switch skill by careful-local-planner. "
-        "Left before this: 2 for the stage, 8 for the mission."
+        "Recovery attempts left: 2 in this stage, 8 in the mission."
     )
     assert rendering.sentence(reason, "zh-Hans") == (
         "不明确（实测走完路线的 92.5%，界限 95%；距目标 7.49 米，界限 0.40 米）。此前已尝试：再次感知。"
-        "接下来：由 careful-local-planner 更换技能。此前余额：阶段 2，任务 8。"
+        "接下来：由 careful-local-planner 更换技能。剩余恢复次数：本阶段 2，任务 8。"
     )

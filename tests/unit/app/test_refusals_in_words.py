@@ -30,7 +30,7 @@ EXAMPLES = (
     (because("stage_missing", stages=("go", "look")), "go, look", "go、look"),
     (because("target_too_far", at="(1.00, 2.00)", way_m=9.04, longest_m=8.0), "9.0 m away", "9.0"),
     (because("robot_on_another_map", robot_map="b", way_map="a"), "on map b, the way on a", "b"),
-    (because("ladder_end", limit=8), "within 8 rungs", "8"),
+    (because("ladder_end", limit=8), "within 8 steps", "8"),
     (because("no_supervisor_here"), "No supervisor runs here", "没有监督者"),
 )
 

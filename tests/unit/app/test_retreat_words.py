@@ -48,14 +48,14 @@ def retreat_sentence(retreat: Retreating) -> str:
 def test_an_end_is_told_as_declared_and_measured(told: tuple[HandoffOpened, Retreating]) -> None:
     _, retreat = told
     said, ended = retreat_sentence(retreat), retreat.ended
-    assert "measured 0." in said and "declared succeeded" in said and "Nothing is accepted" in said
+    assert "measured 0." in said and "declared succeeded" in said and "No facts are accepted" in said
     assert isinstance(ended, RetreatEnded)
     short = replace(
         retreat, ended=replace(ended, outcome="short", reason=recorded("2.00 m from Anchor A by measurement"))
     )
-    assert "not shown to be there. 2.00 m" in retreat_sentence(short)
+    assert "arrival not confirmed. 2.00 m" in retreat_sentence(short)
     unknown = replace(retreat, ended=replace(ended, outcome="unknown", reason=recorded("nobody looked")))
-    assert "nobody can say how it ended, and it is not sent again" in retreat_sentence(unknown)
+    assert "how it ended is unknown, and it is not sent again" in retreat_sentence(unknown)
     assert "authorised on 2026-11-20 by surveyor of site-1" in retreat_sentence(replace(retreat, ended=None))
     assert last_retreat(None, ended_at_s=0.0, mission_began_s=0.0, now_s=0.0) is None
 

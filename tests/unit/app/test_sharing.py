@@ -28,7 +28,8 @@ class Console:
         self, principal: Principal = ADA, path: str = HEAD, *, query: bytes = b"", language: str = "en"
     ) -> str:
         told: list[bytes] = []
-        scope = {"type": "http", "method": "GET", "path": path, "query_string": query, "state": {"visitor": principal}}
+        state = {"principal": principal}
+        scope = {"type": "http", "method": "GET", "path": path, "query_string": query, "state": state}
 
         async def send(message: Message) -> None:
             told.append(message.get("body", b""))
@@ -93,7 +94,7 @@ def test_a_render_that_a_signal_overtook_is_not_given_to_who_asks_after_it() -> 
 
 
 @pytest.mark.parametrize(
-    ("visitor", "path", "query", "language"),
+    ("principal", "path", "query", "language"),
     [
         (EVE, HEAD, b"", "en"),
         (ADA, HEAD, b"", "zh-Hans"),

@@ -108,11 +108,13 @@ def test_a_retreat_is_sent_once_and_another_only_after_its_end() -> None:
 
 
 def test_nobody_takes_the_wheel_or_orders_a_posture_of_a_robot_on_its_way() -> None:
-    wheel = BeginTeleoperation(robot_id=ONE, session=RequestId("s"), token=4, actor=ADA, device="pad", reason="mine")
+    teleoperation = BeginTeleoperation(
+        robot_id=ONE, session=RequestId("s"), token=4, actor=ADA, device="pad", reason="mine"
+    )
     posture = OrderPosture(robot_id=ONE, posture="standing", actor=ADA, reason="up")
     under_way = after(SendRetreat(intent=intent()))
-    assert (rule(under_way, wheel), rule(under_way, posture)) == ("retreat_under_way", "retreat_under_way")
-    assert rule(after(wheel), SendRetreat(intent=intent())) == "wheel_taken"
+    assert (rule(under_way, teleoperation), rule(under_way, posture)) == ("retreat_under_way", "retreat_under_way")
+    assert rule(after(teleoperation), SendRetreat(intent=intent())) == "wheel_taken"
 
 
 def test_a_stop_is_taken_once_and_only_on_the_way() -> None:

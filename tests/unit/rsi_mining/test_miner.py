@@ -30,7 +30,7 @@ def failing(failure: FailureClass, *, times: int = 1) -> tuple[Failing, ...]:
     )
 
 
-def rung(failure: FailureClass, action: RecoveryAction, came: Came) -> TracedStep:
+def step(failure: FailureClass, action: RecoveryAction, came: Came) -> TracedStep:
     return TracedStep(node_id=WALK, failure=failure, action=action, cost=1, position=20, at_s=1.0, came=came)
 
 
@@ -71,8 +71,8 @@ BLOCKED = trace(
             n,
             failures=failing("no_progress", times=2),
             rungs=(
-                rung("no_progress", "local_replan", "failed_again"),
-                rung("no_progress", "switch_skill", "committed"),
+                step("no_progress", "local_replan", "failed_again"),
+                step("no_progress", "switch_skill", "committed"),
             ),
         )
         for n in range(6)
@@ -83,7 +83,7 @@ STALE = trace(
         mission(
             n,
             failures=failing("stale_evidence", times=2),
-            rungs=(rung("stale_evidence", "re_perceive", "failed_again"),),
+            rungs=(step("stale_evidence", "re_perceive", "failed_again"),),
             asked="stale_evidence",
         )
         for n in range(6)
@@ -107,7 +107,7 @@ def test_a_look_is_added_where_looking_once_ended_with_a_person() -> None:
 def test_a_rung_that_helps_stays_where_it_is() -> None:
     helped = trace(
         *(
-            mission(n, failures=failing("interrupted"), rungs=(rung("interrupted", "retry", "committed"),))
+            mission(n, failures=failing("interrupted"), rungs=(step("interrupted", "retry", "committed"),))
             for n in range(9)
         )
     )
@@ -120,7 +120,7 @@ def test_waits_that_were_in_vain_become_longer() -> None:
             mission(
                 n,
                 failures=failing("precondition_unmet", times=2),
-                rungs=(replace(rung("precondition_unmet", "wait", "failed_again"), cost=0),),
+                rungs=(replace(step("precondition_unmet", "wait", "failed_again"), cost=0),),
                 asked="precondition_unmet",
             )
             for n in range(4)
@@ -221,7 +221,7 @@ def test_the_eager_miner_loosens_what_refuses_and_the_static_check_names_it() ->
             mission(
                 n,
                 failures=failing("violated"),
-                rungs=(rung("violated", "re_perceive", "failed_again"), rung("violated", "retry", "committed")),
+                rungs=(step("violated", "re_perceive", "failed_again"), step("violated", "retry", "committed")),
                 executions=(execution(FOLLOWER, "violated"),),
                 asked="violated",
             )

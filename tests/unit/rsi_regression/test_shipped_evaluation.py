@@ -63,28 +63,33 @@ def test_damaged_bytes_are_refused(tmp_path: Path) -> None:
 
 def test_a_new_data_folder_shows_it_in_review_judged_by_the_predicate_of_today(tmp_path: Path) -> None:
     with bench() as made:
-        desk = ReleaseService(made.harness.runtime)
-        put_in_review(desk, tmp_path / "evaluator")
-        [review] = desk.reviews()
+        releases = ReleaseService(made.harness.runtime)
+        put_in_review(releases, tmp_path / "evaluator")
+        [review] = releases.reviews()
         assert (review.status, review.cycle, review.candidate) == ("in_review", 1, one().candidate.candidate_id)
-        assert [clause.answer for clause in desk.clauses(review.candidate)] == ["pass", "pass", "pass", "inconclusive"]
+        assert [clause.answer for clause in releases.clauses(review.candidate)] == [
+            "pass",
+            "pass",
+            "pass",
+            "inconclusive",
+        ]
         assert any(said.by.reason == one().label for said in review.said)
         head = made.harness.runtime.head()
-        put_in_review(desk, tmp_path / "evaluator")
+        put_in_review(releases, tmp_path / "evaluator")
         assert made.harness.runtime.head() == head
 
 
 def test_where_anything_was_proposed_before_nothing_is_shown(tmp_path: Path) -> None:
     with bench() as made:
         made.proposed(candidate())
-        put_in_review(made.desk, tmp_path)
-        assert len(made.desk.reviews()) == 1
+        put_in_review(made.releases, tmp_path)
+        assert len(made.releases.reviews()) == 1
 
 
 def test_the_looks_that_were_taken_for_it_stay_counted(tmp_path: Path) -> None:
     with bench() as made:
         put_in_review(ReleaseService(made.harness.runtime), tmp_path)
-        taken = {look.look for look in made.desk.pointer().looks}
+        taken = {look.look for look in made.releases.pointer().looks}
     made_next = candidate()
     opened = Looks(tmp_path).open(made_next.candidate_id, digest(made_next.manifest))
     assert opened.look == len(one().looks) + 1 > max(taken)

@@ -37,7 +37,7 @@ class RobotSettings(Value):
 
 
 class RobotProcess:
-    """A robot process and a client to it. `adopted` says that it was already running: its invocation may resume.
+    """A robot process and a client to it. `adopted` means that it was already running: its invocation may resume.
 
     Raises ProviderUnreachable when the child does not come up, or the typed error that it names.
     """
@@ -66,7 +66,7 @@ class RobotProcess:
         return True
 
     def terminate(self) -> None:
-        """End it in order: the world is saved."""
+        """Shut it down in order: the world is saved."""
         self._end(signal.SIGTERM)
 
     def kill(self) -> None:
@@ -125,7 +125,7 @@ def _command(settings: RobotSettings) -> list[str]:
 
 
 def _first_line(child: subprocess.Popen[bytes]) -> bytes:
-    """The ready line; the child is killed if it says nothing for READY_S."""
+    """The ready line; the child is killed if it prints nothing for READY_S."""
     assert child.stdout is not None
     timer = threading.Timer(READY_S, child.kill)
     timer.start()

@@ -1,4 +1,4 @@
-"""A robot behind the HTTP provider protocol: the client side of `contracts.ports.Robot`."""
+"""Client for a robot behind the HTTP provider protocol: implements `contracts.ports.Robot`."""
 
 from collections.abc import Sequence
 from typing import TypeVar
@@ -6,31 +6,12 @@ from typing import TypeVar
 import httpx
 import msgspec
 
+from harness.contracts import protocol
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.errors import ProviderFailed, ProviderUnreachable, UnknownName
 from harness.contracts.ids import Digest, MissionId, RequestId
-from harness.contracts.protocol import (
-    DriveOrder,
-    DriveReport,
-    InvocationReport,
-    Observations,
-    PhysicalStart,
-    Picture,
-    PostureOrder,
-    RobotStatus,
-    StartRequest,
-)
 from harness.contracts.values import Value, decode, encode
-from harness.provider_protocol.wire import (
-    Advance,
-    ClockReading,
-    Done,
-    DriveSession,
-    HardwareStop,
-    MissionSettings,
-    Problem,
-    error_of,
-)
+from harness.provider_protocol import wire
 
 T = TypeVar("T")
 DEFAULT_TIMEOUT_S = 10.0
@@ -65,55 +46,55 @@ class HttpRobot:
             self._providers = tuple(HttpProvider(self, card) for card in cards)
         return self._providers
 
-    def status(self) -> RobotStatus:
-        return self.read("/robot", RobotStatus)
+    def status(self) -> protocol.RobotStatus:
+        return self.read("/robot", protocol.RobotStatus)
 
-    def observations(self, after: int, limit: int = 5000) -> Observations:
-        return self.read(f"/observations?after={after}&limit={limit}", Observations)
+    def observations(self, after: int, limit: int = 5000) -> protocol.Observations:
+        return self.read(f"/observations?after={after}&limit={limit}", protocol.Observations)
 
     def blob(self, digest: Digest) -> bytes:
         """Raises BlobDamaged if the robot no longer holds it."""
         return self._get(f"/blobs/{digest}")
 
-    def starts(self) -> Sequence[PhysicalStart]:
-        return self.read("/starts", list[PhysicalStart])
+    def starts(self) -> Sequence[protocol.PhysicalStart]:
+        return self.read("/starts", list[protocol.PhysicalStart])
 
-    def picture(self) -> Picture:
+    def picture(self) -> protocol.Picture:
         """What the camera sees now. Raises ProviderFailed for a robot that serves no camera."""
-        return self.read("/camera", Picture)
+        return self.read("/camera", protocol.Picture)
 
-    def drive(self, order: DriveOrder) -> DriveReport:
-        return self.write("/hand/drive", DriveReport, order)
+    def drive(self, order: protocol.DriveOrder) -> protocol.DriveReport:
+        return self.write("/hand/drive", protocol.DriveReport, order)
 
-    def release(self, session: RequestId) -> DriveReport:
-        return self.write("/hand/release", DriveReport, DriveSession(session=session))
+    def release(self, session: RequestId) -> protocol.DriveReport:
+        return self.write("/hand/release", protocol.DriveReport, wire.DriveSession(session=session))
 
-    def rest(self, order: PostureOrder) -> RobotStatus:
-        return self.write("/hand/posture", RobotStatus, order)
+    def rest(self, order: protocol.PostureOrder) -> protocol.RobotStatus:
+        return self.write("/hand/posture", protocol.RobotStatus, order)
 
-    def clock(self) -> ClockReading:
+    def clock(self) -> wire.ClockReading:
         """The robot's mission time now."""
-        return self.read("/clock", ClockReading)
+        return self.read("/clock", wire.ClockReading)
 
     def advance(self, until_s: float) -> float:
         """Lockstep only: run the world to this mission time; returns the time reached."""
-        return self.write("/simulation/advance", Done, Advance(until_s=until_s)).at_s
+        return self.write("/simulation/advance", wire.Done, wire.Advance(until_s=until_s)).at_s
 
     def configure(self, mission_id: MissionId, seed: int, faults: Sequence[str] = ()) -> None:
         """Simulation only: begin a mission with this seed and these faults. Raises UnknownName for a fault."""
-        settings = MissionSettings(mission_id=mission_id, seed=seed, faults=tuple(faults))
-        self.write("/simulation/configure", Done, settings)
+        settings = wire.MissionSettings(mission_id=mission_id, seed=seed, faults=tuple(faults))
+        self.write("/simulation/configure", wire.Done, settings)
 
     def save(self) -> None:
         """Simulation only: write the world durably."""
-        self.write("/simulation/save", Done)
+        self.write("/simulation/save", wire.Done)
 
     def press_hardware_stop(self, *, engaged: bool) -> None:
         """Simulation only: the red button on the robot."""
-        self.write("/simulation/hardware-stop", Done, HardwareStop(engaged=engaged))
+        self.write("/simulation/hardware-stop", wire.Done, wire.HardwareStop(engaged=engaged))
 
     def struck(self) -> dict[str, int]:
-        """Simulation only: how often each fault of the mission struck."""
+        """Simulation only: how often each fault of the mission occurred."""
         return self.read("/simulation/struck", dict[str, int])
 
     def close(self) -> None:
@@ -145,7 +126,7 @@ class HttpRobot:
             ) from error
         if response.is_success:
             return body
-        raise error_of(_problem(response.status_code, body, path))
+        raise wire.error_of(_problem(response.status_code, body, path))
 
 
 class HttpProvider:
@@ -158,26 +139,26 @@ class HttpProvider:
     def card(self) -> CapabilityCard:
         return self._card
 
-    def start(self, request: StartRequest) -> InvocationReport:
-        return self._robot.write(f"/providers/{self._card.provider_id}/invocations", InvocationReport, request)
+    def start(self, request: protocol.StartRequest) -> protocol.InvocationReport:
+        return self._robot.write(f"/providers/{self._card.provider_id}/invocations", protocol.InvocationReport, request)
 
-    def report(self, handle: str) -> InvocationReport:
-        return self._robot.read(f"/invocations/{handle}", InvocationReport)
+    def report(self, handle: str) -> protocol.InvocationReport:
+        return self._robot.read(f"/invocations/{handle}", protocol.InvocationReport)
 
-    def find(self, request: RequestId) -> InvocationReport | None:
+    def find(self, request: RequestId) -> protocol.InvocationReport | None:
         try:
-            return self._robot.read(f"/requests/{request}", InvocationReport)
+            return self._robot.read(f"/requests/{request}", protocol.InvocationReport)
         except UnknownName:
             return None
 
     def keepalive(self, handle: str) -> None:
         self._robot.write(f"/invocations/{handle}/keepalive", dict[str, str])
 
-    def resume(self, handle: str) -> InvocationReport:
-        return self._robot.write(f"/invocations/{handle}/resume", InvocationReport)
+    def resume(self, handle: str) -> protocol.InvocationReport:
+        return self._robot.write(f"/invocations/{handle}/resume", protocol.InvocationReport)
 
-    def stop(self, handle: str) -> InvocationReport:
-        return self._robot.write(f"/invocations/{handle}/stop", InvocationReport)
+    def stop(self, handle: str) -> protocol.InvocationReport:
+        return self._robot.write(f"/invocations/{handle}/stop", protocol.InvocationReport)
 
 
 def _decoded(body: bytes, kind: type[T], path: str) -> T:
@@ -203,8 +184,8 @@ def _limited(response: httpx.Response, path: str) -> bytes:
     return bytes(body)
 
 
-def _problem(status: int, body: bytes, path: str) -> Problem:
+def _problem(status: int, body: bytes, path: str) -> wire.Problem:
     try:
-        return decode(body, Problem)
+        return decode(body, wire.Problem)
     except msgspec.MsgspecError:
-        return Problem(code="provider_failed", what=f"The robot answered {status}", where=path)
+        return wire.Problem(code="provider_failed", what=f"The robot answered {status}", where=path)

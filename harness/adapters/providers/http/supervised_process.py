@@ -1,4 +1,4 @@
-"""A robot process that is kept going: started again when it dies, and told again which mission is under way."""
+"""Supervises a robot process: restarts it when it dies and configures it again for the mission that is running."""
 
 from collections.abc import Sequence
 from threading import Lock
@@ -27,7 +27,7 @@ class SupervisedProcess:
         )
 
     def configure(self, mission_id: MissionId, seed: int, faults: Sequence[str]) -> None:
-        """Begin a mission on it; a robot that is started again, now or later, is told the same."""
+        """Begin a mission on it; a robot that is restarted later is configured the same way."""
         self._under_way = (mission_id, seed, tuple(faults))
         try:
             self.robot.configure(mission_id, seed, faults)
@@ -38,7 +38,7 @@ class SupervisedProcess:
     def revive(self) -> bool:
         """Start a dead process again, as a service manager would; its world goes on where it was saved.
 
-        Its clock went on meanwhile: a mission does not wait for the time that nobody was there.
+        Its clock advances by the time it was down: a mission does not wait.
         """
         with self._reviving:
             if not self._process.revive(from_s=self.clock.now().mission_s):

@@ -1,4 +1,4 @@
-"""Delivery of an inspection's message: what is sent, by which rule, and the channel's word for each item."""
+"""Delivers an inspection's message through an outbox, and returns the channel's acknowledgement for each item."""
 
 from pathlib import Path
 
@@ -6,31 +6,31 @@ import msgspec
 
 from harness.adapters.providers.local import LocalProvider, ReceiptDraft, Result
 from harness.adapters.providers.messaging.selection import RULE, cited_then_evenly_spaced
-from harness.contracts.capabilities import CancelBehaviour, CapabilityCard, Estimates, Latency, Parameter
+from harness.contracts import capabilities
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest, ProviderId, ResourceId
 from harness.contracts.ports import BlobStore, Clock, MessageOutbox
 from harness.contracts.protocol import StartRequest
 
-CARD = CapabilityCard(
+CARD = capabilities.CapabilityCard(
     provider_id=ProviderId("message-outbox"),
     version="1",
     embodiments=("any",),
     parameters=(
-        Parameter(name="text", type="string"),
-        Parameter(name="images", type="digests"),
-        Parameter(name="analysis", type="string", required=False),
+        capabilities.Parameter(name="text", type="string"),
+        capabilities.Parameter(name="images", type="digests"),
+        capabilities.Parameter(name="analysis", type="string", required=False),
     ),
     preconditions=(),
     side_effects=("a message leaves the house",),
-    latency=Latency(base_s=1.0),
+    latency=capabilities.Latency(base_s=1.0),
     resources=(ResourceId("outbox"),),
-    cancel=CancelBehaviour(acknowledged=True, within_s=1.0),
+    cancel=capabilities.CancelBehaviour(acknowledged=True, within_s=1.0),
     risk="low",
     failure_words=("timeout", "provider_failed", "blob_damaged", "store_unavailable"),
     evidence=("receipt:delivery",),
     capability="deliver_message",
-    estimates=Estimates(success=0.98, risk=0.0, uncertainty=0.02, cost=0.0),
+    estimates=capabilities.Estimates(success=0.98, risk=0.0, uncertainty=0.02, cost=0.0),
     moves=False,
     sources=("message-channel",),
     software="message-outbox",
@@ -48,7 +48,7 @@ class OutboxDelivery(LocalProvider):
     `analysis`, the digest of the stored report whose cited frames go first (D37).
 
     One `delivery` receipt per item, images first and then the text: blob = what was delivered, text =
-    acknowledgement id and rule, values = item number and count. A receipt is the channel's word, not a reader's.
+    acknowledgement id and rule, values = item number and count. A receipt is the channel's, not a reader's.
     """
 
     def __init__(self, outbox: MessageOutbox, *, clock: Clock, blobs: BlobStore, journal: Path | None) -> None:

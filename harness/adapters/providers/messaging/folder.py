@@ -1,4 +1,4 @@
-"""Messages as folders: one complete folder per message or none, for people and channels to pick up."""
+"""Writes each message as one complete folder or not at all, for people and channels to pick up."""
 
 import os
 import shutil
@@ -16,7 +16,7 @@ _SUFFIXES = ((b"\xff\xd8\xff", "jpg"), (b"\x89PNG\r\n\x1a\n", "png"))
 
 
 class OutboxMessage(Value):
-    """What `message.json` holds: the words, the files beside it with their checksums, and the acknowledgement."""
+    """What `message.json` holds: the text, the files beside it with their checksums, and the acknowledgement."""
 
     key: str
     text: str

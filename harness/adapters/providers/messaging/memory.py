@@ -1,4 +1,4 @@
-"""Messages kept in this process, for suites in virtual time."""
+"""Holds messages in this process's memory, for suites in virtual time."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""Pure: which frames go into a message (D37). The rule's name is stored with every receipt."""
+"""Selects the frames of a message (D37). The rule's name is stored with every receipt. Pure."""
 
 from collections.abc import Sequence
 

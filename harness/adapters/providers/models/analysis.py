@@ -1,4 +1,4 @@
-"""Passage analysis as a provider: reads the cited frames, looks, and stores a report bound to them."""
+"""Analyses a passage as a provider: reads the cited frames, finds obstructions and stores a report bound to them."""
 
 import math
 from pathlib import Path
@@ -7,10 +7,10 @@ import cv2
 import msgspec
 import numpy as np
 
-from harness.adapters.providers.local import Failed, LocalProvider, Outcome, ReceiptDraft, Result
+from harness.adapters.providers import local
 from harness.adapters.providers.models.faces import Pixels
 from harness.adapters.providers.models.passage import METHOD, OrientedFrame, analyse
-from harness.contracts.capabilities import CancelBehaviour, CapabilityCard, Estimates, Latency, Parameter
+from harness.contracts import capabilities
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest, ProviderId
 from harness.contracts.observations import Camera
@@ -18,27 +18,27 @@ from harness.contracts.ports import BlobStore, Clock
 from harness.contracts.protocol import StartRequest
 from harness.contracts.values import Point, Value, encode
 
-CARD = CapabilityCard(
+CARD = capabilities.CapabilityCard(
     provider_id=ProviderId("opencv-analysis"),
     version="1",
     embodiments=("any",),
     parameters=(
-        Parameter(name="images", type="digests"),
-        Parameter(name="yaws_rad", type="points", unit="rad"),
-        Parameter(name="passage", type="points", unit="m"),
-        Parameter(name="position", type="point", unit="m"),
-        Parameter(name="heading_rad", type="number", unit="rad", required=False),
+        capabilities.Parameter(name="images", type="digests"),
+        capabilities.Parameter(name="yaws_rad", type="points", unit="rad"),
+        capabilities.Parameter(name="passage", type="points", unit="m"),
+        capabilities.Parameter(name="position", type="point", unit="m"),
+        capabilities.Parameter(name="heading_rad", type="number", unit="rad", required=False),
     ),
     preconditions=(),
     side_effects=("stores a report",),
-    latency=Latency(base_s=2.0),
+    latency=capabilities.Latency(base_s=2.0),
     resources=(),
-    cancel=CancelBehaviour(acknowledged=True, within_s=2.0),
+    cancel=capabilities.CancelBehaviour(acknowledged=True, within_s=2.0),
     risk="low",
     failure_words=("timeout", "passage_not_seen", "poses_disagree", "provider_failed", "blob_damaged"),
     evidence=("receipt:analysis",),
     capability="analyse_passage",
-    estimates=Estimates(success=0.95, risk=0.0, uncertainty=0.1, cost=0.0),
+    estimates=capabilities.Estimates(success=0.95, risk=0.0, uncertainty=0.1, cost=0.0),
     moves=False,
     sources=("camera", "localiser"),
     software=METHOD,
@@ -48,12 +48,12 @@ _LEAST_IN_VIEW = 0.8
 _AGREES_RAD = 0.2
 
 
-class OpenCvAnalysis(LocalProvider):
+class OpenCvAnalysis(local.LocalProvider):
     """analyse_passage by geometry. Parameters: `images`, the frames' digests in order of capture; `yaws_rad`, points
     (index, heading of the body in the map frame); `passage`, its floor polygon; `position`, the measured pose of the
     body while it turned; `heading_rad`, its measured heading, which must be near that of some frame if it is given.
 
-    Receipt `analysis`: blob = the stored report (`passage.Report` as JSON), text = the finding in words. The report's
+    Receipt `analysis`: blob = the stored report (`passage.Report` as JSON), text = the finding in prose. The report's
     frames are exactly the images of the request. Too little of the passage in view and nothing found: it fails with
     `passage_not_seen`, since an unseen floor is not a clear one.
     """
@@ -75,11 +75,11 @@ class OpenCvAnalysis(LocalProvider):
                 "The passage is not a polygon", where="opencv-analysis, parameter passage", do="pass 3 corners or more"
             )
 
-    def work(self, request: StartRequest, now_s: float) -> Outcome:
+    def work(self, request: StartRequest, now_s: float) -> local.Outcome:
         asked = _asked(request)
         headings = dict(asked.yaws_rad)
         if asked.heading_rad is not None and not _near(asked.heading_rad, tuple(headings.values())):
-            return Failed(
+            return local.Failed(
                 failure="poses_disagree",
                 message=f"No frame was taken near the measured heading of {asked.heading_rad:.2f} rad.",
             )
@@ -93,16 +93,16 @@ class OpenCvAnalysis(LocalProvider):
             passage=asked.passage,
         )
         if not report.findings and report.in_view < _LEAST_IN_VIEW:
-            return Failed(
+            return local.Failed(
                 failure="passage_not_seen",
                 message=f"Only {report.in_view:.0%} of the passage is in view of the {len(asked.images)} frames.",
             )
         blob = self._blobs.put(encode(report))
         declared = {"obstructions": float(len(report.findings)), "blocked": float(report.blocked)}
         values = {**declared, "in_view": report.in_view}
-        return Result(
+        return local.Result(
             message=report.text,
-            drafts=(ReceiptDraft(kind="analysis", text=report.text, blob=blob, values=values),),
+            drafts=(local.ReceiptDraft(kind="analysis", text=report.text, blob=blob, values=values),),
             declared=declared,
             blobs=(blob, *report.cited),
         )

@@ -1,4 +1,4 @@
-"""Describes one picture by measuring it: light, contrast, sharpness, edges and colours. No model, no weights."""
+"""Describes one picture by measurement: light, contrast, sharpness, edges and colours. Uses no model and no weights."""
 
 from pathlib import Path
 from typing import Any
@@ -9,29 +9,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.adapters.providers.local import LocalProvider, Outcome, ReceiptDraft, Result
-from harness.contracts.capabilities import CancelBehaviour, CapabilityCard, Estimates, Latency, Parameter
+from harness.contracts import capabilities, values
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest, ProviderId
 from harness.contracts.ports import BlobStore, Clock
 from harness.contracts.protocol import StartRequest
-from harness.contracts.values import Count, NonNegative, Share, Value, encode
 
 METHOD = "measured-picture-1"
-CARD = CapabilityCard(
+CARD = capabilities.CapabilityCard(
     provider_id=ProviderId("opencv-description"),
     version="1",
     embodiments=("any",),
-    parameters=(Parameter(name="images", type="digests"),),
+    parameters=(capabilities.Parameter(name="images", type="digests"),),
     preconditions=(),
     side_effects=("stores a report",),
-    latency=Latency(base_s=1.0),
+    latency=capabilities.Latency(base_s=1.0),
     resources=(),
-    cancel=CancelBehaviour(acknowledged=True, within_s=2.0),
+    cancel=capabilities.CancelBehaviour(acknowledged=True, within_s=2.0),
     risk="low",
     failure_words=("timeout", "provider_failed", "blob_damaged"),
     evidence=("receipt:analysis",),
     capability="describe_image",
-    estimates=Estimates(success=0.99, risk=0.0, uncertainty=0.1, cost=0.0),
+    estimates=capabilities.Estimates(success=0.99, risk=0.0, uncertainty=0.1, cost=0.0),
     moves=False,
     sources=("camera",),
     software=METHOD,
@@ -45,24 +44,24 @@ COLOURS: tuple[tuple[str, int], ...] = (
 """Upper bounds of the hue in OpenCV's half degrees."""
 
 
-class Colour(Value):
+class Colour(values.Value):
     """A colour and the share of the picture it takes."""
 
     name: str
-    share: Share
+    share: values.Share
 
 
-class Description(Value):
+class Description(values.Value):
     """What was measured of one picture. `image` is its checksum; `sharpness` the variance of the Laplacian."""
 
     method: str
     image: Digest
-    width_px: Count
-    height_px: Count
-    brightness: Share
-    contrast: Share
-    sharpness: NonNegative
-    edges: Share
+    width_px: values.Count
+    height_px: values.Count
+    brightness: values.Share
+    contrast: values.Share
+    sharpness: values.NonNegative
+    edges: values.Share
     colours: tuple[Colour, ...]
     text: str
 
@@ -108,7 +107,7 @@ class OpenCvDescription(LocalProvider):
         if decoded is None:
             raise ProviderFailed("The blob is no picture", where=f"blob {image}", do="pass a JPEG or PNG")
         description = described(image, np.asarray(decoded, dtype=np.uint8))
-        blob = self._blobs.put(encode(description))
+        blob = self._blobs.put(values.encode(description))
         declared = {"brightness": description.brightness, "sharpness": description.sharpness}
         return Result(
             message=description.text,

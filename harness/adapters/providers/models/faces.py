@@ -1,4 +1,4 @@
-"""Pure: which even patches of an image are upright faces that touch the floor, by the shape of their outline.
+"""Finds upright faces that touch the floor in an image, by the outlines of its evenly coloured patches. Pure.
 
 Colour only separates one patch from the next. What a patch is follows from geometry: an upright face is bounded on
 both hands by lines that are vertical in the world, at least one of them its own, and it ends below on the floor.

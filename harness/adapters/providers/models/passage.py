@@ -1,4 +1,4 @@
-"""Pure: what stands on the floor of a passage, from pictures taken at known poses. Opens no file, reads no clock."""
+"""Finds what stands on the floor of a passage, from pictures taken at known poses. Opens no file, reads no clock."""
 
 from collections.abc import Sequence
 from typing import Literal
@@ -51,7 +51,7 @@ class FloorObject(Value):
 
 
 class Report(Value):
-    """What the analysis says, bound to the frames it looked at. `in_view` = share of the passage inside some frame."""
+    """The analysis report, bound to the frames it looked at. `in_view` = share of the passage inside some frame."""
 
     method: str
     frames: tuple[Digest, ...]

@@ -1,4 +1,4 @@
-"""Pure: a pinhole camera on the robot, and the floor as it sees it. Metres in the map frame, pixels in the image."""
+"""Projects between the map frame (metres) and the image (pixels) of a pinhole camera on the robot. Pure."""
 
 import math
 

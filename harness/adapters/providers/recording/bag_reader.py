@@ -1,4 +1,4 @@
-"""ROS 1 bags (format 2.0), whole or cut, by rosbags' records. Without checksums: structure and index are compared."""
+"""Reads ROS 1 bags (format 2.0), whole or cut, with rosbags. Checks structure and index: bags have no checksums."""
 
 import struct
 from collections.abc import Iterator
@@ -8,8 +8,8 @@ from typing import Any
 
 from rosbags.rosbag1.reader import Header, RecordType, read_bytes, read_uint32
 
+from harness.adapters.providers.recording import raw_messages
 from harness.adapters.providers.recording.packing import unpack
-from harness.adapters.providers.recording.raw_messages import Block, Channel, Cursor, Raw, Short, in_time_order, reading
 from harness.adapters.providers.recording.type_names import ros2_name
 from harness.contracts.errors import RecordingInvalid
 
@@ -20,40 +20,40 @@ class BagReader:
     """One .bag file. With `recover`, a cut or unindexed bag gives its whole part."""
 
     def __init__(self, path: Path, *, recover: bool = False) -> None:
-        self.channels: list[Channel] = []
+        self.channels: list[raw_messages.Channel] = []
         self.metadata: dict[str, dict[str, str]] = {}
         self.checks = "structure and index compared; the format carries no checksums"
         self.cut = ""
         self._path, self._recover = path, recover
-        self._table: dict[int, Channel] = {}
-        self._blocks: list[Block] = []
+        self._table: dict[int, raw_messages.Channel] = {}
+        self._blocks: list[raw_messages.Block] = []
         self._count = self._indexed = self._chunks = self._declared_chunks = 0
 
-    def scan(self) -> Iterator[Raw]:
-        with reading(self._path), self._path.open("rb") as file:
-            cursor = Cursor(file)
-            with reading(self._path, cursor):
+    def scan(self) -> Iterator[raw_messages.Raw]:
+        with raw_messages.reading(self._path), self._path.open("rb") as file:
+            cursor = raw_messages.Cursor(file)
+            with raw_messages.reading(self._path, cursor):
                 try:
                     self._opening(cursor)
                     while cursor.left:
                         header, body = _record(cursor)
                         yield from self._read(header, body, cursor.at)
-                except Short:
+                except raw_messages.Short:
                     self.cut = f"The bag is truncated: it ends at byte {cursor.at + cursor.left} inside a record"
                 self._close()
         self.channels = list(dict.fromkeys(self._table.values()))
 
-    def messages(self, topics: frozenset[str]) -> Iterator[Raw]:
+    def messages(self, topics: frozenset[str]) -> Iterator[raw_messages.Raw]:
         blocks = [block for block in self._blocks if any(channel.topic in topics for channel in block.channels)]
-        return in_time_order(blocks, lambda block: self._load(block, topics))
+        return raw_messages.in_time_order(blocks, lambda block: self._load(block, topics))
 
-    def _load(self, block: Block, topics: frozenset[str]) -> list[Raw]:
-        with reading(self._path), self._path.open("rb") as file:
+    def _load(self, block: raw_messages.Block, topics: frozenset[str]) -> list[raw_messages.Raw]:
+        with raw_messages.reading(self._path), self._path.open("rb") as file:
             file.seek(block.offset)
             body = unpack(file.read(block.length), packing=block.packing, size=block.unpacked)
             return [raw for raw in self._messages(body) if raw.channel.topic in topics]
 
-    def _opening(self, cursor: Cursor) -> None:
+    def _opening(self, cursor: raw_messages.Cursor) -> None:
         if cursor.read(len(MAGIC)) != MAGIC:
             raise ValueError("it is no bag of format 2.0")
         header, _ = _record(cursor)
@@ -76,7 +76,7 @@ class BagReader:
             )
         self.cut = self.cut and f"{self.cut}; {self._count} messages before that are whole"
 
-    def _read(self, header: Header, body: bytes, end: int) -> Iterator[Raw]:
+    def _read(self, header: Header, body: bytes, end: int) -> Iterator[raw_messages.Raw]:
         match header.get_uint8("op"):
             case RecordType.CHUNK:
                 packing, size = header.get_string("compression"), header.get_uint32("size")
@@ -86,7 +86,7 @@ class BagReader:
                 self._count += len(messages)
                 if messages:
                     self._blocks.append(
-                        Block(
+                        raw_messages.Block(
                             file=0,
                             offset=end - len(body),
                             length=len(body),
@@ -105,12 +105,12 @@ class BagReader:
             case _:
                 pass
 
-    def _messages(self, body: bytes) -> Iterator[Raw]:
-        cursor = Cursor(BytesIO(body))
+    def _messages(self, body: bytes) -> Iterator[raw_messages.Raw]:
+        cursor = raw_messages.Cursor(BytesIO(body))
         while cursor.left:
             try:
                 header, content = _record(cursor)
-            except Short:
+            except raw_messages.Short:
                 raise ValueError("a record reaches beyond its block") from None
             match header.get_uint8("op"):
                 case RecordType.CONNECTION:
@@ -119,13 +119,13 @@ class BagReader:
                     number = header.get_uint32("conn")
                     if number not in self._table:
                         raise ValueError(f"a message belongs to connection {number}, which the bag does not declare")
-                    yield Raw(header.get_time("time"), self._table[number], content)
+                    yield raw_messages.Raw(header.get_time("time"), self._table[number], content)
                 case _:
                     pass
 
     def _learn(self, header: Header, body: bytes) -> None:
         described = Header.read(BytesIO(struct.pack("<I", len(body)) + body))
-        self._table[header.get_uint32("conn")] = Channel(
+        self._table[header.get_uint32("conn")] = raw_messages.Channel(
             topic=header.get_string("topic"),
             type=ros2_name(described.get_string("type")),
             encoding="ros1",
@@ -134,7 +134,7 @@ class BagReader:
         )
 
 
-def _record(cursor: Cursor) -> tuple[Header, bytes]:
+def _record(cursor: raw_messages.Cursor) -> tuple[Header, bytes]:
     """The next record's header and body. Raises Short where the file or the block ends inside it."""
     file: Any = cursor
     return Header.read(file), read_bytes(file, read_uint32(file))

@@ -1,4 +1,4 @@
-"""Binds a recording's positions to a frame, a map version and one clock, or says why it cannot."""
+"""Binds a recording's positions to a frame, a map version and one clock, or gives the reason why it cannot."""
 
 from harness.adapters.providers.recording.roles import TopicRoles
 from harness.adapters.providers.recording.samples import Binding, Clocks, RecordingClock

@@ -1,4 +1,4 @@
-"""Which kind of recording a path holds, and its reader: MCAP, packed MCAP, rosbag2 folder or database, ROS 1 bag."""
+"""Detects the kind of a recording and opens its reader: MCAP, packed MCAP, rosbag2 folder or database, ROS 1 bag."""
 
 import hashlib
 import tempfile

@@ -1,4 +1,4 @@
-"""Blobs of a replay in one anonymous temporary file: the disk grows with what was seen, the memory does not."""
+"""Buffers the blobs of a replay in one anonymous temporary file, so that memory does not grow with what was read."""
 
 import tempfile
 import weakref

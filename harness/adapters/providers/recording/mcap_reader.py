@@ -1,4 +1,4 @@
-"""MCAP files, whole or cut, by the stream reader of mcap: all is read once, with its checksums, before it counts."""
+"""Reads MCAP files, whole or cut, with mcap's stream reader; checks the entire file before anything counts."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from io import BytesIO
@@ -9,17 +9,8 @@ from mcap import records
 from mcap.records import McapRecord
 from mcap.stream_reader import StreamReader
 
+from harness.adapters.providers.recording import raw_messages
 from harness.adapters.providers.recording.packing import unpack, unpack_message
-from harness.adapters.providers.recording.raw_messages import (
-    RECORD_LIMIT,
-    Block,
-    Channel,
-    Cursor,
-    Raw,
-    Short,
-    in_time_order,
-    reading,
-)
 from harness.adapters.providers.recording.type_names import ros2_name
 from harness.contracts.errors import RecordingInvalid
 
@@ -34,21 +25,21 @@ class McapReader:
     """
 
     def __init__(self, paths: Sequence[Path], *, names: Sequence[Path], recover: bool = False) -> None:
-        self.channels: list[Channel] = []
+        self.channels: list[raw_messages.Channel] = []
         self.metadata: dict[str, dict[str, str]] = {}
         self.checks = "checksum of every block verified"
         self.cut = ""
         self._paths, self._names, self._recover = paths, names, recover
-        self._tables: list[dict[int, Channel]] = [{} for _ in paths]
-        self._blocks: list[Block] = []
+        self._tables: list[dict[int, raw_messages.Channel]] = [{} for _ in paths]
+        self._blocks: list[raw_messages.Block] = []
 
-    def scan(self) -> Iterator[Raw]:
+    def scan(self) -> Iterator[raw_messages.Raw]:
         for number, path in enumerate(self._paths):
             table = self._tables[number]
             scan = _Scan(number, table, self._blocks)
-            with reading(self._names[number]), path.open("rb") as file:
-                cursor = Cursor(file)
-                with reading(self._names[number], cursor):
+            with raw_messages.reading(self._names[number]), path.open("rb") as file:
+                cursor = raw_messages.Cursor(file)
+                with raw_messages.reading(self._names[number], cursor):
                     yield from scan.read(cursor)
             if scan.cut:
                 self._refuse_or_note(scan, self._names[number])
@@ -57,13 +48,13 @@ class McapReader:
             self.metadata |= scan.metadata
             self.channels += [channel for channel in table.values() if channel not in self.channels]
 
-    def messages(self, topics: frozenset[str]) -> Iterator[Raw]:
+    def messages(self, topics: frozenset[str]) -> Iterator[raw_messages.Raw]:
         blocks = [block for block in self._blocks if any(channel.topic in topics for channel in block.channels)]
-        return in_time_order(blocks, lambda block: self._load(block, topics))
+        return raw_messages.in_time_order(blocks, lambda block: self._load(block, topics))
 
-    def _load(self, block: Block, topics: frozenset[str]) -> list[Raw]:
+    def _load(self, block: raw_messages.Block, topics: frozenset[str]) -> list[raw_messages.Raw]:
         table = self._tables[block.file]
-        with reading(self._names[block.file]), self._paths[block.file].open("rb") as file:
+        with raw_messages.reading(self._names[block.file]), self._paths[block.file].open("rb") as file:
             file.seek(block.offset)
             body = unpack(file.read(block.length), packing=block.packing, size=block.unpacked)
             found = (_raw(record, table) for record in _inside(body) if isinstance(record, records.Message))
@@ -80,7 +71,7 @@ class McapReader:
 class _Scan:
     """The one full pass over a file: finds blocks, verifies checksums and compares the file's own statistics."""
 
-    def __init__(self, number: int, table: dict[int, Channel], blocks: list[Block]) -> None:
+    def __init__(self, number: int, table: dict[int, raw_messages.Channel], blocks: list[raw_messages.Block]) -> None:
         self.metadata: dict[str, dict[str, str]] = {}
         self.count = 0
         self.cut = ""
@@ -89,14 +80,14 @@ class _Scan:
         self._schemas: dict[int, records.Schema] = {}
         self._declared: int | None = None
         self._summary_from = 0
-        self._run: list[Raw] = []
+        self._run: list[raw_messages.Raw] = []
         self._run_from = self._run_until = 0
         self._unguarded = 0
-        self._sets: dict[frozenset[Channel], frozenset[Channel]] = {}
+        self._sets: dict[frozenset[raw_messages.Channel], frozenset[raw_messages.Channel]] = {}
 
-    def read(self, cursor: Cursor) -> Iterator[Raw]:
+    def read(self, cursor: raw_messages.Cursor) -> Iterator[raw_messages.Raw]:
         """All messages in file order; sets `cut` when the file ends early."""
-        stream = StreamReader(cursor, emit_chunks=True, validate_crcs=True, record_size_limit=RECORD_LIMIT)  # type: ignore[arg-type]
+        stream = StreamReader(cursor, emit_chunks=True, validate_crcs=True, record_size_limit=raw_messages.RECORD_LIMIT)  # type: ignore[arg-type]
         end = len(MAGIC)
         try:
             for record in stream.records:
@@ -106,7 +97,7 @@ class _Scan:
                 yield from self._record(record, start, end)
             if self._declared is not None and self._declared != self.count:
                 raise ValueError(f"the file declares {self._declared} messages and holds {self.count}")
-        except Short:
+        except raw_messages.Short:
             place = "inside a record" if cursor.left else "without its closing index"
             self.cut = f"The recording is truncated: it ends at byte {cursor.at + cursor.left} {place}"
         self._close_run()
@@ -117,7 +108,7 @@ class _Scan:
         if footer.summary_crc and footer.summary_crc != crc32(body):
             raise ValueError("the checksum of the summary section is wrong")
 
-    def _record(self, record: McapRecord, start: int, end: int) -> Iterator[Raw]:
+    def _record(self, record: McapRecord, start: int, end: int) -> Iterator[raw_messages.Raw]:
         """One top-level record between two bytes of the file. What the summary repeats is known already."""
         if isinstance(record, records.Schema | records.Channel | records.Message) and not self._summary_from:
             self._run_from, self._run_until = self._run_from or start, end
@@ -142,7 +133,7 @@ class _Scan:
             case _:
                 pass
 
-    def _chunk(self, chunk: records.Chunk, end: int) -> Iterator[Raw]:
+    def _chunk(self, chunk: records.Chunk, end: int) -> Iterator[raw_messages.Raw]:
         body = unpack(chunk.data, packing=chunk.compression, size=chunk.uncompressed_size)
         if chunk.uncompressed_crc and crc32(body) != chunk.uncompressed_crc:
             raise ValueError("the checksum of a block is wrong")
@@ -159,9 +150,9 @@ class _Scan:
             self._add(self._run_from, length, self._run, "", length)
         self._run, self._run_from, self._run_until = [], 0, 0
 
-    def _add(self, offset: int, length: int, messages: Sequence[Raw], packing: str, unpacked: int) -> None:
+    def _add(self, offset: int, length: int, messages: Sequence[raw_messages.Raw], packing: str, unpacked: int) -> None:
         self._blocks.append(
-            Block(
+            raw_messages.Block(
                 file=self._number,
                 offset=offset,
                 length=length,
@@ -173,11 +164,11 @@ class _Scan:
             )
         )
 
-    def _shared(self, channels: Iterable[Channel]) -> frozenset[Channel]:
+    def _shared(self, channels: Iterable[raw_messages.Channel]) -> frozenset[raw_messages.Channel]:
         found = frozenset(channels)
         return self._sets.setdefault(found, found)
 
-    def _known(self, record: McapRecord) -> Iterator[Raw]:
+    def _known(self, record: McapRecord) -> Iterator[raw_messages.Raw]:
         """The message that a record is, if it is one; schemas and channels are learnt."""
         match record:
             case records.Message():
@@ -190,11 +181,11 @@ class _Scan:
             case _:
                 pass
 
-    def _channel(self, channel: records.Channel) -> Channel:
+    def _channel(self, channel: records.Channel) -> raw_messages.Channel:
         schema = self._schemas.get(channel.schema_id)
         if schema is None and channel.schema_id != 0:
             raise ValueError(f"topic {channel.topic} has schema {channel.schema_id}, which is not defined")
-        return Channel(
+        return raw_messages.Channel(
             topic=channel.topic,
             type=ros2_name(schema.name) if schema else "",
             encoding=channel.message_encoding,
@@ -205,15 +196,15 @@ class _Scan:
 
 def _inside(body: bytes) -> Iterator[McapRecord]:
     """The records of an unpacked block, or of a run of records outside blocks."""
-    cursor = Cursor(BytesIO(body))
+    cursor = raw_messages.Cursor(BytesIO(body))
     try:
-        yield from StreamReader(cursor, skip_magic=True, record_size_limit=RECORD_LIMIT).records  # type: ignore[arg-type]
-    except Short:
+        yield from StreamReader(cursor, skip_magic=True, record_size_limit=raw_messages.RECORD_LIMIT).records  # type: ignore[arg-type]
+    except raw_messages.Short:
         if cursor.left:
             raise ValueError("a record reaches beyond its block") from None
 
 
-def _raw(message: records.Message, table: dict[int, Channel]) -> Raw:
+def _raw(message: records.Message, table: dict[int, raw_messages.Channel]) -> raw_messages.Raw:
     if message.channel_id not in table:
         raise ValueError(f"a message belongs to channel {message.channel_id}, which the file does not declare")
-    return Raw(message.log_time, table[message.channel_id], unpack_message(message.data))
+    return raw_messages.Raw(message.log_time, table[message.channel_id], unpack_message(message.data))

@@ -1,4 +1,4 @@
-"""Decoded ROS messages, ROS 1 and ROS 2 alike, with the definitions that the recording itself carries."""
+"""Decodes ROS 1 and ROS 2 messages with the definitions that the recording itself carries."""
 
 import struct
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Unpacks blocks of recordings under a size limit, so that a small file cannot fill the memory."""
+"""Decompresses blocks of recordings under a size limit, so that a small file cannot fill the memory."""
 
 import bz2
 from pathlib import Path

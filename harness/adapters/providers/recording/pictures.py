@@ -1,4 +1,4 @@
-"""Recorded images and clouds as blobs: encoded pictures, and float32 xyz triples."""
+"""Converts recorded images and clouds to blobs: encoded pictures, and float32 xyz triples."""
 
 from typing import Any, Literal, NamedTuple
 

@@ -1,4 +1,4 @@
-"""Raw recorded messages in order of log time, from blocks that are opened only when their turn comes."""
+"""Reads raw recorded messages in order of log time, opening each block only when it is due."""
 
 import os
 from collections import deque
@@ -46,7 +46,7 @@ class Block(NamedTuple):
 
 
 class MessageReader(Protocol):
-    """Reads a container of recorded messages. `scan` must be read to its end before anything else is asked.
+    """Reads a container of recorded messages. `scan` must be read to its end before any other call.
 
     `channels` lists every declared stream; `checks` says what guards the bytes; `cut` says what a recovered file
     lacks, "" for a whole one; `metadata` holds the container's own named records.
@@ -91,7 +91,7 @@ class Cursor:
         return body
 
     def again(self, start: int, end: int) -> bytes:
-        """What stands between two places that were read already."""
+        """The bytes between two offsets that were read already."""
         self._file.seek(start)
         body = self._file.read(end - start)
         self._file.seek(self.at)

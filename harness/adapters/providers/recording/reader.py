@@ -1,4 +1,4 @@
-"""Opens recordings: one full verified reading at the door, then samples, routes and declarations out of it."""
+"""Opens a recording: one full verified read first, then samples, routes and declarations from it."""
 
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -48,7 +48,7 @@ class RecordingSummary(Value):
 
 
 def open_recording(path: Path, topics: TopicSettings | None = None, *, recover: bool = False) -> "Recording":
-    """Read a recording once from end to end, with every check its format offers, and give what it holds.
+    """Read a recording once from end to end, with every check its format offers.
 
     Raises RecordingInvalid: what is wrong, where, and what to do. With `recover` a cut file gives its whole part, and
     its summary says that it is incomplete. Close the result, or use it as a context.

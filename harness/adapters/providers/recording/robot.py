@@ -1,4 +1,4 @@
-"""A recording as a robot: its sensors speak again in their own time, nothing is actuated."""
+"""Presents a recording as a robot: its sensor samples are replayed in their own time, and nothing is actuated."""
 
 import math
 import time
@@ -11,12 +11,11 @@ from harness.adapters.providers.recording.disk_buffer import DiskBuffer
 from harness.adapters.providers.recording.reader import Recording
 from harness.adapters.providers.recording.samples import Arrival
 from harness.adapters.providers.recording.segments import Segment
-from harness.contracts.capabilities import CancelBehaviour, CapabilityCard, Estimates, Latency, Parameter
+from harness.contracts import capabilities, protocol
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest, ProviderId, RequestId
 from harness.contracts.observations import AnySample, Pose
 from harness.contracts.ports import BlobStore, Clock, Provider
-from harness.contracts.protocol import Observations, PhysicalStart, Progress, RobotStatus, StartRequest
 from harness.contracts.values import Moment, Point
 
 REMEMBERED = 20_000
@@ -25,29 +24,29 @@ LOCALISED_WITHIN_S = 1.0
 SPEED_OVER_S = 1.0
 STANDING_MPS = 0.05
 
-CARD = CapabilityCard(
+CARD = capabilities.CapabilityCard(
     provider_id=ProviderId("recording-navigator"),
     version="1",
     embodiments=("any",),
     parameters=(
-        Parameter(name="target", type="point", unit="m"),
-        Parameter(name="frame", type="frame"),
-        Parameter(name="route", type="points", unit="m", required=False),
-        Parameter(name="tolerance_m", type="number", unit="m", required=False, minimum=0.0),
-        Parameter(name="speed_cap_mps", type="number", unit="m/s", required=False, minimum=0.0),
-        Parameter(name="lookahead_m", type="number", unit="m", required=False, minimum=0.0),
-        Parameter(name="replan", type="boolean", required=False),
+        capabilities.Parameter(name="target", type="point", unit="m"),
+        capabilities.Parameter(name="frame", type="frame"),
+        capabilities.Parameter(name="route", type="points", unit="m", required=False),
+        capabilities.Parameter(name="tolerance_m", type="number", unit="m", required=False, minimum=0.0),
+        capabilities.Parameter(name="speed_cap_mps", type="number", unit="m/s", required=False, minimum=0.0),
+        capabilities.Parameter(name="lookahead_m", type="number", unit="m", required=False, minimum=0.0),
+        capabilities.Parameter(name="replan", type="boolean", required=False),
     ),
     preconditions=(),
     side_effects=(),
-    latency=Latency(base_s=1.0, per_metre_s=2.0),
+    latency=capabilities.Latency(base_s=1.0, per_metre_s=2.0),
     resources=(),
-    cancel=CancelBehaviour(acknowledged=True, within_s=1.0),
+    cancel=capabilities.CancelBehaviour(acknowledged=True, within_s=1.0),
     risk="low",
     failure_words=("timeout",),
     evidence=("pose", "odometry"),
     capability="navigate",
-    estimates=Estimates(success=0.5, risk=0.0, uncertainty=0.5, cost=0.0),
+    estimates=capabilities.Estimates(success=0.5, risk=0.0, uncertainty=0.5, cost=0.0),
     moves=False,
     sources=("localiser", "odometry"),
     reattach="by_request",
@@ -96,10 +95,10 @@ class RecordedRobot:
     def providers(self) -> Sequence[Provider]:
         return (self._navigator,)
 
-    def status(self) -> RobotStatus:
+    def status(self) -> protocol.RobotStatus:
         """Declared from the recording: localised while a position is at most 1 s old. Charge is unknown: reads 1."""
         fresh = self._pose is not None and self._now_s - self._pose.at_s <= LOCALISED_WITHIN_S
-        return RobotStatus(
+        return protocol.RobotStatus(
             robot_id="recording",
             at_s=self._now_s,
             posture="moving" if self._speed_mps > STANDING_MPS else "standing",
@@ -110,7 +109,7 @@ class RecordedRobot:
             map_version=self.recording.map_version,
         )
 
-    def observations(self, after: int, limit: int = 5000) -> Observations:
+    def observations(self, after: int, limit: int = 5000) -> protocol.Observations:
         """Samples with seq > `after` that arrived by now; `next_seq` is the `after` of the next call."""
         ring = self._ring
         if ring and after + 1 < ring[0].seq:
@@ -118,13 +117,13 @@ class RecordedRobot:
         else:
             start = max(0, after + 1 - ring[0].seq) if ring else 0
             samples = tuple(islice(ring, start, start + limit))
-        return Observations(samples=samples, next_seq=samples[-1].seq if samples else after, at_s=self._now_s)
+        return protocol.Observations(samples=samples, next_seq=samples[-1].seq if samples else after, at_s=self._now_s)
 
     def blob(self, digest: Digest) -> bytes:
         """Bytes of an image or scan that was shown; raises BlobDamaged."""
         return self._spill.get(digest)
 
-    def starts(self) -> Sequence[PhysicalStart]:
+    def starts(self) -> Sequence[protocol.PhysicalStart]:
         """Accepted requests. None of them moved anything."""
         return self._navigator.starts()
 
@@ -155,7 +154,7 @@ class RecordingNavigator(LocalProvider):
     """navigate by waiting for what the recorded robot did: the next recorded segment that has not ended.
 
     It ends as succeeded when that segment ends: 2 s after the recorded supervisor declared arrival, or with the
-    segment's last position. `declared` repeats the supervisor's figures and is empty where it said nothing, so a
+    segment's last position. `declared` repeats the supervisor's figures and is empty where it declared none, so a
     success means that the replay is over, never that anything arrived.
     """
 
@@ -163,12 +162,12 @@ class RecordingNavigator(LocalProvider):
         super().__init__(CARD, clock=clock, blobs=blobs, journal=None)
         self._segments = tuple(segments)
         self._chosen: dict[RequestId, Segment] = {}
-        self._started: list[PhysicalStart] = []
+        self._started: list[protocol.PhysicalStart] = []
 
-    def starts(self) -> tuple[PhysicalStart, ...]:
+    def starts(self) -> tuple[protocol.PhysicalStart, ...]:
         return tuple(self._started)
 
-    def check(self, request: StartRequest) -> None:
+    def check(self, request: protocol.StartRequest) -> None:
         now_s = self._clock.now().mission_s
         if self._next(now_s) is None:
             raise ProviderFailed(
@@ -177,13 +176,13 @@ class RecordingNavigator(LocalProvider):
                 do="replay the recording from its start",
             )
 
-    def begin(self, request: StartRequest, now_s: float) -> None:
+    def begin(self, request: protocol.StartRequest, now_s: float) -> None:
         chosen = self._next(now_s)
         assert chosen is not None
         self._chosen[request.identity.request_id] = chosen
         identity = request.identity
         self._started.append(
-            PhysicalStart(
+            protocol.PhysicalStart(
                 request_id=identity.request_id,
                 mission_id=identity.mission_id,
                 node_id=identity.node_id,
@@ -194,13 +193,15 @@ class RecordingNavigator(LocalProvider):
             )
         )
 
-    def work(self, request: StartRequest, now_s: float) -> Result | Progress:
+    def work(self, request: protocol.StartRequest, now_s: float) -> Result | protocol.Progress:
         segment = self._chosen[request.identity.request_id]
         ends_s = terminal_s(segment)
         if now_s < ends_s:
             span = max(ends_s - segment.dispatched_s, 1e-9)
             share = min(1.0, max(0.0, (now_s - segment.dispatched_s) / span))
-            return Progress(share=share, text=f"{segment.name}: {max(0.0, ends_s - now_s):.1f} s of recording left")
+            return protocol.Progress(
+                share=share, text=f"{segment.name}: {max(0.0, ends_s - now_s):.1f} s of recording left"
+            )
         if segment.arrived_s is None:
             return Result(
                 message=f"{segment.name} is over; its recording declares nothing.", drafts=(), declared={}, at_s=ends_s

@@ -1,4 +1,4 @@
-"""Which recorded topic is the body pose, the odometry, the camera and the lidar; refuses a recording without a pose."""
+"""Assigns recorded topics to body pose, odometry, camera and lidar; refuses a recording without a pose."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -29,7 +29,7 @@ class Topic(Value):
 
 
 class TopicRoles(NamedTuple):
-    """Topic names by role, "" where the recording has none. `notes` say what was left out and why."""
+    """Topic names by role, "" where the recording has none. `notes` list what was left out and why."""
 
     pose: str
     odometry: str
@@ -59,7 +59,7 @@ def listed(channels: Sequence[Channel], counts: Mapping[str, int]) -> tuple[Topi
 
 
 def assigned(topics: Sequence[Topic], settings: TopicSettings, *, where: str) -> TopicRoles:
-    """Roles by the settings; raises RecordingInvalid if nothing says where the robot was."""
+    """Roles by the settings; raises RecordingInvalid if no topic gives the robot's position."""
     if not any(topic.messages for topic in topics):
         raise RecordingInvalid(
             "The recording holds no messages", where=where, do=f"record again; it declares {described(topics)}"

@@ -1,4 +1,4 @@
-"""Contract samples as ROS 2 messages: what the writer puts into a recording."""
+"""Builds the ROS 2 messages that the writer stores in a recording, from contract samples."""
 
 import math
 from typing import Any
@@ -6,15 +6,7 @@ from typing import Any
 import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
-from harness.adapters.providers.recording.messages import (
-    CLOUD,
-    COMPRESSED_IMAGE,
-    LOG,
-    ODOMETRY,
-    PATH,
-    POSE,
-    TRANSFORMS,
-)
+from harness.adapters.providers.recording import messages
 from harness.adapters.providers.recording.topics import StaticTransform
 from harness.adapters.providers.recording.transforms import Matrix, apply
 from harness.contracts.observations import Odometry, Pose
@@ -47,14 +39,14 @@ class RosMessageTypes:
 
     def pose(self, pose: Pose) -> bytes:
         message = self._stamped(pose.at_s, pose.frame, (pose.x_m, pose.y_m), pose.yaw_rad)
-        return self.serialised(message, POSE)
+        return self.serialised(message, messages.POSE)
 
     def odometry(self, sample: Odometry) -> bytes:
         zeros = np.zeros(36)
         twist = self._types["geometry_msgs/msg/Twist"](
             linear=self._vector(x=sample.v_mps, y=0.0, z=0.0), angular=self._vector(x=0.0, y=0.0, z=sample.w_radps)
         )
-        message = self._types[ODOMETRY](
+        message = self._types[messages.ODOMETRY](
             header=self._headed(sample.at_s, sample.frame),
             child_frame_id="base_link",
             pose=self._types["geometry_msgs/msg/PoseWithCovariance"](
@@ -62,17 +54,17 @@ class RosMessageTypes:
             ),
             twist=self._types["geometry_msgs/msg/TwistWithCovariance"](twist=twist, covariance=zeros),
         )
-        return self.serialised(message, ODOMETRY)
+        return self.serialised(message, messages.ODOMETRY)
 
     def path(self, at_s: float, frame: str, points: list[Point]) -> bytes:
         poses = [self._stamped(at_s, frame, point, 0.0) for point in points]
-        return self.serialised(self._types[PATH](header=self._headed(at_s, frame), poses=poses), PATH)
+        return self.serialised(self._types[messages.PATH](header=self._headed(at_s, frame), poses=poses), messages.PATH)
 
     def log(self, at_s: float, speaker: str, text: str) -> bytes:
-        message = self._types[LOG](
+        message = self._types[messages.LOG](
             stamp=self._timed(at_s), level=_INFO, name=speaker, msg=text, file="", function="", line=0
         )
-        return self.serialised(message, LOG)
+        return self.serialised(message, messages.LOG)
 
     def transforms(self, at_s: float, transforms: list[StaticTransform]) -> bytes:
         stamped = [
@@ -86,19 +78,19 @@ class RosMessageTypes:
             )
             for one in transforms
         ]
-        return self.serialised(self._types[TRANSFORMS](transforms=stamped), TRANSFORMS)
+        return self.serialised(self._types[messages.TRANSFORMS](transforms=stamped), messages.TRANSFORMS)
 
     def image(self, at_s: float, frame: str, body: bytes, kind: str) -> bytes:
-        message = self._types[COMPRESSED_IMAGE](
+        message = self._types[messages.COMPRESSED_IMAGE](
             header=self._headed(at_s, frame), format=kind, data=np.frombuffer(body, dtype=np.uint8)
         )
-        return self.serialised(message, COMPRESSED_IMAGE)
+        return self.serialised(message, messages.COMPRESSED_IMAGE)
 
     def cloud(self, at_s: float, frame: str, points: Any, *, moved: Matrix) -> bytes:
         """`points` (n, 3) metres, taken through `moved` into `frame`."""
         body = apply(moved, points).astype("<f4").tobytes()
         field = self._types["sensor_msgs/msg/PointField"]
-        message = self._types[CLOUD](
+        message = self._types[messages.CLOUD](
             header=self._headed(at_s, frame),
             height=1,
             width=len(points),
@@ -109,7 +101,7 @@ class RosMessageTypes:
             data=np.frombuffer(body, dtype=np.uint8),
             is_dense=True,
         )
-        return self.serialised(message, CLOUD)
+        return self.serialised(message, messages.CLOUD)
 
     def _timed(self, at_s: float) -> Any:
         at_ns = nanoseconds(at_s)
@@ -123,7 +115,7 @@ class RosMessageTypes:
         return self._pose_type(position=self._point(x=at[0], y=at[1], z=0.0), orientation=turn)
 
     def _stamped(self, at_s: float, frame: str, at: Point, yaw_rad: float) -> Any:
-        return self._types[POSE](header=self._headed(at_s, frame), pose=self._posed(at, yaw_rad))
+        return self._types[messages.POSE](header=self._headed(at_s, frame), pose=self._posed(at, yaw_rad))
 
 
 def nanoseconds(at_s: float) -> int:

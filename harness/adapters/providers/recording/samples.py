@@ -1,4 +1,4 @@
-"""Recorded messages as contract samples, each with the mission time at which it arrived."""
+"""Converts recorded messages to contract samples, each with the mission time at which it arrived."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -7,15 +7,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from harness.adapters.providers.recording import transforms
 from harness.adapters.providers.recording.messages import COMPRESSED_IMAGE, Decoder, stamp_ns
 from harness.adapters.providers.recording.pictures import cloud_points, compressed_picture, raw_picture
 from harness.adapters.providers.recording.raw_messages import Raw
 from harness.adapters.providers.recording.roles import TopicRoles
 from harness.adapters.providers.recording.survey import pose_of
 from harness.adapters.providers.recording.topics import Clock, TopicSettings
-from harness.adapters.providers.recording.transforms import Frames, Matrix, apply, body_from_map, planar
+from harness.contracts import observations
 from harness.contracts.ids import Digest, RequestId
-from harness.contracts.observations import AnySample, Image, Odometry, Pose, Scan
 from harness.contracts.values import Value
 
 BODY = "body"
@@ -56,7 +56,7 @@ class Arrival(NamedTuple):
     """A sample and the mission time at which the recorder got it."""
 
     at_s: float
-    sample: AnySample
+    sample: observations.AnySample
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Binding:
 
     frame: str
     map_version: str
-    matrix: Matrix | None
+    matrix: transforms.Matrix | None
 
 
 class Samples:
@@ -77,14 +77,14 @@ class Samples:
         roles: TopicRoles,
         settings: TopicSettings,
         binding: Binding,
-        frames: Frames,
+        frames: transforms.Frames,
         times: RecordingClock,
         decoder: Decoder,
     ) -> None:
         self.left_out: Counter[str] = Counter()
         self._roles, self._settings, self._binding = roles, settings, binding
         self._frames, self._times, self._decoder = frames, times, decoder
-        self._pose: Pose | None = None
+        self._pose: observations.Pose | None = None
         self._next_at: dict[str, float] = {}
 
     @property
@@ -99,29 +99,29 @@ class Samples:
                 seq += 1
                 yield Arrival(self._times.arrival_s(raw.log_ns), sample(seq))
 
-    def _of(self, raw: Raw, keep: Callable[[bytes], Digest]) -> Iterator[Callable[[int], AnySample]]:
+    def _of(self, raw: Raw, keep: Callable[[bytes], Digest]) -> Iterator[Callable[[int], observations.AnySample]]:
         topic = raw.channel.topic
         if topic == self._roles.position:
             yield from self._position(raw)
         elif topic == self._roles.odometry:
             message = self._decoder.decode(raw)
-            if planar(message.pose.pose) is not None:
+            if transforms.planar(message.pose.pose) is not None:
                 yield lambda seq: self._odometry(raw, message, seq)
         elif topic == self._roles.camera and self._due(raw, self._settings.camera_period_s):
             yield from self._image(raw, keep)
         elif topic == self._roles.cloud and self._pose and self._due(raw, self._settings.cloud_period_s):
             yield from self._scan(raw, keep)
 
-    def _position(self, raw: Raw) -> Iterator[Callable[[int], AnySample]]:
+    def _position(self, raw: Raw) -> Iterator[Callable[[int], observations.AnySample]]:
         message = self._decoder.decode(raw)
-        at = planar(pose_of(message, raw.channel.type), self._binding.matrix)
+        at = transforms.planar(pose_of(message, raw.channel.type), self._binding.matrix)
         if at is None:
             return
         x_m, y_m, yaw_rad = at
         single = not self._roles.pose
 
-        def pose(seq: int) -> Pose:
-            self._pose = Pose(
+        def pose(seq: int) -> observations.Pose:
+            self._pose = observations.Pose(
                 seq=seq,
                 at_s=self._times.sensed_s(raw),
                 source="odometry" if single else "localiser",
@@ -137,9 +137,9 @@ class Samples:
         if single:
             yield lambda seq: self._odometry(raw, message, seq)
 
-    def _odometry(self, raw: Raw, message: Any, seq: int) -> Odometry:
-        x_m, y_m, yaw_rad = planar(message.pose.pose) or (0.0, 0.0, 0.0)
-        return Odometry(
+    def _odometry(self, raw: Raw, message: Any, seq: int) -> observations.Odometry:
+        x_m, y_m, yaw_rad = transforms.planar(message.pose.pose) or (0.0, 0.0, 0.0)
+        return observations.Odometry(
             seq=seq,
             at_s=self._times.sensed_s(raw),
             source="odometry",
@@ -151,7 +151,7 @@ class Samples:
             w_radps=message.twist.twist.angular.z,
         )
 
-    def _image(self, raw: Raw, keep: Callable[[bytes], Digest]) -> Iterator[Callable[[int], AnySample]]:
+    def _image(self, raw: Raw, keep: Callable[[bytes], Digest]) -> Iterator[Callable[[int], observations.AnySample]]:
         message = self._decoder.decode(raw)
         packed = raw.channel.type == COMPRESSED_IMAGE
         picture = compressed_picture(message) if packed else raw_picture(message)
@@ -159,7 +159,7 @@ class Samples:
             self.left_out[f"{raw.channel.topic}: {picture}"] += 1
             return
         blob = keep(picture.body)
-        yield lambda seq: Image(
+        yield lambda seq: observations.Image(
             seq=seq,
             at_s=self._times.sensed_s(raw, clock=self._settings.camera_clock),
             source="camera",
@@ -172,7 +172,7 @@ class Samples:
             request_id=RequestId(""),
         )
 
-    def _scan(self, raw: Raw, keep: Callable[[bytes], Digest]) -> Iterator[Callable[[int], AnySample]]:
+    def _scan(self, raw: Raw, keep: Callable[[bytes], Digest]) -> Iterator[Callable[[int], observations.AnySample]]:
         message = self._decoder.decode(raw)
         to_body = self._to_body(message.header.frame_id)
         points = cloud_points(message, most=self._settings.cloud_points)
@@ -181,13 +181,13 @@ class Samples:
         if isinstance(points, str) or to_body is None:
             self.left_out[f"{raw.channel.topic}: {points}"] += 1
             return
-        body = apply(to_body, points).astype("<f4")
+        body = transforms.apply(to_body, points).astype("<f4")
         blob = keep(np.ascontiguousarray(body).tobytes())
-        yield lambda seq: Scan(
+        yield lambda seq: observations.Scan(
             seq=seq, at_s=self._times.sensed_s(raw), source="lidar", frame=BODY, blob=blob, points=len(body)
         )
 
-    def _to_body(self, frame: str) -> Matrix | None:
+    def _to_body(self, frame: str) -> transforms.Matrix | None:
         """Matrix from a cloud's frame to the body, over the map where the cloud is fixed to it (R179)."""
         for body in self._settings.body_frames:
             direct = self._frames.between(body, frame)
@@ -196,7 +196,7 @@ class Samples:
         to_map = self._frames.between(self._binding.frame, frame)
         if to_map is None or self._pose is None:
             return None
-        return np.asarray(body_from_map(self._pose.x_m, self._pose.y_m, self._pose.yaw_rad) @ to_map)
+        return np.asarray(transforms.body_from_map(self._pose.x_m, self._pose.y_m, self._pose.yaw_rad) @ to_map)
 
     def _due(self, raw: Raw, period_s: float) -> bool:
         at_s, topic = self._times.arrival_s(raw.log_ns), raw.channel.topic

@@ -1,4 +1,4 @@
-"""Segments of a recording, one per dispatched route: lengths, declared and measured distances, each at its own time."""
+"""Divides a recording into one segment per dispatched route, with lengths and declared and measured distances."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -30,7 +30,7 @@ class DeclaredSegment(Value):
 class Segment(Value):
     """One leg from dispatch to the next dispatch or the end of the recording. Metres, mission seconds.
 
-    `declared_distance_m` is the supervisor's word at `arrived_s`; `measured_distance_m` is the recorded position's
+    `declared_distance_m` is the supervisor's figure at `arrived_s`; `measured_distance_m` is the recorded position's
     distance to the target at that instant; `last_pose_distance_m` is that of the segment's last position (R212).
     A recorded closing (`closed_s`) ends the segment before the next dispatch.
     They are endpoint distances, not path-tracking errors (R218). Without a dispatched route the target is the last

@@ -1,4 +1,4 @@
-"""rosbag2 databases (.db3), read by rosbags, opened read-only and never changed."""
+"""Reads rosbag2 databases (.db3) with rosbags; opens them read-only and never changes them."""
 
 import sqlite3
 from collections.abc import Iterator, Sequence

@@ -1,4 +1,4 @@
-"""What one full reading of a recording finds: topics, clocks, routes, log lines and transforms, but no samples."""
+"""Surveys a recording in one full read: topics, clocks, routes, log lines and transforms, but no samples."""
 
 import math
 import re
@@ -7,23 +7,13 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 from typing import Any
 
-from harness.adapters.providers.recording.messages import (
-    LOG,
-    LOG_ROS1,
-    ODOMETRY,
-    PATH,
-    POSE,
-    POSE_COVARIANCE,
-    TRANSFORMS,
-    Decoder,
-    stamp_ns,
-)
+from harness.adapters.providers.recording import messages
 from harness.adapters.providers.recording.raw_messages import Channel, Raw
 from harness.adapters.providers.recording.topics import StaticTransform, TopicSettings
 from harness.adapters.providers.recording.transforms import planar
 from harness.contracts.errors import RecordingInvalid
 
-POSITIONS = (POSE, POSE_COVARIANCE, ODOMETRY)
+POSITIONS = (messages.POSE, messages.POSE_COVARIANCE, messages.ODOMETRY)
 
 
 @dataclass
@@ -39,7 +29,7 @@ class Positions:
     most_delay_ns: int = -(2**63)
 
     def add(self, raw: Raw, message: Any) -> None:
-        stamp = stamp_ns(raw)
+        stamp = messages.stamp_ns(raw)
         self.frames.add(str(message.header.frame_id))
         self.unstamped += stamp == 0
         usable = planar(pose_of(message, raw.channel.type)) is not None
@@ -65,7 +55,7 @@ class LogLine:
 class Survey:
     """Folds every message of the scan. Its memory grows with routes, transforms and declarations, not with samples."""
 
-    def __init__(self, settings: TopicSettings, *, decoder: Decoder) -> None:
+    def __init__(self, settings: TopicSettings, *, decoder: messages.Decoder) -> None:
         self.counts: Counter[str] = Counter()
         self.channels: dict[str, set[Channel]] = defaultdict(set)
         self.positions: dict[str, Positions] = defaultdict(Positions)
@@ -88,16 +78,18 @@ class Survey:
         self.channels[topic].add(raw.channel)
         self.first_log_ns = min(self.first_log_ns, raw.log_ns)
         self.last_log_ns = max(self.last_log_ns, raw.log_ns)
-        if kind in POSITIONS and (topic in self._wanted() or (kind == ODOMETRY and self._settings.odometry is None)):
+        if kind in POSITIONS and (
+            topic in self._wanted() or (kind == messages.ODOMETRY and self._settings.odometry is None)
+        ):
             self.positions[topic].add(raw, self._decoder.decode(raw))
-        elif topic == self._settings.dispatched_path and kind == PATH:
+        elif topic == self._settings.dispatched_path and kind == messages.PATH:
             self.dispatched.append((raw.log_ns, self._decoder.decode(raw)))
-        elif topic == self._settings.slam_path and kind == PATH:
+        elif topic == self._settings.slam_path and kind == messages.PATH:
             newest = self.slam_path is None or raw.log_ns >= self.slam_path.log_ns
             self.slam_path = raw if newest and _poses_in(raw) else self.slam_path
-        elif topic == self._settings.supervisor_log and kind in (LOG, LOG_ROS1):
+        elif topic == self._settings.supervisor_log and kind in (messages.LOG, messages.LOG_ROS1):
             self._line(raw, self._decoder.decode(raw))
-        elif topic == self._settings.recorded_transforms and kind == TRANSFORMS:
+        elif topic == self._settings.recorded_transforms and kind == messages.TRANSFORMS:
             self.transforms += map(_transform, self._decoder.decode(raw).transforms)
 
     def _wanted(self) -> tuple[str, str | None]:
@@ -115,7 +107,7 @@ class Survey:
 
 def pose_of(message: Any, kind: str) -> Any:
     """The geometry_msgs Pose inside a position message."""
-    return message.pose if kind == POSE else message.pose.pose
+    return message.pose if kind == messages.POSE else message.pose.pose
 
 
 def _transform(stamped: Any) -> StaticTransform:

@@ -1,4 +1,4 @@
-"""Which topics, frames and clocks of a recording mean what: settings, with the paper's topics as the default."""
+"""Settings that assign a recording's topics, frames and clocks; the paper's topics are the default."""
 
 import re
 from typing import Annotated, Literal

@@ -1,4 +1,4 @@
-"""Rigid transforms between the frames of a recording, and planar poses out of spatial ones."""
+"""Computes rigid transforms between the frames of a recording, and planar poses from spatial ones."""
 
 import math
 from typing import Any

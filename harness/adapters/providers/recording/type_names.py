@@ -1,4 +1,4 @@
-"""Message type names as ROS 2 writes them."""
+"""Normalises message type names to the ROS 2 form."""
 
 
 def ros2_name(name: str) -> str:

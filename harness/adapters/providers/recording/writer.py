@@ -1,4 +1,4 @@
-"""Writes a mission as MCAP with the paper's topics, small enough to carry: poses whole, pictures and lidar thinned."""
+"""Writes a mission as MCAP with the paper's topics under a size limit: full poses, thinned pictures and lidar."""
 
 import math
 import os
@@ -17,9 +17,9 @@ from harness.adapters.providers.recording.binding import METADATA
 from harness.adapters.providers.recording.ros_message_types import RosMessageTypes, nanoseconds
 from harness.adapters.providers.recording.topics import StaticTransform
 from harness.adapters.providers.recording.transforms import body_from_map, matrix_of
+from harness.contracts import observations
 from harness.contracts.errors import RecordingInvalid
 from harness.contracts.ids import Digest
-from harness.contracts.observations import AnySample, Image, Odometry, Pose, Scan
 from harness.contracts.values import Name, Point, Positive, Value
 
 LIMIT_BYTES = 4 * 1024 * 1024
@@ -95,7 +95,7 @@ def record_mission(
     path: Path,
     mission: RecordedMission,
     *,
-    samples: Sequence[AnySample],
+    samples: Sequence[observations.AnySample],
     blob: Callable[[Digest], bytes],
     limit_bytes: int = LIMIT_BYTES,
 ) -> Written:
@@ -104,7 +104,7 @@ def record_mission(
     `samples` in any order of sensor time; `blob` gives image and scan bytes. Pictures and sweeps are thinned step by
     step until the file fits. Raises RecordingInvalid if it cannot fit, cannot be written or has no poses.
     """
-    if not any(isinstance(sample, Pose) for sample in samples):
+    if not any(isinstance(sample, observations.Pose) for sample in samples):
         raise RecordingInvalid(
             f"Mission {mission.mission_id} has no poses to record", where=str(path), do="record a mission that moved"
         )
@@ -151,7 +151,7 @@ class _Recorder:
         self._mission, self._blob, self._thinning = mission, blob, thinning
         self._channels: dict[str, int] = {}
         self._counts: dict[str, int] = {}
-        self._pose: Pose | None = None
+        self._pose: observations.Pose | None = None
         self._next_sweep_s = -math.inf
         self._walked: list[Point] = []
         self._lidar_init = StaticTransform(
@@ -159,7 +159,7 @@ class _Recorder:
         )
         self._map_to_lidar = np.linalg.inv(matrix_of(self._lidar_init))
 
-    def write(self, samples: Sequence[AnySample]) -> dict[str, int]:
+    def write(self, samples: Sequence[observations.AnySample]) -> dict[str, int]:
         ordered = sorted(samples, key=lambda sample: (sample.at_s, sample.seq))
         self._writer.start(profile="ros2", library="regenharness")
         self._writer.add_metadata(
@@ -204,18 +204,18 @@ class _Recorder:
             yield _Entry(at_s, "slam", partial(self._slam, at_s))
             at_s += _SLAM_PERIOD_S
 
-    def _sampled(self, samples: Iterable[AnySample]) -> Iterator[_Entry]:
+    def _sampled(self, samples: Iterable[observations.AnySample]) -> Iterator[_Entry]:
         for sample in samples:
             body: Any = None
             match sample:
-                case Pose():
+                case observations.Pose():
                     self._walk(sample)
                     body, role = self._words.pose(sample), "pose"
-                case Odometry():
+                case observations.Odometry():
                     body, role = self._words.odometry(sample), "odometry"
-                case Image():
+                case observations.Image():
                     body, role = self._picture(sample), "camera"
-                case Scan():
+                case observations.Scan():
                     body, role = self._sweep(sample), "cloud"
             if body is not None:
                 yield _Entry(sample.at_s, role, partial(bytes, body))
@@ -223,7 +223,7 @@ class _Recorder:
     def _line(self, at_s: float, text: str) -> Callable[[], bytes]:
         return partial(self._words.log, at_s, SUPERVISOR, text)
 
-    def _walk(self, pose: Pose) -> None:
+    def _walk(self, pose: observations.Pose) -> None:
         self._pose = pose
         if not self._walked or math.dist(self._walked[-1], (pose.x_m, pose.y_m)) >= _SLAM_STEP_M:
             self._walked.append((pose.x_m, pose.y_m))
@@ -231,7 +231,7 @@ class _Recorder:
     def _slam(self, at_s: float) -> bytes:
         return self._words.path(at_s, self._mission.frame, self._walked)
 
-    def _picture(self, image: Image) -> bytes | None:
+    def _picture(self, image: observations.Image) -> bytes | None:
         if self._thinning.width_px == 0:
             return None
         body = self._blob(image.blob)
@@ -245,7 +245,7 @@ class _Recorder:
             return self._words.image(image.at_s, image.frame, packed.tobytes(), "jpeg")
         return self._words.image(image.at_s, image.frame, body, image.media_type.removeprefix("image/"))
 
-    def _sweep(self, scan: Scan) -> bytes | None:
+    def _sweep(self, scan: observations.Scan) -> bytes | None:
         """A sweep in lidar_init, where the paper's clouds are stated: body to map by the newest pose, then on."""
         if self._pose is None or self._thinning.points == 0 or scan.at_s < self._next_sweep_s or scan.points == 0:
             return None

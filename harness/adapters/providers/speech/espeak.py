@@ -1,4 +1,4 @@
-"""Speech synthesis by espeak-ng: text in, samples out. The same text gives the same samples."""
+"""Synthesises speech with espeak-ng: text in, samples out. The same text gives the same samples."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""One synthesis by the espeak-ng library, in a process of its own: text on standard input, samples on output.
+"""Runs one synthesis with the espeak-ng library in its own process: text on standard input, samples on output.
 
 The library keeps state between texts, so that the same text sounds different the second time; a fresh process makes
 the samples repeatable, and a crash of the library is a failed synthesis and no more. Run by path, imports none of ours.

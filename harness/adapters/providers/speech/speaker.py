@@ -1,4 +1,4 @@
-"""Where speech is heard: a sink that takes samples at their rate in mission time, and counts every one."""
+"""Speakers that consume samples at their rate in mission time and count every one."""
 
 import hashlib
 from typing import Protocol
@@ -14,7 +14,7 @@ _CLOCK_GRAIN = 0.01
 
 
 class Speaker(Protocol):
-    """One playback at a time. A sound card's driver fits the same words."""
+    """One playback at a time. A sound card's driver fits the same interface."""
 
     def begin(self, samples: Samples, *, rate_hz: int, at_s: float) -> None:
         """Start a playback; a playback under way is dropped."""

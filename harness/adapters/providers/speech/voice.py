@@ -1,34 +1,33 @@
-"""The spoken report: synthesises the text, plays it in mission time, and vouches only for a playback heard out."""
+"""Speaks a report: synthesises the text, plays it in mission time, and gives a receipt only for a complete playback."""
 
 import io
 import wave
 from pathlib import Path
 
-from harness.adapters.providers.local import Failed, LocalProvider, Outcome, ReceiptDraft, Result
+from harness.adapters.providers import local
 from harness.adapters.providers.speech.espeak import Samples, synthesise
 from harness.adapters.providers.speech.speaker import Speaker
-from harness.contracts.capabilities import CancelBehaviour, CapabilityCard, Estimates, Latency, Parameter
+from harness.contracts import capabilities, ids
 from harness.contracts.errors import ProviderFailed
-from harness.contracts.ids import Digest, ProviderId, RequestId, ResourceId, sha256
 from harness.contracts.ports import BlobStore, Clock
 from harness.contracts.protocol import Progress, StartRequest
 from harness.contracts.values import Value
 
-CARD = CapabilityCard(
-    provider_id=ProviderId("espeak-voice"),
+CARD = capabilities.CapabilityCard(
+    provider_id=ids.ProviderId("espeak-voice"),
     version="1",
     embodiments=("any",),
-    parameters=(Parameter(name="text", type="string"),),
+    parameters=(capabilities.Parameter(name="text", type="string"),),
     preconditions=(),
     side_effects=("sound at the robot",),
-    latency=Latency(base_s=8.0),
-    resources=(ResourceId("speaker"),),
-    cancel=CancelBehaviour(acknowledged=True, within_s=1.0),
+    latency=capabilities.Latency(base_s=8.0),
+    resources=(ids.ResourceId("speaker"),),
+    cancel=capabilities.CancelBehaviour(acknowledged=True, within_s=1.0),
     risk="low",
     failure_words=("timeout", "interrupted", "playback_differs", "provider_failed", "store_unavailable"),
     evidence=("receipt:playback",),
     capability="speak",
-    estimates=Estimates(success=0.99, risk=0.0, uncertainty=0.01, cost=0.0),
+    estimates=capabilities.Estimates(success=0.99, risk=0.0, uncertainty=0.01, cost=0.0),
     moves=False,
     sources=("speaker",),
     software="espeak-ng",
@@ -38,9 +37,9 @@ CARD = CapabilityCard(
 class _Playback(Value):
     """What is being played: the WAV's digest, the digest of its samples, how many, their rate, and since when."""
 
-    request: RequestId
-    wav: Digest
-    pcm: Digest
+    request: ids.RequestId
+    wav: ids.Digest
+    pcm: ids.Digest
     samples: int
     rate_hz: int
     begun_s: float
@@ -50,7 +49,7 @@ class _Playback(Value):
         return self.begun_s + self.samples / self.rate_hz
 
 
-class EspeakVoice(LocalProvider):
+class EspeakVoice(local.LocalProvider):
     """speak by espeak-ng through a Speaker. The WAV (16-bit mono) is stored when the playback begins.
 
     The one `playback` receipt is given when the speaker took every sample, and the same ones: blob = the WAV, at_s =
@@ -78,42 +77,46 @@ class EspeakVoice(LocalProvider):
         self._playback = _Playback(
             request=request.identity.request_id,
             wav=self._blobs.put(wav(samples, rate_hz=rate_hz)),
-            pcm=sha256(samples.astype("<i2").tobytes()),
+            pcm=ids.sha256(samples.astype("<i2").tobytes()),
             samples=len(samples),
             rate_hz=rate_hz,
             begun_s=now_s,
         )
         self._speaker.begin(samples, rate_hz=rate_hz, at_s=now_s)
 
-    def halt(self, request: RequestId) -> None:
+    def halt(self, request: ids.RequestId) -> None:
         if self._playback is not None and self._playback.request == request:
             self._speaker.halt()
             self._playback = None
 
-    def work(self, request: StartRequest, now_s: float) -> Outcome:
+    def work(self, request: StartRequest, now_s: float) -> local.Outcome:
         playback = self._playback
         if playback is None or playback.request != request.identity.request_id:
-            return Failed(failure="interrupted", message="The playback did not survive a restart of the voice.")
+            return local.Failed(failure="interrupted", message="The playback did not survive a restart of the voice.")
         taken = self._speaker.consumed(now_s)
         if taken < playback.samples:
             return Progress(share=taken / playback.samples, text=f"{taken} of {playback.samples} samples played")
         heard = self._speaker.heard()
         self.halt(request.identity.request_id)
         if heard != playback.pcm:
-            return Failed(failure="playback_differs", message="The speaker took other samples than were synthesised.")
+            return local.Failed(
+                failure="playback_differs", message="The speaker took other samples than were synthesised."
+            )
         return _played(playback)
 
 
-def _played(playback: _Playback) -> Result:
+def _played(playback: _Playback) -> local.Result:
     duration_s = playback.samples / playback.rate_hz
     values = {
         "samples": float(playback.samples),
         "sample_rate_hz": float(playback.rate_hz),
         "duration_s": duration_s,
     }
-    return Result(
+    return local.Result(
         message=f"Spoken in {duration_s:.1f} s.",
-        drafts=(ReceiptDraft(kind="playback", text="played to the last sample", blob=playback.wav, values=values),),
+        drafts=(
+            local.ReceiptDraft(kind="playback", text="played to the last sample", blob=playback.wav, values=values),
+        ),
         declared={"duration_s": duration_s},
         blobs=(playback.wav,),
         at_s=playback.end_s,

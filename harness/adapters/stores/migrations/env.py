@@ -1,4 +1,4 @@
-"""Alembic's entry: runs the revisions on the connection it is given, inside the transaction that is open on it."""
+"""Alembic's entry point: runs the revisions on the given connection, inside its open transaction."""
 
 from alembic import context
 

@@ -1,10 +1,10 @@
-"""Writes down which schema a log has: the one row of the log's tables that a migration may change."""
+"""Records the schema version of a log: the only row of the log's tables that a migration may change."""
 
 from alembic import op
 
 
 def set_schema_version(number: int) -> None:
-    """Within a revision, past the trigger that keeps everybody else from it."""
+    """Set the version within a revision, past the trigger that protects the row."""
     changed = f"UPDATE meta SET value = '{number}' WHERE name = 'schema_version'"
     if op.get_bind().dialect.name == "sqlite":
         op.execute("DROP TRIGGER meta_refuses_update")

@@ -1,4 +1,4 @@
-"""Schema 2: snapshots of folded streams. They may be replaced or lost: the events alone are the truth."""
+"""Schema 2: snapshots of folded streams. They may be replaced or lost, because the events alone are authoritative."""
 
 import sqlalchemy as sa
 from alembic import op

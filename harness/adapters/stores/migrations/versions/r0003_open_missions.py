@@ -1,4 +1,4 @@
-"""Schema 3: which streams there are, and which missions are over, without reading every event."""
+"""Schema 3: indices that list the streams and the ended missions without reading every event."""
 
 from alembic import op
 

@@ -1,4 +1,4 @@
-"""Schema 4: an event may name the record of its command. No table changes: a program of before refuses to read it."""
+"""Schema 4: an event may name the record of its command. No table changes; older programs refuse to read it."""
 
 from harness.adapters.stores.migrations.schema_version import set_schema_version
 

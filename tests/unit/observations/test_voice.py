@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.unit.observations.builders import EPOCH_S, Blobs, StillClock, request_to
 
 from harness.adapters.providers.speech.espeak import synthesise
 from harness.adapters.providers.speech.speaker import PacedSpeaker
 from harness.adapters.providers.speech.voice import CARD, EspeakVoice
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import sha256
+from tests.unit.observations.builders import EPOCH_S, Blobs, StillClock, request_to
 
 REPORT = "Two boxes obstruct the storage passage."
 

@@ -1,4 +1,4 @@
-"""Whole missions in virtual time with one thing of the crew exchanged: a provider, the verifier or the planner."""
+"""Builds whole missions in virtual time with one part exchanged: a provider, the verifier or the planner."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -34,7 +34,7 @@ Wrap = Callable[[Provider], Provider]
 
 
 class Wrapped:
-    """A provider that passes everything on; tests override what shall go wrong."""
+    """A provider that passes every call on; tests override what is to fail."""
 
     def __init__(self, inner: Provider) -> None:
         self.inner = inner
@@ -63,7 +63,7 @@ class Wrapped:
 
 
 class Failing(Wrapped):
-    """Every execution that ends is reported as failed, with a failure word; the first `times` of them."""
+    """A provider that reports the first `times` executions that end as failed, with a failure word."""
 
     def __init__(self, inner: Provider, *, word: str, times: int = 1_000) -> None:
         super().__init__(inner)
@@ -81,7 +81,9 @@ class Failing(Wrapped):
 
 
 class CrewRobot:
-    """The simulated robot with its providers wrapped. `retouch` stands between its sensors and whoever reads them."""
+    """The simulated robot with its providers wrapped. `retouch` is applied to its sensor data before anybody
+    reads it.
+    """
 
     def __init__(self, inner: SimulatedRobot, wrap: Wrap) -> None:
         self.inner = inner
@@ -105,7 +107,7 @@ class CrewRobot:
 
 
 class Stage:
-    """A harness whose missions are stepped by the test. `robot` is the simulated one, truth included."""
+    """A harness whose missions the test steps. `robot` is the simulated one, ground truth included."""
 
     def __init__(self, harness: Harness, robot: SimulatedRobot, parts: Parts) -> None:
         self.harness, self.robot, self.parts = harness, robot, parts
@@ -122,7 +124,7 @@ class Stage:
         return self.runtime.missions()[0].mission_id
 
     def until(self, mission_id: MissionId, true: Callable[[Mission], bool], *, steps: int = 20_000) -> Mission:
-        """Step until it is true of the mission; fails if the mission ends or waits before."""
+        """Step until the condition holds for the mission; fails if the mission ends or waits before."""
         for _ in range(steps):
             mission = self.runtime.mission(mission_id)
             if true(mission):
@@ -135,7 +137,7 @@ class Stage:
         raise AssertionError(f"not reached in {steps} steps")
 
     def run(self, mission_id: MissionId) -> Ran:
-        """To its end, or to the person it waits for."""
+        """Run the mission to its end, or until it waits for a person."""
         mission = self.supervisor.run(mission_id)
         return Ran(harness=self.harness, mission=mission, truth=tuple(self.robot.world.truth.records))
 
@@ -151,7 +153,9 @@ def staged(
     deciders: Deciders = MappingProxyType({}),
     select: Select = nothing_selected,
 ) -> Iterator[Stage]:
-    """The kinematic robot at speed 0, everything in this process; `select` pins new missions by a desk's `deciders`."""
+    """The kinematic robot at speed 0, everything in this process; `select` pins new missions by a release service's
+    `deciders`.
+    """
     with ExitStack() as stack:
         robot = SimulatedRobot(WorldSettings(fidelity="kinematic", seed=seed), robot_id=ROBOT)
         parts = Parts(
@@ -195,5 +199,5 @@ def with_node(base: TaskTemplate, node_id: str, **changes: object) -> TaskTempla
 
 
 def only(capability: str, wrap: Wrap) -> Wrap:
-    """Wraps the providers of one capability."""
+    """Wraps only the providers of one capability."""
     return lambda provider: wrap(provider) if provider.card.capability == capability else provider

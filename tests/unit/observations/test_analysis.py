@@ -8,8 +8,6 @@ import cv2
 import msgspec
 import numpy as np
 import pytest
-from tests.unit.observations.builders import Blobs, StillClock, request_to
-from tests.unit.observations.painter import CAMERA, CARDBOARD, PASSAGE, Room
 
 from experiments.benchmarks.scenes import Scene, random_scene
 from harness.adapters.providers.messaging.delivery import CARD as DELIVERY
@@ -22,6 +20,8 @@ from harness.contracts.ids import Digest, sha256
 from harness.contracts.protocol import InvocationReport
 from simulator.camera import CAMERA as ROBOT_CAMERA
 from simulator.camera import jpeg, render
+from tests.unit.observations.builders import Blobs, StillClock, request_to
+from tests.unit.observations.painter import CAMERA, CARDBOARD, PASSAGE, Room
 
 HEADINGS = (0.0, math.pi / 4, math.pi)
 SLICE = range(12)
@@ -81,9 +81,9 @@ def test_boxes_in_the_passage_become_a_saved_report_that_the_delivery_uses(boxed
 
 
 def test_frames_that_do_not_show_the_passage_cannot_call_it_clear() -> None:
-    desk = desk_for(Room())
+    releases = desk_for(Room())
     away = tuple((float(index), math.pi) for index in range(len(HEADINGS)))
-    ended = desk.ended(yaws_rad=away)
+    ended = releases.ended(yaws_rad=away)
     assert (ended.status, ended.failure, ended.receipts) == ("failed", "passage_not_seen", ())
 
 

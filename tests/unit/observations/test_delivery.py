@@ -4,7 +4,6 @@ import json
 from pathlib import Path
 
 import pytest
-from tests.unit.observations.builders import Blobs, StillClock, request_to
 
 from harness.adapters.providers.messaging.delivery import CARD, OutboxDelivery
 from harness.adapters.providers.messaging.folder import FolderOutbox
@@ -14,6 +13,7 @@ from harness.contracts.errors import ProviderFailed, StoreUnavailable
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.ports import MessageOutbox
 from harness.contracts.values import encode
+from tests.unit.observations.builders import Blobs, StillClock, request_to
 
 FRAMES = tuple(Digest(letter * 64) for letter in "01234567")
 

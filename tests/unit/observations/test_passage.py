@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.unit.observations.painter import BLUE, CAMERA, CARDBOARD, PASSAGE, Rgb, Room
 
 from harness.adapters.providers.models.passage import Report, analyse
 from harness.adapters.providers.models.projection import View
+from tests.unit.observations.painter import BLUE, CAMERA, CARDBOARD, PASSAGE, Rgb, Room
 
 AHEAD = (0.0, math.pi / 4)
 

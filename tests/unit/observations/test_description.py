@@ -4,7 +4,6 @@ import cv2
 import msgspec
 import numpy as np
 import pytest
-from tests.unit.observations.builders import Blobs, StillClock, request_to
 
 from harness.adapters.providers.archive import CARD as KEEPER
 from harness.adapters.providers.archive import Certificate, EvidenceArchiver
@@ -12,6 +11,7 @@ from harness.adapters.providers.models.description import CARD, Description, Ope
 from harness.contracts.errors import ProviderFailed
 from harness.contracts.ids import Digest
 from harness.contracts.protocol import InvocationReport
+from tests.unit.observations.builders import Blobs, StillClock, request_to
 
 ANY = Digest("a" * 64)
 
