@@ -7,12 +7,11 @@ from app.acts.handoffs import ApproveHandoffAct
 from app.console import Console
 from app.routes.robots import camera_of
 from app.views import handoffs, robots
-from app.views.handoff_shown import ShownDifference, differences, shown_question
+from app.views.handoff_shown import ShownDifference, ShownQuestion, differences, shown_question, shown_record
 from app.views.handoff_steps import HandoffEvents
 from app.views.handoffs import HandoffInputs, HandoffPage
 from app.views.places import site_map
 from app.views.robots import CameraView, LastReport
-from app.web.rendering import render
 from harness.contracts import ids
 from harness.contracts.actors import Actor
 from harness.contracts.any_events import AnyEvent
@@ -22,8 +21,8 @@ from harness.contracts.errors import UnknownName
 from harness.contracts.handoff_events import HandoffEvent, HandoffOpened
 from harness.contracts.observations import Pose
 from harness.contracts.read_models import HandoffItem, ListQuery
+from harness.contracts.values import digest, encode
 from harness.projections.handoffs import Handoff, apply
-from harness.projections.mission import Mission
 
 CODEC: Codec[HandoffEvent] = Codec(HandoffEvent)
 EARLIER = 50
@@ -51,7 +50,7 @@ def page_of(
         now_s=console.clock(),
         person=actor.name,
         key=console.sessions.key(),
-        shown=ids.sha256(_question(opened, mission)),
+        shown=digest(shown_record(opened, mission)),
         told=told,
         earlier=_earlier(console, opened),
         map=site_map(console.runtime.site),
@@ -68,10 +67,10 @@ def page_of(
     return handoffs.handoff_page(shell, handoff, mission, surface)
 
 
-def kept_question(console: Console, handoff_id: ids.HandoffId) -> bytes:
+def question_of(console: Console, handoff_id: ids.HandoffId) -> ShownQuestion:
     """Subject and evidence as every person sees them now; raises UnknownName."""
     opened = handoffs.required(console.runtime.handoff(handoff_id))
-    return _question(opened, console.runtime.mission(opened.mission_id))
+    return shown_question(opened, console.runtime.mission(opened.mission_id))
 
 
 def answered(console: Console, actor: Actor, handoff_id: ids.HandoffId, said: Act) -> Decision[AnyEvent]:
@@ -93,7 +92,7 @@ def _unlike(console: Console, handoff_id: ids.HandoffId, said: ApproveHandoffAct
     mission = console.runtime.mission(opened.mission_id)
     if not handoff.answerable or (said.cycle, mission.k) != (handoff.cycle, opened.k):
         return None
-    body = _question(opened, mission)
+    body = encode(shown_record(opened, mission))
     if ids.sha256(body) != said.shown:
         return refused("unseen")
     console.runtime.keep(body)
@@ -121,11 +120,6 @@ def as_asked(told: HandoffEvents, cycle: str) -> HandoffOpened | None:
         if state.opened is not None and str(state.cycle) == cycle:
             found = state.opened
     return found
-
-
-def _question(opened: HandoffOpened, mission: Mission) -> bytes:
-    page = shown_question(opened, mission)
-    return bytes(render("handoffs/_shown.html", page).body)
 
 
 def _earlier(console: Console, opened: HandoffOpened) -> tuple[HandoffItem, ...]:

@@ -11,7 +11,7 @@ from app.acts import handoffs as handoff_acts
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
 from app.i18n.messages import reasoned
-from app.routes.handoff_page import SubmittedForm, answered, kept_question, page_of
+from app.routes.handoff_page import SubmittedForm, answered, page_of, question_of
 from app.routes.listing import searching
 from app.views import handoff_list
 from app.views.handoff_list import HandoffsPage
@@ -65,8 +65,8 @@ def question(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId) -> HTM
 
 @router.get("/{handoff_id}/shown")
 def shown(console: ConsoleDep, handoff_id: HandoffId) -> HTMLResponse:
-    """Subject and evidence as they stand now: the bytes whose digest a decision on the page carries."""
-    return HTMLResponse(kept_question(console, handoff_id))
+    """Subject and evidence as they stand now, and nothing that moves."""
+    return render("handoffs/_shown.html", question_of(console, handoff_id))
 
 
 def _route(word: str) -> Callable[..., Response]:

@@ -8,6 +8,8 @@ from harness.contracts.configuration import SPENDING
 from harness.contracts.ids import NodeId
 from harness.projections.mission import Mission, Spend
 
+TOTALS = {"stage": N_("this stage"), "mission": N_("whole mission")}
+
 
 @dataclass(frozen=True)
 class Meter:
@@ -30,16 +32,24 @@ class Budget:
 
 def budget(mission: Mission, node_id: str) -> Budget:
     """Meters of one node, its total and the mission's; empty before the contract is compiled."""
+    found = spent_of_limits(mission, node_id)
+    if not found:
+        return Budget(node_id=node_id, meters=(), tries=())
+    meters = tuple(_meter(TOTALS.get(name) or word(name), used, limit) for name, used, limit in found)
+    return Budget(node_id=node_id, meters=meters, tries=mission.of(NodeId(node_id)).spends)
+
+
+def spent_of_limits(mission: Mission, node_id: str) -> tuple[tuple[str, int, int], ...]:
+    """Whose budget, what was spent of it, and its limit: totals first; empty before the contract is compiled."""
     contract = mission.contract
     if contract is None or node_id not in mission.nodes:
-        return Budget(node_id=node_id, meters=(), tries=())
+        return ()
     node, state = contract.node(NodeId(node_id)), mission.of(NodeId(node_id))
-    actions = [_meter(word(action), state.spent(action), getattr(node.recovery, action)) for action in SPENDING]
-    totals = [
-        _meter(N_("this stage"), state.spent_total, node.recovery.total),
-        _meter(N_("whole mission"), mission.spent_total, contract.recovery_total),
-    ]
-    return Budget(node_id=node_id, meters=(*totals, *actions), tries=state.spends)
+    totals = (
+        ("stage", state.spent_total, node.recovery.total),
+        ("mission", mission.spent_total, contract.recovery_total),
+    )
+    return (*totals, *((action, state.spent(action), getattr(node.recovery, action)) for action in SPENDING))
 
 
 def _meter(name: str, used: int, limit: int) -> Meter:

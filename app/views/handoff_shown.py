@@ -1,4 +1,4 @@
-"""Pure: what a person is shown to decide on, the same bytes for everybody: no clock, no key, nothing that moves."""
+"""Pure: what a person is shown to decide on, the same for everybody: no clock, no key, no language, no template."""
 
 import json
 from dataclasses import dataclass
@@ -8,13 +8,13 @@ from msgspec import to_builtins
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, word
-from app.views.budgets import Budget, budget
+from app.views.budgets import Budget, budget, spent_of_limits
 from app.views.measures import quantity
 from harness.contracts.handoff_events import HandoffOpened, ProposedAction
 from harness.contracts.ids import sha256
-from harness.contracts.values import encode
+from harness.contracts.values import Value, encode
 from harness.contracts.verdicts import NodeVerdict
-from harness.projections.mission import Mission
+from harness.projections.mission import Mission, Spend
 
 ACTIONS = {
     "verify_again": N_("Judge the stage again, without motion"),
@@ -51,12 +51,38 @@ class ShownDifference:
 
 @dataclass(frozen=True)
 class ShownQuestion:
-    """Subject and evidence of one cycle, as they stand on the screen; kept with the decision for an auditor."""
+    """Subject and evidence of one cycle, as they stand on the screen."""
 
     opened: HandoffOpened
     verdict: NodeVerdict | None
     budget: Budget
     action: ActionView | None
+
+
+class ShownRecord(Value, frozen=True, kw_only=True):
+    """What a person had before them, as data; its digest binds the approval, its bytes are kept for an auditor.
+
+    `action` is the canonical text whose digest is approved. A budget is (whose, spent, limit).
+    """
+
+    schema_version: int = 1
+    opened: HandoffOpened
+    verdict: NodeVerdict | None
+    action: str | None
+    tries: tuple[Spend, ...]
+    budgets: tuple[tuple[str, int, int], ...]
+
+
+def shown_record(opened: HandoffOpened, mission: Mission) -> ShownRecord:
+    """From the question and the mission's state alone: the same in every language and under every template."""
+    question = shown_question(opened, mission)
+    return ShownRecord(
+        opened=opened,
+        verdict=question.verdict,
+        action=question.action.body if question.action else None,
+        tries=question.budget.tries,
+        budgets=spent_of_limits(mission, opened.node_id),
+    )
 
 
 def shown_question(opened: HandoffOpened, mission: Mission) -> ShownQuestion:

@@ -9,10 +9,12 @@ from msgspec.structs import replace
 
 from app.auth.commit_authority import authority
 from app.i18n.reasons.rendering import sentence
+from app.views.handoff_shown import ShownRecord
 from harness.contracts.actors import Actor
 from harness.contracts.commands import RejectHandoff
 from harness.contracts.decisions import Refused
 from harness.contracts.ids import Digest, HandoffId, handoff_stream, sha256
+from harness.contracts.values import decode, encode
 from harness.gate.commit import CommandEnvelope
 from harness.projections.mission import Mission
 from tests.builders.consoles import Stand, console_stand
@@ -36,6 +38,12 @@ def shown(client: TestClient, handoff_id: str) -> dict[str, str]:
     """The binding that the person's page carries."""
     text = client.get(f"/handoffs/{handoff_id}").text
     return {name: re.findall(rf'name="{name}"\s+value="([^"]*)"', text)[0] for name in FIELDS}
+
+
+def digest_shown(client: TestClient, handoff_id: str, headers: dict[str, str] | None = None) -> str:
+    """The digest of what the page shows, as its form carries it."""
+    text = client.get(f"/handoffs/{handoff_id}", headers=headers).text
+    return str(re.findall(r'name="shown"\s+value="([^"]*)"', text)[0])
 
 
 def starts(stand: Stand, mission: Mission) -> int:
@@ -202,17 +210,43 @@ def test_what_was_on_the_screen_is_kept_and_another_screen_is_refused(
     operator = stand.operator()
     operator.post(f"/handoffs/{handoff_id}/look")
     form = {**shown(operator, handoff_id), "decision": "approve", "reason": "seen on camera"}
-    seen = operator.get(f"/handoffs/{handoff_id}/shown").content
-    digest = re.findall(r'name="shown"\s+value="([^"]*)"', operator.get(f"/handoffs/{handoff_id}").text)[0]
-    assert sha256(seen) == digest
+    seen = operator.get(f"/handoffs/{handoff_id}/shown").text
+    digest = digest_shown(operator, handoff_id)
+    opened = stand.harness.runtime.handoff(handoff_id).opened
     other = operator.post(f"/handoffs/{handoff_id}/decision", data={**form, "shown": "0" * 64})
     assert other.status_code == 409 and "on your screen" in other.text
     assert operator.post(f"/handoffs/{handoff_id}/decision", data={**form, "shown": digest}).status_code == 303
     answer = stand.harness.runtime.handoff(handoff_id).answer
     assert answer is not None and answer.shown == digest
-    assert stand.harness.runtime.blob(answer.shown) == seen
-    for part in (b"Why it stopped", b"What you would approve", b"of 8"):
+    body = stand.harness.runtime.blob(answer.shown)
+    kept = decode(body, ShownRecord)
+    assert sha256(body) == digest
+    assert opened is not None and kept.opened == opened and kept.opened.proposal is not None
+    assert kept.action == encode(kept.opened.proposal).decode()
+    assert {name for name, _, limit in kept.budgets if limit} >= {"stage", "mission"} and kept.tries
+    for part in ("Why it stopped", "What you would approve", "of 8"):
         assert part in seen
+
+
+def test_every_language_carries_the_same_digest_of_what_was_shown_and_another_proposal_another(
+    stand: Stand, waiting: tuple[Mission, HandoffId]
+) -> None:
+    _, handoff_id = waiting
+    operator = stand.operator()
+    operator.post(f"/handoffs/{handoff_id}/look")
+    english = digest_shown(operator, handoff_id)
+    chinese = {"Accept-Language": "zh-CN,zh;q=0.9"}
+    assert "Why it stopped" not in operator.get(f"/handoffs/{handoff_id}", headers=chinese).text
+    assert digest_shown(operator, handoff_id, headers=chinese) == english
+    form = shown(operator, handoff_id)
+    chosen = {**form, "action": "verify_again", "reason": "look first"}
+    assert operator.post(f"/handoffs/{handoff_id}/choose", data=chosen).status_code == 303
+    changed = digest_shown(operator, handoff_id)
+    assert changed != english
+    answer = {**shown(operator, handoff_id), "decision": "approve", "reason": "seen"}
+    assert operator.post(f"/handoffs/{handoff_id}/decision", data={**answer, "shown": english}).status_code == 409
+    taken = operator.post(f"/handoffs/{handoff_id}/decision", data={**answer, "shown": changed}, headers=chinese)
+    assert taken.status_code == 303
 
 
 def test_an_answer_to_an_older_question_is_shown_what_changed(stand: Stand, waiting: tuple[Mission, HandoffId]) -> None:
