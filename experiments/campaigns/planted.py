@@ -141,8 +141,8 @@ BUGS: tuple[Bug, ...] = (
             Edit(
                 file="harness/gate/commit.py",
                 function="Gate._append",
-                old="self._store.append(batches, tuple(records), now)",
-                new="for batch in batches:\n            self._store.append([batch], tuple(records), now)",
+                old="self._store.append(batches, (*records, *commands), now)",
+                new="for batch in batches:\n            self._store.append([batch], (*records, *commands), now)",
             ),
         ),
     ),

@@ -14,7 +14,7 @@ def test_stop_stays_in_view_however_far_down_a_phone_is_scrolled(
     console_watch.expect(VIEWER)
     with serving() as served:
         page = served.enter(open_page(width=WIDTH, height=HEIGHT), f"/missions/{served.asked.mission_id}")
-        page.mouse.teleoperation(0, 20_000)
+        page.mouse.wheel(0, 20_000)
         page.wait_for_timeout(300)
         stop = page.locator("#bar button.stop").first
         expect(stop).to_be_in_viewport()

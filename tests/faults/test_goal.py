@@ -89,7 +89,7 @@ def test_without_a_budget_for_it_all_stages_are_done_and_the_goal_is_not_met() -
         ran = stage.run(mission_id)
         assert ran.mission.status == "failed"
         assert sentence(ran.mission.reason).startswith("All stages done, goal not met (violated)")
-        assert "nothing is left for local_replan" in sentence(ran.mission.reason)
+        assert "nothing is left for local replan" in sentence(ran.mission.reason)
         assert all_required_committed(ran.mission) and told(ran, GraphRevised) == []
         assert told(ran, CompletionReported) == []
         assert [one.text for one in told(ran, FailureReported)] == [ran.mission.reason]

@@ -116,7 +116,7 @@ def test_a_refused_proposal_stands_beside_what_the_harness_took_instead(explored
     text = explored.page("leg-2")
     assert "vision-model was not followed." in text
     assert "outside map: (400.00, 0.00) lies outside the map site-1." in text
-    assert "It wanted (400.0, 0.0): the red door" in text
+    assert "Proposed: (400.0, 0.0): the red door" in text
     assert '<path class="refused"' in text
     assert "refused; the harness took its own" in row_of(text, ">2. (")
     assert "was not followed" not in explored.page("leg-3")

@@ -166,8 +166,8 @@ def test_the_next_page_begins_where_the_last_one_ended(stand: Stand, missions: t
     operator, seen, path = stand.operator(), [], "/evidence?order=oldest"
     while path:
         text = operator.get(path).text
-        seen += re.findall(r'<td class="mono nowrap">.*?(pkt_\w+)', text)
-        following = re.search(r'rel="next" href="([^"]+)"', text)
+        seen += re.findall(r'<td class="mono nowrap">.*?(pkt_\w+)', text, re.DOTALL)
+        following = re.search(r'rel="next"\s+href="([^"]+)"', text)
         path = following.group(1).replace("&amp;", "&") if following else ""
     total = next(one.count for one in lists(stand).tallies("evidence") if not one.facet)
     assert len(seen) == total > 60

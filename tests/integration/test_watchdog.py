@@ -2,6 +2,7 @@
 
 import pytest
 
+from app.i18n.reasons.rendering import sentence
 from harness.bootstrap import simulated
 from harness.contracts.commands import ClearVeto
 from harness.contracts.decisions import Refused
@@ -25,7 +26,9 @@ def test_the_hardware_stop_vetoes_until_it_is_released_and_then_a_person_decides
         robot.press_hardware_stop(engaged=True)
         for _ in range(12):
             harness.clock.wait_until(supervisor.step(mission_id) or 0.0)
-        assert runtime.mission(mission_id).vetoes == {"robot": "the hardware stop is engaged"}
+        assert {layer: sentence(why) for layer, why in runtime.mission(mission_id).vetoes.items()} == {
+            "robot": "the hardware stop is engaged"
+        }
         assert not robot.moving
         assert isinstance(runtime.submit(mission_id, ClearVeto(layer="planner", reason="go on")), Refused)
         robot.press_hardware_stop(engaged=False)

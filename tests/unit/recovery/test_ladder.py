@@ -52,7 +52,7 @@ def rungs(failure: FailureClass, **options: Any) -> list[str]:
     return [str(action) for action in tried]
 
 
-@pytest.mark.ledger("R123", symbol="harness.recovery.ladder:next_rung")
+@pytest.mark.ledger("R123", symbol="harness.recovery.ladder:next_step")
 @pytest.mark.ledger("R123", symbol="harness.recovery.state:climbed")
 @pytest.mark.parametrize("failure", get_args(FailureClass))
 def test_each_failure_class_climbs_its_own_ladder_one_rung_at_a_time(failure: FailureClass) -> None:
@@ -193,7 +193,7 @@ def test_a_context_without_a_failure_is_refused() -> None:
 
 def test_the_reason_names_the_failure_what_was_tried_and_what_is_left() -> None:
     reason = sentence(recover(c4(failing("violated", "re_perceive"))).reason)
-    for part in ("Violated (seen so)", "Next: retry by route-follower", "Tried before: re perceive", "3 for the stage"):
+    for part in ("Violated (seen so)", "Next: retry by route-follower", "Tried before: re perceive", "3 in this stage"):
         assert part in reason
 
 
