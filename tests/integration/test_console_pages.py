@@ -181,7 +181,7 @@ def test_the_report_labels_every_word_and_stands_at_a_place_in_the_log(
     newest = stand.harness.runtime.events(mission.mission_id)[-1]
     assert newest.digest in text
     assert sentence(mission.report) in text
-    for label in ("declared", "measured", "accepted", "declared by a service, not measured", "not proof of the truth"):
+    for label in ("declared", "measured", "accepted", "declared by a service, not measured", "no proof of the truth"):
         assert label in " ".join(text.split())
     assert text.count("<img") == 8
     found = operator.get(f"/missions/{mission.mission_id}/report.json").json()
