@@ -1,6 +1,5 @@
 """regen account and regen token: who may use the console, from the machine that it runs on."""
 
-import getpass
 import secrets
 import sys
 import time
@@ -15,6 +14,7 @@ from app.auth.accounts import Accounts
 from app.auth.permissions import ROLES, SCOPES, Principal
 from app.cli import output
 from app.cli.owner_api import owner_api
+from app.cli.person import me
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.adapters.stores.accounts_rows import Account, Token
 from harness.adapters.stores.folder import prepare
@@ -27,7 +27,7 @@ FromStdin = Annotated[bool, typer.Option("--password-stdin", help="Read the pass
 
 def here() -> Principal:
     """Whoever may read and write the data folder is its admin."""
-    return Principal(name=getpass.getuser(), roles=("admin",), source="terminal")
+    return Principal(name=me().name, roles=("admin",), source="terminal")
 
 
 @contextmanager

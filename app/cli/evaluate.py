@@ -45,7 +45,7 @@ def evaluate(
         str, typer.Option("--model-url", help=f"Its OpenAI-compatible endpoint, up to /v1; a key is read from {KEY}.")
     ] = "",
     publish: Annotated[
-        bool, typer.Option("--publish", help="Write docs/report.evaluation.md, its JSON and its plots.")
+        bool, typer.Option("--publish", help="Write docs/evaluation.md, its JSON and its plots.")
     ] = False,
     as_json: Json = False,
 ) -> None:

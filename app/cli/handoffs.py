@@ -89,7 +89,7 @@ def extend(
 @app.command()
 def choose(
     handoff_id: str,
-    action: Annotated[str, typer.Option(help="Another action of the ladder; `output.show` lists them as choices.")],
+    action: Annotated[str, typer.Option(help="Another action of the ladder; `show` lists them as choices.")],
     data: output.Data = output.DEFAULT_DATA,
     as_json: output.Json = False,
     token: Claimed = "",

@@ -1,11 +1,11 @@
 """regen lease: who holds what, and freeing what is in quarantine, by a named person on what the robot shows now."""
 
-import getpass
 from typing import Annotated, Any
 
 import typer
 
 from app.cli import output
+from app.cli.person import me
 from app.i18n.reasons import rendering as reasons
 from app.i18n.reasons.rendering import sentence
 from harness.bootstrap import open_harness, owner_of, read_harness
@@ -65,7 +65,7 @@ def free(
             where=str(data),
             do="stop that process, then free the lease",
         )
-    actor = Actor(name=operator.strip() or getpass.getuser(), role="operator")
+    actor = Actor(name=operator.strip() or me().name, role="operator")
     with open_harness(output.settings(data_folder=data, speed=0.0)) as harness:
         decision = harness.supervisor.free(ResourceId(resource), actor=actor, reason=reason)
         if isinstance(decision, Refused):

@@ -1,7 +1,6 @@
 """The console's API without a console: the same application in this process, on a folder that nobody else owns."""
 
 import asyncio
-import getpass
 import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,6 +18,7 @@ from app.cli.api_client import Api
 from app.cli.data_folder import running
 from app.cli.output import ProgressPrinter, settings
 from app.cli.owner_api import owner_api
+from app.cli.person import me
 from app.main import create_app
 from app.scene.servers import Scenes
 from app.settings import ConsoleSettings
@@ -39,7 +39,7 @@ class LocalApi(Api):
     def __init__(self, runtime: Runtime, accounts: Accounts, data: Path, harness: Harness | None = None) -> None:
         token = secrets.token_urlsafe(32)
         robots = tuple(str(one) for one in harness.robots) if harness else ("vbot-1",)
-        console = ConsoleSettings(robots=robots, owner_token=SecretStr(token), owner=getpass.getuser())
+        console = ConsoleSettings(robots=robots, owner_token=SecretStr(token), owner=me().name)
         self._broker, self._harness = SignalBroker(), harness
         self._app = create_app(
             runtime,
