@@ -13,7 +13,10 @@ from harness.runtime import Start
 
 
 class StartMissionAct(base.Act):
-    """A mission to start: a template by name, or a goal that one matches. No robot named: the console's first."""
+    """A mission to start: a template by name, a goal in words, or both. No robot named: the console's first.
+
+    `confirm_reading`: the digest of the reading that the person confirmed, where words were left unread.
+    """
 
     becomes = commands.CreateMission
     robot_id: base.Text = ""
@@ -23,6 +26,7 @@ class StartMissionAct(base.Act):
     seed: base.Count = 0
     autonomy: Autonomy = "autonomous"
     labels: dict[base.Slug, base.Text] = Field(default_factory=dict)
+    confirm_reading: Annotated[str, Field(pattern="^([0-9a-f]{64})?$")] = ""
 
     def to_command(self, actor: Actor) -> Start:
         """What the runtime compiles to a CreateMission with its contract."""

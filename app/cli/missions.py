@@ -22,7 +22,7 @@ from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import MissionId, RobotId
 from harness.contracts.upcasting import name_of
-from harness.extra_templates import begin, offered
+from harness.extra_templates import begin, draft, offered
 from harness.projections.exploration import ExplorationDecision, decisions
 from harness.projections.mission import Mission
 from harness.recordings import replayed, write_recording
@@ -43,6 +43,8 @@ def run(
     argument: Annotated[list[str] | None, typer.Option("--set", help="NAME=VALUE of a template parameter.")] = None,
     fidelity: Annotated[str | None, typer.Option(help="mujoco or kinematic.")] = None,
     record_to: Annotated[Path | None, typer.Option("--record", help="Write the mission as MCAP.")] = None,
+    goal: Annotated[str, typer.Option(help="The goal in words, where the first argument names a template.")] = "",
+    confirm_reading: Annotated[str, typer.Option(help="Digest of the reading to start, as the refusal shows it.")] = "",
 ) -> None:
     """Run one mission and wait for its end. At speed 0 nothing waits for people: exit 3 at once."""
     faults = ",".join(fault or [])
@@ -50,40 +52,50 @@ def run(
     api = owner_api(data)
     if api is not None:
         said = StartMissionAct.of(
-            template="" if " " in template else template,
-            goal=template if " " in template else "",
+            template="" if _in_words(template) else template,
+            goal=template if _in_words(template) else goal,
             arguments=_arguments(argument),
             seed=seed,
             labels={"faults": faults} if faults else {},
+            confirm_reading=confirm_reading,
         )
         outcome = api.follow(api.post("/missions", said.body())["mission_id"])
     else:
         chosen = output.settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity)
         with running(chosen) as harness:
-            outcome = _run(harness, template, _arguments(argument), seed=seed, faults=faults)
+            asked = _asked(harness, template, goal)
+            start = Start(
+                actor=me(),
+                robot_id=RobotId(next(iter(harness.robots))),
+                template=asked[0],
+                goal=asked[1],
+                arguments=_arguments(argument),
+                seed=seed,
+                labels={"faults": faults} if faults else {},
+                confirm_reading=confirm_reading,
+            )
+            outcome = _run(harness, start)
             if record_to is not None:
                 write_recording(harness.runtime, MissionId(outcome["mission_id"]), record_to)
     output.show(outcome, as_json=as_json, lines=_summary(outcome))
     raise typer.Exit(output.exit_code(outcome["status"]))
 
 
-def _run(
-    harness: Harness, template: str, arguments: dict[str, str | float], *, seed: int, faults: str
-) -> dict[str, Any]:
-    robot_id = RobotId(next(iter(harness.robots)))
-    for unfinished in harness.supervisor.unfinished(robot_id):
+def _asked(harness: Harness, template: str, goal: str) -> tuple[str, str]:
+    """The template's name and the goal in words: what has spaces, or is no word of Latin letters, is a goal."""
+    known = {known.name for known in offered(harness.runtime, RobotId(next(iter(harness.robots))))}
+    return ("", template) if template not in known and _in_words(template) else (template, goal)
+
+
+def _in_words(text: str) -> bool:
+    return " " in text or not text.isascii()
+
+
+def _run(harness: Harness, start: Start) -> dict[str, Any]:
+    draft(harness.runtime, start)
+    for unfinished in harness.supervisor.unfinished(start.robot_id):
         typer.echo(f"Going on with {unfinished.mission_id} first: {unfinished.goal}", err=True)
         harness.supervisor.run(unfinished.mission_id, watch=output.ProgressPrinter())
-    known = {known.name for known in offered(harness.runtime, robot_id)}
-    start = Start(
-        actor=me(),
-        robot_id=robot_id,
-        template=template if template in known or " " not in template else "",
-        goal="" if template in known or " " not in template else template,
-        arguments=arguments,
-        seed=seed,
-        labels={"faults": faults} if faults else {},
-    )
     decision = begin(harness.runtime, start)
     if isinstance(decision, Refused):
         raise ContractInvalid(sentence(decision.reason))

@@ -29,10 +29,14 @@ class Span(Value):
 
 
 class ClauseObject(Value):
-    """What a clause is about: a place, route, passage or zone of the site by its id, or the site as a whole."""
+    """What a clause is about: a place, route, passage or zone of the site by its id, or the site as a whole.
+
+    `name` is what the site called it when the goal was read.
+    """
 
     kind: ObjectKind
     id: str = ""
+    name: str = ""
 
 
 class Clause(Value):
@@ -72,6 +76,19 @@ class Reading(Value):
     def digest(self) -> Digest:
         """What a person confirms: of the text, its clauses and defaults, and what was left unread."""
         return digest(self)
+
+
+class ReadingQuestion(Value):
+    """What a person is asked where a goal was not fully understood (D41).
+
+    `nearest` is the closest reading that could be done; None where nothing of the text could. `template` names what the
+    person chose beside the text, where the text asks for something else.
+    """
+
+    text: str
+    nearest: Reading | None
+    unread: tuple[Unread, ...]
+    template: str = ""
 
 
 def clause_id(number: int) -> str:

@@ -12,6 +12,7 @@ from harness.contracts.tasks import TaskContract, order
 from harness.contracts.verdicts import GoalVerdict, strictest
 from harness.planning.revision import reopened_with
 from harness.projections.mission import Mission, all_required_committed, required_contract
+from harness.projections.readings import cited_in_words, goal_in_words
 from harness.recovery.state import left_now, over_budget
 
 
@@ -23,7 +24,7 @@ def judge(mission: Mission, command: JudgeGoal) -> Decision[events.MissionEvent]
         return refusal
     worst = strictest((verdict.verdict, *(result.verdict for result in verdict.results)))
     if worst == "satisfied" and not mission.vetoes and not mission.disputed:
-        text = because("goal_met", goal=contract.goal.text, reason=verdict.reason)
+        text = because("goal_met", goal=goal_in_words(contract), reason=verdict.reason)
         done = events.MissionEnded(status="succeeded", reason=because("goal_verdict_satisfied"))
         return Accepted((events.GoalVerified(verdict=verdict), events.CompletionReported(text=text), done))
     if worst == "ambiguous" and not mission.relooks and contract.recovery_total > mission.spent_total:
@@ -34,7 +35,10 @@ def judge(mission: Mission, command: JudgeGoal) -> Decision[events.MissionEvent]
         if isinstance(again, GraphRevised):
             return Accepted((events.GoalVerified(verdict=verdict), again))
         why = because("not_reopened", why=why, again=again)
+    failed = failed_clauses(contract, verdict)
     said = because("goal_not_met", verdict=worst, why=why)
+    if failed:
+        said = because("clauses_not_met", verdict=worst, clauses=failed, why=why)
     return Accepted(
         (
             events.GoalVerified(verdict=verdict),
@@ -107,6 +111,14 @@ def _same(effect: effects.AnyEffect, own: effects.AnyEffect) -> bool:
 
 def _done(mission: Mission, node_id: NodeId) -> bool:
     return mission.of(node_id).status == "committed"
+
+
+def failed_clauses(contract: TaskContract, verdict: GoalVerdict) -> tuple[Reason, ...]:
+    """The clauses of the reading that have a condition which does not hold, in their order (D44)."""
+    cited = {one.condition_id: one.clause for one in contract.completion_conditions}
+    failing = [cited.get(one.condition_id) for one in verdict.results if one.verdict != "satisfied"]
+    told = (cited_in_words(contract, one) for one in dict.fromkeys(failing))
+    return tuple(one for one in told if one is not None)
 
 
 def _shortfall(mission: Mission, verdict: GoalVerdict) -> Explanation:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from harness.contracts.errors import ContractInvalid
-from harness.contracts.places import Site
+from harness.contracts.places import Place, Route, Site
 from harness.contracts.readings import ClauseObject, ObjectKind
 from harness.goals.tokens import folded
 from harness.goals.words import Word
@@ -33,7 +33,17 @@ def site_names(site: Site) -> Iterator[tuple[str, Word]]:
         yield from _forms(text, meant)
     for zone in site.zones:
         for text in (zone.name, f"{zone.name} zone"):
-            yield from _forms(text, ClauseObject(kind="region", id=zone.name))
+            yield from _forms(text, ClauseObject(kind="region", id=zone.name, name=zone.name))
+
+
+def object_of_place(place: Place) -> ClauseObject:
+    """A place as a clause names it."""
+    return ClauseObject(kind="place", id=place.place_id, name=place.name)
+
+
+def object_of_route(route: Route) -> ClauseObject:
+    """A route as a clause names it."""
+    return ClauseObject(kind="route", id=route.name, name=route.name)
 
 
 def known_object(meant: ClauseObject, site: Site) -> bool:
@@ -59,14 +69,18 @@ def _forms(text: str, meant: ClauseObject) -> Iterator[tuple[str, Word]]:
 
 def _named(site: Site) -> Iterator[tuple[str, ClauseObject]]:
     for place in site.places:
-        meant = ClauseObject(kind="place", id=place.place_id)
+        meant = object_of_place(place)
         yield from ((text, meant) for text in (place.place_id, place.name, *place.aliases))
     for passage in site.passages:
-        meant = ClauseObject(kind="passage", id=passage.passage_id)
+        meant = ClauseObject(kind="passage", id=passage.passage_id, name=_spoken(passage.passage_id))
         yield from ((text, meant) for text in (passage.passage_id, *(passage.aliases or ())))
     for route in site.routes:
-        meant = ClauseObject(kind="route", id=route.name)
+        meant = object_of_route(route)
         yield from ((text, meant) for text in (route.name, *(route.aliases or ())))
+
+
+def _spoken(name: str) -> str:
+    return name.replace("_", " ")
 
 
 def _key(text: str) -> tuple[str, ...]:

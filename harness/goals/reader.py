@@ -12,14 +12,14 @@ from msgspec.structs import replace
 
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import sha256
-from harness.contracts.places import Passage, Place, Site
+from harness.contracts.places import Site
 from harness.contracts.readings import Clause, ClauseObject, Reading, Span, Unread
 from harness.goals.grammar import Draft, clause_of, items, parse
 from harness.goals.lexicon import meanings
-from harness.goals.names import known_object, site_names
+from harness.goals.names import known_object, object_of_route, site_names
 from harness.goals.tokens import tokens
 from harness.goals.words import Phrases, phrases
-from harness.verification.geometry import contains
+from harness.planning.binding import place_of
 
 MOST_CLAUSES = 12
 
@@ -105,18 +105,6 @@ def site_version(site: Site) -> str:
     return f"{site.name}@{site.map_version}"
 
 
-def place_of(passage: Passage, site: Site) -> Place | None:
-    """The place whose region holds the whole passage (D43); None if no place does."""
-    return next(
-        (
-            place
-            for place in site.places
-            if place.region_m and all(contains(place.region_m, point) for point in passage.floor_m)
-        ),
-        None,
-    )
-
-
 @lru_cache(maxsize=8)
 def _by_names(names: tuple[tuple[str, object], ...]) -> Phrases:
     return phrases(names, meanings())  # type: ignore[arg-type]
@@ -130,8 +118,8 @@ def _bound(clause: Clause, site: Site) -> Clause:
     """Laps without a route mean the only route of the site that ends where it begins."""
     if clause.object is None or clause.object != ClauseObject(kind="route"):
         return clause
-    loops = [route.name for route in site.routes if route.start == route.end]
-    return replace(clause, object=ClauseObject(kind="route", id=loops[0])) if len(loops) == 1 else clause
+    loops = [route for route in site.routes if route.start == route.end]
+    return replace(clause, object=object_of_route(loops[0])) if len(loops) == 1 else clause
 
 
 def _tied(draft: Draft, site: Site) -> bool:
@@ -139,7 +127,7 @@ def _tied(draft: Draft, site: Site) -> bool:
     if draft.beside is None or draft.object is None:
         return True
     passage = next((one for one in site.passages if one.passage_id == draft.object.id), None)
-    place = place_of(passage, site) if passage else None
+    place = place_of(passage, site=site) if passage else None
     return place is not None and place.place_id == draft.beside.id
 
 

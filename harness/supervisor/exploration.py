@@ -4,6 +4,7 @@ It starts nothing itself: an admitted target becomes a revision of the contract,
 like any other stage. When nothing is left to choose, the stage that waited for it continues.
 """
 
+from harness.contexts.view import forbidden_m
 from harness.contracts import exploration
 from harness.contracts.commands import RecordObservation
 from harness.contracts.decisions import Accepted
@@ -102,7 +103,7 @@ class Explorer:
     ) -> exploration.TargetQuestion:
         contract, site = required_contract(mission), self._runtime.site_of(mission)
         state = mission.of(closing.node_id)
-        keep_out = tuple(one.region_m for one in site.places if one.place_id in contract.constraints.keep_out)
+        keep_out = tuple(forbidden_m(site, contract.constraints.keep_out).values())
         left = min(*left_now(mission, closing.node_id), left_of(closing.recovery, state.spends)["local_replan"])
         return exploration.TargetQuestion(
             mission_id=mission.mission_id,

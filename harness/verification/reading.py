@@ -58,6 +58,7 @@ class Evidence:
     context: Context
     blobs: Blobs
     until_s: float | None = None
+    scope: str = ""
     found: dict[Hashable, Any] = field(default_factory=dict, compare=False, repr=False)
     """What was computed of this evidence before: it does not change, and several conditions ask the same of it."""
 
@@ -70,7 +71,12 @@ class Evidence:
 
     def at(self, instant_s: float) -> "Evidence":
         """The same evidence as it stood at an earlier instant: nothing younger is seen (R14)."""
-        return Evidence(self.context, self.blobs, until_s=instant_s)
+        return Evidence(self.context, self.blobs, until_s=instant_s, scope=self.scope)
+
+    def within(self, name: str) -> "Evidence":
+        """The same evidence without facts of other clauses, for a condition of that name: `2.goal.linked` is of 2."""
+        scope = scope_of(name)
+        return Evidence(self.context, self.blobs, until_s=self.until_s, scope=scope) if scope != self.scope else self
 
     @cached_property
     def conditions(self) -> tuple[Condition, ...]:
@@ -100,7 +106,8 @@ class Evidence:
     @cached_property
     def facts(self) -> tuple[CommittedFact, ...]:
         record = self.context.one("facts")
-        return read(record, tuple[CommittedFact, ...]) if record else ()
+        every = read(record, tuple[CommittedFact, ...]) if record else ()
+        return tuple(one for one in every if not self.scope or scope_of(one.node_id) in ("", self.scope))
 
     @cached_property
     def receipts(self) -> tuple[Receipt, ...]:
@@ -120,7 +127,9 @@ class Evidence:
 
     @cached_property
     def nodes(self) -> tuple[CommittedNode, ...]:
-        return tuple(read(record, CommittedNode) for record in self.context.all("node"))
+        single = (read(record, CommittedNode) for record in self.context.all("node"))
+        listed = (read(record, tuple[CommittedNode, ...]) for record in self.context.all("nodes"))
+        return (*single, *(node for nodes in listed for node in nodes))
 
     @cached_property
     def tracks(self) -> tuple[AdmittedTrack, ...]:
@@ -130,6 +139,8 @@ class Evidence:
         for record in self.context.all("trajectory"):
             reference = read(record, EvidenceReference)
             (current if reference.values.get("role") == "current" else cited).append(reference)
+        for record in self.context.all("tracks"):
+            cited.extend(read(record, tuple[EvidenceReference, ...]))
         found = [self._track([one], current=False) for one in cited]
         return (*sorted(found, key=lambda track: track.dispatched_s), *self._now(current))
 
@@ -217,6 +228,12 @@ class Evidence:
         if record is None:
             raise Undecidable(because("context_lacks", kind=kind))
         return read(record, of)
+
+
+def scope_of(name: str) -> str:
+    """The part of a composite mission that a stage or condition belongs to: `2` of `2.go`; empty for all others."""
+    head, dot, _ = name.partition(".")
+    return head if dot and head.isdecimal() else ""
 
 
 @lru_cache(maxsize=4)

@@ -91,7 +91,7 @@ def _results(evidence: Evidence) -> tuple[tuple[verdicts.ConditionResult, bool],
         conditions = evidence.conditions
     except Undecidable as error:
         raise ContractInvalid(str(error), where="context", do="compile C3 with its conditions") from error
-    found = [(condition, *_found(condition, evidence)) for condition in conditions]
+    found = [(condition, *_found(condition, evidence.within(condition.condition_id))) for condition in conditions]
     return tuple((_result(condition, evidence, finding), broken) for condition, finding, broken in found)
 
 

@@ -10,6 +10,7 @@ from harness.verification.predicates.circuit import circuit
 from harness.verification.predicates.delivery import delivered
 from harness.verification.predicates.explored import explored
 from harness.verification.predicates.inside import inside
+from harness.verification.predicates.one_subject import one_subject
 from harness.verification.predicates.panorama import panorama
 from harness.verification.predicates.pictures import one_image, pictured, same_image
 from harness.verification.predicates.playback import played
@@ -17,6 +18,7 @@ from harness.verification.predicates.relations import in_order, linked, reported
 from harness.verification.predicates.sighted import sighted
 from harness.verification.predicates.stable import stable
 from harness.verification.predicates.static_body import static_body
+from harness.verification.predicates.stayed_out import stayed_out
 from harness.verification.predicates.transcript import transcript
 from harness.verification.reading import Evidence
 
@@ -35,7 +37,9 @@ PREDICATES: dict[tuple[str, str], Predicate] = {
     ("relational", "inside"): inside,
     ("relational", "linked"): linked,
     ("relational", "one_image"): one_image,
+    ("relational", "one_subject"): one_subject,
     ("relational", "same_image"): same_image,
+    ("relational", "stayed_out"): stayed_out,
     ("symbolic", "delivered"): delivered,
     ("symbolic", "explored"): explored,
     ("symbolic", "played"): played,
