@@ -19,13 +19,15 @@ from app.views.forms import Again, Before, FormOptions, StopPage, Wrong
 from app.views.list_params import ListParams
 from app.views.missions import Counted, MissionsPage
 from app.views.preview import Preview
+from app.views.readings import goal_words, question_view
 from app.web.rendering import render
 from app.web.security import PrincipalDep
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
-from harness.contracts.errors import ContractInvalid, UnknownName
+from harness.contracts.errors import ContractInvalid, GoalNotUnderstood, UnknownName
 from harness.contracts.events import MissionCreated
 from harness.contracts.ids import MissionId, RobotId
+from harness.contracts.readings import ReadingQuestion
 from harness.contracts.tasks import TaskTemplate
 from harness.extra_templates import begin, draft, offered
 from harness.projections.mission import Mission
@@ -83,6 +85,8 @@ def preview(console: ConsoleDep, principal: PrincipalDep, actor: ActorDep, typed
         return _form(console, actor, typed, wrong=wrong)
     try:
         drafted = draft(console.runtime, order)
+    except GoalNotUnderstood as error:
+        return _form(console, actor, typed, question=error.question)
     except (UnknownName, ContractInvalid) as error:
         return _form(console, actor, typed, wrong=[_beside(console, typed, error)])
     return _form(console, actor, typed, shown=previews.preview(drafted, console.runtime.site))
@@ -95,6 +99,8 @@ def start(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
         return _form(console, actor, typed, wrong=wrong)
     try:
         mission_id = console.keys.once(typed.get("key", ""), lambda: started(console, order))
+    except GoalNotUnderstood as error:
+        return _form(console, actor, typed, question=error.question)
     except (UnknownName, ContractInvalid) as error:
         return _form(console, actor, typed, wrong=[_beside(console, typed, error)])
     return RedirectResponse(f"/missions/{mission_id}", status_code=303)
@@ -145,8 +151,9 @@ def _template(console: Console, typed: dict[str, str]) -> TaskTemplate | None:
 def _order(console: Console, actor: Actor, typed: dict[str, str]) -> tuple[Start | None, list[Wrong]]:
     """What the form asks for, or what is wrong with it."""
     template = _template(console, typed)
-    wrong = forms.wrong_start(typed, template, console.settings.robots)
-    if wrong or template is None:
+    by_goal = typed.get("template") == forms.BY_GOAL
+    wrong = forms.wrong_start(typed, template, console.settings.robots, by_goal=by_goal)
+    if wrong:
         return None, wrong
     again = typed.get("rerun_of", "")
     if again:
@@ -154,10 +161,11 @@ def _order(console: Console, actor: Actor, typed: dict[str, str]) -> tuple[Start
     order = Start(
         actor=actor,
         robot_id=RobotId(typed["robot_id"]),
-        template=template.name,
+        template=template.name if template else "",
         goal=typed["goal"].strip(),
-        arguments=forms.arguments(typed, template),
+        arguments=forms.arguments(typed, template) if template else {},
         labels={"rerun_of": again} if again else {},
+        confirm_reading=typed.get("confirm_reading", ""),
     )
     return order, []
 
@@ -184,7 +192,7 @@ def _again(console: Console, typed: dict[str, str]) -> Again | None:
     done = ("committed", "superseded")
     return Again(
         mission_id=mission.mission_id,
-        goal=mission.goal,
+        goal=goal_words(mission),
         status=mission.status,
         unaccepted=tuple(name for name, node in mission.nodes.items() if node.status not in done),
     )
@@ -197,7 +205,9 @@ def _form(
     *,
     wrong: Sequence[Wrong] = (),
     shown: Preview | None = None,
+    question: ReadingQuestion | None = None,
 ) -> HTMLResponse:
+    """The form again; 422 where something must be corrected, or a reading confirmed."""
     robots = console.settings.robots
     robot_id = typed.get("robot_id") or robots[0]
     page = forms.start_page(
@@ -207,10 +217,11 @@ def _form(
         key=typed.get("key") or console.sessions.key(),
         wrong=wrong,
         again=_again(console, typed),
-        ahead=[Before(one.mission_id, one.goal, one.status) for one in waiting_line(console, robot_id)],
+        ahead=[Before(one.mission_id, goal_words(one), one.status) for one in waiting_line(console, robot_id)],
         preview=shown,
+        reading=question_view(question) if question else None,
     )
-    return render("missions/new.html", page, status=422 if wrong else 200)
+    return render("missions/new.html", page, status=422 if wrong or question else 200)
 
 
 def waiting_line(console: Console, robot_id: str) -> list[Mission]:
@@ -225,7 +236,7 @@ def _stop_page(console: Console, actor: Actor, mission_id: MissionId, *, errors:
         shell=console.shell(lazy_gettext("Stop {robot_id}", robot_id=mission.robot_id), "missions", actor),
         mission_id=mission_id,
         robot_id=mission.robot_id,
-        goal=mission.goal,
+        goal=goal_words(mission),
         status=mission.status,
         robot=word_of(console, mission.robot_id),
         reasons=forms.STOP_REASONS,

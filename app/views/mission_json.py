@@ -7,6 +7,7 @@ from math import dist
 from typing import Any
 
 from app.i18n.reasons import rendering as reasons
+from app.views.readings import clauses_json, mission_reading, reading_json
 from app.views.timeline import TimelineEntry
 from harness.contracts.effects import Metric
 from harness.contracts.events import DispatchIntended, PacketRetained
@@ -31,6 +32,8 @@ def mission_outcome(
         "mission_id": mission.mission_id,
         "status": mission.status,
         "goal": mission.goal,
+        "reading": reading_json(mission.goal, reading) if (reading := mission_reading(mission)) else None,
+        "clauses": clauses_json(mission),
         "template": mission.template,
         "robot_id": mission.robot_id,
         "goal_verdict": mission.goal_verdict.verdict if mission.goal_verdict else None,

@@ -9,9 +9,13 @@ import msgspec
 from app.i18n.catalogues import ENGLISH
 from app.i18n.messages import reasoned
 from app.i18n.reasons.rendering import sentence
+from harness.contracts.effects import Condition
+from harness.contracts.read_models import MissionItem
 from harness.contracts.readings import PROFILE, Reading, ReadingQuestion, Span, Unread
-from harness.contracts.reasons import because
-from harness.projections.readings import clause_in_words, reading_in_words
+from harness.contracts.reasons import Reason, because
+from harness.contracts.verdicts import ConditionResult, strictest
+from harness.projections.mission import Mission
+from harness.projections.readings import cited_in_words, clause_in_words, reading_in_words
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,27 @@ class ReadClause:
     number: str
     told: str
     words: str
+
+
+@dataclass(frozen=True)
+class TestedCondition:
+    """A completion condition with its result; None before the goal was tested."""
+
+    condition: Condition
+    result: ConditionResult | None
+
+
+@dataclass(frozen=True)
+class ClauseVerdict:
+    """One clause, or default, of a mission's goal and the conditions it is judged by (D44).
+
+    `verdict` is the strictest of theirs; empty before the goal was tested.
+    """
+
+    number: str
+    told: str
+    verdict: str
+    tests: tuple[TestedCondition, ...]
 
 
 @dataclass(frozen=True)
@@ -66,6 +91,75 @@ def question_view(question: ReadingQuestion) -> ReadingView:
         whole=False,
         template=question.template,
     )
+
+
+def goal_words(shown: Mission | MissionItem) -> str:
+    """What a mission is for: what was read; the goal's own text for one without a reading."""
+    if isinstance(shown, MissionItem):
+        return reasoned(shown.reading) if isinstance(shown.reading, Reason) else shown.goal
+    reading = mission_reading(shown)
+    return reasoned(reading_in_words(reading)) if reading else shown.goal
+
+
+def source_words(shown: Mission | MissionItem) -> str:
+    """The goal's own text, where what is shown above it is a reading; empty otherwise."""
+    if isinstance(shown, MissionItem):
+        return shown.goal if isinstance(shown.reading, Reason) else ""
+    return shown.goal if mission_reading(shown) else ""
+
+
+def mission_reading(mission: Mission) -> Reading | None:
+    """The reading of a mission; None for one that has none, or no contract yet."""
+    reading = mission.contract.reading if mission.contract else None
+    return reading if isinstance(reading, Reading) else None
+
+
+def mission_view(mission: Mission) -> ReadingView | None:
+    """A mission's reading beside its text."""
+    reading = mission_reading(mission)
+    return reading_view(mission.goal, reading) if reading else None
+
+
+def clause_verdicts(mission: Mission) -> tuple[ClauseVerdict, ...]:
+    """The goal verdict as a table: each clause with its conditions, and each default of the mission profile."""
+    contract, reading = mission.contract, mission_reading(mission)
+    if contract is None or reading is None:
+        return ()
+    found = {one.condition_id: one for one in mission.goal_verdict.results} if mission.goal_verdict else {}
+    numbers = [str(number) for number, _ in enumerate(reading.clauses, start=1)]
+    rows = []
+    for cited in (*numbers, *(f"{PROFILE}.{name}" for name in reading.defaults)):
+        conditions = tuple(one for one in contract.completion_conditions if one.clause == cited)
+        tests = tuple(TestedCondition(one, found.get(one.condition_id)) for one in conditions)
+        told = cited_in_words(contract, cited)
+        results = tuple(one.result.verdict for one in tests if one.result)
+        rows.append(ClauseVerdict(cited, reasoned(told or ""), strictest(results) if results else "", tests))
+    return tuple(rows)
+
+
+def clauses_json(mission: Mission) -> list[dict[str, Any]]:
+    """The same table for programs: clause, condition, verdict, evidence, independence."""
+    return [
+        {
+            "clause": row.number,
+            "told": str(row.told),
+            "verdict": row.verdict or None,
+            "conditions": [_condition_json(one) for one in row.tests],
+        }
+        for row in clause_verdicts(mission)
+    ]
+
+
+def _condition_json(tested: TestedCondition) -> dict[str, Any]:
+    condition, result = tested.condition, tested.result
+    return {
+        "condition_id": condition.condition_id,
+        "text": condition.text,
+        "verdict": result.verdict if result else None,
+        "evidence": list(result.evidence) if result else [],
+        "independence": result.independence if result else None,
+        "required_independence": result.required_independence if result else None,
+    }
 
 
 def text_parts(text: str, unread: tuple[Unread, ...]) -> tuple[TextPart, ...]:
