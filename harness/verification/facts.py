@@ -18,7 +18,7 @@ def facts_of(
     packet: EvidencePacket,
     node: Node,
     k: Count,
-    proposals: Sequence[ProposedFact],
+    proposals: Sequence[ProposedFact] = (),
 ) -> tuple[CommittedFact, ...]:
     """One fact per satisfied condition that a provider proposed, with the values that later nodes bind.
 
