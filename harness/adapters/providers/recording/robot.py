@@ -31,7 +31,7 @@ CARD = capabilities.CapabilityCard(
     version="1",
     embodiments=("any",),
     parameters=(
-        capabilities.Parameter(name="target", type="point", unit="m"),
+        capabilities.Parameter(name="target", type="point", unit="m", required=False),
         capabilities.Parameter(name="frame", type="frame"),
         capabilities.Parameter(name="route", type="points", unit="m", required=False),
         capabilities.Parameter(name="tolerance_m", type="number", unit="m", required=False, minimum=0.0),
