@@ -5,11 +5,12 @@ round an obstacle that its lidar shows, where a gap is wide enough.
 """
 
 import math
+from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
 
-from harness.contracts.values import Point, Value
+from harness.contracts.values import Point, Value, encode
 from simulator.bodies import BRAKING_MPS2, LIDAR_REACH_M, Floats, Velocity
 from simulator.local_map import LocalMap
 from simulator.routes import RouteLine
@@ -22,6 +23,7 @@ DEPARTURE_M = 0.8
 SEARCH_M = 1.5
 SWATH_M = 0.3
 LOOK_S = 0.4
+LAST_SEEN = 40
 REJOIN_M = tuple(np.arange(0.6, 3.5, 0.2).tolist())
 """Where a detour may rejoin the route, metres ahead: early where it is clear, else as far on as the map shows."""
 AHEAD = np.radians(np.linspace(-75.0, 75.0, 51))
@@ -39,6 +41,14 @@ class Leg(Value):
     begin_m: float
 
 
+class ArrivalEstimate(Value):
+    """What an arrival is declared by: the target, and the last estimates as (at_s, x_m, y_m, yaw_rad) in the map."""
+
+    target_m: Point
+    distance_m: float
+    poses: tuple[tuple[float, float, float, float], ...]
+
+
 class RouteFollower:
     """The cheap navigator: along the route or not at all."""
 
@@ -52,6 +62,7 @@ class RouteFollower:
         self._departed_s: float | None = None
         self._looked_s = -math.inf
         self._held = ""
+        self._seen: deque[tuple[float, float, float, float]] = deque(maxlen=LAST_SEEN)
 
     @property
     def begin_m(self) -> float:
@@ -76,6 +87,7 @@ class RouteFollower:
 
     def step(self, perception: Perception) -> Step:
         """Steer, stop in front of an obstacle, settle at the goal, give up after NO_PROGRESS_S."""
+        self._seen.append((perception.at_s, perception.x_m, perception.y_m, perception.yaw_rad))
         self._follow(perception)
         if self._arrived_s is not None:
             return self._settle(perception, self._arrived_s)
@@ -162,7 +174,16 @@ class RouteFollower:
         if self._departed_s is not None:
             declared["departed_at_s"] = self._departed_s
         text = f"GOAL REACHED within {distance_m:.2f} m"
-        arrival = Draft(kind="arrival", at_s=at_s, text=text, values={"distance_m": declared["distance_m"]})
+        rests_on = ArrivalEstimate(
+            target_m=self._leg.target_m, distance_m=declared["distance_m"], poses=tuple(self._seen)
+        )
+        arrival = Draft(
+            kind="arrival",
+            at_s=at_s,
+            text=text,
+            values={"distance_m": declared["distance_m"]},
+            body=encode(rests_on),
+        )
         disarm = Draft(kind="disarm", at_s=at_s, text="velocity interface disarmed")
         return Step(drafts=(arrival, disarm), outcome=Outcome(status="succeeded", message=text, declared=declared))
 

@@ -1,5 +1,6 @@
 """regen mission: run, replay, list, show, events, stop."""
 
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -155,15 +156,17 @@ def _summary(outcome: dict[str, Any]) -> list[str]:
 @app.command()
 def replay(
     recording: Annotated[Path, typer.Argument(help="MCAP, rosbag2 folder or ROS 1 bag.")],
-    target: Annotated[str | None, typer.Option(help="X,Y in metres; default: the recording's last pose.")] = None,
+    target: Annotated[str | None, typer.Option(help="X,Y in metres; default: the recording's goals or routes.")] = None,
+    place: Annotated[str, typer.Option(help="A place of the site as the target; the recording is on its map.")] = "",
     data: output.Data = output.DEFAULT_DATA,
     as_json: output.Json = False,
     topic: Annotated[list[str] | None, typer.Option(help="ROLE=TOPIC, such as odometry=/odom.")] = None,
 ) -> None:
     """Run a navigation mission on a recording; the harness measures arrival and progress itself."""
-    with replayed(
-        output.settings(data_folder=data, speed=0.0), recording, target=_point(target), topics=topic or []
-    ) as replayer:
+    if target and place:
+        raise typer.BadParameter("give --target or --place", param_hint="--place")
+    settings = output.settings(data_folder=data, speed=0.0)
+    with replayed(settings, recording, target=_point(target), place=place, topics=topic or []) as replayer:
         mission, facts = replayer.run(me(), watch=output.ProgressPrinter())
         outcome = mission_outcome(mission, Histories(replayer.harness.runtime).of(mission.mission_id), ()) | facts
     output.show(
@@ -179,6 +182,8 @@ def _point(text: str | None) -> tuple[float, float] | None:
         x, y = (float(part) for part in text.split(","))
     except ValueError:
         raise typer.BadParameter(f"{text!r} is not X,Y", param_hint="--target") from None
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise typer.BadParameter(f"{text!r} is no finite point", param_hint="--target")
     return x, y
 
 

@@ -14,6 +14,7 @@ from harness.projections.mission import Mission, required_contract
 from harness.recovery.classify import classify
 from harness.verification.facts import facts_of
 from harness.verification.finding import UNAVAILABLE
+from harness.verification.proposals import proposals_for
 
 
 def complete(mission: Mission, command: CompleteNode) -> Decision[events.MissionEvent]:
@@ -31,7 +32,13 @@ def complete(mission: Mission, command: CompleteNode) -> Decision[events.Mission
             node_id=identity.node_id,
             invocation_id=identity.invocation_id,
             packet_id=identity.packet_id,
-            facts=facts_of(verdict, packet=packet, node=node, k=mission.k + 1),
+            facts=facts_of(
+                verdict,
+                packet=packet,
+                node=node,
+                k=mission.k + 1,
+                proposals=proposals_for(packet, mission.of(identity.node_id).packets),
+            ),
             withdrawn=_ended_by(node, mission),
             aborting=mission.invocation is not None and mission.invocation.intent.aborting,
         )

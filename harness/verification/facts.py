@@ -1,23 +1,40 @@
 """Derives the facts that a satisfied verdict would establish. Pure: it proposes; only the gate commits (R29, R113)."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from harness.contracts import effects
 from harness.contracts.evidence import CommittedFact, EvidencePacket
+from harness.contracts.protocol import ProposedFact
 from harness.contracts.tasks import Node
 from harness.contracts.values import Count
 from harness.contracts.verdicts import ConditionResult, NodeVerdict
+from harness.verification.proposals import proposed, written_by_harness
 
 
-def facts_of(verdict: NodeVerdict, *, packet: EvidencePacket, node: Node, k: Count) -> tuple[CommittedFact, ...]:
-    """One fact per satisfied condition, named as its predicate, with the values that later nodes bind.
+def facts_of(
+    verdict: NodeVerdict,
+    *,
+    packet: EvidencePacket,
+    node: Node,
+    k: Count,
+    proposals: Sequence[ProposedFact] = (),
+) -> tuple[CommittedFact, ...]:
+    """One fact per satisfied condition that a provider proposed, with the values that later nodes bind.
+
+    The values are those that were tested, never the provider's. In a packet of a release whose harness wrote the
+    proposals itself, every condition counts as proposed.
 
     panorama: frames, yaws_rad (index, heading in map), position, heading_rad. analysis_of: report, frames, text (the
     harness's own words from the report's numbers). delivered: frames, images (how many), text_digest.
     pictured: images. same_image: images (the one that both share), report. transcript: digest. played: sound.
     arrival, circuit: frame, map_version, target_m, tolerance_m.
     """
-    declared = {condition.condition_id: condition for condition in node.success_conditions}
+    declared = {
+        condition.condition_id: condition
+        for condition in node.success_conditions
+        if written_by_harness(packet) or proposed(condition, proposals)
+    }
     return tuple(
         CommittedFact(
             name=declared[result.condition_id].effect.predicate,

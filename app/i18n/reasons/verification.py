@@ -70,6 +70,10 @@ SENTENCES: Mapping[str, str] = {
     "no_playback_receipt": N_("no playback receipt names a sound"),
     "no_pose_in_route_map": N_("no pose of the route's frame and map was received"),
     "no_pose_in_target_map": N_("no pose of the target's frame and map was received in this execution"),
+    "no_target": N_(
+        "the recording names no target: give one with --target X,Y or --place, "
+        "or name its goal topic with --topic goal=NAME"
+    ),
     "no_predicate": N_("no predicate tests {predicate}"),
     "no_samples_of_execution": N_("no samples of this execution are known"),
     "no_transcript_receipt": N_("no transcript receipt names a text"),
