@@ -13,7 +13,7 @@ from tests.builders.releases import candidate, tried
 
 TURNS = ("claim", "release", "on-my-way", "choose", "take-over", "hand-back", "close")
 ALERT_TURNS = ("acknowledge", "shelve", "suppress", "restore", "assign")
-REASONED = ("stop", "pause", "resume", "dispute", "withdraw", "case")
+REASONED = ("stop", "pause", "resume", "dispute", "withdraw", "case", "free")
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,7 @@ class House:
             "form": "viser",
             "candidate": self.candidate,
             "word": "comment",
+            "resource": "vbot-1/mobile_base",
         }
         return re.sub(r"\{(\w+)(:\w+)?\}", lambda found: names.get(found[1], "1"), path)
 

@@ -61,6 +61,7 @@ CHANGE: dict[tuple[str, str], Permission] = {
     ("POST", "/api/v1/robots/{robot_id}/wheel/turn"): "drive",
     ("POST", "/api/v1/robots/{robot_id}/wheel/return"): "stop",
     **{("POST", f"{door}/alerts/{{alert_id}}/{turn}"): "alerts" for door in ("", "/api/v1") for turn in ALERT_TURNS},
+    ("POST", "/api/v1/leases/{resource:path}/free"): "drive",
     ("POST", "/api/v1/places/{place_id}"): "drive",
     ("POST", "/api/v1/places/{place_id}/remove"): "drive",
     ("POST", "/places/new"): "drive",

@@ -6,7 +6,7 @@ from typing import Any, get_args
 import pytest
 from pydantic import TypeAdapter
 
-from app.acts import alerts, handoffs, missions
+from app.acts import alerts, handoffs, leases, missions
 from app.acts.base import Act
 from app.auth.command_permissions import PERMISSIONS
 from harness.contracts import commands, person_commands
@@ -26,6 +26,7 @@ BODIES: dict[str, dict[str, Any]] = {
     "take-over": HELD | {"device": "desk 2"},
     "hand-back": HELD,
     "close": HELD,
+    "free": {"reason": "beside it"},
     "mission stop": {"reason": "person in the way"},
     "mission pause": {"reason": "look first"},
     "mission resume": {"reason": "clear"},
@@ -44,6 +45,7 @@ KINDS: dict[str, type[Act]] = {
     **handoffs.ACTS,
     **handoffs.DECISIONS,
     **alerts.ACTS,
+    "free": leases.FreeLeaseAct,
     "mission stop": missions.StopMissionAct,
     "mission pause": missions.PauseMissionAct,
     "mission resume": missions.ResumeMissionAct,
