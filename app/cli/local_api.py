@@ -40,7 +40,7 @@ class LocalApi(Api):
     def __init__(self, runtime: Runtime, accounts: Accounts, data: Path, harness: Harness | None = None) -> None:
         token = secrets.token_urlsafe(32)
         robots = tuple(str(one) for one in harness.robots) if harness else ("vbot-1",)
-        console = ConsoleSettings(robots=robots, owner_token=SecretStr(token), owner=me().name)
+        console = ConsoleSettings(robots=robots, owner_token=SecretStr(token), owner=me().name, operator=me().name)
         self._broker, self._harness = SignalBroker(), harness
         self._app = create_app(
             runtime,
