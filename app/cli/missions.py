@@ -10,24 +10,16 @@ import typer
 from app.acts.missions import DisputeCompletionAct, StartMissionAct, StopMissionAct, WithdrawMissionAct
 from app.background.mission_history import Histories
 from app.cli import output
-from app.cli.data_folder import running
 from app.cli.local_api import api_with_robots
-from app.cli.owner_api import owner_api
 from app.cli.person import me
 from app.i18n.messages import reasoned
 from app.i18n.reasons import rendering as reasons
-from app.i18n.reasons.rendering import sentence
 from app.views.mission_json import mission_outcome
-from harness.bootstrap import Harness, read_harness
-from harness.contracts.decisions import Refused
-from harness.contracts.errors import ContractInvalid
-from harness.contracts.ids import MissionId, RobotId
+from harness.bootstrap import read_harness
+from harness.contracts.ids import MissionId
 from harness.contracts.upcasting import name_of
-from harness.extra_templates import begin, offered
 from harness.projections.exploration import ExplorationDecision, decisions
-from harness.projections.mission import Mission
 from harness.recordings import replayed, write_recording
-from harness.runtime import Start
 from simulator.in_process import SIMULATOR
 
 app = typer.Typer(no_args_is_help=True, help="Run and read missions.")
@@ -46,51 +38,24 @@ def run(
     record_to: Annotated[Path | None, typer.Option("--record", help="Write the mission as MCAP.")] = None,
 ) -> None:
     """Run one mission and wait for its end. At speed 0 nothing waits for people: exit 3 at once."""
-    faults = ",".join(fault or [])
     SIMULATOR.check_faults(fault or [])
-    api = owner_api(data)
-    if api is not None:
-        said = StartMissionAct.of(
-            template="" if " " in template else template,
-            goal=template if " " in template else "",
-            arguments=_arguments(argument),
-            seed=seed,
-            labels={"faults": faults} if faults else {},
-        )
-        outcome = api.follow(api.post("/missions", said.body())["mission_id"])
-    else:
-        chosen = output.settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity)
-        with running(chosen) as harness:
-            outcome = _run(harness, template, _arguments(argument), seed=seed, faults=faults)
-            if record_to is not None:
-                write_recording(harness.runtime, MissionId(outcome["mission_id"]), record_to)
+    said = StartMissionAct.of(
+        template="" if " " in template else template,
+        goal=template if " " in template else "",
+        arguments=_arguments(argument),
+        seed=seed,
+        labels={"faults": ",".join(fault)} if fault else {},
+    )
+    chosen = output.settings(data_folder=data, speed=speed, seed=seed, fidelity=fidelity)
+    with api_with_robots(data, chosen) as api:
+        mission_id = api.post("/missions", said.body())["mission_id"]
+        api.finish_earlier(mission_id)
+        outcome = api.follow(mission_id)
+    if record_to is not None:
+        with read_harness(chosen) as runtime:
+            write_recording(runtime, MissionId(mission_id), record_to)
     output.show(outcome, as_json=as_json, lines=_summary(outcome))
     raise typer.Exit(output.exit_code(outcome["status"]))
-
-
-def _run(
-    harness: Harness, template: str, arguments: dict[str, str | float], *, seed: int, faults: str
-) -> dict[str, Any]:
-    robot_id = RobotId(next(iter(harness.robots)))
-    for unfinished in harness.supervisor.unfinished(robot_id):
-        typer.echo(f"Going on with {unfinished.mission_id} first: {unfinished.goal}", err=True)
-        harness.supervisor.run(unfinished.mission_id, watch=output.ProgressPrinter())
-    known = {known.name for known in offered(harness.runtime, robot_id)}
-    start = Start(
-        actor=me(),
-        robot_id=robot_id,
-        template=template if template in known or " " not in template else "",
-        goal="" if template in known or " " not in template else template,
-        arguments=arguments,
-        seed=seed,
-        labels={"faults": faults} if faults else {},
-    )
-    decision = begin(harness.runtime, start)
-    if isinstance(decision, Refused):
-        raise ContractInvalid(sentence(decision.reason))
-    mission_id: MissionId = decision.events[0].mission_id  # type: ignore[union-attr]
-    mission = harness.supervisor.run(mission_id, watch=output.ProgressPrinter())
-    return _outcome(harness, mission)
 
 
 @app.command()
@@ -102,20 +67,10 @@ def resume(
     fidelity: Annotated[str | None, typer.Option(help="mujoco or kinematic.")] = None,
 ) -> None:
     """Go on with a mission that a crash or an exit left open."""
-    api = owner_api(data)
-    if api is not None:
+    with api_with_robots(data, output.settings(data_folder=data, speed=speed, fidelity=fidelity)) as api:
         outcome = api.follow(mission_id)
-    else:
-        with running(output.settings(data_folder=data, speed=speed, fidelity=fidelity)) as harness:
-            mission = harness.supervisor.run(MissionId(mission_id), watch=output.ProgressPrinter())
-            outcome = _outcome(harness, mission)
     output.show(outcome, as_json=as_json, lines=_summary(outcome))
     raise typer.Exit(output.exit_code(outcome["status"]))
-
-
-def _outcome(harness: Harness, mission: Mission) -> dict[str, Any]:
-    history = Histories(harness.runtime).of(mission.mission_id)
-    return mission_outcome(mission, history, harness.starts(mission.mission_id))
 
 
 def _arguments(given: list[str] | None) -> dict[str, str | float]:
