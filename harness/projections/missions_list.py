@@ -6,7 +6,7 @@ from harness.contracts.reasons import Explanation, because, plain
 from harness.contracts.tasks import order
 from harness.contracts.values import encode
 from harness.projections.handoffs import Handoff
-from harness.projections.mission import TERMINAL_MISSION, Mission
+from harness.projections.mission import SETTLED, TERMINAL_MISSION, Mission
 
 WAITING = frozenset({"awaiting_human", "awaiting_approval", "paused"})
 
@@ -120,9 +120,12 @@ def current_stage(mission: Mission) -> str:
         return "not compiled yet"
     names = order(mission.contract)
     done = sum(mission.of(name).status == "committed" for name in names)
+    declared = sum(mission.of(name).status == "declared" for name in names)
     if done == len(names):
         return f"all {len(names)} stages accepted"
-    current = next((name for name in names if mission.of(name).status not in ("committed", "pending")), None)
+    if declared and done + declared == len(names):
+        return f"{done} of {len(names)} stages accepted, {declared} declared"
+    current = next((name for name in names if mission.of(name).status not in (*SETTLED, "pending")), None)
     if current is None:
         current = next(name for name in names if mission.of(name).status == "pending")
     return f"{current.replace('_', ' ')}, {names.index(current) + 1} of {len(names)}"
