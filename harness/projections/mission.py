@@ -164,6 +164,13 @@ class Mission(Value):
         return self.status in TERMINAL_MISSION
 
     @property
+    def goal_outcome(self) -> str:
+        """What is known of the goal: the newest goal verdict, or that it was verified in part only; empty before."""
+        if self.status == "partly_verified":
+            return self.status
+        return self.goal_verdict.verdict if self.goal_verdict else ""
+
+    @property
     def level(self) -> Autonomy:
         """The autonomy level that applies: the stricter of its own level and the site's limit."""
         return stricter(self.autonomy, self.autonomy_limit)
