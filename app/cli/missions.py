@@ -105,6 +105,9 @@ def _summary(outcome: dict[str, Any]) -> list[str]:
     )
     if outcome.get("reason"):
         lines.append(str(outcome["reason"]))
+    lines += [
+        f"declared, not verified: {one['text']} ({one['condition_id']})" for one in outcome["declared_conditions"]
+    ]
     return lines
 
 

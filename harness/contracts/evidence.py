@@ -66,8 +66,11 @@ class EvidencePacket(Value):
     protocol: Name | UnsetType = UNSET
 
 
-class CommittedFact(Value):
-    """A fact the gate admitted: accepted by the configured checks, not infallible truth (R36)."""
+class CommittedFact(Value, omit_defaults=True):
+    """A fact the gate admitted: accepted by the configured checks, not infallible truth (R36).
+
+    `independence`: the level of the condition that it was accepted on; None under rules that do not record it.
+    """
 
     name: Name
     kind: FactKind
@@ -75,6 +78,23 @@ class CommittedFact(Value):
     condition_id: ids.ConditionId
     packet_id: ids.PacketId
     k: Count
+    at_s: float
+    arguments: dict[str, Any]
+    measured: dict[str, float]
+    independence: Count | None = None
+
+
+class DeclaredEffect(Value):
+    """An effect that only its provider declares, where the node's evidence policy names it: never a committed fact.
+
+    `text` is the condition's, for people; `arguments` are what later stages may be given, and may not build on.
+    """
+
+    name: Name
+    node_id: ids.NodeId
+    condition_id: ids.ConditionId
+    text: str
+    packet_id: ids.PacketId
     at_s: float
     arguments: dict[str, Any]
     measured: dict[str, float]

@@ -90,6 +90,7 @@ SENTENCES: Mapping[str, str] = {
     "not_observed": N_("Nobody has looked at the robot since. Look again, then decide."),
     "nothing_to_approve": N_("This handoff proposes no action: reject it or take over."),
     "obsolete_version": N_("The packet was made at state version {k_ctx}; the mission is at {k}."),
+    "on_its_own_word": N_("{results}"),
     "only_retry_is_free": N_("{action:word} costs {cost}; only a retry is free for a person."),
     "other_window": N_("You claimed this question in another window. Decide there, or claim it here."),
     "over_speed": N_("{speed_mps:g} m/s exceeds the contract's {limit_mps:g} m/s."),

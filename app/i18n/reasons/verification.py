@@ -121,6 +121,7 @@ SENTENCES: Mapping[str, str] = {
         "it says {width_px}x{height_px} pixels, the picture has {picture_width_px}x{picture_height_px}"
     ),
     "report_verdict_does_not_follow": N_("its verdict does not follow from its findings"),
+    "rests_on_declared": N_("it rests on {stages:words}, which is declared and not verified: {reason}"),
     "returned_before_departure": N_("the return was measured before the departure"),
     "robot_says_not_localised": N_("the robot says that it is not localised"),
     "route_not_covered": N_("{share:.1%} of the route was measured, bound {bound:.0%}"),
