@@ -100,6 +100,7 @@ def _started(tail: Tail) -> MissionCommand | None:
                 autonomy=created.autonomy,
                 replay=created.replay,
                 trial=created.trial,
+                channel=created.channel,
             )
         case [ContractRecompiled() as again, *_]:
             return RecompileContract(

@@ -22,7 +22,7 @@ class StateView(Value):
     `at_s` is mission time. `recent` are the newest samples, oldest first. `examples` are verified operational
     examples (kind "example"), `proposals` what planners and models proposed (kind "intention"): C2 may read both, C3
     neither. `history` counts failures coarsely: name -> failure class -> how many. `recovery` is the pinned
-    configuration's policy: without it C4 carries no ladder.
+    configuration's policy: without it C4 carries no ladder. `measured` is what independent sources found just now.
     """
 
     mission: Mission
@@ -35,6 +35,7 @@ class StateView(Value):
     proposals: tuple[ContextRecord, ...] = ()
     history: dict[str, dict[str, float]] = msgspec.field(default_factory=dict)
     recovery: RecoveryPolicy | None = None
+    measured: tuple[EvidenceReference, ...] = ()
 
     @property
     def contract(self) -> TaskContract:

@@ -39,6 +39,7 @@ class CreateMission(Command, tag=True):
     autonomy: Autonomy = "autonomous"
     replay: bool = False
     trial: bool = False
+    channel: str | msgspec.UnsetType = msgspec.UNSET
 
 
 class RecompileContract(Command, tag=True):
