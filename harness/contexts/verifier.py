@@ -8,7 +8,7 @@ Of a packet: "conditions" (list of Condition); "policy" (VerificationPolicy); "e
 
 Of the goal: "goal", "conditions" (as first stored), "policy", "constraints", "facts", "receipts" as above; "node"
 (CommittedNode, one per committed node); "observations" (RecentSamples: what is true now); "trajectory" (role "cited")
-and "before": the history on which a circuit is tested.
+and "before": the history on which a circuit is tested; "map" (EvidenceReference): what an exploration drew.
 """
 
 from msgspec.structs import replace
@@ -26,11 +26,14 @@ from harness.contracts.evidence import EvidencePacket, EvidenceReference
 from harness.contracts.ids import NodeId
 from harness.contracts.tasks import EvidencePolicy, Node, order
 from harness.contracts.verifier_inputs import CommittedNode, Execution, SafetyState, VerificationPolicy
+from harness.projections.exploration import MAP, is_update
 
 REQUIRED_INDEPENDENCE: dict[Risk, int] = {"low": 0, "medium": 1, "high": 2}
 WINDOW_S = 3.0
 HISTORIES = ("circuit",)
 """Metric predicates that need a trajectory, not only where the robot is now (R121)."""
+MAPPED = ("covered",)
+"""Predicates that need the map which the mission drew."""
 
 
 def verifier_context(view: StateView, packet: EvidencePacket, card: CapabilityCard) -> Context:
@@ -72,6 +75,7 @@ def goal_context(view: StateView) -> Context:
         SelectionItem(accepted("facts", "mission", facts, at_s=view.at_s, mandatory=True)),
         *(_node(view, node_id, packet) for node_id, packet in packets.items()),
         *_receipts(view, packets),
+        *_map(view),
         recent_window(view, window_s=WINDOW_S),
         *_histories(view, packets),
         *(SelectionItem(record) for record in view.proposals),
@@ -82,7 +86,24 @@ def goal_context(view: StateView) -> Context:
         budget=view.rules.c3_items,
         minimum_confidence=view.rules.minimum_confidence,
     )
-    return compile_context(view, items, selection=selection)
+    return compile_context(view, _fitting(view, items), selection=selection)
+
+
+def _fitting(view: StateView, items: list[SelectionItem]) -> list[SelectionItem]:
+    """Where not all fit, the executions of stages that the goal does not require are left out; their facts stay."""
+    if sum(item.record.mandatory for item in items) <= view.rules.c3_items:
+        return items
+    optional = {node.node_id for node in view.contract.nodes if not node.required}
+    return [item for item in items if item.record.kind != "node" or item.record.source not in optional]
+
+
+def _map(view: StateView) -> list[SelectionItem]:
+    """The newest map of an exploration, where a completion condition asks what it shows."""
+    effects = (one.effect for one in view.contract.completion_conditions)
+    known = [one for one in view.mission.observed if is_update(one)]
+    if not known or not any(effect.predicate in MAPPED for effect in effects):
+        return []
+    return [SelectionItem(referenced(MAP, known[-1], mandatory=True))]
 
 
 def _execution(packet: EvidencePacket) -> Execution:

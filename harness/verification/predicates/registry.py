@@ -7,6 +7,7 @@ from harness.verification.finding import Finding
 from harness.verification.predicates.analysis import analysis_of
 from harness.verification.predicates.arrival import arrival
 from harness.verification.predicates.circuit import circuit
+from harness.verification.predicates.covered import covered
 from harness.verification.predicates.delivery import delivered
 from harness.verification.predicates.explored import explored
 from harness.verification.predicates.inside import inside
@@ -36,6 +37,7 @@ PREDICATES: dict[tuple[str, str], Predicate] = {
     ("relational", "linked"): linked,
     ("relational", "one_image"): one_image,
     ("relational", "same_image"): same_image,
+    ("symbolic", "covered"): covered,
     ("symbolic", "delivered"): delivered,
     ("symbolic", "explored"): explored,
     ("symbolic", "played"): played,
