@@ -2,6 +2,7 @@
 
 from harness.contracts import capabilities
 from harness.contracts.ids import ProviderId, ResourceId
+from harness.contracts.protocol import PROTOCOL
 
 BASE, CAMERA = ResourceId("mobile_base"), ResourceId("camera")
 SOFTWARE = "harness.adapters.providers.simulation"
@@ -41,6 +42,7 @@ ROUTE_FOLLOWER = capabilities.CapabilityCard(
     reattach="by_request",
     resumable=True,
     software=SOFTWARE,
+    protocol=PROTOCOL,
 )
 CAREFUL_PLANNER = capabilities.CapabilityCard(
     provider_id=ProviderId("careful-local-planner"),
@@ -62,6 +64,7 @@ CAREFUL_PLANNER = capabilities.CapabilityCard(
     reattach="by_request",
     resumable=True,
     software=SOFTWARE,
+    protocol=PROTOCOL,
 )
 PANORAMA_CAMERA = capabilities.CapabilityCard(
     provider_id=ProviderId("panorama-camera"),
@@ -86,6 +89,7 @@ PANORAMA_CAMERA = capabilities.CapabilityCard(
     reattach="by_request",
     resumable=True,
     software=SOFTWARE,
+    protocol=PROTOCOL,
 )
 OBSERVER = capabilities.CapabilityCard(
     provider_id=ProviderId("observer"),
@@ -109,5 +113,6 @@ OBSERVER = capabilities.CapabilityCard(
     sources=("localiser", "odometry", "lidar", "camera"),
     reattach="by_request",
     software=SOFTWARE,
+    protocol=PROTOCOL,
 )
 CARDS: tuple[capabilities.CapabilityCard, ...] = (ROUTE_FOLLOWER, CAREFUL_PLANNER, PANORAMA_CAMERA, OBSERVER)

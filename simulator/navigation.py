@@ -5,12 +5,13 @@ round an obstacle that its lidar shows, where a gap is wide enough.
 """
 
 import math
+from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
 from msgspec.structs import replace
 
-from harness.contracts.values import Point, Value
+from harness.contracts.values import Point, Value, encode
 from simulator.bodies import BRAKING_MPS2, LIDAR_REACH_M, Floats, Velocity
 from simulator.local_map import LocalMap
 from simulator.routes import RouteLine
@@ -27,6 +28,7 @@ APPROACH_TOLERANCE_M = 0.3
 AIM_RAD, FACING_RAD = 0.012, 0.035
 """A turn ends within AIM_RAD of the heading; one that is off by less than FACING_RAD is not begun."""
 TURN_WITHIN_S = 20.0
+LAST_SEEN = 40
 REJOIN_M = tuple(np.arange(0.6, 3.5, 0.2).tolist())
 """Where a detour may rejoin the route, metres ahead: early where it is clear, else as far on as the map shows."""
 AHEAD = np.radians(np.linspace(-75.0, 75.0, 51))
@@ -51,6 +53,14 @@ class Leg(Value):
     heading_rad: float | None = None
 
 
+class ArrivalEstimate(Value):
+    """What an arrival is declared by: the target, and the last estimates as (at_s, x_m, y_m, yaw_rad) in the map."""
+
+    target_m: Point
+    distance_m: float
+    poses: tuple[tuple[float, float, float, float], ...]
+
+
 class RouteFollower:
     """The cheap navigator: first to the route on the way planned on its map, then along the route or not at all."""
 
@@ -66,6 +76,7 @@ class RouteFollower:
         self._looked_s = -math.inf
         self._held = ""
         self._turning = False
+        self._seen: deque[tuple[float, float, float, float]] = deque(maxlen=LAST_SEEN)
 
     @property
     def begin_m(self) -> float:
@@ -92,6 +103,7 @@ class RouteFollower:
 
     def step(self, perception: Perception) -> Step:
         """Steer, stop in front of an obstacle, settle at the goal, give up after NO_PROGRESS_S."""
+        self._seen.append((perception.at_s, perception.x_m, perception.y_m, perception.yaw_rad))
         if not self._leg.reachable:
             return Step(outcome=self._failed("route_not_reachable", "No way on the map leads to the route."))
         if self._approach is not None:
@@ -222,7 +234,16 @@ class RouteFollower:
         if self._departed_s is not None:
             declared["departed_at_s"] = self._departed_s
         text = f"GOAL REACHED within {distance_m:.2f} m"
-        arrival = Draft(kind="arrival", at_s=at_s, text=text, values={"distance_m": declared["distance_m"]})
+        rests_on = ArrivalEstimate(
+            target_m=self._leg.target_m, distance_m=declared["distance_m"], poses=tuple(self._seen)
+        )
+        arrival = Draft(
+            kind="arrival",
+            at_s=at_s,
+            text=text,
+            values={"distance_m": declared["distance_m"]},
+            body=encode(rests_on),
+        )
         disarm = Draft(kind="disarm", at_s=at_s, text="velocity interface disarmed")
         return Step(drafts=(arrival, disarm), outcome=Outcome(status="succeeded", message=text, declared=declared))
 

@@ -287,6 +287,9 @@ class World:
             still=self.still,
             ranges=self.body.ranges,
             capture=self._capture,
+            keep=self.blobs.keep,
+            frame=self.site.frame,
+            map_version=self.site.map_version,
         )
 
     def _capture(self, heading_rad: float, request: RequestId) -> Shot:

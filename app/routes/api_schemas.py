@@ -69,7 +69,10 @@ class MissionSummary(Value):
 
 
 class StageOutcome(Value):
-    """One stage of a mission; `accepted_at_k` is the state version of its acceptance."""
+    """One stage of a mission; `accepted_at_k` is the state version of its acceptance.
+
+    `declared_at_k`: the one at which it ended with an effect that only its provider declares.
+    """
 
     node_id: str
     status: str
@@ -77,6 +80,7 @@ class StageOutcome(Value):
     provider_id: str | None
     verdict: str | None
     accepted_at_k: Count | None
+    declared_at_k: Count | None
 
 
 class SegmentResource(Value):
@@ -120,6 +124,26 @@ class ReceiptOutcome(Value):
     values: dict[str, Any]
 
 
+class DeclaredCondition(Value):
+    """A condition that only a provider declares, or a completion condition that rests on one (`node_id` null)."""
+
+    condition_id: str
+    node_id: str | None
+    text: str
+
+
+class GoalCondition(Value):
+    """One completion condition as it was tested last: levels of independence 0 to 2, and what the answer rests on."""
+
+    condition_id: str
+    text: str
+    verdict: str
+    independence: Count
+    required_independence: Count
+    sources: tuple[str, ...]
+    rests_on: tuple[str, ...]
+
+
 class MissionOutcome(msgspec.Struct, frozen=True, kw_only=True):
     """What became of a mission: declared by providers, measured by the harness, accepted by the gate."""
 
@@ -129,6 +153,8 @@ class MissionOutcome(msgspec.Struct, frozen=True, kw_only=True):
     template: str
     status: str
     goal_verdict: str | None
+    goal_conditions: tuple[GoalCondition, ...]
+    declared_conditions: tuple[DeclaredCondition, ...]
     reason: str
     reason_code: str
     reason_facts: dict[str, Any]

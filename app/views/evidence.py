@@ -4,10 +4,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from app.i18n.catalogues import N_
-from app.i18n.messages import lazy_gettext, reasoned
+from app.i18n.messages import lazy_gettext, listed, reasoned
 from app.views.measures import Measure, quantity
 from app.views.timeline import TimelineEntry
-from harness.contracts.events import CommitRejected, NodeCommitted, PacketRetained, VerdictRecorded
+from harness.contracts.events import CommitRejected, EffectDeclared, NodeCommitted, PacketRetained, VerdictRecorded
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
 from harness.contracts.ids import Digest, PacketId
 from harness.contracts.verdicts import NodeVerdict
@@ -120,6 +120,10 @@ def _decision(mission_id: str, entries: Sequence[TimelineEntry], packet_id: Pack
         match entry.event:
             case NodeCommitted() as done if done.packet_id == packet_id:
                 return Decision(word="accepted", text=_held(len(done.facts)), href=href)
+            case EffectDeclared() as said if said.packet_id == packet_id:
+                effects = listed(effect.text for effect in said.effects)
+                text = lazy_gettext("Nothing was accepted. Only the provider declares: {effects}", effects=effects)
+                return Decision(word="declared", text=text, href=href)
             case CommitRejected() as no if no.packet_id == packet_id:
                 return Decision(word="refused", text=reasoned(no.reason), rule=no.rule, href=href)
             case _:

@@ -70,6 +70,10 @@ SENTENCES: Mapping[str, str] = {
     "no_playback_receipt": N_("no playback receipt names a sound"),
     "no_pose_in_route_map": N_("no pose of the route's frame and map was received"),
     "no_pose_in_target_map": N_("no pose of the target's frame and map was received in this execution"),
+    "no_target": N_(
+        "the recording names no target: give one with --target X,Y or --place, "
+        "or name its goal topic with --topic goal=NAME"
+    ),
     "no_predicate": N_("no predicate tests {predicate}"),
     "no_samples_of_execution": N_("no samples of this execution are known"),
     "no_transcript_receipt": N_("no transcript receipt names a text"),
@@ -117,6 +121,7 @@ SENTENCES: Mapping[str, str] = {
         "it says {width_px}x{height_px} pixels, the picture has {picture_width_px}x{picture_height_px}"
     ),
     "report_verdict_does_not_follow": N_("its verdict does not follow from its findings"),
+    "rests_on_declared": N_("it rests on {stages:words}, which is declared and not verified: {reason}"),
     "returned_before_departure": N_("the return was measured before the departure"),
     "robot_says_not_localised": N_("the robot says that it is not localised"),
     "route_not_covered": N_("{share:.1%} of the route was measured, bound {bound:.0%}"),

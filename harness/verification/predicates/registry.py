@@ -11,6 +11,7 @@ from harness.verification.predicates.covered import covered
 from harness.verification.predicates.delivery import delivered
 from harness.verification.predicates.explored import explored
 from harness.verification.predicates.inside import inside
+from harness.verification.predicates.no_target import arrival_without_target
 from harness.verification.predicates.panorama import panorama
 from harness.verification.predicates.pictures import one_image, pictured, same_image
 from harness.verification.predicates.playback import played
@@ -37,6 +38,7 @@ PREDICATES: dict[tuple[str, str], Predicate] = {
     ("relational", "linked"): linked,
     ("relational", "one_image"): one_image,
     ("relational", "same_image"): same_image,
+    ("symbolic", "arrival_without_target"): arrival_without_target,
     ("symbolic", "covered"): covered,
     ("symbolic", "delivered"): delivered,
     ("symbolic", "explored"): explored,
