@@ -14,8 +14,11 @@ _NAVIGATION = (
     capabilities.Parameter(name="speed_cap_mps", type="number", unit="m/s", minimum=0.05, maximum=0.5),
     capabilities.Parameter(name="lookahead_m", type="number", required=False, unit="m", minimum=0.2, maximum=2.0),
     capabilities.Parameter(name="replan", type="boolean", required=False),
+    capabilities.Parameter(
+        name="heading_rad", type="number", required=False, unit="rad", minimum=-3.1416, maximum=3.1416
+    ),
 )
-_NAVIGATION_FAILURES = ("no_progress", "interrupted", "timeout", "robot_restarted")
+_NAVIGATION_FAILURES = ("no_progress", "route_not_reachable", "interrupted", "timeout", "robot_restarted")
 _NAVIGATION_EVIDENCE = ("pose", "odometry", "imu", "scan", "receipt:arrival", "receipt:disarm")
 _SOURCES = ("localiser", "odometry", "lidar")
 

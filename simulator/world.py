@@ -209,7 +209,7 @@ class World:
         self.faults.navigation_moves(share=share, remaining_m=remaining_m)
         if self.faults.ends_early(remaining_m):
             invocation.brake_for(skill.claim(self.at_s, distance_m=EARLY_CLAIM_M))
-        elif self.faults.interrupts(share):
+        elif self.faults.interrupts(share, invocation.card.provider_id):
             words = Outcome(status="failed", failure="interrupted", message="The controller was interrupted.")
             invocation.brake_for(Step(outcome=words))
 

@@ -143,8 +143,14 @@ class MissionAt:
 
     @cached_property
     def contexts(self) -> ContextsView:
-        read, candidates = self.console.context, self.console.candidates
-        return contexts.contexts(self.shown, node_id=self.node, read=read, candidates=candidates)
+        console = self.console
+        return contexts.contexts(
+            self.shown,
+            node_id=self.node,
+            read=console.context,
+            candidates=console.candidates,
+            question=console.routing_question,
+        )
 
     @cached_property
     def contract(self) -> ContextView | None:

@@ -153,6 +153,14 @@ SENTENCES: Mapping[str, str] = {
     "transcript_of_another_goal": N_("the transcript is not of this goal"),
     "transcript_of_goal": N_("the transcript's checksum {checksum} is that of the goal"),
     "verifier_did_not_answer": N_("the verifier did not answer: {kind}: {error}"),
+    "floor_not_seen": N_(
+        "{percent:.0f} % of the floor that can be reached was seen, {wanted:.0f} % wanted: {unseen_m2:.1f} m² were not "
+        "seen, {seen_m2:.1f} m² were; {closed_m2:.1f} m² are closed off"
+    ),
+    "floor_seen": N_(
+        "{percent:.0f} % of the floor that can be reached was seen ({seen_m2:.1f} m²); {unseen_m2:.1f} m² of it were "
+        "not, and {closed_m2:.1f} m² are closed off"
+    ),
     "views_apart": N_("{views} views from places {apart_m:g} m apart or more, {wanted:g} wanted"),
     "was_in_closed_region": N_("the body was in {region}, which is closed to it"),
     "wav_without_sound": N_("the WAV has no complete sound"),

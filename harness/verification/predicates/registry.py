@@ -8,6 +8,7 @@ from harness.verification.predicates.analysis import analysis_of
 from harness.verification.predicates.arrival import arrival
 from harness.verification.predicates.chain import one_chain
 from harness.verification.predicates.circuit import circuit
+from harness.verification.predicates.covered import covered
 from harness.verification.predicates.delivery import delivered
 from harness.verification.predicates.explored import explored
 from harness.verification.predicates.inside import inside
@@ -46,6 +47,7 @@ PREDICATES: dict[tuple[str, str], Predicate] = {
     ("relational", "passage_checked"): passage_checked,
     ("relational", "same_image"): same_image,
     ("symbolic", "arrival_without_target"): arrival_without_target,
+    ("symbolic", "covered"): covered,
     ("symbolic", "delivered"): delivered,
     ("symbolic", "explored"): explored,
     ("symbolic", "message_stored"): message_stored,
