@@ -7,6 +7,7 @@ from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, word
 from app.views.canary import CanaryPanel, canary_panel
 from app.views.candidates import stale
+from app.views.history import ShownDifference
 from app.views.review_results import MeasuredResults
 from app.views.review_rows import HeldOutView, PinRow, held_out_view, pin_rows
 from app.views.review_words import OfferedAction, offers
@@ -17,15 +18,6 @@ from rsi_reviews.contracts import ClauseAnswer, Subject
 from rsi_reviews.difference import CandidateDifference
 from rsi_reviews.pointers import Pointer
 from rsi_reviews.projections import ENDED, Review
-
-
-@dataclass(frozen=True)
-class Changed:
-    """What is not as it was shown when somebody decided."""
-
-    name: str
-    was: str
-    now: str
 
 
 @dataclass(frozen=True)
@@ -73,7 +65,7 @@ class ReviewPage:
     robots: tuple[str, ...]
     key: str
     left: SubmittedReviewForm
-    changes: tuple[Changed, ...]
+    changes: tuple[ShownDifference, ...]
 
 
 def review_page(
@@ -153,11 +145,11 @@ def _effects(review: Review, seen: ReviewSources, *, robot: str) -> tuple[str, .
     )
 
 
-def _changed(seen: Subject | None, now: Subject | None) -> tuple[Changed, ...]:
+def _changed(seen: Subject | None, now: Subject | None) -> tuple[ShownDifference, ...]:
     if seen is None or now is None:
         return ()
     return tuple(
-        Changed(word(name), getattr(seen, name), getattr(now, name))
+        ShownDifference(word(name), getattr(seen, name), getattr(now, name))
         for name in now.__struct_fields__
         if getattr(seen, name) != getattr(now, name)
     )

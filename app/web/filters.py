@@ -151,6 +151,7 @@ ITEMS: dict[str, Callable[..., Any]] = {
     "mission_sentence": missions.sentence,
     "mission_tone": missions.tone,
     "newest_uptakes": review_rows.newest_uptakes,
+    "no_answer_action": handoffs.NO_ANSWER_ACTIONS.__getitem__,
     "numbers": review_rows.numbers,
     "part": review_rows.PARTS.__getitem__,
     "place_meaning": places.MEANING.__getitem__,
