@@ -29,7 +29,7 @@ def as_before(session: CDPSession, before: dict[str, Any], *names: str) -> bool:
 
 
 def wander(served: Serving, page: Page) -> None:
-    """Through the rooms an operator uses."""
+    """Open the pages that an operator uses, one after the other."""
     for path in ("/", "/missions", f"/handoffs/{served.asked.handoff_id}", "/alerts", "/robots", "/queue"):
         served.open(page, path)
 
@@ -56,8 +56,12 @@ def test_a_page_that_refreshes_itself_for_hours_keeps_its_size(open_page: OpenPa
         page = served.enter(open_page())
         session = page.context.new_cdp_session(page)
         session.send("Performance.enable")
+        requested: list[str] = []
+        page.on("request", lambda request: requested.append(request.url))
         page.evaluate(REFRESH, 10)
         page.wait_for_timeout(300)
         before = heap(session)
+        requested.clear()
         page.evaluate(REFRESH, 60)
+        assert len(requested) >= 3, "the page did not refresh itself"
         wait_until(page, lambda: as_before(session, before, "JSHeapUsedSize", "JSEventListeners"), "a small heap")
