@@ -25,6 +25,8 @@ from app.views import (
     releases,
     review_rows,
     robots,
+    sentences,
+    timeline,
 )  # fmt: skip
 from harness.contracts.values import encode
 from rsi_reviews.difference import NAMES
@@ -41,7 +43,7 @@ def instant(at_s: float) -> str:
 
 
 def iso(at_s: float) -> str:
-    """The same for machines."""
+    """An instant as RFC 3339 in UTC with milliseconds, for <time datetime> attributes."""
     return datetime.fromtimestamp(at_s, UTC).isoformat(timespec="milliseconds")
 
 
@@ -138,6 +140,9 @@ ITEMS: dict[str, Callable[..., Any]] = {
     "condition_rows": measures.condition_rows,
     "declared": evidence.declared,
     "degrees": degrees,
+    "event_family": timeline.family,
+    "event_sentence": sentences.sentence,
+    "event_tone": sentences.tone,
     "fields": measures.fields,
     "finding": dict(canary.FINDINGS).__getitem__,
     "goal_reason": missions.goal_reason,
