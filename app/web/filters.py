@@ -11,6 +11,7 @@ from markupsafe import escape
 
 from app.i18n.messages import lazy_gettext, listed, word
 from app.views import (
+    alerts,
     canary,
     candidates,
     evidence,
@@ -125,6 +126,10 @@ VALUES: dict[str, Callable[..., str]] = {
     "number": measures.number,
 }
 ITEMS: dict[str, Callable[..., Any]] = {
+    "alert_state": alerts.TITLES.__getitem__,
+    "alert_text": alerts.text,
+    "alert_title": alerts.title,
+    "alert_tone": alerts.tone,
     "allowed": preview.allowed,
     "autonomy": robots.AUTONOMY.__getitem__,
     "begun": queue.begun,
@@ -163,10 +168,12 @@ ITEMS: dict[str, Callable[..., Any]] = {
     "place_tone": lambda verification: places.TONES.get(verification, "plain"),
     "policy_sentence": review_rows.policy_sentence,
     "provider": evidence.provider,
+    "put_away": alerts.put_away,
     "question": handoffs.question,
     "review_tone": candidates.tone,
     "safe_place": places.safe_place,
     "said_at": review_rows.said_at,
+    "shelved_until_s": alerts.shelved_until_s,
     "stated": memory.stated,
     "stop_steps": robots.stop_steps,
     "supervision": providers.supervision,
