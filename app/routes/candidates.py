@@ -14,8 +14,8 @@ from app.routes.candidate_words import WORDS, say_of, seen_of, subject_in
 from app.views import candidates, forms
 from app.views.candidates import BoardPage, CandidateListParams
 from app.views.review import ReviewPage, ReviewSources, SubmittedReviewForm, review_page
-from app.views.review_cases import CasesPage, cases_page
 from app.views.review_replay import ReplayPage, replay_page
+from app.views.review_results import CasesPage, cases_page
 from app.views.rollback import RollbackPage, rollback_page
 from app.web.rendering import render
 from harness.contracts.actors import Actor
