@@ -20,7 +20,7 @@ from harness.contracts.decisions import Accepted
 from harness.contracts.ids import MissionId
 from harness.runtime import Start
 from tests.builders.missions_run import ROBOT
-from tests.builders.patience import PATIENCE_S
+from tests.builders.timeouts import TIMEOUT_S
 from tests.builders.waiting import ADA, Waiting, waiting
 from tests.builders.wires import Wire
 
@@ -114,5 +114,5 @@ def serving(*, finished: bool = False, waits: bool = True, wire: Wire | None = N
                 page.context.close()
             broker.close()
             server.should_exit = True
-            thread.join(timeout=PATIENCE_S)
+            thread.join(timeout=TIMEOUT_S)
             listener.close()
