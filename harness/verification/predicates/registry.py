@@ -10,6 +10,7 @@ from harness.verification.predicates.circuit import circuit
 from harness.verification.predicates.delivery import delivered
 from harness.verification.predicates.explored import explored
 from harness.verification.predicates.inside import inside
+from harness.verification.predicates.kept import kept
 from harness.verification.predicates.panorama import panorama
 from harness.verification.predicates.pictures import one_image, pictured, same_image
 from harness.verification.predicates.playback import played
@@ -33,6 +34,7 @@ PREDICATES: dict[tuple[str, str], Predicate] = {
     ("metric", "circuit"): circuit,
     ("relational", "analysis_of"): analysis_of,
     ("relational", "inside"): inside,
+    ("relational", "kept"): kept,
     ("relational", "linked"): linked,
     ("relational", "one_image"): one_image,
     ("relational", "same_image"): same_image,
