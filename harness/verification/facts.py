@@ -101,6 +101,9 @@ def _symbolic(effect: effects.Symbolic, result: ConditionResult) -> dict[str, An
             return {"frames": images, "images": len(images), "text_digest": text}
         case "transcript" | "recorded_request":
             return {"digest": result.evidence[0]}
+        case "heard":
+            sound, recognition = result.evidence
+            return {**effect.arguments, "sound": sound, "recognition": recognition}
         case "played":
             return {"sound": result.evidence[0]}
         case _:

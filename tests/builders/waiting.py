@@ -248,7 +248,7 @@ def waiting(
             authority=lambda command: link.authority(command),
             site=site or shipped_site(),
         )
-        beside = local_services(parts, camera=CAMERA, folder=None)
+        beside = local_services(parts, camera=CAMERA, folder=None, room=robot.room)
         member = Member(
             robot_id=ROBOT,
             robot=CrewRobot(robot, lambda provider: Linked(provider, link)),

@@ -10,6 +10,7 @@ from harness.verification.predicates.chain import one_chain
 from harness.verification.predicates.circuit import circuit
 from harness.verification.predicates.delivery import delivered
 from harness.verification.predicates.explored import explored
+from harness.verification.predicates.heard import heard
 from harness.verification.predicates.inside import inside
 from harness.verification.predicates.kept_picture import kept_picture
 from harness.verification.predicates.message_stored import message_stored
@@ -46,6 +47,7 @@ PREDICATES: dict[tuple[str, str], Predicate] = {
     ("relational", "same_image"): same_image,
     ("symbolic", "delivered"): delivered,
     ("symbolic", "explored"): explored,
+    ("symbolic", "heard"): heard,
     ("symbolic", "message_stored"): message_stored,
     ("symbolic", "played"): played,
     ("symbolic", "recorded_request"): recorded_request,
