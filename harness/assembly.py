@@ -5,7 +5,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, get_args
 
 from harness.adapters.failpoints import parse, provider_with_failpoint
 from harness.adapters.providers.archive import EvidenceArchiver
@@ -29,9 +29,10 @@ from harness.contracts.configuration import Configuration
 from harness.contracts.decider import Decider
 from harness.contracts.decisions import Authority, unquestioned
 from harness.contracts.ids import Digest, MissionId, ProviderId, RobotId
-from harness.contracts.observations import Camera
+from harness.contracts.observations import Camera, Source
 from harness.contracts.places import Site
 from harness.contracts.protocol import PhysicalStart
+from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.exploration.targets import NEAREST_EDGE, Proposer
 from harness.gate.alerts import DECIDER as ALERT
 from harness.gate.commit import Gate
@@ -56,6 +57,9 @@ Deciders = Mapping[str, Decider[Any, Any, Any]]
 Select = Callable[[Runtime, RobotId], Digest | None]
 Trial = Callable[[Runtime, Digest], bool]
 """Which configuration version a new mission of a robot is pinned to; None: the one the harness was opened with."""
+
+HARNESS = "harness"
+"""The origin of what runs in this process."""
 
 DECIDERS: dict[str, Decider[Any, Any, Any]] = {
     "mission": MISSION,
@@ -133,11 +137,15 @@ class Parts:
     trial: Trial = nothing_on_trial
     configuration: Configuration = field(default_factory=baseline)
     site: Site = field(default_factory=shipped_site)
+    rules: RulesVersion = CURRENT_RULES
 
 
 @dataclass(frozen=True)
 class Member:
-    """One robot to be connected: its port, its clock, the providers beside it, and what people may use of it."""
+    """One robot to be connected: its port, its clock, the providers beside it, and what people may use of it.
+
+    `origin`: the process or address behind the robot, its providers and its samples; its name where none is given.
+    """
 
     robot_id: RobotId
     robot: ports.Robot
@@ -147,6 +155,7 @@ class Member:
     revive: Callable[[], bool] = lambda: False
     camera: ports.LiveCamera | None = None
     hand: ports.Teleoperable | None = None
+    origin: str = ""
     sources: Sequence[ports.IndependentSource] = ()
 
 
@@ -214,8 +223,20 @@ def _connection(settings: HarnessSettings, parts: Parts, member: Member) -> Robo
         proposer=parts.proposer,
         camera=member.camera,
         hand=member.hand,
+        origins=_origins(member),
         sources=tuple(member.sources),
     )
+
+
+def _origins(member: Member) -> dict[str, str]:
+    """All samples of a robot come from one place, and so do its own providers; those beside the harness are in its
+    own process."""
+    robot = member.origin or f"robot {member.robot_id}"
+    return {
+        **dict.fromkeys(get_args(Source), robot),
+        **{provider.card.provider_id: robot for provider in member.robot.providers()},
+        **{provider.card.provider_id: HARNESS for provider in member.local},
+    }
 
 
 def runtime_on(parts: Parts, clocks: Mapping[RobotId, ports.Clock] = MappingProxyType({})) -> Runtime:
@@ -245,6 +266,7 @@ def runtime_on(parts: Parts, clocks: Mapping[RobotId, ports.Clock] = MappingProx
         ),
         site=parts.site,
         memory=MemoryFabric(store=parts.store, index=parts.index),
+        rules=parts.rules,
     )
     return runtime
 

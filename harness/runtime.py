@@ -6,7 +6,7 @@ People and the supervisor use it; every change goes on to the gate, which alone 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from threading import Lock
-from typing import Any
+from typing import Any, Protocol
 
 from cachetools import LRUCache
 from msgspec import UNSET
@@ -37,6 +37,7 @@ from harness.contracts.place_events import place_stream
 from harness.contracts.places import Place, Site
 from harness.contracts.protocol import InvocationReport, RobotStatus
 from harness.contracts.reasons import because
+from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.contracts.values import Value, encode
 from harness.gate.commit import CommandEnvelope, Gate
@@ -64,6 +65,18 @@ AnswerHandoff = Callable[[HandoffId, PersonCommand], Decision[AnyEvent]]
 
 def unsupervised(handoff_id: HandoffId, command: PersonCommand) -> Decision[AnyEvent]:
     """Refuse an answer because no supervisor runs."""
+    return refused("no_supervisor", because("no_supervisor_observes"))
+
+
+class FreeResource(Protocol):
+    """Frees a quarantined resource in a person's name, by a component that can look at its robot first."""
+
+    def __call__(self, resource: ResourceId, *, actor: Actor, reason: str) -> Decision[AnyEvent]:
+        """Raises UnknownName for a resource that was never leased."""
+
+
+def unobserved(resource: ResourceId, *, actor: Actor, reason: str) -> Decision[AnyEvent]:
+    """Refuse to free anything because no supervisor runs."""
     return refused("no_supervisor", because("no_supervisor_observes"))
 
 
@@ -103,7 +116,7 @@ class Start:
 
 
 class Runtime:
-    """Reads are folds of the log; writes are requests to the gate."""
+    """Reads are folds of the log; writes are requests to the gate. `rules`: the version new missions are pinned to."""
 
     def __init__(
         self,
@@ -116,6 +129,7 @@ class Runtime:
         configurations: ports.Configurations,
         site: Site,
         memory: MemoryFabric,
+        rules: RulesVersion = CURRENT_RULES,
     ) -> None:
         self._gate = gate
         self._store = store
@@ -126,6 +140,7 @@ class Runtime:
         self._shipped = site
         self._sites: LRUCache[tuple[MissionId, Digest], Site] = LRUCache(KEPT_LIVE)
         self.memory = memory
+        self.rules = rules
         self._open_missions = OpenMissions(store)
         self._ended_missions = EndedMissions(store, gate.state)
         self._contracts: LRUCache[bytes, TaskContract] = LRUCache(KEPT_CONTRACTS)
@@ -191,6 +206,7 @@ class Runtime:
             autonomy=start.autonomy,
             replay=start.replay,
             trial=self.on_trial(pinned),
+            rules=self.rules,
             channel=start.channel or UNSET,
         )
         version = self._configurations.record(pinned)
@@ -207,7 +223,7 @@ class Runtime:
         with self._caching:
             known = self._contracts.get(asked)
         if known is None:
-            known = compile_contract(goal=goal, template=template, arguments=arguments, site=site)
+            known = compile_contract(goal=goal, template=template, arguments=arguments, site=site, rules=self.rules)
             with self._caching:
                 self._contracts[asked] = known
         return known

@@ -136,6 +136,7 @@ ITEMS: dict[str, Callable[..., Any]] = {
     "clause_verdict": review_rows.VERDICTS.__getitem__,
     "component": NAMES.__getitem__,
     "condition_rows": measures.condition_rows,
+    "goal_conditions": missions.goal_conditions,
     "declared": evidence.declared,
     "degrees": degrees,
     "fields": measures.fields,

@@ -14,7 +14,7 @@ from harness.contracts.errors import ContextOverflow, ContractInvalid
 from harness.contracts.ids import MissionId, NodeId
 from harness.contracts.reasons import Explanation, because
 from harness.planning.planner import Plan
-from harness.projections.mission import Mission, NodeState, all_required_committed, eligible, failed
+from harness.projections.mission import Mission, NodeState, all_required_settled, eligible, failed
 from harness.runtime import Live, Runtime
 from harness.supervisor.dispatch import DispatchAttempt, Dispatcher
 from harness.supervisor.exploration import Explorer
@@ -119,7 +119,7 @@ class AgentLoop:
             mission = self._runtime.mission(self.mission_id)
         if eligible(mission):
             return self._dispatch(mission, now_s)
-        if all_required_committed(mission):
+        if all_required_settled(mission):
             return self._judge(mission, now_s)
         if failed(mission):
             self._recovery.give_up(mission)

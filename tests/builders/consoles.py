@@ -113,6 +113,7 @@ def console_stand(*, seed: int = 1, settings: ConsoleSettings | None = None) -> 
                     scenes,
                     accounts=accounts,
                     answer=harness.supervisor.answer,
+                    free=harness.supervisor.free,
                     starts=harness.starts,
                     fleet=Fleet(harness.robots, harness.cameras, lambda: harness.clock.now().wall_s),
                     teleoperation=harness.teleoperation,

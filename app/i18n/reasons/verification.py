@@ -70,6 +70,10 @@ SENTENCES: Mapping[str, str] = {
     "no_playback_receipt": N_("no playback receipt names a sound"),
     "no_pose_in_route_map": N_("no pose of the route's frame and map was received"),
     "no_pose_in_target_map": N_("no pose of the target's frame and map was received in this execution"),
+    "no_target": N_(
+        "the recording names no target: give one with --target X,Y or --place, "
+        "or name its goal topic with --topic goal=NAME"
+    ),
     "no_predicate": N_("no predicate tests {predicate}"),
     "no_samples_of_execution": N_("no samples of this execution are known"),
     "no_transcript_receipt": N_("no transcript receipt names a text"),
@@ -117,6 +121,7 @@ SENTENCES: Mapping[str, str] = {
         "it says {width_px}x{height_px} pixels, the picture has {picture_width_px}x{picture_height_px}"
     ),
     "report_verdict_does_not_follow": N_("its verdict does not follow from its findings"),
+    "rests_on_declared": N_("it rests on {stages:words}, which is declared and not verified: {reason}"),
     "returned_before_departure": N_("the return was measured before the departure"),
     "robot_says_not_localised": N_("the robot says that it is not localised"),
     "route_not_covered": N_("{share:.1%} of the route was measured, bound {bound:.0%}"),
@@ -148,6 +153,14 @@ SENTENCES: Mapping[str, str] = {
     "transcript_of_another_goal": N_("the transcript is not of this goal"),
     "transcript_of_goal": N_("the transcript's checksum {checksum} is that of the goal"),
     "verifier_did_not_answer": N_("the verifier did not answer: {kind}: {error}"),
+    "floor_not_seen": N_(
+        "{percent:.0f} % of the floor that can be reached was seen, {wanted:.0f} % wanted: {unseen_m2:.1f} m² were not "
+        "seen, {seen_m2:.1f} m² were; {closed_m2:.1f} m² are closed off"
+    ),
+    "floor_seen": N_(
+        "{percent:.0f} % of the floor that can be reached was seen ({seen_m2:.1f} m²); {unseen_m2:.1f} m² of it were "
+        "not, and {closed_m2:.1f} m² are closed off"
+    ),
     "views_apart": N_("{views} views from places {apart_m:g} m apart or more, {wanted:g} wanted"),
     "was_in_closed_region": N_("the body was in {region}, which is closed to it"),
     "wav_without_sound": N_("the WAV has no complete sound"),

@@ -5,8 +5,7 @@ from harness.contracts.evidence import CommittedFact
 from harness.contracts.ids import Digest
 from harness.contracts.reasons import Reason, because, several
 from harness.contracts.tasks import Goal
-from harness.verification.finding import Finding, Undecidable, ambiguous
-from harness.verification.predicates.relations import FACTS, SUPERVISOR
+from harness.verification.finding import FACTS, SUPERVISOR, Finding, Undecidable, ambiguous
 from harness.verification.reading import Evidence, read
 
 

@@ -9,22 +9,24 @@ from harness.contracts.ids import NodeId
 from harness.contracts.reasons import Reason, because, several
 from harness.contracts.tasks import Goal
 from harness.contracts.verifier_inputs import CommittedNode
-from harness.verification.finding import RECEIPTS, Finding, Undecidable, ambiguous
+from harness.verification.finding import FACTS, RECEIPTS, SUPERVISOR, Finding, Undecidable, ambiguous
 from harness.verification.predicates.analysis import AnalysisReport
 from harness.verification.reading import Evidence, read
 
-SUPERVISOR = "supervisor"
-FACTS = "accepted facts"
 OBSTRUCTED = ("obstruct", "block")
 CLEAR = ("is clear", "is free", "no obstruction", "not obstructed", "not blocked")
 
 
 def in_order(effect: AnyEffect, evidence: Evidence) -> Finding:
-    """The named nodes ended, and were accepted, in this order, by the supervisor's own record."""
+    """The named nodes ended, and were accepted, in this order, by the supervisor's own record.
+
+    That record is no source of the world: the order is as well shown as the acceptances in it.
+    """
     if not isinstance(effect, Temporal) or len(effect.nodes) < 2:
         raise Undecidable(because("effect_not_testable", predicate="in_order"))
-    known = {node.node_id: node for node in evidence.nodes}
+    known = {node.node_id: node for node in evidence.ended}
     missing = [name for name in effect.nodes if name not in known]
+    evidence.build_on(effect.nodes)
     if missing:
         return ambiguous(because("not_accepted_yet", stages=tuple(missing)), accepted=float(len(known)))
     nodes = [known[name] for name in effect.nodes]
