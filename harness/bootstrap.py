@@ -50,6 +50,7 @@ from harness.contracts.ids import RobotId
 from harness.contracts.observations import Camera
 from harness.contracts.places import Site
 from harness.contracts.regularities import HiddenSite
+from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.simulation import InProcessRobot, Simulator
 from harness.projections.mission import Mission
 from harness.runtime import Runtime
@@ -194,12 +195,14 @@ def simulated(
     authority: Authority = unquestioned,
     select: Select = nothing_selected,
     trial: Trial = nothing_on_trial,
+    rules: RulesVersion = CURRENT_RULES,
 ) -> Iterator[Harness]:
     """Everything in this process and in virtual time: robots of `simulator`, stores in memory. For suites and tests.
 
     `configuration` is what missions are pinned to, H_0 without one; `site` the places they name, the shipped ones
     without one; `hidden` the recurring disturbances of the simulated site; `wire` wraps the connection between the
-    harness and the robot; `deciders`, `authority`, `select` and `trial` as in `open_harness`.
+    harness and the robot; `deciders`, `authority`, `select` and `trial` as in `open_harness`. `rules` are the ones that
+    new missions are judged by.
     """
     with ExitStack() as stack:
         robots = [
@@ -220,6 +223,7 @@ def simulated(
             authority=authority,
             select=select,
             trial=trial,
+            rules=rules,
         )
 
         joining = [_simulated_member(parts, *pair) for pair in zip(robots, clocks, strict=True)]

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app.i18n.catalogues import N_
-from app.i18n.messages import lazy_gettext, reasoned, word
+from app.i18n.messages import lazy_gettext, word
 from app.views.measures import ConditionRow
-from app.views.missions import MissionHeader, goal_conditions, head
+from app.views.missions import MissionHeader, goal_conditions, goal_reason, head
 from app.views.shell import Shell
 from app.views.stages import Observed, Stage, stages
 from app.views.timeline import TimelineEntry
@@ -120,7 +120,7 @@ def report_page(
         mission_id=mission.mission_id,
         head=head(mission, entries),
         verdict=mission.goal_outcome,
-        reason=reasoned(goal.reason) if goal else N_("The goal has not been tested."),
+        reason=goal_reason(mission) if goal else N_("The goal has not been tested."),
         conditions=goal_conditions(mission),
         declared=mission.declared,
         stages=stages(mission, entries, Observed(), selected=""),

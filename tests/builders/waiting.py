@@ -35,6 +35,7 @@ from harness.contracts.person_commands import PersonCommand
 from harness.contracts.places import Site
 from harness.contracts.ports import EventStore, Provider, Signals
 from harness.contracts.protocol import InvocationReport, PhysicalStart, StartRequest
+from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.gate.handoffs import DECIDER
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
@@ -223,10 +224,12 @@ def waiting(
     signals: Signals | None = None,
     failpoint: str = "",
     journals: Path | None = None,
+    rules: RulesVersion = CURRENT_RULES,
 ) -> Iterator[Waiting]:
     """The kinematic robot at speed 0, everything in this process; the log in memory, in a file, or in a given store.
 
-    With `journals` the robot keeps its own in that folder; `failpoint` kills the process that runs into it.
+    With `journals` the robot keeps its own in that folder; `failpoint` kills the process that runs into it; `rules` are
+    those that new missions are judged by.
     """
     wall = [time.time()]
     link = Link()
@@ -247,6 +250,7 @@ def waiting(
             select=selected,
             authority=lambda command: link.authority(command),
             site=site or shipped_site(),
+            rules=rules,
         )
         beside = local_services(parts, camera=CAMERA, folder=None, room=robot.room)
         member = Member(

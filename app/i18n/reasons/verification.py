@@ -49,6 +49,8 @@ SENTENCES: Mapping[str, str] = {
     "items_unacknowledged": N_("{items} items have no acknowledgement"),
     "jpeg_cut_short": N_("the JPEG is cut short"),
     "jpeg_without_header": N_("the JPEG has no frame header"),
+    "kept_and_read_back": N_("the picture {image} and its certificate were read back from the evidence store"),
+    "kept_of_another_length": N_("the certificate states {stated} bytes, the store gave back {found}"),
     "localiser_and_odometry_apart": N_("localiser and odometry differ by {disagreement_m:.2f} m"),
     "mandatory_evidence_missing": N_("mandatory evidence is missing: {names}"),
     "names_no_image": N_("{stages} names no image"),
@@ -194,7 +196,6 @@ SENTENCES: Mapping[str, str] = {
         "the images show {seen:.0%} of the passage's floor, {wanted:.0%} wanted: floor that was not seen is not clear"
     ),
     "passage_not_swept": N_("the lidar sees {seen:.0%} of the passage's floor, {wanted:.0%} wanted"),
-    "picture_read_back": N_("the archive gives back the accepted picture {image}"),
     "read_path_failed": N_("the channel could not be read back: {problem}"),
     "report_of_another_passage": N_("the report is about another passage"),
     "request_differs_from_record": N_("the request differs from the record of what was submitted"),

@@ -11,8 +11,7 @@ from harness.contracts.evidence import CommittedFact, EvidenceReference
 from harness.contracts.ids import Digest
 from harness.contracts.measurements import Recognition
 from harness.contracts.reasons import Reason, because, several
-from harness.verification.finding import Finding, Undecidable, ambiguous
-from harness.verification.predicates.relations import FACTS
+from harness.verification.finding import FACTS, Finding, Undecidable, ambiguous
 from harness.verification.reading import Evidence
 
 Words = Sequence[str]
