@@ -22,7 +22,7 @@ from harness.adapters.providers.speech.speaker import PacedSpeaker, RoomSpeaker
 from harness.adapters.providers.speech.voice import EspeakVoice
 from harness.adapters.stores.configurations import StoredConfigurations
 from harness.adapters.stores.memory_index import VolatileMemoryIndex
-from harness.baseline.load import baseline
+from harness.baseline.load import baseline, earlier
 from harness.baseline.load import site as shipped_site
 from harness.contracts import ports
 from harness.contracts.configuration import Configuration
@@ -262,7 +262,11 @@ def runtime_on(parts: Parts, clocks: Mapping[RobotId, ports.Clock] = MappingProx
         ids=parts.ids,
         signals=parts.signals,
         configurations=StoredConfigurations(
-            parts.store, first=parts.configuration, shipped=(baseline(),), selected=selected, on_trial=on_trial
+            parts.store,
+            first=parts.configuration,
+            shipped=(baseline(), *earlier()),
+            selected=selected,
+            on_trial=on_trial,
         ),
         site=parts.site,
         memory=MemoryFabric(store=parts.store, index=parts.index),
