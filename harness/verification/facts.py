@@ -106,7 +106,7 @@ def _arguments(condition: effects.Condition, result: ConditionResult) -> dict[st
             return {"images": list(result.evidence)}
         case effects.Visual():
             return {"report": result.evidence[0], "frames": list(result.evidence[1:])}
-        case effects.Relational(predicate="same_image" | "kept_picture") as effect:
+        case effects.Relational(predicate="same_image" | "kept") as effect:
             image, report = result.evidence
             return {"subject": effect.subject, "object": effect.object, "images": [image], "report": report}
         case effects.Relational(predicate="passage_checked") as effect:
@@ -146,6 +146,9 @@ def _symbolic(effect: effects.Symbolic, result: ConditionResult) -> dict[str, An
             return {"frames": images, "images": len(images), "text_digest": text}
         case "transcript" | "recorded_request":
             return {"digest": result.evidence[0]}
+        case "heard":
+            sound, recognition = result.evidence
+            return {**effect.arguments, "sound": sound, "recognition": recognition}
         case "played":
             return {"sound": result.evidence[0]}
         case _:

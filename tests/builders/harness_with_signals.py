@@ -36,7 +36,7 @@ def harness_with_signals(signals: Signals, *, seed: int = 3) -> Iterator[Harness
             deciders=DECIDERS,
             select=selected,
         )
-        beside = local_services(parts, camera=CAMERA, folder=None)
+        beside = local_services(parts, camera=CAMERA, folder=None, room=robot.room)
         member = Member(
             robot_id=ROBOT,
             robot=robot,
