@@ -10,9 +10,11 @@ from typing import Any, get_args
 from harness.adapters.failpoints import parse, provider_with_failpoint
 from harness.adapters.providers.archive import EvidenceArchiver
 from harness.adapters.providers.intake import TextIntake
+from harness.adapters.providers.lidar import PassageSweep
 from harness.adapters.providers.messaging.delivery import OutboxDelivery
 from harness.adapters.providers.messaging.folder import FolderOutbox
 from harness.adapters.providers.messaging.memory import MemoryOutbox
+from harness.adapters.providers.messaging.read_back import FolderReader, MemoryReader, MessageReadBack
 from harness.adapters.providers.models.analysis import OpenCvAnalysis
 from harness.adapters.providers.models.description import OpenCvDescription
 from harness.adapters.providers.speech.speaker import PacedSpeaker
@@ -153,6 +155,15 @@ class Member:
     camera: ports.LiveCamera | None = None
     hand: ports.Teleoperable | None = None
     origin: str = ""
+    sources: Sequence[ports.IndependentSource] = ()
+
+
+@dataclass(frozen=True)
+class LocalServices:
+    """What runs beside the harness for one robot: providers, and the sources that measure without them."""
+
+    providers: Sequence[ports.Provider]
+    sources: Sequence[ports.IndependentSource]
 
 
 def assemble(
@@ -164,9 +175,10 @@ def assemble(
     local: Sequence[ports.Provider],
     configure: Callable[[Mission], None],
     revive: Callable[[], bool] = lambda: False,
+    sources: Sequence[ports.IndependentSource] = (),
 ) -> Harness:
     """One connected robot under one supervisor. The stack closes the supervisor."""
-    member = Member(RobotId(settings.robot_id), robot, parts.clock, local, configure, revive)
+    member = Member(RobotId(settings.robot_id), robot, parts.clock, local, configure, revive, sources=sources)
     return joined(stack, settings, parts, [member])
 
 
@@ -211,6 +223,7 @@ def _connection(settings: HarnessSettings, parts: Parts, member: Member) -> Robo
         camera=member.camera,
         hand=member.hand,
         origins=_origins(member),
+        sources=tuple(member.sources),
     )
 
 
@@ -257,17 +270,23 @@ def runtime_on(parts: Parts, clocks: Mapping[RobotId, ports.Clock] = MappingProx
     return runtime
 
 
-def local_providers(
-    parts: Parts, *, camera: Camera, folder: Path | None, robot_id: str = ""
-) -> Sequence[ports.Provider]:
-    """Providers that run beside the harness for one robot: intake, analysis, delivery, voice, archive, description."""
+def local_services(parts: Parts, *, camera: Camera, folder: Path | None, robot_id: str = "") -> LocalServices:
+    """What runs beside the harness for one robot: intake, analysis, delivery, voice, archive and description, and the
+    sources that measure what they did: the channel's read path and the robot's lidar.
+    """
 
     def journal(name: str) -> Path | None:
         return folder / "providers" / robot_id / f"{name}.jsonl" if folder else None
 
     clock, blobs = parts.clock, parts.blobs
-    outbox = FolderOutbox(folder / "outbox", blobs=blobs) if folder else MemoryOutbox()
-    return (
+    outbox: ports.MessageOutbox
+    reader: ports.MessageReader
+    if folder:
+        outbox, reader = FolderOutbox(folder / "outbox", blobs=blobs), FolderReader(folder / "outbox")
+    else:
+        outbox = memory = MemoryOutbox()
+        reader = MemoryReader(memory)
+    providers = (
         TextIntake(clock=clock, blobs=blobs, journal=journal("text-intake")),
         OpenCvAnalysis(camera, clock=clock, blobs=blobs, journal=journal("opencv-analysis")),
         OutboxDelivery(outbox, clock=clock, blobs=blobs, journal=journal("message-outbox")),
@@ -275,3 +294,4 @@ def local_providers(
         EvidenceArchiver(clock=clock, blobs=blobs, journal=journal("evidence-keeper")),
         OpenCvDescription(clock=clock, blobs=blobs, journal=journal("opencv-description")),
     )
+    return LocalServices(providers, (MessageReadBack(reader, keep=blobs.put), PassageSweep(keep=blobs.put)))

@@ -35,7 +35,7 @@ from harness.assembly import (
     assemble,
     directly,
     joined,
-    local_providers,
+    local_services,
     nothing_on_trial,
     nothing_selected,
     runtime_on,
@@ -68,7 +68,7 @@ __all__ = [
     "camera_of",
     "directly",
     "edit_harness",
-    "local_providers",
+    "local_services",
     "move_log",
     "nothing_on_trial",
     "nothing_selected",
@@ -236,11 +236,13 @@ def _simulated_member(parts: Parts, simulated_robot: InProcessRobot, clock: port
         simulated_robot.configure(mission.mission_id, mission.seed, _faults(mission))
 
     own = replace(parts, clock=clock)
+    beside = local_services(own, camera=camera_of(simulated_robot.robot), folder=None)
     return Member(
         robot_id=RobotId(simulated_robot.robot_id),
         robot=simulated_robot.robot,
         clock=clock,
-        local=local_providers(own, camera=camera_of(simulated_robot.robot), folder=None),
+        local=beside.providers,
+        sources=beside.sources,
         configure=configure,
         camera=simulated_robot.camera,
         hand=simulated_robot.hand,
@@ -252,11 +254,13 @@ def _kept_member(parts: Parts, kept: SupervisedProcess, folder: DataFolder) -> M
         kept.configure(mission.mission_id, mission.seed, _faults(mission))
 
     own = replace(parts, clock=kept.clock)
+    beside = local_services(own, camera=camera_of(kept.robot), folder=folder.root, robot_id=kept.robot_id)
     return Member(
         robot_id=RobotId(kept.robot_id),
         robot=kept.robot,
         clock=kept.clock,
-        local=local_providers(own, camera=camera_of(kept.robot), folder=folder.root, robot_id=kept.robot_id),
+        local=beside.providers,
+        sources=beside.sources,
         configure=configure,
         revive=kept.revive,
         camera=kept.robot,

@@ -27,7 +27,7 @@ class StartMissionAct(base.Act):
     def to_command(self, actor: Actor) -> Start:
         """What the runtime compiles to a CreateMission with its contract."""
         fields = self.fields() | {"robot_id": RobotId(self.robot_id)}
-        return Start(actor=actor, **fields)
+        return Start(actor=actor, channel="api", **fields)
 
 
 class _ReasonAct(base.Act):

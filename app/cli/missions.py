@@ -83,6 +83,7 @@ def _run(
         arguments=arguments,
         seed=seed,
         labels={"faults": faults} if faults else {},
+        channel="command-line",
     )
     decision = begin(harness.runtime, start)
     if isinstance(decision, Refused):

@@ -158,6 +158,7 @@ def _order(console: Console, actor: Actor, typed: dict[str, str]) -> tuple[Start
         goal=typed["goal"].strip(),
         arguments=forms.arguments(typed, template),
         labels={"rerun_of": again} if again else {},
+        channel="page",
     )
     return order, []
 

@@ -6,6 +6,8 @@ from typing import Protocol, TypeVar
 from harness.contracts import ids, protocol, read_models
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.configuration import Configuration
+from harness.contracts.evidence import EvidenceReference
+from harness.contracts.measurements import Measurement, StoredMessage
 from harness.contracts.memory import FollowPosition, MemoryQuery, MemoryRecord, Remembered
 from harness.contracts.observations import AnySample
 from harness.contracts.values import Moment, Value
@@ -241,6 +243,29 @@ class MessageOutbox(Protocol):
 
     def send(self, key: str, text: str, images: Sequence[ids.Digest]) -> str:
         """Idempotent by key; returns the channel's acknowledgement id."""
+
+
+class MessageReader(Protocol):
+    """Reads messages back from their channel, by a client of its own: it shares nothing with the one that sends."""
+
+    def find(self, key: str) -> StoredMessage | None:
+        """The message as it is stored now; None if the channel holds none. Raises StoreUnavailable."""
+
+
+class IndependentSource(Protocol):
+    """Measures what a stage left in the world, without the provider that is judged (D17). It decides nothing.
+
+    `predicate` is the one that it supplies; `lasting` says whether its reading is taken again for the goal.
+    """
+
+    @property
+    def predicate(self) -> str: ...
+
+    @property
+    def lasting(self) -> bool: ...
+
+    def measure(self, asked: Measurement) -> Sequence[EvidenceReference]:
+        """What is measured now; empty if there is nothing to measure with. Raises HarnessError if it fails."""
 
 
 class Signals(Protocol):

@@ -13,6 +13,7 @@ from harness.projections.mission import Invocation, Mission
 from harness.runtime import Live
 from harness.supervisor.approvals import clear_to_send, withdraw
 from harness.supervisor.leases import Held, Sent, give_back, holds
+from harness.supervisor.measurements import Measurements
 from harness.supervisor.packets import build_packet
 from harness.supervisor.roles import RoleContexts, context_record
 from harness.supervisor.standstill import at_rest
@@ -43,6 +44,7 @@ class InvocationMonitor:
         self._roles = roles
         self._runtime = roles.runtime
         self._connection = roles.connection
+        self._measurements = Measurements(connection=roles.connection, observations=roles.observations)
         self._handles: dict[InvocationId, str] = {}
         self._sent = {found.intent.invocation_id} if found else set[InvocationId]()
         self._ended_since: float | None = None
@@ -187,6 +189,7 @@ class InvocationMonitor:
             samples=samples,
             observations=self._roles.observations,
             collected_s=until_s,
+            measured=self._measurements.of_invocation(mission, invocation, until_s=until_s),
         )
         try:
             card = self._connection.provider(intent.provider_id).card

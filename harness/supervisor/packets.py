@@ -22,8 +22,12 @@ def build_packet(
     samples: Sequence[AnySample],
     observations: ObservationBuffer,
     collected_s: float,
+    measured: Sequence[EvidenceReference] = (),
 ) -> EvidencePacket:
-    """Z = (I, k_ctx, O_before, O_after, P, proposed facts). The identity is the provider's own echo, not ours."""
+    """Z = (I, k_ctx, O_before, O_after, P, proposed facts). The identity is the provider's own echo, not ours.
+
+    `measured` is what independent sources found.
+    """
     intent = invocation.intent
     estimates: tuple[EvidenceReference, ...] = ()
     after: tuple[EvidenceReference, ...] = ()
@@ -53,7 +57,7 @@ def build_packet(
         failure=_failure_word(invocation, report),
         declared=report.declared,
         before=intent.before,
-        after=(*images, *after, *_attested(mission, intent)),
+        after=(*images, *after, *measured, *_attested(mission, intent)),
         estimates=estimates,
         proposed=tuple(
             ProposedFact(name=condition.effect.predicate, arguments=dict(report.declared))

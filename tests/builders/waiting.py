@@ -13,7 +13,7 @@ from harness.adapters.failpoints import parse, with_failpoint
 from harness.adapters.ids import SeededIds
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.adapters.stores.sql import SqlEventStore
-from harness.assembly import Harness, Member, NullSignals, Parts, joined, local_providers
+from harness.assembly import Harness, Member, NullSignals, Parts, joined, local_services
 from harness.baseline.load import site as shipped_site
 from harness.contracts.actors import Actor
 from harness.contracts.commands import ApproveHandoff, RejectHandoff
@@ -252,11 +252,13 @@ def waiting(
             site=site or shipped_site(),
             rules=rules,
         )
+        beside = local_services(parts, camera=CAMERA, folder=None)
         member = Member(
             robot_id=ROBOT,
             robot=CrewRobot(robot, lambda provider: Linked(provider, link)),
             clock=clock,
-            local=local_providers(parts, camera=CAMERA, folder=None),
+            local=beside.providers,
+            sources=beside.sources,
             configure=_configured(robot),
             camera=robot,
             hand=SimulatedTeleoperation(robot),
