@@ -41,6 +41,7 @@ from harness.contracts.protocol import DriveReport, PhysicalStart
 from harness.projections.control import SiteControl
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
+from harness.routing.question import RoutingQuestion
 
 Cards = Callable[[], Iterable[CapabilityCard]]
 Dossier = Callable[[MissionId, Path, str], object]
@@ -167,6 +168,9 @@ class Console:
 
     def candidates(self, digest: Digest) -> CandidateSet | None:
         return self._record(digest, CandidateSet)
+
+    def routing_question(self, digest: Digest) -> RoutingQuestion | None:
+        return self._record(digest, RoutingQuestion)
 
     def target_question(self, digest: Digest) -> TargetQuestion | None:
         return self._record(digest, TargetQuestion)

@@ -17,7 +17,8 @@ from harness.adapters.providers.messaging.memory import MemoryOutbox
 from harness.adapters.providers.messaging.read_back import FolderReader, MemoryReader, MessageReadBack
 from harness.adapters.providers.models.analysis import OpenCvAnalysis
 from harness.adapters.providers.models.description import OpenCvDescription
-from harness.adapters.providers.speech.speaker import PacedSpeaker
+from harness.adapters.providers.speech.microphone import RoomMicrophone
+from harness.adapters.providers.speech.speaker import PacedSpeaker, RoomSpeaker
 from harness.adapters.providers.speech.voice import EspeakVoice
 from harness.adapters.stores.configurations import StoredConfigurations
 from harness.adapters.stores.memory_index import VolatileMemoryIndex
@@ -270,9 +271,11 @@ def runtime_on(parts: Parts, clocks: Mapping[RobotId, ports.Clock] = MappingProx
     return runtime
 
 
-def local_services(parts: Parts, *, camera: Camera, folder: Path | None, robot_id: str = "") -> LocalServices:
+def local_services(
+    parts: Parts, *, camera: Camera, folder: Path | None, robot_id: str = "", room: ports.Room | None = None
+) -> LocalServices:
     """What runs beside the harness for one robot: intake, analysis, delivery, voice, archive and description, and the
-    sources that measure what they did: the channel's read path and the robot's lidar.
+    sources that measure what they did: the channel's read path, the robot's lidar and the microphone of its `room`.
     """
 
     def journal(name: str) -> Path | None:
@@ -280,18 +283,24 @@ def local_services(parts: Parts, *, camera: Camera, folder: Path | None, robot_i
 
     clock, blobs = parts.clock, parts.blobs
     outbox: ports.MessageOutbox
-    reader: ports.MessageReader
+    reader: ports.MessageReadPath
     if folder:
         outbox, reader = FolderOutbox(folder / "outbox", blobs=blobs), FolderReader(folder / "outbox")
     else:
         outbox = memory = MemoryOutbox()
         reader = MemoryReader(memory)
+    speaker = RoomSpeaker(room) if room else PacedSpeaker()
     providers = (
         TextIntake(clock=clock, blobs=blobs, journal=journal("text-intake")),
         OpenCvAnalysis(camera, clock=clock, blobs=blobs, journal=journal("opencv-analysis")),
         OutboxDelivery(outbox, clock=clock, blobs=blobs, journal=journal("message-outbox")),
-        EspeakVoice(PacedSpeaker(), clock=clock, blobs=blobs, journal=journal("espeak-voice")),
+        EspeakVoice(speaker, clock=clock, blobs=blobs, journal=journal("espeak-voice")),
         EvidenceArchiver(clock=clock, blobs=blobs, journal=journal("evidence-keeper")),
         OpenCvDescription(clock=clock, blobs=blobs, journal=journal("opencv-description")),
     )
-    return LocalServices(providers, (MessageReadBack(reader, keep=blobs.put), PassageSweep(keep=blobs.put)))
+    sources = (
+        MessageReadBack(reader, keep=blobs.put),
+        PassageSweep(keep=blobs.put),
+        RoomMicrophone(room, keep=blobs.put, read=blobs.get),
+    )
+    return LocalServices(providers, sources)

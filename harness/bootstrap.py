@@ -236,7 +236,7 @@ def _simulated_member(parts: Parts, simulated_robot: InProcessRobot, clock: port
         simulated_robot.configure(mission.mission_id, mission.seed, _faults(mission))
 
     own = replace(parts, clock=clock)
-    beside = local_services(own, camera=camera_of(simulated_robot.robot), folder=None)
+    beside = local_services(own, camera=camera_of(simulated_robot.robot), folder=None, room=simulated_robot.room)
     return Member(
         robot_id=RobotId(simulated_robot.robot_id),
         robot=simulated_robot.robot,
@@ -254,7 +254,9 @@ def _kept_member(parts: Parts, kept: SupervisedProcess, folder: DataFolder) -> M
         kept.configure(mission.mission_id, mission.seed, _faults(mission))
 
     own = replace(parts, clock=kept.clock)
-    beside = local_services(own, camera=camera_of(kept.robot), folder=folder.root, robot_id=kept.robot_id)
+    beside = local_services(
+        own, camera=camera_of(kept.robot), folder=folder.root, robot_id=kept.robot_id, room=kept.robot
+    )
     return Member(
         robot_id=RobotId(kept.robot_id),
         robot=kept.robot,

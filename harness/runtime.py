@@ -6,7 +6,7 @@ People and the supervisor use it; every change goes on to the gate, which alone 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from threading import Lock
-from typing import Any
+from typing import Any, Protocol
 
 from cachetools import LRUCache
 from msgspec import UNSET
@@ -65,6 +65,18 @@ AnswerHandoff = Callable[[HandoffId, PersonCommand], Decision[AnyEvent]]
 
 def unsupervised(handoff_id: HandoffId, command: PersonCommand) -> Decision[AnyEvent]:
     """Refuse an answer because no supervisor runs."""
+    return refused("no_supervisor", because("no_supervisor_observes"))
+
+
+class FreeResource(Protocol):
+    """Frees a quarantined resource in a person's name, by a component that can look at its robot first."""
+
+    def __call__(self, resource: ResourceId, *, actor: Actor, reason: str) -> Decision[AnyEvent]:
+        """Raises UnknownName for a resource that was never leased."""
+
+
+def unobserved(resource: ResourceId, *, actor: Actor, reason: str) -> Decision[AnyEvent]:
+    """Refuse to free anything because no supervisor runs."""
     return refused("no_supervisor", because("no_supervisor_observes"))
 
 

@@ -209,7 +209,7 @@ class World:
         self.faults.navigation_moves(share=share, remaining_m=remaining_m)
         if self.faults.ends_early(remaining_m):
             invocation.brake_for(skill.claim(self.at_s, distance_m=EARLY_CLAIM_M))
-        elif self.faults.interrupts(share):
+        elif self.faults.interrupts(share, invocation.card.provider_id):
             words = Outcome(status="failed", failure="interrupted", message="The controller was interrupted.")
             invocation.brake_for(Step(outcome=words))
 
@@ -285,6 +285,9 @@ class World:
             still=self.still,
             ranges=self.body.ranges,
             capture=self._capture,
+            keep=self.blobs.keep,
+            frame=self.site.frame,
+            map_version=self.site.map_version,
         )
 
     def _capture(self, heading_rad: float, request: RequestId) -> Shot:

@@ -29,6 +29,10 @@ class Api(ABC):
         """The mission's outcome once it is over or waits for a person."""
 
     @abstractmethod
+    def finish_earlier(self, mission_id: str) -> None:
+        """Have the mission's robot do first what it was asked before."""
+
+    @abstractmethod
     def observe(self, mission_id: str) -> None:
         """Have the sensors of the mission's robot report, so that an act rests on the robot as it is now."""
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import typer
 from pydantic import SecretStr
 
 from app.auth.accounts import Accounts
@@ -25,7 +26,7 @@ from app.settings import ConsoleSettings
 from harness.bootstrap import Harness, edit_harness
 from harness.contracts.errors import HarnessError
 from harness.contracts.ids import MissionId
-from harness.runtime import Runtime, unsupervised
+from harness.runtime import Runtime, unobserved, unsupervised
 from harness.settings import HarnessSettings
 from rsi_reviews.candidate_queries import selected
 from rsi_reviews.deciders import DECIDERS
@@ -39,7 +40,7 @@ class LocalApi(Api):
     def __init__(self, runtime: Runtime, accounts: Accounts, data: Path, harness: Harness | None = None) -> None:
         token = secrets.token_urlsafe(32)
         robots = tuple(str(one) for one in harness.robots) if harness else ("vbot-1",)
-        console = ConsoleSettings(robots=robots, owner_token=SecretStr(token), owner=me().name)
+        console = ConsoleSettings(robots=robots, owner_token=SecretStr(token), owner=me().name, operator=me().name)
         self._broker, self._harness = SignalBroker(), harness
         self._app = create_app(
             runtime,
@@ -48,6 +49,7 @@ class LocalApi(Api):
             Scenes(runtime),
             accounts=accounts,
             answer=harness.supervisor.answer if harness else unsupervised,
+            free=harness.supervisor.free if harness else unobserved,
             starts=harness.starts if harness else lambda mission_id: None,
             folder=data,
         )
@@ -58,6 +60,16 @@ class LocalApi(Api):
         self._robots().supervisor.run(MissionId(mission_id), watch=ProgressPrinter())
         outcome: dict[str, Any] = self.get(f"/missions/{mission_id}")
         return outcome
+
+    def finish_earlier(self, mission_id: str) -> None:
+        """Goes on with what this robot has not finished: nobody else here does it first."""
+        harness = self._robots()
+        robot_id = harness.runtime.mission(MissionId(mission_id)).robot_id
+        for unfinished in harness.supervisor.unfinished(robot_id):
+            if unfinished.mission_id == mission_id:
+                return
+            typer.echo(f"Going on with {unfinished.mission_id} first: {unfinished.goal}", err=True)
+            harness.supervisor.run(unfinished.mission_id, watch=ProgressPrinter())
 
     def observe(self, mission_id: str) -> None:
         """Two seconds of mission time, without a console that would have let the sensors report before."""

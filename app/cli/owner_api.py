@@ -37,6 +37,9 @@ class OwnerApi(Api):
                 return outcome
             time.sleep(POLL_S)
 
+    def finish_earlier(self, mission_id: str) -> None:
+        """The owner's robots work through their missions, oldest first."""
+
     def observe(self, mission_id: str) -> None:
         """The owner's robots report all the time."""
 

@@ -103,6 +103,7 @@ def up(
             Scenes(harness.runtime),
             accounts=accounts,
             answer=harness.supervisor.answer,
+            free=harness.supervisor.free,
             starts=harness.starts,
             cards=lambda: (one.card for robot in harness.robots.values() for one in robot.providers()),
             folder=chosen.data_folder,

@@ -1,6 +1,6 @@
 """What the API answers, as structs: an answer is built from one, and the description of the API is derived from it."""
 
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 
@@ -144,6 +144,21 @@ class GoalCondition(Value):
     rests_on: tuple[str, ...]
 
 
+class ProposalOutcome(Value):
+    """What a provider proposed to become a fact: accepted, tested and not accepted, or not tested.
+
+    `verdict` is that of the condition it is about; null where nothing tested it.
+    """
+
+    node_id: str
+    packet_id: str
+    provider_id: str
+    name: str
+    arguments: dict[str, Any]
+    verdict: str | None
+    standing: Literal["accepted", "tested", "not tested"]
+
+
 class MissionOutcome(msgspec.Struct, frozen=True, kw_only=True):
     """What became of a mission: declared by providers, measured by the harness, accepted by the gate."""
 
@@ -171,6 +186,7 @@ class MissionOutcome(msgspec.Struct, frozen=True, kw_only=True):
     images: tuple[ImageResource, ...]
     findings: tuple[AnalysisFinding, ...]
     receipts: tuple[ReceiptOutcome, ...]
+    proposals: tuple[ProposalOutcome, ...]
     recovery: RecoverySpend
     dispatches: Count
     physical_starts: Count | None

@@ -7,9 +7,9 @@ from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, word
 from app.views.canary import CanaryPanel, canary_panel
 from app.views.candidates import stale
+from app.views.review_actions import OfferedAction, offers
 from app.views.review_results import MeasuredResults
 from app.views.review_rows import HeldOutView, PinRow, held_out_view, pin_rows
-from app.views.review_words import OfferedAction, offers
 from app.views.shell import Shell
 from harness.contracts.actors import Actor
 from harness.contracts.ids import Digest

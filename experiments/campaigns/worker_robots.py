@@ -94,7 +94,7 @@ class Robots:
             faults = [fault for fault in mission.labels.get("faults", "").split(",") if fault]
             robot.configure(mission.mission_id, mission.seed, parse_faults(faults))
 
-        beside = local_services(replace(self._parts, clock=clock), camera=CAMERA, folder=None)
+        beside = local_services(replace(self._parts, clock=clock), camera=CAMERA, folder=None, room=robot.room)
         providers: tuple[Provider, ...] = (*robot.providers(), *beside.providers)
         return RobotConnection(
             robot_id=RobotId(name),

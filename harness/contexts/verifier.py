@@ -10,8 +10,8 @@ Of a packet: "conditions" (list of Condition); "policy" (VerificationPolicy); "e
 
 Of the goal: "goal", "conditions" (as first stored), "policy", "constraints", "facts", "receipts" as above; "node"
 (CommittedNode, one per ended node); "declared_effects" (list of DeclaredEffect); "observations" (RecentSamples: what is
-true now); "trajectory" (role "cited") and "before": the history on which a circuit is tested; "request" and "read_back"
-as above, read once more.
+true now); "trajectory" (role "cited") and "before": the history on which a circuit is tested; "map"
+(EvidenceReference): what an exploration drew; "request" and "read_back" as above, read once more.
 """
 
 from msgspec.structs import replace
@@ -31,11 +31,14 @@ from harness.contracts.measurements import RequestRecord
 from harness.contracts.rules import LINEAGE, RulesVersion, required_independence
 from harness.contracts.tasks import EvidencePolicy, Node, order
 from harness.contracts.verifier_inputs import CommittedNode, Execution, Origins, SafetyState, VerificationPolicy
+from harness.projections.exploration import MAP, is_update
 from harness.projections.mission import declared_nodes
 
 WINDOW_S = 3.0
 HISTORIES = ("circuit",)
 """Metric predicates that need a trajectory, not only where the robot is now (R121)."""
+MAPPED = ("covered",)
+"""Predicates that need the map which the mission drew."""
 
 
 def verifier_context(view: StateView, packet: EvidencePacket, card: CapabilityCard) -> Context:
@@ -83,6 +86,7 @@ def goal_context(view: StateView) -> Context:
         *_receipts(view, packets),
         *(SelectionItem(referenced(one.kind, one, mandatory=True)) for one in view.measured),
         *_request(view, contract.completion_conditions),
+        *_map(view),
         recent_window(view, window_s=WINDOW_S),
         *_histories(view, packets),
         *(SelectionItem(record) for record in view.proposals),
@@ -93,7 +97,24 @@ def goal_context(view: StateView) -> Context:
         budget=view.rules.c3_items,
         minimum_confidence=view.rules.minimum_confidence,
     )
-    return compile_context(view, items, selection=selection)
+    return compile_context(view, _fitting(view, items), selection=selection)
+
+
+def _fitting(view: StateView, items: list[SelectionItem]) -> list[SelectionItem]:
+    """Where not all fit, the executions of stages that the goal does not require are left out; their facts stay."""
+    if sum(item.record.mandatory for item in items) <= view.rules.c3_items:
+        return items
+    optional = {node.node_id for node in view.contract.nodes if not node.required}
+    return [item for item in items if item.record.kind != "node" or item.record.source not in optional]
+
+
+def _map(view: StateView) -> list[SelectionItem]:
+    """The newest map of an exploration, where a completion condition asks what it shows."""
+    effects = (one.effect for one in view.contract.completion_conditions)
+    known = [one for one in view.mission.observed if is_update(one)]
+    if not known or not any(effect.predicate in MAPPED for effect in effects):
+        return []
+    return [SelectionItem(referenced(MAP, known[-1], mandatory=True))]
 
 
 def _request(view: StateView, conditions: tuple[Condition, ...]) -> list[SelectionItem]:

@@ -3,11 +3,12 @@
 from typing import Any
 
 import msgspec
+from msgspec import UNSET, UnsetType
 
 from harness.contracts import ids
 from harness.contracts.effects import FactKind
 from harness.contracts.observations import Origin
-from harness.contracts.protocol import InvocationStatus, Receipt
+from harness.contracts.protocol import InvocationStatus, ProposedFact, Receipt
 from harness.contracts.values import Count, Name, Share, Value
 
 
@@ -39,15 +40,12 @@ class PacketIdentity(Value):
     provider_version: Name
 
 
-class ProposedFact(Value):
-    """What the provider proposes to become a committed fact. Never applied by itself (R33)."""
-
-    name: Name
-    arguments: dict[str, Any]
-
-
 class EvidencePacket(Value):
-    """Everything one terminal execution left behind."""
+    """Everything one terminal execution left behind.
+
+    `proposed` is what the provider proposed in its report, in the protocol version `protocol`. A packet without that
+    version is of a release whose harness wrote the proposals itself.
+    """
 
     identity: PacketIdentity
     k_ctx: Count
@@ -65,6 +63,7 @@ class EvidencePacket(Value):
     receipts: tuple[Receipt, ...] = ()
     cites: tuple[ids.PacketId, ...] = ()
     verify_only: bool = False
+    protocol: Name | UnsetType = UNSET
 
 
 class CommittedFact(Value, omit_defaults=True):

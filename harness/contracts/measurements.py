@@ -2,21 +2,25 @@
 
 from harness.contracts.ids import Digest, RequestId
 from harness.contracts.observations import AnySample, Camera, Trajectory
-from harness.contracts.protocol import RobotStatus
+from harness.contracts.protocol import Receipt, RobotStatus
 from harness.contracts.values import Value
 
 
 class Measurement(Value):
     """What an independent source is asked: about which requests of a stage, over which mission time.
 
-    `requests` are those of the newest execution, `asked_text` the checksum of what the harness asked it to send or
-    say. `samples` are the robot's own of the last seconds, `status` its newest report.
+    `requests` are those of the newest execution, `text` what the harness asked it to send or say, `receipts` what its
+    provider gave. `executes`: it was asked to do something now, rather than looked at again. `names` are the places of
+    the mission's site. `samples` are the robot's own of the last seconds, `status` its newest report.
     """
 
     requests: tuple[RequestId, ...]
+    text: str
     from_s: float
     until_s: float
-    asked_text: Digest
+    executes: bool = True
+    receipts: tuple[Receipt, ...] = ()
+    names: tuple[str, ...] = ()
     samples: tuple[AnySample, ...] = ()
     status: RobotStatus | None = None
 
@@ -53,3 +57,23 @@ class RequestRecord(Value):
     requested_by: str
     role: str
     channel: str
+
+
+class Sound(Value):
+    """A stretch of sound that a loudspeaker plays from `at_s` on: 16-bit little-endian mono samples."""
+
+    at_s: float
+    rate_hz: int
+    pcm: bytes
+
+
+class Recognition(Value):
+    """What a recogniser understood of a sound, word by word. `asked` is what was to be said, in the same form;
+    `unknown` are words that it could not have understood, because its dictionary lacks them.
+    """
+
+    sound: Digest
+    recogniser: str
+    asked: tuple[str, ...]
+    heard: tuple[str, ...]
+    unknown: tuple[str, ...] = ()

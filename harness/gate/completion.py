@@ -17,6 +17,7 @@ from harness.projections.mission import Mission, required_contract
 from harness.recovery.classify import classify
 from harness.verification.facts import declared_effects_of, facts_of
 from harness.verification.finding import UNAVAILABLE
+from harness.verification.proposals import proposals_for
 
 
 def complete(mission: Mission, command: CompleteNode) -> Decision[events.MissionEvent]:
@@ -92,7 +93,14 @@ def _committed(mission: Mission, command: CompleteNode) -> events.NodeCommitted:
         node_id=identity.node_id,
         invocation_id=identity.invocation_id,
         packet_id=identity.packet_id,
-        facts=facts_of(command.verdict, packet=packet, node=node, k=mission.k + 1, rules=mission.rules),
+        facts=facts_of(
+            command.verdict,
+            packet=packet,
+            node=node,
+            k=mission.k + 1,
+            proposals=proposals_for(packet, mission.of(identity.node_id).packets),
+            rules=mission.rules,
+        ),
         withdrawn=_ended_by(node, mission),
         aborting=mission.invocation is not None and mission.invocation.intent.aborting,
     )

@@ -22,7 +22,7 @@ from harness.supervisor.handoff_timeouts import HandoffTimeouts
 from harness.supervisor.handoffs import HandoffService
 from harness.supervisor.invocation_monitor import POLL_S, InvocationMonitor
 from harness.supervisor.leases import SUPERVISOR, expired
-from harness.supervisor.measurements import Measurements
+from harness.supervisor.measurements import IndependentMeasurements
 from harness.supervisor.observations import ObservationBuffer
 from harness.supervisor.pinned_configurations import begin
 from harness.supervisor.recovery import Recovery
@@ -45,7 +45,7 @@ class AgentLoop:
         self._connection = connection
         self._observations = ObservationBuffer(runtime=runtime, connection=connection)
         self._roles = RoleContexts(runtime=runtime, connection=connection, observations=self._observations)
-        self._measurements = Measurements(connection=connection, observations=self._observations)
+        self._measurements = IndependentMeasurements(self._roles)
         self._dispatcher = Dispatcher(self._roles)
         self.handoff_service = HandoffService(self._roles, self._dispatcher)
         self.handoff_timeouts = HandoffTimeouts(self._roles)

@@ -20,8 +20,8 @@ class RobotConnection:
     `prepare` tells a simulated world which mission begins; a real robot ignores it. `revive` tries to bring back a
     robot that does not answer, and says whether it did. `verifier` judges packets, `planner` proposes what comes next
     and `proposer` where to explore; none of them decides anything. `camera` is its live camera and `hand` its
-    teleoperation interface, where the robot has such. `sources` measure, without the providers, what a stage left.
-    `origins`: the process or address behind each provider and each source.
+    teleoperation interface, where the robot has such. `origins`: the process or address behind each provider and each
+    source of samples. `sources` measure, without the providers, what a stage left.
     """
 
     robot_id: RobotId

@@ -1,19 +1,31 @@
 """Derives the facts that a satisfied verdict would establish. Pure: it proposes; only the gate commits (R29, R113)."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from harness.contracts import effects
 from harness.contracts.evidence import CommittedFact, DeclaredEffect, EvidencePacket
+from harness.contracts.protocol import ProposedFact
 from harness.contracts.rules import FIRST_RULES, LINEAGE, RulesVersion
 from harness.contracts.tasks import Node
 from harness.contracts.values import Count
 from harness.contracts.verdicts import ConditionResult, NodeVerdict
+from harness.verification.proposals import proposed, written_by_harness
 
 
 def facts_of(
-    verdict: NodeVerdict, *, packet: EvidencePacket, node: Node, k: Count, rules: RulesVersion = FIRST_RULES
+    verdict: NodeVerdict,
+    *,
+    packet: EvidencePacket,
+    node: Node,
+    k: Count,
+    proposals: Sequence[ProposedFact] = (),
+    rules: RulesVersion = FIRST_RULES,
 ) -> tuple[CommittedFact, ...]:
-    """One fact per satisfied condition, named as its predicate, with the values that later nodes bind.
+    """One fact per satisfied condition that a provider proposed, with the values that later nodes bind.
+
+    The values are those that were tested, never the provider's. In a packet of a release whose harness wrote the
+    proposals itself, every condition counts as proposed.
 
     From the rules on that trace levels, each fact keeps the level that it was accepted at.
 
@@ -23,7 +35,11 @@ def facts_of(
     pictured: images. same_image: images (the one that both share), report. transcript: digest. played: sound.
     arrival, circuit: frame, map_version, target_m, tolerance_m.
     """
-    declared = {condition.condition_id: condition for condition in node.success_conditions}
+    declared = {
+        condition.condition_id: condition
+        for condition in node.success_conditions
+        if written_by_harness(packet) or proposed(condition, proposals)
+    }
     return tuple(
         CommittedFact(
             name=declared[result.condition_id].effect.predicate,
@@ -130,6 +146,9 @@ def _symbolic(effect: effects.Symbolic, result: ConditionResult) -> dict[str, An
             return {"frames": images, "images": len(images), "text_digest": text}
         case "transcript" | "recorded_request":
             return {"digest": result.evidence[0]}
+        case "heard":
+            sound, recognition = result.evidence
+            return {**effect.arguments, "sound": sound, "recognition": recognition}
         case "played":
             return {"sound": result.evidence[0]}
         case _:

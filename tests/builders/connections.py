@@ -183,7 +183,7 @@ def staged(
             names = [name for name in mission.labels.get("faults", "").split(",") if name]
             robot.configure(mission.mission_id, mission.seed, parse_faults(names))
 
-        beside = local_services(parts, camera=CAMERA, folder=None)
+        beside = local_services(parts, camera=CAMERA, folder=None, room=robot.room)
         harness = assemble(
             stack,
             HarnessSettings(speed=0, fidelity="kinematic"),

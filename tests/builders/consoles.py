@@ -117,6 +117,7 @@ def console_stand(
                     scenes,
                     accounts=accounts,
                     answer=harness.supervisor.answer,
+                    free=harness.supervisor.free,
                     starts=harness.starts,
                     fleet=Fleet(harness.robots, harness.cameras, lambda: harness.clock.now().wall_s),
                     teleoperation=harness.teleoperation,

@@ -36,7 +36,7 @@ def heard(signals: Signals, *, seed: int = 3) -> Iterator[Harness]:
             deciders=DECIDERS,
             select=selected,
         )
-        beside = local_services(parts, camera=CAMERA, folder=None)
+        beside = local_services(parts, camera=CAMERA, folder=None, room=robot.room)
         member = Member(
             robot_id=ROBOT,
             robot=robot,

@@ -252,7 +252,7 @@ def waiting(
             site=site or shipped_site(),
             rules=rules,
         )
-        beside = local_services(parts, camera=CAMERA, folder=None)
+        beside = local_services(parts, camera=CAMERA, folder=None, room=robot.room)
         member = Member(
             robot_id=ROBOT,
             robot=CrewRobot(robot, lambda provider: Linked(provider, link)),

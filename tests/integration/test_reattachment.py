@@ -35,7 +35,7 @@ class House:
     def opened(self, wrap: Wrap) -> Iterator[Stage]:
         """A supervisor of its own over the same log and the same robot."""
         with ExitStack() as stack:
-            beside = local_services(self.parts, camera=CAMERA, folder=None)
+            beside = local_services(self.parts, camera=CAMERA, folder=None, room=self.robot.room)
             harness = assemble(
                 stack,
                 HarnessSettings(speed=0, fidelity="kinematic"),

@@ -72,6 +72,10 @@ SENTENCES: Mapping[str, str] = {
     "no_playback_receipt": N_("no playback receipt names a sound"),
     "no_pose_in_route_map": N_("no pose of the route's frame and map was received"),
     "no_pose_in_target_map": N_("no pose of the target's frame and map was received in this execution"),
+    "no_target": N_(
+        "the recording names no target: give one with --target X,Y or --place, "
+        "or name its goal topic with --topic goal=NAME"
+    ),
     "no_predicate": N_("no predicate tests {predicate}"),
     "no_samples_of_execution": N_("no samples of this execution are known"),
     "no_transcript_receipt": N_("no transcript receipt names a text"),
@@ -151,6 +155,14 @@ SENTENCES: Mapping[str, str] = {
     "transcript_of_another_goal": N_("the transcript is not of this goal"),
     "transcript_of_goal": N_("the transcript's checksum {checksum} is that of the goal"),
     "verifier_did_not_answer": N_("the verifier did not answer: {kind}: {error}"),
+    "floor_not_seen": N_(
+        "{percent:.0f} % of the floor that can be reached was seen, {wanted:.0f} % wanted: {unseen_m2:.1f} m² were not "
+        "seen, {seen_m2:.1f} m² were; {closed_m2:.1f} m² are closed off"
+    ),
+    "floor_seen": N_(
+        "{percent:.0f} % of the floor that can be reached was seen ({seen_m2:.1f} m²); {unseen_m2:.1f} m² of it were "
+        "not, and {closed_m2:.1f} m² are closed off"
+    ),
     "views_apart": N_("{views} views from places {apart_m:g} m apart or more, {wanted:g} wanted"),
     "was_in_closed_region": N_("the body was in {region}, which is closed to it"),
     "wav_without_sound": N_("the WAV has no complete sound"),
@@ -194,4 +206,15 @@ SENTENCES: Mapping[str, str] = {
     "sweep_of_another_map": N_("the lidar sweep is of map {map_version}"),
     "sweep_of_another_time": N_("{sweeps} lidar sweeps are of another time"),
     "too_few_images_stored": N_("the channel holds {images} of {wanted} images"),
+    "another_place_heard": N_("the report was not heard to name {place}"),
+    "contrary_heard": N_("what was heard contradicts the finding: {heard}"),
+    "finding_not_heard": N_("what was heard does not state the finding: {heard}"),
+    "no_room_recording": N_("the report was synthesised and checked, not played: no microphone recorded the room"),
+    "recognition_of_another_sound": N_("the recognition is of another recording"),
+    "recording_silent": N_("the microphone recorded nothing but silence"),
+    "report_heard": N_("heard in the room: {heard}"),
+    "report_heard_before_analysis": N_("the report was heard before the analysis"),
+    "speech_not_recognised": N_("what was recorded could not be recognised"),
+    "unknown_words": N_("the recogniser does not know {words}"),
+    "words_not_heard": N_("not heard: {words}"),
 }

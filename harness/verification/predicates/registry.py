@@ -8,11 +8,14 @@ from harness.verification.predicates.analysis import analysis_of
 from harness.verification.predicates.arrival import arrival
 from harness.verification.predicates.chain import one_chain
 from harness.verification.predicates.circuit import circuit
+from harness.verification.predicates.covered import covered
 from harness.verification.predicates.delivery import delivered
 from harness.verification.predicates.explored import explored
+from harness.verification.predicates.heard import heard
 from harness.verification.predicates.inside import inside
 from harness.verification.predicates.kept_picture import kept_picture
 from harness.verification.predicates.message_stored import message_stored
+from harness.verification.predicates.no_target import arrival_without_target
 from harness.verification.predicates.panorama import panorama
 from harness.verification.predicates.passage_checked import passage_checked
 from harness.verification.predicates.pictures import one_image, pictured, same_image
@@ -44,8 +47,11 @@ PREDICATES: dict[tuple[str, str], Predicate] = {
     ("relational", "one_image"): one_image,
     ("relational", "passage_checked"): passage_checked,
     ("relational", "same_image"): same_image,
+    ("symbolic", "arrival_without_target"): arrival_without_target,
+    ("symbolic", "covered"): covered,
     ("symbolic", "delivered"): delivered,
     ("symbolic", "explored"): explored,
+    ("symbolic", "heard"): heard,
     ("symbolic", "message_stored"): message_stored,
     ("symbolic", "played"): played,
     ("symbolic", "recorded_request"): recorded_request,

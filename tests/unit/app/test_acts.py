@@ -6,12 +6,14 @@ from typing import Any, get_args
 import pytest
 from pydantic import TypeAdapter
 
-from app.acts import alerts, handoffs, missions
+from app.acts import alerts, handoffs, leases, missions, releases
 from app.acts.base import Act
 from app.auth.command_permissions import PERMISSIONS
 from harness.contracts import commands, person_commands
 from harness.contracts.actors import Actor
 from harness.contracts.errors import ContractInvalid
+from rsi_reviews import commands as review_commands
+from rsi_reviews.suite_growth import AddCase
 
 ADA = Actor(name="ada", role="operator")
 SEEN = {"cycle": 2, "subject": "a" * 64, "evidence": "b" * 64}
@@ -26,6 +28,7 @@ BODIES: dict[str, dict[str, Any]] = {
     "take-over": HELD | {"device": "desk 2"},
     "hand-back": HELD,
     "close": HELD,
+    "free": {"reason": "beside it"},
     "mission stop": {"reason": "person in the way"},
     "mission pause": {"reason": "look first"},
     "mission resume": {"reason": "clear"},
@@ -44,6 +47,7 @@ KINDS: dict[str, type[Act]] = {
     **handoffs.ACTS,
     **handoffs.DECISIONS,
     **alerts.ACTS,
+    "free": leases.FreeLeaseAct,
     "mission stop": missions.StopMissionAct,
     "mission pause": missions.PauseMissionAct,
     "mission resume": missions.ResumeMissionAct,
@@ -104,12 +108,47 @@ def test_a_reason_that_is_missing_or_too_long_is_told_beside_the_form(reason: st
 
 def test_every_act_is_exactly_one_gate_command() -> None:
     acts = list(every_act())
-    known = {*get_args(commands.AnyCommand), *get_args(person_commands.PersonCommand)}
+    known = {*get_args(commands.AnyCommand), *get_args(person_commands.PersonCommand), AddCase}
+    known |= {*get_args(review_commands.CandidateCommand), *get_args(review_commands.PointerCommand)}
     assert len(acts) >= len(KINDS)
     assert all(one.becomes in known for one in acts), "an act becomes a command that the gate decides"
     assert len({one.becomes for one in acts}) == len(acts), "no two acts are the same command"
     assert {one.becomes for one in acts} <= set(PERMISSIONS), "and each needs a permission"
     assert set(get_args(person_commands.PersonCommand)) <= {one.becomes for one in acts}
+
+
+SEEN_SUBJECT = {"cycle": 2, "subject": "a" * 64}
+CANDIDATE_BODIES: dict[str, dict[str, Any]] = {
+    **dict.fromkeys(("request-changes", "approve", "reject", "authorise"), SEEN_SUBJECT),
+    "release": SEEN_SUBJECT | {"robot_id": "vbot-1"},
+    "adjudicate": {"mission_id": "msn_1", "finding": "sound"},
+}
+
+
+@pytest.mark.parametrize("verb", sorted(releases.ACTS))
+def test_a_form_about_a_candidate_is_the_act_of_the_api_with_a_key_of_its_own(verb: str) -> None:
+    kind, body = releases.ACTS[verb], {"reason": "holds", "key": "k-1", **CANDIDATE_BODIES.get(verb, {})}
+    said = kind.model_validate(body)
+    typed = {name: str(value) for name, value in body.items()}
+    assert kind.from_form(typed | {"second-step": "yes"}) == said.model_copy(update={"key": f"{verb}:k-1"})
+    assert kind.model_validate(said.body()) == said
+    assert isinstance(kind.from_form(typed | {"reason": " "}), tuple)
+    for bound in set(body) - {"reason"}:
+        with pytest.raises(ContractInvalid, match="not bound"):
+            kind.from_form({name: text for name, text in typed.items() if name != bound})
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "told"),
+    [("kind", "dictator", "no such policy"), ("quorum", "", "1 to 10"), ("cooling_off_h", "many", "no number"),
+     ("cooling_off_h", "721", "no number"), ("cooling_off_h", "nan", "no number"), ("reason", "", "Say why")],
+)  # fmt: skip
+def test_a_policy_that_is_not_well_said_is_told_beside_the_form(field: str, value: str, told: str) -> None:
+    typed = {"kind": "two_person", "quorum": "2", "cooling_off_h": "1.5", "reason": "we are two"}
+    said = releases.SavePolicyAct.from_form(typed)
+    assert isinstance(said, releases.SavePolicyAct) and said.policy().cooling_off_s == 5400.0
+    wrong = releases.SavePolicyAct.from_form(typed | {field: value})
+    assert isinstance(wrong, tuple) and told in wrong[0].text
 
 
 def test_a_dispute_names_its_condition_and_posts_its_reason_alone() -> None:

@@ -10,7 +10,7 @@ from harness.contracts.errors import HarnessError, StoreUnavailable
 from harness.contracts.evidence import EvidenceReference
 from harness.contracts.ids import Digest, RequestId, sha256
 from harness.contracts.measurements import Measurement, ReadBack, StoredMessage
-from harness.contracts.ports import MessageReader
+from harness.contracts.ports import MessageReadPath
 from harness.contracts.values import encode
 
 SOURCE = "message read path"
@@ -18,7 +18,7 @@ Keep = Callable[[bytes], Digest]
 
 
 class FolderReader:
-    """MessageReader of a FolderOutbox's folder: every file is read and its checksum computed again."""
+    """MessageReadPath of a FolderOutbox's folder: every file is read and its checksum computed again."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -47,7 +47,7 @@ class HeldMessages(Protocol):
 
 
 class MemoryReader:
-    """MessageReader of a channel in memory. It holds checksums in place of files."""
+    """MessageReadPath of a channel in memory. It holds checksums in place of files."""
 
     def __init__(self, channel: HeldMessages) -> None:
         self._channel = channel
@@ -66,7 +66,7 @@ class MessageReadBack:
     predicate = "message_stored"
     lasting = True
 
-    def __init__(self, reader: MessageReader, *, keep: Keep) -> None:
+    def __init__(self, reader: MessageReadPath, *, keep: Keep) -> None:
         self._reader, self._keep = reader, keep
 
     def measure(self, asked: Measurement) -> tuple[EvidenceReference, ...]:
@@ -82,7 +82,7 @@ class MessageReadBack:
         reading = ReadBack(
             request_id=request,
             found=message is not None,
-            asked_text=asked.asked_text,
+            asked_text=self._keep(asked.text.encode()),
             text=self._keep(message.text.encode()) if message else None,
             images=message.images if message else (),
             problem=problem,
@@ -95,7 +95,7 @@ class MessageReadBack:
             until_s=asked.until_s,
             confidence=1.0,
             blob=self._keep(encode(reading)),
-            values={"request_id": request, "asked_text": asked.asked_text},
+            values={"request_id": request, "asked_text": reading.asked_text},
         )
 
 
