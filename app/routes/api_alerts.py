@@ -11,7 +11,7 @@ from app.routes import api_requests
 from app.routes import api_schemas as schemas
 from app.routes.alerts import history_of, told
 from app.views import alerts
-from app.views.alerts import AlertListParams, AlertRow
+from app.views.alerts import AlertListParams
 from harness.contracts.alert_commands import AlertPersonCommand
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import UnknownName
@@ -41,7 +41,7 @@ def listed(
         )
     asked = AlertListParams(group=status, words=q, priority=priority, robot=robot)
     found = alerts.chosen(console.alerts.all(), asked, now_s=console.clock())[:limit]
-    return api_requests.plain([schemas.AlertSummary(**_summary(one)) for one in found])
+    return api_requests.plain([schemas.AlertSummary(**alerts.summary(one)) for one in found])
 
 
 @router.get("/alerts/{alert_id}", responses=api_requests.answers(schemas.AlertResource))
@@ -87,14 +87,8 @@ def _said(console: Console, alert_id: str, command: AlertPersonCommand) -> Any:
 
 def _shown(console: Console, alert_id: str) -> Any:
     alert = console.alerts.one(alert_id)
-    summary = _summary(alerts.row(alert_id, alert, now_s=console.clock()))
+    summary = alerts.summary(alerts.item(alert_id, alert, now_s=console.clock()))
     history = tuple(
         schemas.AlertLine(at_s=one.at_s, text=one.text, position=one.position) for one in history_of(console, alert_id)
     )
     return api_requests.plain(schemas.AlertResource(**summary, conditions=tuple(alert.standing), history=history))
-
-
-def _summary(one: AlertRow) -> dict[str, Any]:
-    """What both shapes of an alert share."""
-    same = (name for name in schemas.AlertSummary.__struct_fields__ if name != "shelved_until_s")
-    return {**{name: getattr(one, name) for name in same}, "shelved_until_s": one.until_s or None}

@@ -15,8 +15,8 @@ from app.i18n.messages import reasoned
 from app.views import candidates
 from app.views.candidates import BoardPage, CandidateListParams
 from app.views.review import ReviewPage, ReviewSources, SubmittedReviewForm, review_page
-from app.views.review_cases import CasesPage, cases_page
 from app.views.review_replay import ReplayPage, replay_page
+from app.views.review_results import CasesPage, cases_page
 from app.views.rollback import RollbackPage, rollback_page
 from app.web.rendering import render
 from harness.contracts.actors import Actor

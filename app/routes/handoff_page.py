@@ -7,9 +7,9 @@ from app.acts.handoffs import ApproveHandoffAct
 from app.console import Console
 from app.routes.robots import camera_of
 from app.views import handoffs, robots
-from app.views.handoff_shown import ShownDifference, ShownQuestion, differences, shown_question, shown_record
-from app.views.handoff_steps import HandoffEvents
-from app.views.handoffs import HandoffInputs, HandoffPage
+from app.views.handoff_question import ShownQuestion, differences, shown_question, shown_record
+from app.views.handoffs import HandoffEvents, HandoffForm, HandoffInputs, HandoffPage, HandoffScene
+from app.views.history import ShownDifference
 from app.views.places import site_map
 from app.views.robots import CameraView, LastReport
 from harness.contracts import ids
@@ -46,25 +46,31 @@ def page_of(
     mission = console.runtime.mission(opened.mission_id)
     told = history_of(console, handoff_id)
     watched = f"handoff/{handoff_id}"
-    surface = HandoffInputs(
-        now_s=console.clock(),
-        person=actor.name,
-        key=console.sessions.key(),
-        shown=digest(shown_record(opened, mission)),
-        told=told,
-        earlier=_earlier(console, opened),
+    scene = HandoffScene(
         map=site_map(console.runtime.site),
         robot=word_of(console, opened.robot_id),
         camera=_camera(console, opened.robot_id),
-        live_at=_live_at(console, mission.mission_id),
-        viewers=console.presence.watching(watched),
+    )
+    form = HandoffForm(
+        shown=digest(shown_record(opened, mission)),
+        key=console.sessions.key(),
         typed=left.typed,
         refused=left.refused,
         changes=changes(handoff, told, left.cycle) if left.refused else (),
     )
+    inputs = HandoffInputs(
+        now_s=console.clock(),
+        person=actor.name,
+        viewers=console.presence.watching(watched),
+        told=told,
+        earlier=_earlier(console, opened),
+        live_at=_live_at(console, mission.mission_id),
+        scene=scene,
+        form=form,
+    )
     topics = (watched, f"mission/{mission.mission_id}", f"live/{mission.mission_id}")
     shell = console.shell(handoffs.title(handoff, mission), "handoffs", actor, topics=topics)
-    return handoffs.handoff_page(shell, handoff, mission, surface)
+    return handoffs.handoff_page(shell, handoff, mission, inputs)
 
 
 def question_of(console: Console, handoff_id: ids.HandoffId) -> ShownQuestion:

@@ -13,8 +13,8 @@ from app.i18n.catalogues import N_
 from app.i18n.messages import reasoned
 from app.routes.handoff_page import SubmittedForm, answered, page_of, question_of
 from app.routes.listing import searching
-from app.views import handoff_list
-from app.views.handoff_list import HandoffsPage
+from app.views import handoffs
+from app.views.handoffs import HandoffsPage
 from app.views.list_params import ListParams
 from app.views.missions import Counted
 from app.web.rendering import render
@@ -41,7 +41,7 @@ def listed(console: Console, actor: Actor, params: ListParams) -> HandoffsPage:
     """One page of the list, with what its tabs would show."""
     group = params.given.get("status", "")
     facets = {name: value for name, value in params.query.facets.items() if name != "status"}
-    queries = {value: replace(params.query, facets=facets | stands_for) for value, _, stands_for in handoff_list.GROUPS}
+    queries = {value: replace(params.query, facets=facets | stands_for) for value, _, stands_for in handoffs.GROUPS}
     if group not in queries:
         raise UnknownName(f"There is no group of handoffs called {group}", do=N_("choose one of the tabs of the list"))
     found = console.lists.handoffs(queries[group])
@@ -50,7 +50,7 @@ def listed(console: Console, actor: Actor, params: ListParams) -> HandoffsPage:
         tallies=console.lists.tallies("handoff"),
     )
     shell = console.shell("Handoffs", "handoffs", actor)
-    return handoff_list.handoffs_page(shell, params, found.items, found.following, counted)
+    return handoffs.handoffs_page(shell, params, found.items, found.following, counted)
 
 
 @router.get("/{handoff_id}")

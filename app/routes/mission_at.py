@@ -17,7 +17,7 @@ from app.views.missions import MissionHeader, RobotStrip
 from app.views.plots import Plot
 from app.views.shell import Shell
 from app.views.stages import Graph, Observed, Stage
-from app.views.timeline import Axis, Timeline, TimelineEntry, TimelineLine
+from app.views.timeline import Axis, Timeline, TimelineEntry
 from harness.contracts.events import CompletionReported, FailureReported, MissionEnded
 from harness.contracts.evidence import CommittedFact
 from harness.contracts.ids import MissionId, NodeId
@@ -110,8 +110,8 @@ class MissionAt:
         return timeline.timeline(self.mission_id, self.entries, axis=axis, at_s=self.cursor.at_s, node=self._known)
 
     @cached_property
-    def events(self) -> tuple[TimelineLine, ...]:
-        return timeline.lines(self.mission_id, self.entries, place=self.cursor.place, at=self.cursor.position)
+    def events(self) -> tuple[TimelineEntry, ...]:
+        return timeline.around(self.entries, place=self.cursor.place)
 
     @cached_property
     def plots(self) -> tuple[Plot, ...]:

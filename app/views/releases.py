@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext
 from app.views.canary import CanaryPanel, canary_panel
-from app.views.review_rows import policy_sentence
+from app.views.review import policy_sentence
 from app.views.shell import Shell
 from harness.contracts.actors import Actor
 from harness.contracts.ids import Digest, RobotId

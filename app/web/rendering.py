@@ -28,14 +28,17 @@ class TranslatedEnvironment(Environment):
 
 
 def environment(folder: Path, language: str = ENGLISH) -> Environment:
-    """Undefined names are errors, everything is escaped, whitespace around blocks is dropped."""
+    """Undefined names are errors and everything is escaped.
+
+    A space before a block tag stays: the formatter of the templates may break the line there, and the words on both
+    sides of the tag must not grow together.
+    """
     jinja = TranslatedEnvironment(
         loader=FileSystemLoader(folder),
         extensions=["jinja2.ext.i18n"],
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
-        lstrip_blocks=True,
         finalize=None if language == ENGLISH else partial(_localised, language=language),
     )
     jinja.policies["ext.i18n.trimmed"] = True

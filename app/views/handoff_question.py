@@ -1,4 +1,4 @@
-"""Pure: what a person is shown to decide on, the same for everybody: no clock, no key, no language, no template."""
+"""Shapes what a person is shown before a decision: typed data, the same in every language and under every template."""
 
 import json
 from dataclasses import dataclass
@@ -9,6 +9,7 @@ from msgspec import to_builtins
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, word
 from app.views.budgets import Budget, budget, spent_of_limits
+from app.views.history import ShownDifference
 from app.views.measures import quantity
 from harness.contracts.handoff_events import HandoffOpened, ProposedAction
 from harness.contracts.ids import sha256
@@ -38,15 +39,6 @@ class ActionView:
     digest: str
     body: str
     sound: bool
-
-
-@dataclass(frozen=True)
-class ShownDifference:
-    """One thing that is not as it was shown."""
-
-    name: str
-    was: str
-    now: str
 
 
 @dataclass(frozen=True)
