@@ -106,7 +106,7 @@ def _arguments(condition: effects.Condition, result: ConditionResult) -> dict[st
             return {"images": list(result.evidence)}
         case effects.Visual():
             return {"report": result.evidence[0], "frames": list(result.evidence[1:])}
-        case effects.Relational(predicate="same_image" | "kept") as effect:
+        case effects.Relational(predicate="same_image" | "kept_picture") as effect:
             image, report = result.evidence
             return {"subject": effect.subject, "object": effect.object, "images": [image], "report": report}
         case effects.Relational(predicate="passage_checked") as effect:

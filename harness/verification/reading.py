@@ -219,10 +219,12 @@ class Evidence:
 
     def newest_fact(self, names: Sequence[str], *, node_id: str = "") -> CommittedFact:
         """The newest committed fact of any of these names (of that node). Raises Undecidable if there is none."""
-        found = [one for one in self.facts if one.name in names and node_id in ("", one.node_id)]
+        found = [one for one in self._facts if one.name in names and node_id in ("", one.node_id)]
         if not found:
             raise Undecidable(because("no_accepted_fact", name=names[0]))
-        return max(found, key=lambda one: one.k)
+        newest = max(found, key=lambda one: one.k)
+        self.lineage.note(newest.condition_id, newest.independence)
+        return newest
 
     def _now(self, references: Sequence[EvidenceReference]) -> list[AdmittedTrack]:
         record = self.context.one("observations")

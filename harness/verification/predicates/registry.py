@@ -13,7 +13,7 @@ from harness.verification.predicates.delivery import delivered
 from harness.verification.predicates.explored import explored
 from harness.verification.predicates.heard import heard
 from harness.verification.predicates.inside import inside
-from harness.verification.predicates.kept import kept
+from harness.verification.predicates.kept_picture import kept_picture
 from harness.verification.predicates.message_stored import message_stored
 from harness.verification.predicates.no_target import arrival_without_target
 from harness.verification.predicates.panorama import panorama
@@ -41,7 +41,7 @@ PREDICATES: dict[tuple[str, str], Predicate] = {
     ("metric", "circuit"): circuit,
     ("relational", "analysis_of"): analysis_of,
     ("relational", "inside"): inside,
-    ("relational", "kept"): kept,
+    ("relational", "kept_picture"): kept_picture,
     ("relational", "linked"): linked,
     ("relational", "one_chain"): one_chain,
     ("relational", "one_image"): one_image,

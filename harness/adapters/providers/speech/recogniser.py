@@ -69,7 +69,8 @@ def _samples(recording: bytes) -> bytes:
         return body
     samples = np.frombuffer(body, dtype="<i2").astype(np.float64)
     at = np.arange(0.0, len(samples), rate_hz / RATE_HZ)
-    return np.interp(at, np.arange(len(samples)), samples).astype("<i2").tobytes()
+    resampled: bytes = np.interp(at, np.arange(len(samples)), samples).astype("<i2").tobytes()
+    return resampled
 
 
 @lru_cache(maxsize=1)
