@@ -121,7 +121,7 @@ class ReceiptOutcome(Value):
 
 
 class ProposalOutcome(Value):
-    """What a provider proposed to become a fact: accepted, tested and not accepted, or not tested.
+    """What a provider proposed to become a fact: accepted, tested and not accepted, or untested.
 
     `verdict` is that of the condition it is about; null where nothing tested it.
     """
@@ -132,7 +132,7 @@ class ProposalOutcome(Value):
     name: str
     arguments: dict[str, Any]
     verdict: str | None
-    standing: Literal["accepted", "tested", "not tested"]
+    status: Literal["accepted", "tested", "untested"]
 
 
 class MissionOutcome(msgspec.Struct, frozen=True, kw_only=True):

@@ -11,10 +11,10 @@ from harness.contracts.tasks import Node
 from harness.contracts.verdicts import NodeVerdict
 from harness.gate.rules import GATE_RULES, first_broken
 from harness.projections.mission import Mission, required_contract
+from harness.projections.proposals import proposals_for
 from harness.recovery.classify import classify
 from harness.verification.facts import facts_of
 from harness.verification.finding import UNAVAILABLE
-from harness.verification.proposals import proposals_for
 
 
 def complete(mission: Mission, command: CompleteNode) -> Decision[events.MissionEvent]:

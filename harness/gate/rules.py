@@ -12,7 +12,7 @@ from harness.contracts.protocol import proposes_facts, version_of
 from harness.contracts.reasons import Reason, because
 from harness.contracts.verdicts import NodeVerdict, strictest
 from harness.projections.mission import Mission, required_contract
-from harness.verification.proposals import proposals_for, unproposed, written_by_harness
+from harness.projections.proposals import proposals_for, unproposed, written_by_harness
 
 Rule = Callable[[Mission, EvidencePacket, NodeVerdict], Reason | None]
 

@@ -9,7 +9,7 @@ from harness.contracts.protocol import ProposedFact
 from harness.contracts.tasks import Node
 from harness.contracts.values import Count
 from harness.contracts.verdicts import ConditionResult, NodeVerdict
-from harness.verification.proposals import proposed, written_by_harness
+from harness.projections.proposals import proposed, written_by_harness
 
 
 def facts_of(

@@ -33,7 +33,7 @@ def test_what_the_robot_proposed_and_the_evidence_bore_out_becomes_a_fact(tmp_pa
     assert (code, found["status"]) == (0, "succeeded")
     facts = [fact["name"] for commit in bodies(events, "NodeCommitted") for fact in commit["facts"]]
     assert facts == ["transcript", "circuit", "static_body"]
-    assert [(one["name"], one["verdict"], one["standing"]) for one in found["proposals"]] == [
+    assert [(one["name"], one["verdict"], one["status"]) for one in found["proposals"]] == [
         (name, "satisfied", "accepted") for name in facts
     ]
     (circuit,) = [one for one in found["proposals"] if one["name"] == "circuit"]
@@ -65,5 +65,5 @@ def test_a_proposal_that_nothing_tested_stays_one(tmp_path: Path) -> None:
     code, found, events = walked(tmp_path, "more")
     assert (code, found["status"]) == (0, "succeeded")
     coffee = [one for one in found["proposals"] if one["name"] == "coffee_made"]
-    assert [(one["verdict"], one["standing"]) for one in coffee] == [(None, "not tested")]
+    assert [(one["verdict"], one["status"]) for one in coffee] == [(None, "untested")]
     assert "coffee_made" not in json.dumps([commit["facts"] for commit in bodies(events, "NodeCommitted")])
