@@ -145,7 +145,7 @@ class GoalCondition(Value):
 
 
 class ProposalOutcome(Value):
-    """What a provider proposed to become a fact: accepted, tested and not accepted, or not tested.
+    """What a provider proposed to become a fact: accepted, tested and not accepted, or untested.
 
     `verdict` is that of the condition it is about; null where nothing tested it.
     """
@@ -156,7 +156,7 @@ class ProposalOutcome(Value):
     name: str
     arguments: dict[str, Any]
     verdict: str | None
-    standing: Literal["accepted", "tested", "not tested"]
+    status: Literal["accepted", "tested", "untested"]
 
 
 class MissionOutcome(msgspec.Struct, frozen=True, kw_only=True):

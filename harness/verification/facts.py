@@ -10,7 +10,7 @@ from harness.contracts.rules import FIRST_RULES, LINEAGE, RulesVersion
 from harness.contracts.tasks import Node
 from harness.contracts.values import Count
 from harness.contracts.verdicts import ConditionResult, NodeVerdict
-from harness.verification.proposals import proposed, written_by_harness
+from harness.projections.proposals import proposed, written_by_harness
 
 
 def facts_of(
