@@ -18,8 +18,7 @@ from app.background.release_watch import ReleaseWatch
 from app.background.robot_reports import Fleet
 from app.background.signals import SignalBroker
 from app.cli import output
-from app.cli.accounts import opened
-from app.cli.data_folder import duplicate_starts
+from app.cli.data_folder import duplicate_starts, opened
 from app.cli.identity import examine_issuer
 from app.cli.rsi_shipped import put_in_review
 from app.i18n.reasons.rendering import sentence

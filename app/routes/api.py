@@ -123,10 +123,10 @@ def resume(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: Re
     "/missions/{mission_id}/facts/{condition_id}/dispute", responses=api_requests.answers(schemas.MissionOutcome)
 )
 def dispute(
-    console: ConsoleDep, actor: ActorDep, mission_id: MissionId, condition_id: str, body: api_requests.ReasonBody
+    console: ConsoleDep, actor: ActorDep, mission_id: MissionId, condition_id: str, body: DisputeCompletionAct
 ) -> Any:
     """Say that an accepted completion is wrong: it counts as false, and nothing is deleted."""
-    return _told(console, actor, mission_id, DisputeCompletionAct.of(condition_id=condition_id, reason=body.reason))
+    return _told(console, actor, mission_id, body, condition_id=condition_id)
 
 
 @router.get("/missions/{mission_id}/events", responses=api_requests.answers(schemas.LogEvent, many=True))
@@ -165,6 +165,6 @@ def outcome(console: Console, mission_id: MissionId) -> dict[str, Any]:
     )
 
 
-def _told(console: Console, actor: Actor, mission_id: MissionId, said: Act) -> Any:
-    decision = console.runtime.submit(mission_id, said.to_command(actor))
+def _told(console: Console, actor: Actor, mission_id: MissionId, said: Act, **named: str) -> Any:
+    decision = console.runtime.submit(mission_id, said.to_command(actor, **named))
     return api_requests.refusal(decision) if isinstance(decision, Refused) else outcome(console, mission_id)
