@@ -1,4 +1,4 @@
-"""What every room of the console shares: the runtime, the doors, the scenes, and how a page is put together."""
+"""What every route of the console shares: the runtime, sign-in, 3D scenes, and the shell of a page."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""What an installation chooses for its console. Read once, passed down, never read again."""
+"""The settings of the console, read once at start and passed down."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""People and their passwords, tokens of integrations, and how often a wrong password may be tried."""
+"""Stores people with their passwords and the tokens of integrations, and limits wrong passwords."""
 
 import re
 from collections.abc import Callable, Collection, Sequence

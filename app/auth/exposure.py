@@ -1,4 +1,4 @@
-"""Where the console may listen: on loopback, or elsewhere once there are accounts and an encrypted way in."""
+"""Checks where the console may listen: on loopback, or elsewhere once there are accounts and TLS."""
 
 from ipaddress import ip_address
 

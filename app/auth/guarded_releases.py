@@ -1,4 +1,4 @@
-"""The release service as people reach it: every act is checked, signed with who asks, and written to the audit log."""
+"""Wraps the release service: every act is checked, signed with the person's name, and written to the audit log."""
 
 from typing import Any
 

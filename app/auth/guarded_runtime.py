@@ -1,4 +1,4 @@
-"""The runtime as people and integrations reach it: every command is checked and signed, whatever page it came by."""
+"""Wraps the runtime for people and integrations: every command is checked and signed."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextvars import ContextVar

@@ -1,4 +1,4 @@
-"""Whose account a person of the identity provider has, and in which roles: by (issuer, subject), never by a name."""
+"""Links people of the identity provider, by (issuer, subject) and never by name, to accounts and roles."""
 
 import re
 from collections.abc import Callable, Collection, Mapping

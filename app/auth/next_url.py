@@ -1,4 +1,4 @@
-"""Pure: where somebody wanted to go before they signed in. Only a page of this console is ever gone to."""
+"""Reads where a person wanted to go before signing in; only pages of this console are accepted."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""The way in by the identity provider: sign-ins under way, each bound to one browser and used once, and their end.
+"""Signs people in at the identity provider: each attempt is bound to one browser and used once.
 
 What is under way is kept in this process, like invitations: ten minutes, and the newest thousand.
 """

@@ -1,4 +1,4 @@
-"""The identity provider as the settings name it, and the door for those who come from there."""
+"""Builds the identity provider's client and login from the settings."""
 
 from collections.abc import Callable
 

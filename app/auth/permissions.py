@@ -1,4 +1,4 @@
-"""Pure: who may do what. The one table of roles and permissions, and the one question that is asked of it."""
+"""The one table of roles and permissions, and the one function that reads it."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass

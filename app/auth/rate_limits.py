@@ -1,4 +1,4 @@
-"""How much and how often one caller may ask: a bucket per caller, and a bound on what a request carries."""
+"""Limits how often one caller may ask and how much one request may carry."""
 
 from collections.abc import Callable
 from threading import Lock

@@ -1,4 +1,4 @@
-"""Ways in: the one-time link of a first start, a password, an integration's token, the owner's token; and sessions.
+"""Signs people and programs in (one-time link, password, integration token, owner token) and keeps their sessions.
 
 The identity provider's way in is app/auth/oidc_login.py, which lets people through here.
 

@@ -1,4 +1,4 @@
-"""Watches the log and what is observed live, and has alerts raised and cleared through the gate. Decides nothing.
+"""Watches the log and live observations, and raises and clears alerts through the gate.
 
 It stands beside the supervisor: nothing waits for it, and what it meets becomes an alert, never an end of a mission.
 """

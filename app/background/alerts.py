@@ -1,4 +1,4 @@
-"""The alerts of this installation as they stand: folded once, then only those that changed since. Writes nothing."""
+"""Keeps the alerts of this installation folded and up to date with the log. Writes nothing."""
 
 from collections.abc import Sequence
 from threading import Lock

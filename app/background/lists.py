@@ -1,4 +1,4 @@
-"""The lists of the console: follows the log into the read models, and answers pages from them at the log's head."""
+"""Follows the log into the read models of the console's lists, and answers queries at the log's head."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace

@@ -1,4 +1,4 @@
-"""Tells people outside of alerts that are new and pressing. Beside everything: nothing waits for it.
+"""Sends external notifications of new, pressing alerts; nothing waits for them.
 
 A message holds the alert's title, its numbers and an address of this console, and no free text: goals and reasons are
 words of people and models and may hold anything.

@@ -1,4 +1,4 @@
-"""Who has which page open now: a page is somebody's presence as long as its stream of names is."""
+"""Knows who has which page open, from the event streams that pages hold open."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,4 +1,4 @@
-"""Follows the log for the release service: takes ended canary missions in, has this console take a new pointer up."""
+"""Follows the log for the release service: records ended canary missions and applies the pointer in this console."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""What robots say of themselves and show, for people: the newest word, how old it is, and the last seconds of camera.
+"""Polls robots for what people see of them: the last report with its age, and the last seconds of camera.
 
 Wall time throughout. Nothing here is evidence and nothing is stored; a bounded ring of pictures is kept per robot.
 """

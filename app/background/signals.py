@@ -1,4 +1,4 @@
-"""Names of what changed, from any thread to every open page. Carries no content; losing one costs nothing."""
+"""Publishes the names of what changed, from any thread to every open page. Carries no content."""
 
 import asyncio
 from collections.abc import AsyncIterator

@@ -1,4 +1,4 @@
-"""/alerts: what a person should know, one row per cause, and what people do about it."""
+"""/alerts: what needs a person's attention, one row per cause, and what people do about it."""
 
 from collections.abc import Callable
 from math import isfinite

@@ -1,4 +1,4 @@
-"""/api/v1/alerts: the inbox, and acknowledge, shelve, suppress, restore and assign."""
+"""/api/v1/alerts: list, acknowledge, shelve, suppress, restore and assign alerts."""
 
 from typing import Annotated, Any
 

@@ -1,4 +1,4 @@
-"""/api/v1/events: the log as it grows, as server-sent events. An event's id is its position: a reader misses none."""
+"""/api/v1/events: the log as server-sent events; an event's id is its position, so a reader misses none."""
 
 from collections.abc import AsyncIterator
 from typing import Annotated, Any

@@ -1,4 +1,4 @@
-"""/api/v1: evidence, places, templates, providers, the audit of the log. Reading only."""
+"""/api/v1: evidence, places, templates, providers and the audit of the log, read only."""
 
 from typing import Annotated, Any
 

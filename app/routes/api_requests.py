@@ -1,4 +1,4 @@
-"""What every part of the API shares: bodies it takes, how lists are paged, how failures and answers are described."""
+"""What all routes of the API share: request bodies, paging, problem documents, and their descriptions."""
 
 from typing import Annotated, Any
 from urllib.parse import urlencode

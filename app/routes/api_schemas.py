@@ -1,4 +1,4 @@
-"""What the API answers, as structs: an answer is built from one, and the description of the API is derived from it."""
+"""The structs that the API answers with; its OpenAPI description is derived from them."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""/audit: verify the log, anchor it, and read who decided what when; /audit/access: who came in from where."""
+"""/audit: verify and anchor the log, and read who decided what; /audit/access: who signed in from where."""
 
 from typing import Annotated
 

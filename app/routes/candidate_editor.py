@@ -1,4 +1,4 @@
-"""/candidates/new: a person's own candidate, from fields or as JSON, checked before anything runs."""
+"""/candidates/new: a candidate of one's own, from fields or as JSON, checked before anything runs."""
 
 from collections.abc import Mapping
 

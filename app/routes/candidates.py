@@ -1,4 +1,4 @@
-"""/candidates: proposed changes to the harness itself; who says what about them, and what follows."""
+"""/candidates: proposed changes to the harness itself, their reviews and releases."""
 
 from itertools import islice
 from typing import Annotated, Any

@@ -1,4 +1,4 @@
-"""/robots/{id}/drive: driving a robot by hand from the browser: hold to run, let go to stop."""
+"""/robots/{id}/drive: drives a robot by hand from the browser: hold to move, let go to stop."""
 
 from typing import Annotated
 

@@ -1,4 +1,4 @@
-"""How one question is put together from what the console knows. Parses nothing and submits nothing."""
+"""Collects what the page of one handoff shows, and checks an answer against the page it was given on."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""From an address to what is asked of a list. Has no page of its own."""
+"""Turns the address of a list page into a query. Has no page of its own."""
 
 from collections.abc import Callable
 from typing import get_args

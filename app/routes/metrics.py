@@ -1,4 +1,4 @@
-"""/metrics for Prometheus, /readyz for whoever decides where requests go."""
+"""/metrics for Prometheus, and /readyz for load balancers."""
 
 from fastapi import APIRouter
 from starlette.responses import PlainTextResponse

@@ -1,4 +1,4 @@
-"""One mission as it is now, or as it was when an event had just been appended: the page that every region reads."""
+"""One mission now or at an earlier event: the object that every region of the mission page reads."""
 
 from dataclasses import dataclass
 from functools import cached_property, reduce

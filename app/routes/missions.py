@@ -1,4 +1,4 @@
-"""/missions: list them, watch one, start one, stop one."""
+"""/missions: list, watch, start and stop missions."""
 
 from collections.abc import Sequence
 from typing import Annotated

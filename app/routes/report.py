@@ -1,4 +1,4 @@
-"""/missions/{id}/report: what became of a mission, for print, PDF, JSON; its dossier; its log; each fact."""
+"""/missions/{id}/report: a mission's report as page, PDF and JSON; its dossier; its log; each fact."""
 
 from collections.abc import Sequence
 from pathlib import Path

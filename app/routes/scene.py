@@ -1,4 +1,4 @@
-"""/missions/{id}/scene/{view}/: one reader's 3D view, relayed from its own server, its instant, and its export.
+"""/missions/{id}/scene/{view}/: one reader's 3D view, relayed from its own server, with its instant and its export.
 
 The doorkeeper has checked session and origin.
 """

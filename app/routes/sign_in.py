@@ -1,4 +1,4 @@
-"""/account/sign-in and /account/oidc: in by a one-time link, by password or by the identity provider; and out again."""
+"""/account/sign-in and /account/oidc: sign in by one-time link, password or identity provider, and sign out."""
 
 from math import ceil
 from urllib.parse import quote

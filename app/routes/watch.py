@@ -1,4 +1,4 @@
-"""/missions/{id}: one mission as a page, and each region of it by itself."""
+"""/missions/{id}: one mission as a page, and each of its regions alone."""
 
 from dataclasses import fields
 

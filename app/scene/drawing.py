@@ -1,4 +1,4 @@
-"""What stands in a 3D view and how it looks. Metres, map frame moved to a local origin; knows viser and no rules."""
+"""Draws the content of a 3D view with viser: metres, map frame shifted to a local origin."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager

@@ -1,4 +1,4 @@
-"""From a mission's history and its live samples to what its 3D views show, with the instant of every piece.
+"""Turns a mission's history and live samples into what its 3D views show, with the instant of every piece.
 
 Reads the runtime and changes nothing there. One feed serves every view of a mission, each at its own instant.
 """

@@ -1,4 +1,4 @@
-"""A map's cloud in one reader's view: chunk after chunk, coarse first, each step a bounded number of points."""
+"""Sends a map's point cloud to one view in chunks, coarse first, with a bounded number of points per step."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Pure: a point cloud that grows from lidar sweeps by measured poses, thinned to voxels. Metres, map frame."""
+"""A point cloud that grows from lidar sweeps at measured poses, thinned to voxels. Metres, map frame."""
 
 from bisect import bisect_left, bisect_right, insort
 from dataclasses import dataclass, field

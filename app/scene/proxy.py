@@ -1,4 +1,4 @@
-"""The only way to a viewer: its page and its socket, relayed under the console's origin, session and policy."""
+"""Relays the page and the socket of a 3D view under the console's origin, session and security policy."""
 
 from collections.abc import Callable
 from contextlib import suppress

@@ -1,4 +1,4 @@
-"""The 3D views: one viser server on loopback per reader of a mission. They show; they never take a command."""
+"""Runs one viser server on loopback per reader of a mission; the servers show and never take a command."""
 
 import time
 from collections.abc import Callable, Iterator

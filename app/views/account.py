@@ -1,4 +1,4 @@
-"""Pure: somebody's own account, and everybody's for an admin."""
+"""Shapes a person's own account page, and the list of all accounts for an admin."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass

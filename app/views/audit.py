@@ -1,4 +1,4 @@
-"""Pure: who decided what, when, by which channel; and who came in."""
+"""Shapes the audit log: who decided what, when and by which channel; and who signed in."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -1,4 +1,4 @@
-"""Pure: a canary as people watch it: how many missions exercised the change, what each showed, how its test stands."""
+"""Shapes a canary: how many missions exercised the change, what each measured, and where its test stands."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

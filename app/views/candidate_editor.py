@@ -1,4 +1,4 @@
-"""Pure: the editor of a candidate: the fields of H with unit, bound and meaning, and what is wrong beside each."""
+"""Shapes the editor of a candidate: the fields of H with unit, bounds and meaning, and what is wrong with each."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

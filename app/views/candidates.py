@@ -1,4 +1,4 @@
-"""Pure: the board of candidates: where each stands, what it changes, and whose it is."""
+"""Shapes the list of candidates: the status of each, what it changes, and who proposed it."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence

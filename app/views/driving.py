@@ -1,4 +1,4 @@
-"""Pure: the pad that drives a robot by hand, and the question that it was taken over for."""
+"""Shapes the pad that drives a robot by hand, and the handoff that it was taken over for."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Pure: the published evaluation and the recursion experiment as tables and plots."""
+"""Shapes the published evaluation and the recursion experiment as tables and plots."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

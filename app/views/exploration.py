@@ -1,4 +1,4 @@
-"""Pure: where an exploring mission looked next: what was considered, what it gained and cost, what was chosen and why.
+"""Shapes where an exploring mission looked next: what was considered, its gain and cost, the choice and its reason.
 
 Gain and cost are the proposer's own basis: metres of unknown edge, metres of known way. What came of it is measured.
 """

@@ -1,4 +1,4 @@
-"""Pure: the floor as it was known when a target was chosen, with what the way there showed anew, drawn to scale."""
+"""Shapes the floor as it was known when a target was chosen, and what the way there added, drawn to scale."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

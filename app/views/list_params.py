@@ -1,4 +1,4 @@
-"""Pure: what every long list shares: search, filters and order in the address, and the way to the next page."""
+"""What every list page shares: search, filters and order in the address, and the link to the next page."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Pure: the first page: what runs, who waits for a person, how the last missions ended. Calm when all is well."""
+"""Shapes the first page: what runs, who waits for a person, and how the last missions ended."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

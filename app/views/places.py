@@ -1,4 +1,4 @@
-"""Pure: the places that words like "the storage" mean, with their verification, on a small map drawn to scale."""
+"""Shapes the places that words like "the storage" mean, with their verification, on a map drawn to scale."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Pure: what a mission would be, before it is started: graph, budgets, risks, places on the map, conditions."""
+"""Shapes a mission before it is started: graph, budgets, risks, places on the map, conditions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

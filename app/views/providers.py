@@ -1,4 +1,4 @@
-"""Pure: who can act: every provider's card in its twelve fields, what the kit says of it, and what its log says."""
+"""Shapes the providers: the twelve fields of each card, the conformance result, and the record in the log."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence

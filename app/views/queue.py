@@ -1,4 +1,4 @@
-"""Pure: what every robot does now and what waits for it, in the order in which it will be done."""
+"""Shapes what every robot does now and what waits for it, in order."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Pure: the one pointer to what new missions run under: where it stands, how it came there, what runs under what."""
+"""Shapes the release pointer: the current version, how it got there, and which missions run under which version."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Pure: robots as people see them: what each says of itself, what it shows, its mission, and who is in control."""
+"""Shapes robots: what each reports and shows, its mission, and who is in control."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

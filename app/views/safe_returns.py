@@ -1,4 +1,4 @@
-"""Pure: a robot's newest way to a safe place as people read it: declared and measured, accepted by nobody (D27)."""
+"""Shapes a robot's newest return to a safe point: declared and measured, never accepted (D27)."""
 
 from dataclasses import dataclass
 

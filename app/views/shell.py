@@ -1,4 +1,4 @@
-"""Pure: what every page carries around its own content: navigation, counts, and a stop for every robot."""
+"""Shapes what every page carries around its content: navigation, counts, and a stop for every robot."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

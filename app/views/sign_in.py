@@ -1,4 +1,4 @@
-"""Pure: the page at the door: by password, by the identity provider, by a link; and why somebody is not let in."""
+"""Shapes the sign-in page: password, identity provider or link, and why somebody was not signed in."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What a person or a program is told when something went wrong: a page, or a problem document (RFC 9457)."""
+"""Answers failures: a page for people, a problem document (RFC 9457) for programs."""
 
 import json
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""How values and items look on a page: instants, durations, numbers with their units; an item's words and colour."""
+"""The template filters: instants, durations and numbers with units; the words and colours of items."""
 
 import json
 from collections.abc import Callable, Iterable

@@ -1,4 +1,4 @@
-"""`Idempotency-Key` on the API: the same request again gets the answer of the first, and does nothing.
+"""Serves `Idempotency-Key` on the API: a repeated request gets the first answer and does nothing.
 
 An answer is kept for a day. A request that was begun and whose answer is not known, because the console died on it, is
 never done again: its second sender is told so.

@@ -1,4 +1,4 @@
-"""The regions of a mission page, in one table: its name, what it shows, and the signals that refresh it.
+"""The table of the mission page's regions: name, content, and the signals that refresh each.
 
 From a name come the template (`missions/_name.html`), the element (`#name`) and the address (`/missions/{id}/name`).
 """

@@ -1,4 +1,4 @@
-"""Templates: strict, escaped, in the reader's language, and given exactly one page. The only place that knows Jinja."""
+"""Renders templates: strict, escaped, in the reader's language, each with exactly one page object."""
 
 from collections.abc import Callable
 from functools import cache, partial

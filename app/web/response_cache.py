@@ -1,4 +1,4 @@
-"""One render for a hundred browsers: a region's answer is kept until the next signal or act, a second at most.
+"""Caches a region's response until the next signal or act, for one second at most, so many browsers cost one render.
 
 Every request is let in by the doorkeeper on its own before it comes here. An answer is shared among readers of the
 same roles and language; where a region names its reader, or offers what is theirs, among their own browsers alone.

@@ -1,4 +1,4 @@
-"""The doorkeeper in front of every route: host, caller, origin, limits, and the headers of every answer."""
+"""The security middleware in front of every route: host, caller, origin, limits, and response headers."""
 
 import re
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The page that answers while robots start: it says what is awaited, looks again by itself, and takes no command."""
+"""Answers with a page while robots start: says what is awaited, refreshes itself, and takes no command."""
 
 import socket
 from collections.abc import Iterator, Sequence

@@ -1,4 +1,4 @@
-"""Static files: kept by browsers for ever under an address that carries their content's digest, else asked for anew."""
+"""Serves static files: cached for ever under an address with the content's digest, revalidated otherwise."""
 
 import os
 from functools import lru_cache
