@@ -69,11 +69,11 @@ class TeleoperationPort(Protocol):
 
 
 def no_journal(mission_id: MissionId) -> None:
-    """The answer of an installation whose robots' journals cannot be read from here."""
+    """Used where the robots' journals cannot be read from here."""
 
 
 def no_cards() -> tuple[CapabilityCard, ...]:
-    """The answer of an installation without robots of its own."""
+    """Used by an installation without robots of its own."""
     return ()
 
 
@@ -134,7 +134,7 @@ class Console:
         )
 
     def control(self) -> SiteControl:
-        """The house's limit on autonomy, and who drives what by hand."""
+        """The fleet's autonomy limit, and who drives which robot by hand."""
         control: SiteControl = self.runtime.fold(CONTROL)
         return control
 

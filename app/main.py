@@ -213,7 +213,7 @@ def _free(folder: Path | None) -> Callable[[], int | None]:
 
 
 def _dossiers(runtime: Runtime, folder: Path | None) -> Dossier | None:
-    """Signed with the key of the data folder; without one there is no key."""
+    """Writes dossiers signed with the key of the data folder; None without a folder."""
     if folder is None:
         return None
 
@@ -224,7 +224,7 @@ def _dossiers(runtime: Runtime, folder: Path | None) -> Dossier | None:
 
 
 def open_accounts(settings: ConsoleSettings, folder: Path | None = None) -> Accounts:
-    """Who may use the console: kept in `folder`, or in memory without one."""
+    """The accounts of the console, stored in `folder`, or in memory without one."""
     store = SqlAccounts(folder / "accounts.db" if folder else None)
     hasher = PasswordHasher(memory_cost=settings.password_memory_kib)
     return Accounts(store, clock=time.time, fresh=_fresh, hasher=hasher)
@@ -275,7 +275,7 @@ def bind(port: int, host: str = "127.0.0.1") -> socket.socket:
 
 
 class _Server(uvicorn.Server):
-    """Ends the live streams as soon as a stop is asked for, so that no open page delays it."""
+    """A server that ends the live streams as soon as it is asked to stop, so that no open page delays it."""
 
     def __init__(self, config: uvicorn.Config, broker: SignalBroker) -> None:
         super().__init__(config)

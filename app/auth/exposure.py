@@ -7,7 +7,7 @@ from harness.contracts.errors import HarnessError
 
 
 class ExposureRefused(HarnessError):
-    """The console would be reachable by others without a lock on its door."""
+    """The console would be reachable by others without accounts or without TLS."""
 
     code = "exposure_refused"
 

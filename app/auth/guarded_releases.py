@@ -108,5 +108,5 @@ class GuardedReleaseService(CandidateQueries):
 
 
 def _signed(kind: type[Command], say: SignedBy) -> SignedBy:
-    """In the visitor's name and the role that allows it. Raises NotPermitted."""
+    """The principal as an actor in the role that allows the act. Raises NotPermitted."""
     return SignedBy(actor=principal().acting(asked_permission(kind)), reason=say.reason, key=say.key)

@@ -27,10 +27,10 @@ from harness.projections.places import Places
 from harness.runtime import AnswerHandoff, Live, Runtime, Start
 
 PRINCIPAL: ContextVar[Principal] = ContextVar("principal")
-"""Who the present request comes from. Set by the doorkeeper alone."""
+"""The principal of the present request, set by the security middleware only."""
 
 AuditLog = Callable[[Principal, Actor, str, str, str], object]
-"""Writes (visitor, actor, command, subject, outcome) where people's commands are kept with their source."""
+"""Writes (principal, actor, command, subject, outcome) to the audit log."""
 
 
 class GuardedRuntime:
@@ -48,7 +48,7 @@ class GuardedRuntime:
     # commands -------------------------------------------------------------------------------------------------------
 
     def start(self, start: Start, *, template: TaskTemplate | None = None) -> Accepted[AnyEvent] | Refused:
-        """Create a mission in the visitor's name. Raises as `Runtime.start` does."""
+        """Create a mission in the principal's name. Raises as `Runtime.start` does."""
         actor = _acting(CreateMission)
         _same_robot(start.robot_id)
         decision = self._runtime.start(replace(start, actor=actor), template=template)
@@ -197,7 +197,7 @@ def principal() -> Principal:
 
 
 def _acting(kind: type[Command]) -> Actor:
-    """The visitor in the role that allows this command; raises NotPermitted."""
+    """The principal in the role that allows this command; raises NotPermitted."""
     return principal().acting(asked_permission(kind))
 
 

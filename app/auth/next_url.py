@@ -5,7 +5,7 @@ import re
 OVERVIEW, LONGEST = "/", 500
 _PATH = re.compile(r"/(?![/\\])[!#-\[\]-~]*")
 _ELSEWHERE = ("/account/sign-in", "/account/sign-out", "/account/oidc", "/api/", "/live", "/static/", "/metrics")
-"""What is no page, or would begin again."""
+"""Paths that are no page, or that would sign in again."""
 
 
 def safe_next_url(text: str) -> str:

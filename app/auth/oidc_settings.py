@@ -10,7 +10,7 @@ from harness.adapters.identity.openid import OpenIdProvider, Registration, secre
 
 
 def identity_provider(settings: ConsoleSettings, *, clock: Callable[[], float]) -> OpenIdProvider | None:
-    """The one that is set up, if any; nobody is asked yet. Raises ContractInvalid for a setting that cannot be."""
+    """The configured identity provider, or None; sends no request. Raises ContractInvalid for an invalid setting."""
     oidc = settings.oidc
     if not oidc.issuer:
         return None
@@ -30,7 +30,7 @@ def identity_provider(settings: ConsoleSettings, *, clock: Callable[[], float]) 
 def issuer_door(
     settings: ConsoleSettings, sessions: SessionService, *, clock: Callable[[], float], fresh: Callable[[], str]
 ) -> OidcLogin | None:
-    """None without an identity provider. Raises ContractInvalid as above, and for roles that do not exist."""
+    """The login at the identity provider, or None without one. Raises ContractInvalid for settings or unknown roles."""
     provider = identity_provider(settings, clock=clock)
     if provider is None:
         return None

@@ -25,14 +25,14 @@ INVITED_ROLES = ("operator", "reviewer", "releaser", "admin")
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a browser stands and what it calls itself."""
+    """The address of a browser and the name it gives itself."""
 
     source: str = ""
     agent: str = ""
 
 
 class SessionService:
-    """Who comes in, and who somebody is. Times are wall seconds from `clock`; `fresh` makes unguessable strings."""
+    """Signs people in and authenticates requests. `clock` gives wall seconds; `fresh` makes unguessable strings."""
 
     def __init__(
         self,

@@ -16,7 +16,7 @@ class Presence:
 
     @contextmanager
     def here(self, name: str, topics: tuple[str, ...]) -> Iterator[None]:
-        """As long as the block runs, this person looks at these topics."""
+        """Count this person as a viewer of these topics while the block runs."""
         number = next(self._numbers)
         with self._lock:
             self._open[number] = (name, frozenset(topics))

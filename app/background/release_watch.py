@@ -37,14 +37,14 @@ class ReleaseWatch:
         self._follower = Follower(self, head=self.head, read=self.read, fold=FOLD)
 
     def watch(self) -> None:
-        """From now on, in the background."""
+        """Start watching in the background."""
         self._worker.start()
 
     def close(self) -> None:
         self._worker.close()
 
     def step(self) -> None:
-        """Nothing, unless the log has grown since."""
+        """Follow the log; does nothing unless it has grown."""
         self._follower.catch_up()
 
     def mark(self) -> FollowPosition:

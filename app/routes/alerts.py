@@ -68,7 +68,7 @@ def show(console: ConsoleDep, actor: ActorDep, alert_id: str) -> HTMLResponse:
 
 
 def _route(kind: type[Act]) -> Callable[..., Response]:
-    """The handler of one act of app/acts/alerts.py: 303, 422 not well said, 409 refused and why."""
+    """The handler of one act of app/acts/alerts.py: 303, 422 for invalid input, 409 with the reason of a refusal."""
 
     def act(console: ConsoleDep, actor: ActorDep, alert_id: str, typed: FormDep) -> Response:
         said = kind.from_form(typed)

@@ -52,19 +52,19 @@ def show(console: ConsoleDep, alert_id: str) -> Any:
 
 @router.post("/alerts/{alert_id}/acknowledge", responses=api_requests.answers(schemas.AlertResource))
 def acknowledge(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.AcknowledgeAlertAct) -> Any:
-    """A person has seen it."""
+    """Acknowledge an alert."""
     return _said(console, alert_id, body.to_command(actor))
 
 
 @router.post("/alerts/{alert_id}/shelve", responses=api_requests.answers(schemas.AlertResource))
 def shelve(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.ShelveAlertAct) -> Any:
-    """Out of the way for a while; it comes back by itself."""
+    """Shelve an alert for a while; it returns by itself."""
     return _said(console, alert_id, body.to_command(actor))
 
 
 @router.post("/alerts/{alert_id}/suppress", responses=api_requests.answers(schemas.AlertResource))
 def suppress(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.SuppressAlertAct) -> Any:
-    """Out of the way until somebody restores it."""
+    """Suppress an alert until somebody restores it."""
     return _said(console, alert_id, body.to_command(actor))
 
 
@@ -76,7 +76,7 @@ def restore(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.Rest
 
 @router.post("/alerts/{alert_id}/assign", responses=api_requests.answers(schemas.AlertResource))
 def assign(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.AssignAlertAct) -> Any:
-    """Somebody is to look after it."""
+    """Assign an alert to somebody."""
     return _said(console, alert_id, body.to_command(actor))
 
 

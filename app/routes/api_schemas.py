@@ -177,7 +177,7 @@ class LogEvent(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class TrailEntry(Value):
-    """One line of the access trail, a hash chain of its own."""
+    """One line of the access log, which has its own hash chain."""
 
     number: Count
     at_s: float

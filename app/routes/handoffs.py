@@ -70,7 +70,7 @@ def shown(console: ConsoleDep, handoff_id: HandoffId) -> HTMLResponse:
 
 
 def _route(word: str) -> Callable[..., Response]:
-    """The handler of one act of app/acts/handoffs.py: 303, 422 not well said, 409 refused and why."""
+    """The handler of one act of app/acts/handoffs.py: 303, 422 for invalid input, 409 with the reason of a refusal."""
 
     def act(console: ConsoleDep, actor: ActorDep, handoff_id: HandoffId, typed: FormDep) -> Response:
         said = handoff_acts.act_of(word, typed).from_form(typed)

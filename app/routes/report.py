@@ -211,7 +211,7 @@ def _no_answer(console: Console, mission_id: MissionId) -> dict[str, Any] | None
 
 
 def _retreat_for(console: Console, opened: HandoffOpened) -> list[RetreatEvent]:
-    """The house's events of the one retreat that this question was the reason for, if its zone allows one at all."""
+    """The events of the return to a safe point that this question led to, if its zone allows one."""
     if opened.no_answer != "retreat":
         return []
     house = [HOUSE.decode(one) for one in console.runtime.stream(CONTROL)]

@@ -41,7 +41,7 @@ class MapView:
                 return
 
     def _coarsest_is_out(self, cloud: MapCloud) -> bool:
-        """The first level goes to the viewer alone, so that it is seen before the bytes of the next."""
+        """Sends the first level alone, so that people see it before the next level arrives."""
         done = self._drawn < len(cloud.chunks) and cloud.chunks[self._drawn].voxel_m != cloud.chunks[0].voxel_m
         return done and cloud.chunks[self._drawn - 1].voxel_m == cloud.chunks[0].voxel_m and not self._whole
 

@@ -41,7 +41,7 @@ class CanaryPanel:
 
 
 def canary_panel(review: Review, pointer: Pointer, actor: Actor) -> CanaryPanel:
-    """Raises ValueError for a candidate without a manifest: there is no such canary."""
+    """The panel of a canary. Raises ValueError for a candidate without a manifest."""
     if review.manifest is None:
         raise ValueError("a canary has a manifest")
     test = review.manifest.canary

@@ -13,7 +13,7 @@ RECENT = 8
 
 @dataclass(frozen=True)
 class OverviewRegions:
-    """What changes by itself on the first page."""
+    """The parts of the first page that refresh themselves."""
 
     waiting: tuple[HandoffItem, ...]
     running: tuple[MissionItem, ...]
@@ -38,7 +38,7 @@ def overview(
     robots: Sequence[str],
     now_s: float,
 ) -> OverviewRegions:
-    """Missions newest first, robots in the house's order; those without a word of their own are listed as idle."""
+    """Missions newest first, robots in the configured order; robots without a report are listed as idle."""
     ended = [one for one in rows if one.status in TERMINAL_MISSION]
     heard = {strip.status.robot_id for strip in strips}
     return OverviewRegions(

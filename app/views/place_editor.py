@@ -24,7 +24,7 @@ NEAR_M = 0.4
 
 @dataclass(frozen=True)
 class Typed:
-    """What stands in a field, and what is wrong with it."""
+    """The value of a field, and what is wrong with it."""
 
     value: str
     wrong: str
@@ -128,7 +128,7 @@ def place_form(
 
 
 def wrong_place(typed: Mapping[str, str], site: Site) -> list[Wrong]:
-    """What a person must mend before the place can be saved."""
+    """What a person must correct before the place can be saved."""
     wrong = []
     place_id, name = typed.get("place_id", ""), typed.get("name", "").strip()
     if not SLUG.fullmatch(place_id):
@@ -158,7 +158,7 @@ def wrong_place(typed: Mapping[str, str], site: Site) -> list[Wrong]:
 
 
 def place_of(typed: Mapping[str, str], site: Site, *, by: str) -> Place:
-    """The place that a form without mistakes stands for."""
+    """The place that a valid form describes."""
     verification = next(one for one in get_args(Verification) if one == typed["verification"])
     return Place(
         place_id=PlaceId(typed["place_id"]),
@@ -175,7 +175,7 @@ def place_of(typed: Mapping[str, str], site: Site, *, by: str) -> Place:
 
 
 def taken(place_id: str, words: Sequence[str], site: Site) -> list[Wrong]:
-    """A word that names two places names none."""
+    """Words that already name another place and so cannot name this one."""
     others = {
         word.casefold(): one.name
         for one in site.places

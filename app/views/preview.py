@@ -37,7 +37,7 @@ class Preview:
 
 
 def preview(contract: TaskContract, site: Site) -> Preview:
-    """Everything a person should know before they start it."""
+    """The preview of a compiled contract."""
     nodes = tuple(contract.node(name) for name in order(contract))
     return Preview(
         contract=contract,

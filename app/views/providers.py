@@ -30,7 +30,7 @@ class OutcomeCount:
 
 @dataclass(frozen=True)
 class ProviderCard:
-    """One provider: its card, its own word; what its conformance file claims; what memory verified, newest first."""
+    """One provider: its card, what its conformance file claims, and its verified outcomes, newest first."""
 
     card: CapabilityCard
     conformance: Conformance | None

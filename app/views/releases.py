@@ -135,7 +135,7 @@ def cause_tone(cause: str) -> str:
 def policy_form(
     pointer: Pointer, around: Around, *, may: bool, typed: Mapping[str, str] | None = None, refused: str = ""
 ) -> PolicyForm:
-    """As it stands, or as it was left."""
+    """The policy as it stands, or as the form was left."""
     left = typed or {}
     return PolicyForm(
         kind=left.get("kind", pointer.policy.kind),

@@ -219,7 +219,7 @@ def offers(review: Review, pointer: Pointer, actor: Actor, *, now_s: float, robo
 
 
 def _asked(status: str) -> Sequence[tuple[str, str, bool, bool]]:
-    """(word, title, press and hold, danger)."""
+    """(act, title, press and hold, danger)."""
     match status:
         case "accepted":
             return (("submit", N_("Ask for review"), False, False), ("withdraw", N_("Withdraw"), False, True))

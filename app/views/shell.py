@@ -51,7 +51,7 @@ class PageShell:
 
 @dataclass(frozen=True)
 class Surroundings:
-    """The state of the house that every page shows: missions that have not ended, and how many questions wait."""
+    """What every page shows of the site: unfinished missions, and the number of questions that wait."""
 
     missions: Sequence[Mission]
     waiting: int

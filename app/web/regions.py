@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Region:
-    """One part of the page that is fetched by itself. `triggers`: the signals, as htmx writes them."""
+    """One part of the page that is fetched alone. `triggers` are its signals in the syntax of htmx."""
 
     name: str
     triggers: str
@@ -20,7 +20,7 @@ class Region:
 
 
 def _region(name: str, *signals: str) -> Region:
-    """`signals`: "observations 2s" is heard every two seconds at most."""
+    """A region with its triggers; the signal "observations 2s" refreshes it every two seconds at most."""
     parts = [one.partition(" ") for one in ("mission", *signals)]
     heard = [f"live:{signal} from:body{f' throttle:{pause}' if pause else ''}" for signal, _, pause in parts]
     return Region(name=name, triggers=", ".join(heard))
