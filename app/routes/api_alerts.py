@@ -34,7 +34,7 @@ def listed(
     robot: api_requests.Facet = "",
     limit: Annotated[int, Query(ge=1, le=1000)] = 200,
 ) -> Any:
-    """What happened last first. `status` is a tab of the page: empty for what nobody acknowledged, all, active, ..."""
+    """Alerts, newest occurrence first. `status` is a tab of the page: empty for unacknowledged, all, active, ..."""
     if status not in {value for value, _, _ in alerts.GROUPS}:
         raise UnknownName(
             f"There is no group of alerts called {status[:40]}", do="use all, active, shelved, suppressed"

@@ -45,13 +45,13 @@ PROBLEMS: dict[int | str, dict[str, Any]] = {
 
 
 class RequestBody(BaseModel):
-    """Base of what is sent: no field that is not known."""
+    """Base of request bodies: unknown fields are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class ReasonBody(RequestBody):
-    """Why; it stands in the log."""
+    """The reason, which is recorded in the log."""
 
     reason: Reason
 
@@ -85,7 +85,7 @@ def answers(kind: type, *, status: int = 200, many: bool = False) -> dict[int | 
 
 
 def place(after: str) -> Bookmark | None:
-    """Raises ContractInvalid for a place that no page ever gave."""
+    """The position of a page in a list. Raises ContractInvalid for one that no page gave."""
     return bookmark(after) if after else None
 
 

@@ -30,7 +30,7 @@ REPLAYED = 40
 
 
 def asked_of(request: Request) -> CandidateListParams:
-    """Search, filters and place from the address. Raises UnknownName or ContractInvalid for what no page ever gave."""
+    """Search, filters and position from the address. Raises UnknownName or ContractInvalid for invalid ones."""
     params = request.query_params
     group, skip = params.get("status", ""), params.get("skip", "0")
     if group not in {value for value, _, _ in candidates.GROUPS}:
@@ -88,7 +88,7 @@ def rolling_back(console: ConsoleDep, actor: ActorDep, candidate: str) -> HTMLRe
 
 @router.post("/{candidate}/{word}")
 def say(console: ConsoleDep, actor: ActorDep, candidate: str, word: str, typed: FormDep) -> Response:
-    """One word: 303 taken, 422 not well said, 409 refused with the reason and the page as it is now."""
+    """One act: 303 if it was recorded, 422 for invalid input, 409 with the reason of a refusal and the current page."""
     if word not in WORDS:
         raise UnknownName(f"Nobody can say {word[:40]!r} about a candidate", do=N_("use a button of its page"))
     name = console.releases.review(candidate).candidate

@@ -200,7 +200,7 @@ def _unanswered(console: Console, mission_id: MissionId) -> Unanswered | None:
 
 
 def _no_answer(console: Console, mission_id: MissionId) -> dict[str, Any] | None:
-    """The same for programs, with what was meant and what was measured; None where no question expired."""
+    """What the robot did where nobody answered, as JSON: intended and measured. None where no question expired."""
     expired = _expired(console, mission_id)
     opened = console.runtime.handoff(expired).opened if expired is not None else None
     if expired is None or opened is None:

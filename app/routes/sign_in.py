@@ -63,7 +63,7 @@ def sign_in_by_password(request: Request, console: ConsoleDep, typed: FormDep) -
 
 @router.get("/oidc")
 def begin(request: Request, console: ConsoleDep, page: str = "") -> Response:
-    """To the identity provider, from the console's own sign-in page alone."""
+    """Redirect to the identity provider; only from the console's own sign-in page."""
     door, settings = _door(console), console.settings
     if not security.same_origin(request.headers, websocket=False):
         return _answer(_page(console, refusal=from_elsewhere(), page=page), status=403)
@@ -85,7 +85,7 @@ def begin(request: Request, console: ConsoleDep, page: str = "") -> Response:
 
 @router.get("/oidc/back")
 def back(request: Request, console: ConsoleDep) -> Response:
-    """Where the identity provider sends people: let in, or told why not; either way that sign-in is over."""
+    """The redirect target of the identity provider: signs the person in or says why not, and ends the attempt."""
     door, settings = _door(console), console.settings
     cookie = request.cookies.get(settings.passing_cookie, "")
     try:
@@ -102,7 +102,7 @@ def back(request: Request, console: ConsoleDep) -> Response:
 
 @router.get("/oidc/leave")
 def leave(console: ConsoleDep) -> Response:
-    """To where one signs out at the identity provider, if it has such a place; signed out here is somebody before."""
+    """Redirect to the sign-out page of the identity provider, if it has one, after signing out here."""
     try:
         url = _door(console).provider.leave(f"{console.settings.address}/account/sign-in")
     except SignInRefused as error:
@@ -133,7 +133,7 @@ def _origin(request: Request) -> Origin:
 
 
 def _let_in(console: Console, request: Request, cookie: str, *, page: str = OVERVIEW) -> Response:
-    """A fresh cookie always: one that a browser brought along is ended, never taken over."""
+    """Set a fresh session cookie; a session that the browser had is ended and never reused."""
     console.sessions.leave(request.cookies.get(console.settings.cookie, ""))
     answer = _answer(_page(console, let_in=True, page=page, stays=False))
     answer.headers.append(
