@@ -17,7 +17,7 @@ from app.auth.accounts import Accounts
 from app.auth.exposure import check_exposure
 from app.auth.guarded_releases import GuardedReleaseService
 from app.auth.guarded_runtime import GuardedRuntime
-from app.auth.oidc_settings import issuer_door
+from app.auth.oidc_settings import oidc_login
 from app.auth.rate_limits import Buckets
 from app.auth.sessions import SessionService
 from app.background.alert_watch import AlertWatch, Watched
@@ -155,7 +155,7 @@ def create_app(
         fleet=fleet or no_fleet(),
         teleoperation=teleoperation,
         dossier=_dossiers(runtime, folder),
-        issuer=issuer_door(settings, sessions, clock=time.time, fresh=_fresh),
+        issuer=oidc_login(settings, sessions, clock=time.time, fresh=_fresh),
     )
     app.mount("/static", StampedFiles(directory=settings.static), name="static")
     for room in (

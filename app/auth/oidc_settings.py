@@ -27,7 +27,7 @@ def identity_provider(settings: ConsoleSettings, *, clock: Callable[[], float]) 
     return OpenIdProvider(registration, secret=secret, clock=clock)
 
 
-def issuer_door(
+def oidc_login(
     settings: ConsoleSettings, sessions: SessionService, *, clock: Callable[[], float], fresh: Callable[[], str]
 ) -> OidcLogin | None:
     """The login at the identity provider, or None without one. Raises ContractInvalid for settings or unknown roles."""

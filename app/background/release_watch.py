@@ -33,7 +33,7 @@ class ReleaseWatch:
     _follower: Follower = field(init=False)
 
     def __post_init__(self) -> None:
-        self._worker = Worker("review-desk", self._begun, every_s=STEP_S)
+        self._worker = Worker("release-watch", self._begun, every_s=STEP_S)
         self._follower = Follower(self, head=self.head, read=self.read, fold=FOLD)
 
     def watch(self) -> None:
