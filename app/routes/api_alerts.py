@@ -1,4 +1,4 @@
-"""/api/v1/alerts: the inbox, and acknowledge, shelve, suppress, restore and assign."""
+"""/api/v1/alerts: list, acknowledge, shelve, suppress, restore and assign alerts."""
 
 from typing import Annotated, Any
 
@@ -34,7 +34,7 @@ def listed(
     robot: api_requests.Facet = "",
     limit: Annotated[int, Query(ge=1, le=1000)] = 200,
 ) -> Any:
-    """What happened last first. `status` is a tab of the page: empty for what nobody acknowledged, all, active, ..."""
+    """Alerts, newest occurrence first. `status` is a tab of the page: empty for unacknowledged, all, active, ..."""
     if status not in {value for value, _, _ in alerts.GROUPS}:
         raise UnknownName(
             f"There is no group of alerts called {status[:40]}", do="use all, active, shelved, suppressed"
@@ -52,19 +52,19 @@ def show(console: ConsoleDep, alert_id: str) -> Any:
 
 @router.post("/alerts/{alert_id}/acknowledge", responses=api_requests.answers(schemas.AlertResource))
 def acknowledge(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.AcknowledgeAlertAct) -> Any:
-    """A person has seen it."""
+    """Acknowledge an alert."""
     return _said(console, alert_id, body.to_command(actor))
 
 
 @router.post("/alerts/{alert_id}/shelve", responses=api_requests.answers(schemas.AlertResource))
 def shelve(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.ShelveAlertAct) -> Any:
-    """Out of the way for a while; it comes back by itself."""
+    """Shelve an alert for a while; it returns by itself."""
     return _said(console, alert_id, body.to_command(actor))
 
 
 @router.post("/alerts/{alert_id}/suppress", responses=api_requests.answers(schemas.AlertResource))
 def suppress(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.SuppressAlertAct) -> Any:
-    """Out of the way until somebody restores it."""
+    """Suppress an alert until somebody restores it."""
     return _said(console, alert_id, body.to_command(actor))
 
 
@@ -76,7 +76,7 @@ def restore(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.Rest
 
 @router.post("/alerts/{alert_id}/assign", responses=api_requests.answers(schemas.AlertResource))
 def assign(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.AssignAlertAct) -> Any:
-    """Somebody is to look after it."""
+    """Assign an alert to somebody."""
     return _said(console, alert_id, body.to_command(actor))
 
 

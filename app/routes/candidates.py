@@ -1,4 +1,4 @@
-"""/candidates: proposed changes to the harness itself; who says what about them, and what follows."""
+"""/candidates: proposed changes to the harness itself, their reviews and releases."""
 
 from collections.abc import Callable
 from itertools import islice
@@ -35,7 +35,7 @@ CODEC: Codec[CandidateEvent] = Codec(CandidateEvent)
 
 
 def asked_of(request: Request) -> CandidateListParams:
-    """Search, filters and place from the address. Raises UnknownName or ContractInvalid for what no page ever gave."""
+    """Search, filters and position from the address. Raises UnknownName or ContractInvalid for invalid ones."""
     params = request.query_params
     group, skip = params.get("status", ""), params.get("skip", "0")
     if group not in {value for value, _, _ in candidates.GROUPS}:

@@ -1,4 +1,4 @@
-"""/missions: list them, watch one, start one, stop one."""
+"""/missions: list, watch, start and stop missions."""
 
 import dataclasses
 from collections.abc import Callable, Sequence

@@ -29,7 +29,7 @@ class EventPage:
 
 
 def event_page(shell: Shell, mission_id: str, entries: Sequence[TimelineEntry], *, position: int) -> EventPage:
-    """Raises UnknownName if the mission has no event at that position."""
+    """The page of one event. Raises UnknownName if the mission has no event at that position."""
     place = next((index for index, entry in enumerate(entries) if entry.position == position), None)
     if place is None:
         raise UnknownName(f"Mission {mission_id} has no event {position}", do=N_("choose one from its timeline"))

@@ -1,4 +1,4 @@
-"""Pure: one mission as a JSON object, the same from the command line and from the API."""
+"""One mission as a JSON object, the same from the command line and from the API."""
 
 from collections.abc import Sequence
 from datetime import UTC, datetime

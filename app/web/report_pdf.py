@@ -1,4 +1,4 @@
-"""A mission's report as PDF: the same page as the printable one, with its pictures, in the reader's language.
+"""Renders a mission's report as PDF: the content of the printable page with its pictures, in the reader's language.
 
 A sign that no font here has is drawn as an empty box, and the document says so.
 """
