@@ -6,9 +6,10 @@ People and the supervisor use it; every change goes on to the gate, which alone 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from threading import Lock
-from typing import Any
+from typing import Any, Protocol
 
 from cachetools import LRUCache
+from msgspec import UNSET
 
 from harness.contracts import ports
 from harness.contracts.actors import Actor
@@ -36,6 +37,7 @@ from harness.contracts.place_events import place_stream
 from harness.contracts.places import Place, Site
 from harness.contracts.protocol import InvocationReport, RobotStatus
 from harness.contracts.reasons import because
+from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.contracts.values import Value, encode
 from harness.gate.commit import CommandEnvelope, Gate
@@ -66,6 +68,18 @@ def unsupervised(handoff_id: HandoffId, command: PersonCommand) -> Decision[AnyE
     return refused("no_supervisor", because("no_supervisor_observes"))
 
 
+class FreeResource(Protocol):
+    """Frees a quarantined resource in a person's name, by a component that can look at its robot first."""
+
+    def __call__(self, resource: ResourceId, *, actor: Actor, reason: str) -> Decision[AnyEvent]:
+        """Raises UnknownName for a resource that was never leased."""
+
+
+def unobserved(resource: ResourceId, *, actor: Actor, reason: str) -> Decision[AnyEvent]:
+    """Refuse to free anything because no supervisor runs."""
+    return refused("no_supervisor", because("no_supervisor_observes"))
+
+
 class Live(Value):
     """Current observations of a running mission that are not stored as events: progress, condition, latest samples."""
 
@@ -87,7 +101,7 @@ class Unreadable(Value):
 
 @dataclass(frozen=True)
 class Start:
-    """A person's request to start a mission: a template by name, a goal in words, or both.
+    """A person's request to start a mission: a template by name, a goal in words, or both; `channel`: how it came.
 
     `confirm_reading` is the digest of the reading that the person confirmed (D41).
     """
@@ -101,11 +115,12 @@ class Start:
     autonomy: Autonomy = "autonomous"
     labels: dict[str, str] | None = None
     replay: bool = False
+    channel: str = ""
     confirm_reading: str = ""
 
 
 class Runtime:
-    """Reads are folds of the log; writes are requests to the gate."""
+    """Reads are folds of the log; writes are requests to the gate. `rules`: the version new missions are pinned to."""
 
     def __init__(
         self,
@@ -118,6 +133,7 @@ class Runtime:
         configurations: ports.Configurations,
         site: Site,
         memory: MemoryFabric,
+        rules: RulesVersion = CURRENT_RULES,
         beside: Sequence[TaskTemplate] = (),
         reader: GoalReader = GRAMMAR,
     ) -> None:
@@ -132,6 +148,7 @@ class Runtime:
         self._reader = reader
         self._sites: LRUCache[tuple[MissionId, Digest], Site] = LRUCache(KEPT_LIVE)
         self.memory = memory
+        self.rules = rules
         self._open_missions = OpenMissions(store)
         self._ended_missions = EndedMissions(store, gate.state)
         self._contracts: LRUCache[bytes, TaskContract] = LRUCache(KEPT_CONTRACTS)
@@ -197,6 +214,8 @@ class Runtime:
             autonomy=start.autonomy,
             replay=start.replay,
             trial=self.on_trial(pinned),
+            rules=self.rules,
+            channel=start.channel or UNSET,
         )
         version = self._configurations.record(pinned)
         return self.commit([CommandEnvelope(mission_stream(mission_id), create, start.robot_id)], records=(version,))
@@ -214,7 +233,8 @@ class Runtime:
     def compiled_under(self, mission: Mission, configuration: Configuration) -> TaskContract | None:
         """A mission's reading compiled under another configuration; None for a mission without a reading (D62)."""
         contract = required_contract(mission)
-        return read_again(contract, templates=self._templates(configuration, None), site=self.site)
+        templates = self._templates(configuration, None)
+        return read_again(contract, templates=templates, site=self.site, rules=self.rules)
 
     def _templates(self, configuration: Configuration, instead: TaskTemplate | None) -> tuple[TaskTemplate, ...]:
         """What may be started: the configuration's own, then those beside it; `instead` takes the place of its name."""
@@ -233,7 +253,7 @@ class Runtime:
             known = self._contracts.get(asked)
         if known is None:
             found = self._read(start, templates)
-            known = compiled(found, templates=templates, site=site, arguments=arguments)
+            known = compiled(found, templates=templates, site=site, arguments=arguments, rules=self.rules)
             with self._caching:
                 self._contracts[asked] = known
         return known

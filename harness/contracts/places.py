@@ -88,7 +88,11 @@ class MissionProfile(Value):
 
 
 class Site(Value):
-    """All places, routes, passages and zones of one map version."""
+    """All places, routes, passages and zones of one map version.
+
+    `vouched`: sources that the site's operator declares to be of separate origin, though one process or address
+    delivers them together with others (D17).
+    """
 
     name: Name
     frame: Name
@@ -97,4 +101,5 @@ class Site(Value):
     routes: tuple[Route, ...]
     passages: tuple[Passage, ...] = ()
     zones: tuple[Zone, ...] = ()
+    vouched: tuple[Name, ...] = ()
     profile: MissionProfile | msgspec.UnsetType = msgspec.UNSET

@@ -9,6 +9,7 @@ from harness.contracts.errors import ContractInvalid, GoalNotUnderstood, Reading
 from harness.contracts.ids import Digest, sha256
 from harness.contracts.places import Site
 from harness.contracts.readings import Clause, ClauseObject, Reading, ReadingQuestion, Span, Unread
+from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.goals.names import object_of_place, object_of_route
 from harness.goals.reader import GRAMMAR, GoalReader, admitted, site_version
@@ -80,9 +81,14 @@ def understand(
 
 
 def compiled(
-    found: Understood, *, templates: Sequence[TaskTemplate], site: Site, arguments: Mapping[str, Argument]
+    found: Understood,
+    *,
+    templates: Sequence[TaskTemplate],
+    site: Site,
+    arguments: Mapping[str, Argument],
+    rules: RulesVersion = CURRENT_RULES,
 ) -> TaskContract:
-    """The contract of what was understood. Raises as `compile_plan`, and Unsatisfiable."""
+    """The contract of what was understood, under these rules. Raises as `compile_plan`, and Unsatisfiable."""
     if found.plan is not None:
         contract = compile_plan(
             found.plan,
@@ -91,16 +97,21 @@ def compiled(
             templates=templates,
             site=site,
             confirmed=found.confirmed,
+            rules=rules,
         )
     elif found.template is not None:
-        contract = compile_contract(goal=found.text, template=found.template, arguments=arguments, site=site)
+        contract = compile_contract(
+            goal=found.text, template=found.template, arguments=arguments, site=site, rules=rules
+        )
     else:
         raise ContractInvalid("Nothing was understood", where="goal", do="say what the robot shall do")
     check_satisfiable(contract, site=site)
     return contract
 
 
-def read_again(contract: TaskContract, *, templates: Sequence[TaskTemplate], site: Site) -> TaskContract | None:
+def read_again(
+    contract: TaskContract, *, templates: Sequence[TaskTemplate], site: Site, rules: RulesVersion = CURRENT_RULES
+) -> TaskContract | None:
     """The same reading compiled under other versions of its templates (D35); None for a contract without a reading."""
     reading = contract.reading
     if not isinstance(reading, Reading):
@@ -112,7 +123,7 @@ def read_again(contract: TaskContract, *, templates: Sequence[TaskTemplate], sit
         )
     confirmed = contract.confirmed if isinstance(contract.confirmed, str) else None
     found = Understood(text=contract.goal.text, plan=plan, template=None, confirmed=confirmed)
-    return compiled(found, templates=templates, site=site, arguments=_chosen(contract, plan))
+    return compiled(found, templates=templates, site=site, arguments=_chosen(contract, plan), rules=rules)
 
 
 def _chosen(contract: TaskContract, plan: Plan) -> dict[str, Argument]:

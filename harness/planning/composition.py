@@ -17,6 +17,7 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import ConditionId, Digest, NodeId, PlaceId, ResourceId
 from harness.contracts.places import Place, Site
 from harness.contracts.readings import PROFILE, Act, Clause, clause_id
+from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.planning.binding import bind_place
 from harness.planning.clauses import LOOKING, Part, Plan, home_of, region_of, removable
 from harness.planning.compile import Argument, compile_contract, ground_m
@@ -69,12 +70,13 @@ def compile_plan(
     templates: Sequence[tasks.TaskTemplate],
     site: Site,
     confirmed: Digest | None = None,
+    rules: RulesVersion = CURRENT_RULES,
 ) -> tasks.TaskContract:
     """The contract of a planned reading. `arguments` are what a person chose beside the text.
 
     Raises ContractInvalid for an argument that breaks the tie with the text, UnknownName for a place or route.
     """
-    return _Composition(plan, text, arguments, templates, site).compiled(confirmed)
+    return _Composition(plan, text, arguments, templates, site, rules).compiled(confirmed)
 
 
 class _Composition:
@@ -85,7 +87,9 @@ class _Composition:
         arguments: Mapping[str, Argument],
         templates: Sequence[tasks.TaskTemplate],
         site: Site,
+        rules: RulesVersion,
     ) -> None:
+        self._rules = rules
         self._plan, self._text, self._arguments, self._site = plan, text, arguments, site
         self._ways = [one for one in templates if any(serve.act == "go" for serve in one.serves or ())]
         self._home = home_of(site)
@@ -116,7 +120,7 @@ class _Composition:
             reading=reading,
         )
         whole = replace(whole, confirmed=confirmed) if confirmed else whole
-        tasks.check(whole)
+        tasks.check(whole, rules=self._rules)
         return whole
 
     # parts ----------------------------------------------------------------------------------------------------------
@@ -151,6 +155,7 @@ class _Composition:
             site=self._site,
             origin=self._at,
             stays=stays,
+            rules=self._rules,
         )
         scope = f"{len(self._mission.parts) + 1}." if self._scoped else ""
         return Compiled(part=part, contract=contract, scope=scope, clause=clause_id(self._plan.number(part.clause)))

@@ -7,9 +7,8 @@ from harness.contracts.evidence import CommittedFact
 from harness.contracts.ids import Digest
 from harness.contracts.reasons import Reason, because, several
 from harness.contracts.values import Point
-from harness.verification.finding import Finding, Undecidable, ambiguous
+from harness.verification.finding import FACTS, Finding, Undecidable, ambiguous
 from harness.verification.geometry import contains
-from harness.verification.predicates.relations import FACTS
 from harness.verification.reading import Evidence
 
 ARRIVED = ("arrival", "circuit")
@@ -25,7 +24,7 @@ def one_subject(effect: AnyEffect, evidence: Evidence) -> Finding:
     """
     if not isinstance(effect, Relational) or len(effect.region_m) < 3:
         raise Undecidable(because("effect_not_testable", predicate="one_subject"))
-    own = [fact for fact in evidence.facts if fact.node_id == effect.subject]
+    own = evidence.facts_of(node_id=effect.subject)
     if not own:
         return ambiguous(because("stages_not_accepted", stages=(effect.subject,)))
     seen = [*own, *(image for fact in own for image in _images_of(fact, evidence))]
@@ -49,9 +48,7 @@ def one_subject(effect: AnyEffect, evidence: Evidence) -> Finding:
 def _images_of(fact: CommittedFact, evidence: Evidence) -> Iterator[CommittedFact]:
     """The accepted images that an analysis is of."""
     if fact.name in ANALYSED:
-        yield from (
-            one for one in evidence.facts if one.name in IMAGES and one.node_id == fact.arguments.get("object", "")
-        )
+        yield from evidence.facts_of(node_id=str(fact.arguments.get("object", "")), names=IMAGES)
 
 
 def _elsewhere(fact: CommittedFact, effect: Relational) -> Iterator[Reason]:
@@ -73,6 +70,6 @@ def _elsewhere(fact: CommittedFact, effect: Relational) -> Iterator[Reason]:
 def _told_otherwise(analysis: CommittedFact, evidence: Evidence) -> Iterator[Reason]:
     """Messages of this clause that carry images of another analysis."""
     analysed = set(analysis.arguments.get("frames", ()))
-    for fact in evidence.facts:
-        if fact.name in TOLD and not set(fact.arguments["frames"]) <= analysed:
+    for fact in evidence.facts_of(names=TOLD):
+        if not set(fact.arguments["frames"]) <= analysed:
             yield because("told_of_elsewhere", stage=fact.node_id, analysis=analysis.node_id)
