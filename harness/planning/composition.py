@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from msgspec import UnsetType
 from msgspec.structs import replace
 
 from harness.contracts import tasks
@@ -203,6 +204,7 @@ class _Composition:
             depends_on=tuple(depends),
             parameters={name: _rescoped(value, compiled) for name, value in node.parameters.items()},
             success_conditions=tuple(_renamed(one, compiled) for one in node.success_conditions),
+            evidence=_declaring(node.evidence, compiled),
         )
         if made.node_id == REQUEST and mission.nodes:
             first = mission.nodes[0]
@@ -441,6 +443,12 @@ def _renamed(condition: Condition, compiled: Compiled) -> Condition:
     if compiled.request and condition.condition_id.startswith(f"{compiled.request}."):
         name = condition.condition_id
     return replace(condition, condition_id=ConditionId(name), effect=_of_nodes(condition.effect, compiled))
+
+
+def _declaring(policy: tasks.EvidencePolicy, compiled: Compiled) -> tasks.EvidencePolicy:
+    if isinstance(policy.declared, UnsetType):
+        return policy
+    return replace(policy, declared=tuple(ConditionId(f"{compiled.scope}{name}") for name in policy.declared))
 
 
 def _of_nodes(effect: AnyEffect, compiled: Compiled) -> AnyEffect:
