@@ -12,6 +12,8 @@ from harness.contracts.values import Value
 from harness.goals.words import Word
 
 LANGUAGES = ("en", "zh")
+LOOKING_AROUND = 2
+"""The `number` of a verb that explores where nothing is named, and inspects a place that is."""
 
 
 class Lexicon(Value):
@@ -25,6 +27,9 @@ class Lexicon(Value):
     laps: str
     counts: dict[str, int] = msgspec.field(default_factory=dict)
     passes: str = ""
+    looks: str = ""
+    appearances: str = ""
+    done: dict[Act, str] = msgspec.field(default_factory=dict)
     asks: str = ""
     attached: dict[Act, str] = msgspec.field(default_factory=dict)
 
@@ -43,17 +48,23 @@ def meanings() -> Iterator[tuple[str, Word]]:
         yield from _counting(lexicon)
         for act, text in lexicon.verbs.items():
             yield from _listed(text, Word("verb", act=act))
+        for act, text in lexicon.done.items():
+            yield from _listed(text, Word("done", act=act))
+        yield from _listed(lexicon.looks, Word("verb", act="explore", number=LOOKING_AROUND))
         yield from _listed(lexicon.passes, Word("passes", act="go"))
         yield from _listed(lexicon.asks, Word("asks"))
+        yield from _listed(lexicon.appearances, Word("tail", act="describe"))
         yield from _listed(lexicon.tails, Word("tail"))
         for act, text in lexicon.attached.items():
             yield from _listed(text, Word("attached", act=act))
         for kind, text in lexicon.words.items():
             yield from _listed(text, Word(kind))
+        yield from _listed(lexicon.times, Word("times"))
+        yield from _listed(lexicon.laps, Word("laps"))
 
 
 def _counting(lexicon: Lexicon) -> Iterator[tuple[str, Word]]:
-    """Numbers, counts and laps; a number and its unit may be written as one, as Chinese does."""
+    """Numbers and counts; a number and its unit may be written as one, as Chinese does. Units alone come last."""
     for phrase, number in lexicon.counts.items():
         yield phrase, Word("count", number=number)
     times, laps = _listed(lexicon.times, Word("times")), _listed(lexicon.laps, Word("laps"))
@@ -62,7 +73,6 @@ def _counting(lexicon: Lexicon) -> Iterator[tuple[str, Word]]:
         yield name, Word("number", number=number)
         if not name.isascii():
             yield from ((f"{name}{unit}", Word(kind, number=number)) for kind, unit in units)
-    yield from ((unit, Word("times" if kind == "count" else "laps")) for kind, unit in units)
 
 
 def _listed(text: str, word: Word) -> list[tuple[str, Word]]:
