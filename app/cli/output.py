@@ -10,9 +10,11 @@ import typer
 from pydantic import ValidationError
 
 from app.i18n.reasons import rendering as reasons
-from app.views.readings import question_lines
+from app.views.readings import question_view
 from harness.contracts.errors import ContractInvalid, GoalNotUnderstood, HarnessError, UnknownName
+from harness.contracts.readings import ReadingQuestion
 from harness.projections.mission import Mission
+from harness.projections.readings import reading_in_words, unread_in_words
 from harness.settings import HarnessSettings
 
 Data = Annotated[Path, typer.Option("--data", help="Data folder; one owner at a time.", envvar="REGEN_DATA_FOLDER")]
@@ -51,8 +53,21 @@ def complain(error: HarnessError) -> int:
     """Say what happened, where, and what to do; the exit code that goes with it."""
     sys.stderr.write(f"regen: {error}\n")
     if isinstance(error, GoalNotUnderstood):
-        sys.stderr.write("".join(f"{line}\n" for line in question_lines(error.question)))
+        sys.stderr.write("".join(f"{line}\n" for line in _question_lines(error.question)))
     return 2 if isinstance(error, WRONG_ASKED) else 1
+
+
+def _question_lines(question: ReadingQuestion) -> list[str]:
+    """The question for a terminal: the text with its unread words in brackets, and how to confirm the reading."""
+    shown = "".join(f"[{part.text}]" if part.kind == "unread" else part.text for part in question_view(question).parts)
+    lines = [f"  {shown}"]
+    for one in question.unread:
+        why = reasons.sentence(unread_in_words(one.why))
+        lines.append(f"    {question.text[one.span.start : one.span.end]!r}: {why}")
+    if question.nearest is not None:
+        lines.append(f"  nearest reading: {reasons.sentence(reading_in_words(question.nearest))}")
+        lines.append(f"  to start that: --confirm-reading {question.nearest.digest}")
+    return lines
 
 
 def exit_code(status: str) -> int:

@@ -25,23 +25,23 @@ FROZEN = 210
 MOST_REFUSED = 0.10
 Answer = Literal["right start", "wrong start", "refused", "right ask"]
 ANSWERS: tuple[Answer, ...] = ("right start", "wrong start", "refused", "right ask")
-Told = tuple[str, str | None, bool, int]
+ComparedClause = tuple[str, str | None, bool, int]
 """A clause to compare: act, object, negated, count."""
 LOOKS = ("inspect", "photograph", "describe")
 PART_OF = ("inspect", "describe", "explore")
 
 
 @dataclass(frozen=True)
-class Outcome:
+class GoalOutcome:
     """What became of one goal; `read` are the clauses that would have started, `why` the refusal."""
 
     goal: dict[str, Any]
     answer: Answer
-    read: tuple[Told, ...]
+    read: tuple[ComparedClause, ...]
     why: str
 
 
-def outcome(goal: dict[str, Any]) -> Outcome:
+def outcome(goal: dict[str, Any]) -> GoalOutcome:
     """One goal, read and compiled as a start would be."""
     wanted = goal["expect"]
     templates = (*baseline().templates, *further())
@@ -49,36 +49,38 @@ def outcome(goal: dict[str, Any]) -> Outcome:
         found = understand(GoalRequest(text=goal["text"]), templates=templates, site=site())
         contract = compiled(found, templates=templates, site=site(), arguments={})
     except HarnessError as error:
-        return Outcome(goal, "refused" if wanted["outcome"] == "start" else "right ask", (), f"{error.code}: {error}")
+        return GoalOutcome(
+            goal, "refused" if wanted["outcome"] == "start" else "right ask", (), f"{error.code}: {error}"
+        )
     read = told(contract.reading) if isinstance(contract.reading, Reading) else ()
     right = wanted["outcome"] == "start" and same(read, [expected(one) for one in wanted["clauses"]])
-    return Outcome(goal, "right start" if right else "wrong start", read, "")
+    return GoalOutcome(goal, "right start" if right else "wrong start", read, "")
 
 
-def told(reading: Reading) -> tuple[Told, ...]:
+def told(reading: Reading) -> tuple[ComparedClause, ...]:
     """A reading's clauses for the comparison."""
     return tuple(_told(clause) for clause in reading.clauses)
 
 
-def _told(clause: Clause) -> Told:
+def _told(clause: Clause) -> ComparedClause:
     named = clause.object.id if clause.object and clause.object.id else None
     return clause.act, named, clause.negated, clause.count
 
 
-def expected(clause: dict[str, Any]) -> Told:
+def expected(clause: dict[str, Any]) -> ComparedClause:
     """A clause of the goal set."""
     return clause["act"], clause.get("object"), clause.get("negated", False), clause.get("count", 1)
 
 
-def same(one: Sequence[Told], other: Sequence[Told]) -> bool:
+def same(one: Sequence[ComparedClause], other: Sequence[ComparedClause]) -> bool:
     """Whether two readings are the same, by the rules of `experiments/goals/README.md`."""
     negated = [{clause for clause in clauses if clause[2]} for clauses in (one, other)]
     return negated[0] == negated[1] and plain(one) == plain(other)
 
 
-def plain(clauses: Iterable[Told]) -> list[Told]:
+def plain(clauses: Iterable[ComparedClause]) -> list[ComparedClause]:
     """The clauses to be done, without what is told in two ways."""
-    found: list[Told] = []
+    found: list[ComparedClause] = []
     asked = [_named(clause) for clause in clauses if not clause[2]]
     for index, clause in enumerate(asked):
         act, named, _, count = clause
@@ -96,7 +98,7 @@ def plain(clauses: Iterable[Told]) -> list[Told]:
     return found
 
 
-def _named(clause: Told) -> Told:
+def _named(clause: ComparedClause) -> ComparedClause:
     act, named, negated, count = clause
     if act == "inspect" and named == "storage_passage":
         named = "office_storage"
@@ -105,7 +107,7 @@ def _named(clause: Told) -> Told:
     return act, named, negated, count
 
 
-def table(outcomes: Sequence[Outcome]) -> list[str]:
+def table(outcomes: Sequence[GoalOutcome]) -> list[str]:
     """The confusion matrix by language and kind, as Markdown."""
     lines = ["| kind | language | " + " | ".join(ANSWERS) + " |", "|---|---|" + "---|" * len(ANSWERS)]
     kinds = dict.fromkeys((str(one.goal["kind"]), str(one.goal["language"])) for one in outcomes)
@@ -116,7 +118,7 @@ def table(outcomes: Sequence[Outcome]) -> list[str]:
     return [*lines, "| all | | " + " | ".join(str(every[answer]) for answer in ANSWERS) + " |"]
 
 
-def refused_share(outcomes: Sequence[Outcome]) -> float:
+def refused_share(outcomes: Sequence[GoalOutcome]) -> float:
     """How much of what should be understood was refused."""
     wanted = [one for one in outcomes if one.goal["expect"]["outcome"] == "start"]
     return sum(one.answer == "refused" for one in wanted) / len(wanted) if wanted else 0.0

@@ -7,10 +7,10 @@ Whatever no rule takes stays unread, with the reason.
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from harness.contracts.readings import Act, Clause, ClauseObject, Span, Unread, UnreadWhy
+from harness.contracts.readings import Act, Clause, ClauseObject, TextSpan, Unread, UnreadWhy
 from harness.goals.lexicon import LOOKING_AROUND
 from harness.goals.tokens import QUOTES, Token
-from harness.goals.words import Item, Phrases, Word
+from harness.goals.words import Item, Meaning, Phrases
 
 CONNECTORS = frozenset({"and", "then", "but", "first", "last", "before", "after", "before_post", "or", "sep"})
 ACCEPTED: dict[Act, tuple[str, ...]] = {
@@ -35,11 +35,11 @@ SHOWN: tuple[Act, ...] = ("explore", "describe")
 
 
 @dataclass(frozen=True)
-class Draft:
+class ClauseDraft:
     """A clause as it grows. `asking`: a tail still has to name the state that is asked for."""
 
     act: Act
-    spans: tuple[Span, ...]
+    spans: tuple[TextSpan, ...]
     object: ClauseObject | None = None
     negated: bool = False
     count: int = 1
@@ -57,8 +57,8 @@ class Draft:
 class Parse:
     """What has been parsed so far: clauses in order, and what became of the rest of the text."""
 
-    clauses: list[Draft] = field(default_factory=list)
-    fillers: list[Span] = field(default_factory=list)
+    clauses: list[ClauseDraft] = field(default_factory=list)
+    fillers: list[TextSpan] = field(default_factory=list)
     unread: list[Unread] = field(default_factory=list)
     place: ClauseObject | None = None
     """The place or passage named last: what "it" and "there" stand for."""
@@ -91,21 +91,21 @@ def parse(found: Sequence[Item]) -> Parse:
     return state
 
 
-def clause_of(draft: Draft) -> Clause:
+def clause_of(draft: ClauseDraft) -> Clause:
     """The clause that a draft has become."""
     return Clause(act=draft.act, object=draft.object, negated=draft.negated, count=draft.count, spans=draft.spans)
 
 
-def _unknown(token: Token) -> Word:
+def _unknown(token: Token) -> Meaning:
     match token.kind:
         case "separator":
-            return Word("sep" if token.text == "," else "stop")
+            return Meaning("sep" if token.text == "," else "stop")
         case "control":
-            return Word("control")
+            return Meaning("control")
         case _ if token.text.isdecimal() and len(token.text) < 4:
-            return Word("number", number=int(token.text))
+            return Meaning("number", number=int(token.text))
         case _:
-            return Word("unknown")
+            return Meaning("unknown")
 
 
 def _quotation(found: Sequence[Token], index: int, phrases: Phrases, made: list[Item]) -> int:
@@ -117,7 +117,7 @@ def _quotation(found: Sequence[Token], index: int, phrases: Phrases, made: list[
     if phrase and phrase[0] == len(inner) and phrase[1].kind == "name":
         made.append(Item(phrase[1], found[index].start, found[end].end, "name"))
     else:
-        made.append(Item(Word("quoted"), found[index].start, found[end].end, "quoted"))
+        made.append(Item(Meaning("quoted"), found[index].start, found[end].end, "quoted"))
     return end + 1
 
 
@@ -128,7 +128,7 @@ def _numbered(made: Sequence[Item]) -> list[Item]:
         before = joined[-1] if joined else None
         if item.kind in ("times", "laps") and before is not None and before.kind == "number":
             kind = "count" if item.kind == "times" else "laps"
-            joined[-1] = Item(Word(kind, number=before.word.number), before.start, item.end, kind)
+            joined[-1] = Item(Meaning(kind, number=before.word.number), before.start, item.end, kind)
         else:
             joined.append(item)
     return joined
@@ -198,7 +198,7 @@ class _Ordering:
         self._held: int | None = None
         """Where what comes next belongs: before the clauses of a leading "before ..."."""
         self._parts = 0
-        self._first: Span | None = None
+        self._first: TextSpan | None = None
         self._relations = 0
         """How often the sentence says what comes before what: twice may contradict itself."""
 
@@ -231,7 +231,7 @@ class _Ordering:
         kinds = {item.kind for item in part}
         return not begun and "name" in kinds and kinds <= {"name", "preposition", "filler"}
 
-    def _place(self, drafts: list[Draft], kinds: Sequence[str], links: Sequence[Item]) -> None:
+    def _place(self, drafts: list[ClauseDraft], kinds: Sequence[str], links: Sequence[Item]) -> None:
         clauses, began = self._state.clauses, self._began
         if self._unclear(drafts, kinds):
             self._unordered(links)
@@ -250,7 +250,7 @@ class _Ordering:
         else:
             clauses.extend(drafts)
 
-    def _unclear(self, drafts: Sequence[Draft], kinds: Sequence[str]) -> bool:
+    def _unclear(self, drafts: Sequence[ClauseDraft], kinds: Sequence[str]) -> bool:
         """Whether the words leave open what comes first, or how far a "do not" reaches."""
         earlier = self._state.clauses[self._began :]
         if ("before" in kinds and len(drafts) > 1) or self._relations > 1:
@@ -270,7 +270,7 @@ class _Ordering:
         self._state.unread.extend(Unread(span=_span(link), why="order") for link in said)
 
 
-def parse_part(part: Sequence[Item], state: Parse, *, links: Sequence[str]) -> list[Draft]:
+def parse_part(part: Sequence[Item], state: Parse, *, links: Sequence[str]) -> list[ClauseDraft]:
     """The clauses of one part. A part without a verb names another object for the verb before it."""
     builder = _Builder(state, links)
     for index, item in enumerate(part):
@@ -283,9 +283,9 @@ class _Builder:
 
     def __init__(self, state: Parse, links: Sequence[str]) -> None:
         self._state, self._links = state, links
-        self._made: list[Draft] = []
+        self._made: list[ClauseDraft] = []
         self._named: list[Item] = []
-        self._glue: list[Span] = []
+        self._glue: list[TextSpan] = []
         self._negation: Item | None = None
         self._count: Item | None = None
 
@@ -313,7 +313,7 @@ class _Builder:
             case _:
                 self._leave(item)
 
-    def done(self) -> list[Draft]:
+    def done(self) -> list[ClauseDraft]:
         """The finished clauses; complains about what never found its place."""
         if self._named and not self._made:
             self._coordinate()
@@ -331,9 +331,9 @@ class _Builder:
             self._state.unread.extend(Unread(span=span, why="unknown_words") for span in self._glue)
         return [whole for draft in self._folded() if (whole := self._whole(draft)) is not None]
 
-    def _folded(self) -> list[Draft]:
+    def _folded(self) -> list[ClauseDraft]:
         """The clauses, with what says the same again folded in: "沿环线走一遍", "explore the site and tell me"."""
-        folded: list[Draft] = []
+        folded: list[ClauseDraft] = []
         for draft in self._made:
             before = folded[-1] if folded else self._state.clauses[-1] if self._state.clauses else None
             if folded and before is not None and _repeats(before, draft):
@@ -352,7 +352,7 @@ class _Builder:
         return folded
 
     def _verb(self, item: Item) -> None:
-        draft = Draft(
+        draft = ClauseDraft(
             act=item.word.act or "inspect",
             spans=(*self._glue, _span(item)),
             negated=self._negation is not None,
@@ -375,7 +375,7 @@ class _Builder:
                 self._made.append(replace(draft, spans=()))
             self._name(one)
 
-    def _led(self, draft: Draft) -> Draft:
+    def _led(self, draft: ClauseDraft) -> ClauseDraft:
         """ "go" without a place before another verb is only the way there: what forbids it forbids what follows."""
         before = self._made[-1] if self._made else None
         if before is None or before.object is not None or before.act != "go" or before.counted:
@@ -443,7 +443,7 @@ class _Builder:
 
     def _negate(self, item: Item) -> None:
         if item.kind == "avoid":
-            self._made.append(Draft(act="go", spans=(*self._glue, _span(item)), negated=True))
+            self._made.append(ClauseDraft(act="go", spans=(*self._glue, _span(item)), negated=True))
             self._glue = []
         elif self._negation is not None:
             self._leave(item, "negation")
@@ -477,7 +477,7 @@ class _Builder:
         if item.kind == "tail" and draft is not None and draft.act == "inspect" and draft.object is not None:
             self._made[-1] = replace(_grown(draft, _span(item)), asking=False, act=item.word.act or draft.act)
         elif item.kind == "tail" and draft is None and self._named:
-            self._verb(Item(Word("verb", act="inspect"), item.start, item.end, item.text))
+            self._verb(Item(Meaning("verb", act="inspect"), item.start, item.end, item.text))
         elif item.kind == "attached" and draft is not None and draft.act == item.word.act:
             self._made[-1] = _grown(draft, _span(item))
         elif item.kind == "attached" and draft is None and self._before(item.word.act):
@@ -494,12 +494,12 @@ class _Builder:
         if before is None or before.object is None or before.negated or not {"and", "sep"} >= set(self._links):
             return
         waiting, self._named = self._named, []
-        self._made.append(Draft(act=before.act, spans=tuple(self._glue)))
+        self._made.append(ClauseDraft(act=before.act, spans=tuple(self._glue)))
         self._glue = []
         for one in waiting:
             self._name(one)
 
-    def _whole(self, draft: Draft) -> Draft | None:
+    def _whole(self, draft: ClauseDraft) -> ClauseDraft | None:
         """The clause with all that it must name; None where that is missing, and its words are then unread."""
         lacking = draft.object is None and draft.act in NEEDS_OBJECT
         if lacking and draft.act == "inspect" and not draft.asking and draft.meant is not None:
@@ -514,7 +514,7 @@ class _Builder:
         self._state.unread.append(Unread(span=_span(item), why=why or reasons.get(item.kind, "unknown_words")))
 
 
-def _folds(before: Draft, draft: Draft, *, together: bool) -> bool:
+def _folds(before: ClauseDraft, draft: ClauseDraft, *, together: bool) -> bool:
     """Whether a clause without an object adds nothing to the one before; `together`: both stand in one part."""
     if draft.object is not None or draft.negated or before.negated:
         return False
@@ -522,7 +522,7 @@ def _folds(before: Draft, draft: Draft, *, together: bool) -> bool:
     return shown or (together and before.act == draft.act)
 
 
-def _repeats(before: Draft, draft: Draft) -> bool:
+def _repeats(before: ClauseDraft, draft: ClauseDraft) -> bool:
     """Whether a verb without an object stands before the same verb with one: "去看，看看储物区"."""
     alike = (before.act, before.negated) == (draft.act, draft.negated)
     return alike and before.object is None and not before.counted and draft.object is not None
@@ -533,9 +533,9 @@ def _same_subject(one: ClauseObject, other: ClauseObject) -> bool:
     return one == other or {one.kind, other.kind} == {"place", "passage"}
 
 
-def _grown(draft: Draft, *spans: Span) -> Draft:
+def _grown(draft: ClauseDraft, *spans: TextSpan) -> ClauseDraft:
     return replace(draft, spans=(*draft.spans, *spans))
 
 
-def _span(item: Item) -> Span:
-    return Span(start=item.start, end=item.end)
+def _span(item: Item) -> TextSpan:
+    return TextSpan(start=item.start, end=item.end)

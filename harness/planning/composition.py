@@ -20,7 +20,7 @@ from harness.contracts.places import Place, Site
 from harness.contracts.readings import PROFILE, Act, Clause, clause_id
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.planning.binding import bind_place
-from harness.planning.clauses import LOOKING, Part, Plan, home_of, region_of, removable
+from harness.planning.clauses import LOOKING, GoalPlan, Part, home_of, region_of, removable
 from harness.planning.compile import Argument, compile_contract, ground_m
 
 MISSION_BUDGET = 8
@@ -64,7 +64,7 @@ class _Mission:
 
 
 def compile_plan(
-    plan: Plan,
+    plan: GoalPlan,
     *,
     text: str,
     arguments: Mapping[str, Argument],
@@ -83,7 +83,7 @@ def compile_plan(
 class _Composition:
     def __init__(
         self,
-        plan: Plan,
+        plan: GoalPlan,
         text: str,
         arguments: Mapping[str, Argument],
         templates: Sequence[tasks.TaskTemplate],
