@@ -196,7 +196,7 @@ def _merged(spans: Sequence[TextSpan], text: str) -> tuple[TextSpan, ...]:
 def _merged_unread(found: Sequence[Unread], text: str) -> tuple[Unread, ...]:
     """Unread parts in the order of the text; neighbours with the same reason are one."""
     merged: list[Unread] = []
-    for one in sorted(set(found), key=lambda unread: (unread.span.start, unread.span.end)):
+    for one in sorted(set(found), key=lambda unread: (unread.span.start, unread.span.end, unread.why)):
         before = merged[-1] if merged else None
         if before is not None and before.why == one.why and len(_merged((before.span, one.span), text)) == 1:
             merged[-1] = replace(before, span=_merged((before.span, one.span), text)[0])

@@ -265,4 +265,4 @@ def home_of(site: Site) -> Place | None:
 
 
 def _in_order(unread: Sequence[Unread]) -> tuple[Unread, ...]:
-    return tuple(sorted(set(unread), key=lambda one: (one.span.start, one.span.end)))
+    return tuple(sorted(set(unread), key=lambda one: (one.span.start, one.span.end, one.why)))

@@ -68,7 +68,7 @@ def test_a_goal_is_read_clause_by_clause_with_nothing_left_over(text: str, claus
         ("Check the storage area every hour", "time"),
         ("Check the storage area or the dock", "alternative"),
         ("Do not walk the circuit and check the storage area", "ambiguous"),
-        ("Before checking the storage area walk the circuit", "order"),
+        ("Before checking the storage area walk the circuit", "ambiguous"),
         ('Somebody wrote "check the storage area"', "quoted"),
         ("<b>Check the storage area</b>", "unknown_words"),
         ("Check the storage area\u202e", "control_character"),
