@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 from harness.contracts.readings import Act, Clause, ClauseObject, TextSpan, Unread, UnreadWhy
 from harness.goals.lexicon import LOOKING_AROUND
-from harness.goals.tokens import QUOTES, Token
+from harness.goals.tokens import QUOTES, TextToken
 from harness.goals.words import Item, Meaning, Phrases
 
 CONNECTORS = frozenset({"and", "then", "but", "first", "last", "before", "after", "before_post", "or", "sep"})
@@ -66,7 +66,7 @@ class Parse:
     """The route named last: what "it" stands for where something is walked."""
 
 
-def items(found: Sequence[Token], phrases: Phrases) -> list[Item]:
+def items(found: Sequence[TextToken], phrases: Phrases) -> list[Item]:
     """The text as phrases with meanings, the longest first; quotations and what is no word are marked unread."""
     made: list[Item] = []
     index = 0
@@ -96,7 +96,7 @@ def clause_of(draft: ClauseDraft) -> Clause:
     return Clause(act=draft.act, object=draft.object, negated=draft.negated, count=draft.count, spans=draft.spans)
 
 
-def _unknown(token: Token) -> Meaning:
+def _unknown(token: TextToken) -> Meaning:
     match token.kind:
         case "separator":
             return Meaning("sep" if token.text == "," else "stop")
@@ -108,7 +108,7 @@ def _unknown(token: Token) -> Meaning:
             return Meaning("unknown")
 
 
-def _quotation(found: Sequence[Token], index: int, phrases: Phrases, made: list[Item]) -> int:
+def _quotation(found: Sequence[TextToken], index: int, phrases: Phrases, made: list[Item]) -> int:
     """A quoted name is that name; anything else that is quoted is somebody's words and not a request."""
     closing = QUOTES.get(found[index].text, found[index].text)
     end = next((at for at in range(index + 1, len(found)) if found[at].text in (closing, '"')), len(found) - 1)

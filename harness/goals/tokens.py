@@ -17,7 +17,7 @@ _LINKING = "-_"
 
 
 @dataclass(frozen=True)
-class Token:
+class TextToken:
     """`text` is folded: lower case, plain apostrophes; `written` keeps the case. Places count characters."""
 
     kind: TokenKind
@@ -27,7 +27,7 @@ class Token:
     end: int
 
 
-def tokens(text: str) -> tuple[Token, ...]:
+def tokens(text: str) -> tuple[TextToken, ...]:
     """Every character of the text except spaces, and except hyphens and underscores that join words."""
     return tuple(_tokens(text))
 
@@ -37,25 +37,25 @@ def folded(words: str) -> tuple[str, ...]:
     return tuple(token.text for token in tokens(words))
 
 
-def _tokens(text: str) -> Iterator[Token]:
+def _tokens(text: str) -> Iterator[TextToken]:
     at = 0
     while at < len(text):
         char = text[at]
         if char in SEPARATORS:
-            yield Token("separator", SEPARATORS[char], char, at, at + 1)
+            yield TextToken("separator", SEPARATORS[char], char, at, at + 1)
         elif char in QUOTES or char in QUOTES.values():
-            yield Token("quote", char, char, at, at + 1)
+            yield TextToken("quote", char, char, at, at + 1)
         elif char.isspace() and char in " \t\r\u3000\u00a0":
             pass
         elif unicodedata.category(char) in ("Cc", "Cf", "Co", "Cn", "Zl", "Zp"):
-            yield Token("control", char, char, at, at + 1)
+            yield TextToken("control", char, char, at, at + 1)
         elif _HAN.match(char):
-            yield Token("word", char, char, at, at + 1)
+            yield TextToken("word", char, char, at, at + 1)
         elif word := _latin(text, at):
-            yield Token("word", word.casefold().replace("’", "'"), word, at, at + len(word))
+            yield TextToken("word", word.casefold().replace("’", "'"), word, at, at + len(word))
             at += len(word) - 1
         elif not (char in _LINKING and _joins(text, at)):
-            yield Token("sign", char, char, at, at + 1)
+            yield TextToken("sign", char, char, at, at + 1)
         at += 1
 
 

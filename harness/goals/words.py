@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from harness.contracts.readings import Act, ClauseObject
-from harness.goals.tokens import Token, folded
+from harness.goals.tokens import TextToken, folded
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Phrases:
 
     by_first: Mapping[str, tuple[tuple[tuple[str, ...], Meaning], ...]] = field(default_factory=dict)
 
-    def at(self, found: Sequence[Token], index: int) -> tuple[int, Meaning] | None:
+    def at(self, found: Sequence[TextToken], index: int) -> tuple[int, Meaning] | None:
         """How many tokens from here on are a phrase, and its meaning; None if none is."""
         written = found[index].written
         if _is_letter((written,)) and (written,) in (one[0] for one in self.by_first.get(written, ())):

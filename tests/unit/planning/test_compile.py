@@ -59,7 +59,7 @@ def test_a_goal_becomes_goal_graph_conditions_constraints_and_budgets() -> None:
     assert (task.goal.text, task.goal.digest) == (GOAL, sha256(GOAL.encode()))
     assert [node.node_id for node in task.nodes] == STAGES
     assert [condition.condition_id for condition in task.completion_conditions] == [
-        "goal.linked", "goal.one_subject", "goal.in_order", "goal.home", "goal.reported",
+        "goal.linked", "goal.delivered", "goal.one_subject", "goal.in_order", "goal.home", "goal.reported",
     ]  # fmt: skip
     assert task.constraints.speed_cap_mps == 0.5
     assert set(task.constraints.resources) == {"mobile_base", "camera", "outbox", "speaker"}
