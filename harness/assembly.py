@@ -10,16 +10,19 @@ from typing import Any, get_args
 from harness.adapters.failpoints import parse, provider_with_failpoint
 from harness.adapters.providers.archive import EvidenceArchiver
 from harness.adapters.providers.intake import TextIntake
+from harness.adapters.providers.lidar import PassageSweep
 from harness.adapters.providers.messaging.delivery import OutboxDelivery
 from harness.adapters.providers.messaging.folder import FolderOutbox
 from harness.adapters.providers.messaging.memory import MemoryOutbox
+from harness.adapters.providers.messaging.read_back import FolderReader, MemoryReader, MessageReadBack
 from harness.adapters.providers.models.analysis import OpenCvAnalysis
 from harness.adapters.providers.models.description import OpenCvDescription
-from harness.adapters.providers.speech.speaker import PacedSpeaker
+from harness.adapters.providers.speech.microphone import RoomMicrophone
+from harness.adapters.providers.speech.speaker import PacedSpeaker, RoomSpeaker
 from harness.adapters.providers.speech.voice import EspeakVoice
 from harness.adapters.stores.configurations import StoredConfigurations
 from harness.adapters.stores.memory_index import VolatileMemoryIndex
-from harness.baseline.load import baseline
+from harness.baseline.load import baseline, earlier
 from harness.baseline.load import site as shipped_site
 from harness.contracts import ports
 from harness.contracts.configuration import Configuration
@@ -153,6 +156,15 @@ class Member:
     camera: ports.LiveCamera | None = None
     hand: ports.Teleoperable | None = None
     origin: str = ""
+    sources: Sequence[ports.IndependentSource] = ()
+
+
+@dataclass(frozen=True)
+class LocalServices:
+    """What runs beside the harness for one robot: providers, and the sources that measure without them."""
+
+    providers: Sequence[ports.Provider]
+    sources: Sequence[ports.IndependentSource]
 
 
 def assemble(
@@ -164,9 +176,10 @@ def assemble(
     local: Sequence[ports.Provider],
     configure: Callable[[Mission], None],
     revive: Callable[[], bool] = lambda: False,
+    sources: Sequence[ports.IndependentSource] = (),
 ) -> Harness:
     """One connected robot under one supervisor. The stack closes the supervisor."""
-    member = Member(RobotId(settings.robot_id), robot, parts.clock, local, configure, revive)
+    member = Member(RobotId(settings.robot_id), robot, parts.clock, local, configure, revive, sources=sources)
     return joined(stack, settings, parts, [member])
 
 
@@ -211,6 +224,7 @@ def _connection(settings: HarnessSettings, parts: Parts, member: Member) -> Robo
         camera=member.camera,
         hand=member.hand,
         origins=_origins(member),
+        sources=tuple(member.sources),
     )
 
 
@@ -248,7 +262,11 @@ def runtime_on(parts: Parts, clocks: Mapping[RobotId, ports.Clock] = MappingProx
         ids=parts.ids,
         signals=parts.signals,
         configurations=StoredConfigurations(
-            parts.store, first=parts.configuration, shipped=(baseline(),), selected=selected, on_trial=on_trial
+            parts.store,
+            first=parts.configuration,
+            shipped=(baseline(), *earlier()),
+            selected=selected,
+            on_trial=on_trial,
         ),
         site=parts.site,
         memory=MemoryFabric(store=parts.store, index=parts.index),
@@ -257,21 +275,36 @@ def runtime_on(parts: Parts, clocks: Mapping[RobotId, ports.Clock] = MappingProx
     return runtime
 
 
-def local_providers(
-    parts: Parts, *, camera: Camera, folder: Path | None, robot_id: str = ""
-) -> Sequence[ports.Provider]:
-    """Providers that run beside the harness for one robot: intake, analysis, delivery, voice, archive, description."""
+def local_services(
+    parts: Parts, *, camera: Camera, folder: Path | None, robot_id: str = "", room: ports.Room | None = None
+) -> LocalServices:
+    """What runs beside the harness for one robot: intake, analysis, delivery, voice, archive and description, and the
+    sources that measure what they did: the channel's read path, the robot's lidar and the microphone of its `room`.
+    """
 
     def journal(name: str) -> Path | None:
         return folder / "providers" / robot_id / f"{name}.jsonl" if folder else None
 
     clock, blobs = parts.clock, parts.blobs
-    outbox = FolderOutbox(folder / "outbox", blobs=blobs) if folder else MemoryOutbox()
-    return (
+    outbox: ports.MessageOutbox
+    reader: ports.MessageReadPath
+    if folder:
+        outbox, reader = FolderOutbox(folder / "outbox", blobs=blobs), FolderReader(folder / "outbox")
+    else:
+        outbox = memory = MemoryOutbox()
+        reader = MemoryReader(memory)
+    speaker = RoomSpeaker(room) if room else PacedSpeaker()
+    providers = (
         TextIntake(clock=clock, blobs=blobs, journal=journal("text-intake")),
         OpenCvAnalysis(camera, clock=clock, blobs=blobs, journal=journal("opencv-analysis")),
         OutboxDelivery(outbox, clock=clock, blobs=blobs, journal=journal("message-outbox")),
-        EspeakVoice(PacedSpeaker(), clock=clock, blobs=blobs, journal=journal("espeak-voice")),
+        EspeakVoice(speaker, clock=clock, blobs=blobs, journal=journal("espeak-voice")),
         EvidenceArchiver(clock=clock, blobs=blobs, journal=journal("evidence-keeper")),
         OpenCvDescription(clock=clock, blobs=blobs, journal=journal("opencv-description")),
     )
+    sources = (
+        MessageReadBack(reader, keep=blobs.put),
+        PassageSweep(keep=blobs.put),
+        RoomMicrophone(room, keep=blobs.put, read=blobs.get),
+    )
+    return LocalServices(providers, sources)

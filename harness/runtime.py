@@ -9,6 +9,7 @@ from threading import Lock
 from typing import Any, Protocol
 
 from cachetools import LRUCache
+from msgspec import UNSET
 
 from harness.contracts import ports
 from harness.contracts.actors import Actor
@@ -100,7 +101,7 @@ class Unreadable(Value):
 
 @dataclass(frozen=True)
 class Start:
-    """A person's request to start a mission: a template by name, or a goal that one matches."""
+    """A person's request to start a mission: a template by name, or a goal that one matches; `channel`: how it came."""
 
     actor: Actor
     robot_id: RobotId
@@ -111,6 +112,7 @@ class Start:
     autonomy: Autonomy = "autonomous"
     labels: dict[str, str] | None = None
     replay: bool = False
+    channel: str = ""
 
 
 class Runtime:
@@ -205,6 +207,7 @@ class Runtime:
             replay=start.replay,
             trial=self.on_trial(pinned),
             rules=self.rules,
+            channel=start.channel or UNSET,
         )
         version = self._configurations.record(pinned)
         return self.commit([CommandEnvelope(mission_stream(mission_id), create, start.robot_id)], records=(version,))

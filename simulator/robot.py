@@ -16,6 +16,7 @@ from simulator.faults import DUPLICATE_AFTER_S, Fault
 from simulator.invocations import RunningSkill, restarted
 from simulator.journals import StartJournal
 from simulator.picture_cache import LIVE, live_frame
+from simulator.room import SimulatedRoom
 from simulator.site_map import map_of
 from simulator.skills import skill_for
 from simulator.world import World, WorldSettings
@@ -35,6 +36,7 @@ class SimulatedRobot:
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
         self.world = World(settings, folder)
+        self.room = SimulatedRoom()
         self._map = map_of(self.world.site)
         self._journal = RequestJournal(folder and folder / "requests.jsonl")
         self._starts = StartJournal(folder and folder / "starts.jsonl")

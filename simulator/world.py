@@ -232,8 +232,6 @@ class World:
             one
             for one in disturbances.in_the_way(self.at_s)
             if math.dist(one.at_m, _nearest(route, one.at_m)) <= one.radius_m
-            for one in disturbances.in_the_way(self.at_s)
-            if math.dist(one.at_m, _nearest(route, one.at_m)) <= one.radius_m
         )
         solids = [
             solid

@@ -1,4 +1,4 @@
-"""Acts on missions: start, stop, pause, resume, withdraw, dispute, and how far they decide alone."""
+"""Acts on missions: start, stop, pause, resume, withdraw, dispute, and set the level of autonomy."""
 
 from collections.abc import Collection, Mapping
 from math import isfinite
@@ -62,12 +62,12 @@ class StartMissionAct(base.Act):
         return cls.of(**dict(said) | {"arguments": arguments, "labels": {"rerun_of": again} if again else {}})
 
     @classmethod
-    def _told(cls, name: str, text: str) -> list[str]:
+    def _told(cls, name: str, value: Any) -> list[str]:
         if name == "goal":
             return [lazy_gettext("Keep the goal below {count} characters.", count=forms.GOAL_SIGNS)]
-        return super()._told(name, text)
+        return super()._told(name, value)
 
-    def to_command(self, actor: Actor) -> Start:
+    def to_command(self, actor: Actor, **named: Any) -> Start:
         """What the runtime compiles to a CreateMission with its contract."""
         fields = self.fields() | {"robot_id": RobotId(self.robot_id)}
         return Start(actor=actor, **fields)
@@ -124,11 +124,6 @@ class DisputeCompletionAct(_ReasonAct):
     """Say that an accepted completion is wrong: it counts as false, and nothing is deleted. The address names it."""
 
     becomes = revision_commands.DisputeCompletion
-    condition_id: base.Slug
-
-    def body(self) -> dict[str, Any]:
-        """The reason alone: the condition stands in the address."""
-        return {"reason": self.reason}
 
 
 class SetAutonomyAct(_ReasonAct):

@@ -20,6 +20,12 @@ class Api(ABC):
     def post(self, path: str, body: dict[str, Any]) -> Any:
         return self._answer("POST", path, body)
 
+    def patch(self, path: str, body: dict[str, Any]) -> Any:
+        return self._answer("PATCH", path, body)
+
+    def delete(self, path: str) -> Any:
+        return self._answer("DELETE", path)
+
     def handoffs(self) -> list[Handoff]:
         """Every handoff as the owner's log has it, newest first."""
         return msgspec.convert(self.get("/handoffs?limit=500"), list[Handoff])

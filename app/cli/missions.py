@@ -346,7 +346,7 @@ def dispute(
     as_json: output.Json = False,
 ) -> None:
     """Say that an accepted completion is wrong. It counts as false; nothing is deleted."""
-    said = DisputeCompletionAct.of(condition_id=condition, reason=reason)
+    said = DisputeCompletionAct.of(reason=reason)
     with api_with_robots(data) as api:
         outcome = api.post(f"/missions/{mission_id}/facts/{condition}/dispute", said.body())
     line = f"{condition} of {mission_id} is disputed: {reason}"

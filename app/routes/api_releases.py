@@ -156,7 +156,7 @@ for verb, kind in acts.ACTS.items():
 def releases(
     console: ConsoleDep,
     at: Annotated[str, Query(max_length=40, description="An instant: what was current then is `current_at`.")] = "",
-    robot: api_requests.Text = "",
+    robot: api_requests.Facet = "",
 ) -> Any:
     """The pointer: where it stands, its history, what is pinned to what, quarantine, looks, uptake and the policy."""
     releases = console.releases

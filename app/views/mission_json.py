@@ -1,4 +1,4 @@
-"""Pure: one mission as a JSON object, the same from the command line and from the API."""
+"""One mission as a JSON object, the same from the command line and from the API."""
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
@@ -7,6 +7,7 @@ from math import dist
 from typing import Any
 
 from app.i18n.reasons import rendering as reasons
+from app.views.proposals import proposals_json
 from app.views.timeline import TimelineEntry
 from harness.contracts.effects import Metric
 from harness.contracts.events import DispatchIntended, PacketRetained
@@ -48,6 +49,7 @@ def mission_outcome(
         "images": _images(packets),
         "findings": _findings(packets),
         "receipts": [_receipt(receipt, packet) for packet in packets for receipt in packet.receipts],
+        "proposals": proposals_json(entries, contract),
         "recovery": {"spent": mission.spent_total, "remaining": max(total - mission.spent_total, 0)},
         "dispatches": sum(isinstance(entry.event, DispatchIntended) for entry in entries),
         "physical_starts": len(mine) if mine is not None else None,

@@ -1,4 +1,4 @@
-"""Pure: missions as a list, one mission as a page of regions, and the forms that start and stop one."""
+"""Shapes the list of missions, and the head of the page of one mission."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,6 @@ from harness.contracts.protocol import RobotStatus
 from harness.contracts.read_models import MANY, FacetCount, ListQuery, MissionItem
 from harness.contracts.reasons import because
 from harness.contracts.tasks import order
-from harness.contracts.verdicts import GoalVerdict
 from harness.projections.exploration import choices
 from harness.projections.mission import Mission, declared_goals
 from harness.projections.missions_list import current_stage
@@ -240,8 +239,11 @@ def goal_conditions(mission: Mission) -> tuple[ConditionRow, ...]:
     )
 
 
-def goal_reason(verdict: GoalVerdict | None) -> str:
-    """Why the goal counts as reached or not, as far as it was tested."""
+def goal_reason(mission: Mission) -> str:
+    """Why the goal counts as reached, in part or not, as far as it was tested."""
+    verdict = mission.goal_verdict
     if verdict is None:
         return N_("Tested once every required stage is accepted, exactly as they were first stored.")
+    if mission.status == "partly_verified":
+        return reasoned(because("mission_over", reason=mission.reason))
     return reasoned(verdict.reason) or N_("Every original condition was tested again.")

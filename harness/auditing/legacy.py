@@ -101,6 +101,7 @@ def _started(tail: Tail) -> MissionCommand | None:
                 replay=created.replay,
                 trial=created.trial,
                 rules=compiled.rules,
+                channel=created.channel,
             )
         case [ContractRecompiled() as again, *_]:
             return RecompileContract(

@@ -4,13 +4,14 @@ Of a packet: "conditions" (list of Condition); "policy" (VerificationPolicy); "e
 (CapabilityCard); "constraints" (SafetyState); "goal" (Goal); "facts" (list of CommittedFact this node builds on);
 "declared" (numbers) and "receipts" (list of Receipt), one per packet, origin provider; "trajectory"
 (EvidenceReference of a sealed Trajectory; values: role "current" or "cited", dispatched_s, terminal_s); "image"
-(EvidenceReference of one frame); "before", "after" (EvidenceReference); "attestation" (a person's, where allowed).
+(EvidenceReference of one frame); "before", "after" (EvidenceReference); "attestation" (a person's, where allowed);
+"read_back", "sweep", "room_sound", "recognition" (EvidenceReference of what independent sources measured); "request"
+(RequestRecord).
 
 Of the goal: "goal", "conditions" (as first stored), "policy", "constraints", "facts", "receipts" as above; "node"
 (CommittedNode, one per ended node); "declared_effects" (list of DeclaredEffect); "observations" (RecentSamples: what is
-true now); "trajectory" (role "cited")
-and "before": the history on which a circuit is tested; "map" (EvidenceReference): what an exploration
-drew.
+true now); "trajectory" (role "cited") and "before": the history on which a circuit is tested; "map"
+(EvidenceReference): what an exploration drew; "request" and "read_back" as above, read once more.
 """
 
 from msgspec.structs import replace
@@ -26,6 +27,7 @@ from harness.contracts.contexts import Context, ContextRecord
 from harness.contracts.effects import Condition, Metric, Relational, Symbolic
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
 from harness.contracts.ids import NodeId
+from harness.contracts.measurements import RequestRecord
 from harness.contracts.rules import LINEAGE, RulesVersion, required_independence
 from harness.contracts.tasks import EvidencePolicy, Node, order
 from harness.contracts.verifier_inputs import CommittedNode, Execution, Origins, SafetyState, VerificationPolicy
@@ -52,6 +54,7 @@ def verifier_context(view: StateView, packet: EvidencePacket, card: CapabilityCa
         SelectionItem(configured("card", card.provider_id, card, at_s=view.at_s)),
         SelectionItem(configured("constraints", "contract", _safety_state(view), at_s=view.at_s)),
         SelectionItem(replace(goal_record(view), mandatory=False)),
+        *_request(view, node.success_conditions),
         *_facts(view, node),
         *(item for source in sources for item in evidence.provider_word(source, node=node)),
         *(item for source in sources for item in evidence.seen(view, source, node=node)),
@@ -81,6 +84,8 @@ def goal_context(view: StateView) -> Context:
         *(_node(view, node_id, packet) for node_id, packet in packets.items()),
         *_declared(view),
         *_receipts(view, packets),
+        *(SelectionItem(referenced(one.kind, one, mandatory=True)) for one in view.measured),
+        *_request(view, contract.completion_conditions),
         *_map(view),
         recent_window(view, window_s=WINDOW_S),
         *_histories(view, packets),
@@ -110,6 +115,16 @@ def _map(view: StateView) -> list[SelectionItem]:
     if not known or not any(effect.predicate in MAPPED for effect in effects):
         return []
     return [SelectionItem(referenced(MAP, known[-1], mandatory=True))]
+
+
+def _request(view: StateView, conditions: tuple[Condition, ...]) -> list[SelectionItem]:
+    """The harness's own record of who asked, over which channel: for conditions that test it."""
+    asked = view.mission.requested_by
+    if asked is None or all(one.effect.predicate != "recorded_request" for one in conditions):
+        return []
+    channel = view.mission.channel if isinstance(view.mission.channel, str) else "unnamed"
+    record = RequestRecord(text=view.contract.goal.digest, requested_by=asked.name, role=asked.role, channel=channel)
+    return [SelectionItem(accepted("request", "log", record, at_s=view.at_s, mandatory=True))]
 
 
 def _execution(packet: EvidencePacket) -> Execution:

@@ -41,6 +41,7 @@ class CreateMission(Command, tag=True):
     replay: bool = False
     trial: bool = False
     rules: RulesVersion = FIRST_RULES
+    channel: str | msgspec.UnsetType = msgspec.UNSET
 
 
 class RecompileContract(Command, tag=True):

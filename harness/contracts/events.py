@@ -30,7 +30,10 @@ from harness.contracts.verdicts import GoalVerdict, NodeVerdict
 
 
 class MissionCreated(Event, tag=True):
-    """`trial`: the configuration it is pinned to is in canary, so a person approves each motion (D28, D34)."""
+    """`trial`: the configuration it is pinned to is in canary, so a person approves each motion (D28, D34).
+
+    `channel`: how the request came, such as `page` or `command-line`; an earlier release did not say.
+    """
 
     mission_id: ids.MissionId
     robot_id: ids.RobotId
@@ -43,6 +46,7 @@ class MissionCreated(Event, tag=True):
     autonomy: Autonomy = "autonomous"
     replay: bool = False
     trial: bool = False
+    channel: str | msgspec.UnsetType = msgspec.UNSET
 
 
 class ContractCompiled(Event, tag=True, omit_defaults=True):

@@ -172,7 +172,7 @@ def check(contract: TaskContract, *, rules: RulesVersion = FIRST_RULES, retired:
             raise ContractInvalid(
                 f"Condition {condition.condition_id} names {effect.predicate}, which is kept for old missions only",
                 where=where,
-                do="name the predicate that replaces it: docs/reference lists them",
+                do="name the predicate that replaces it",
             )
     _check_declared(contract)
 

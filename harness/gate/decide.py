@@ -120,6 +120,7 @@ def _create(mission: Mission, command: commands.CreateMission) -> Decision[event
         autonomy=command.autonomy,
         replay=command.replay,
         trial=command.trial,
+        channel=command.channel,
     )
     compiled = events.ContractCompiled(
         contract=command.contract,

@@ -86,7 +86,8 @@ def region_of(grid: GridMap) -> NDArray[np.bool_]:
     """The cells that are to be seen, rows x columns."""
     if not grid.region:
         return np.ones((grid.rows, grid.columns), bool)
-    return np.frombuffer(grid.region, dtype=np.uint8).reshape(grid.rows, grid.columns) == 1
+    region: Mask = np.frombuffer(grid.region, dtype=np.uint8).reshape(grid.rows, grid.columns) == 1
+    return region
 
 
 def free_floor(grid: GridMap) -> Mask:

@@ -138,6 +138,7 @@ class Mission(Value):
     autonomy_limit: Autonomy = "autonomous"
     replay: bool = False
     trial: bool = False
+    channel: str | msgspec.UnsetType = msgspec.UNSET
     status: MissionStatus = "draft"
     contract: TaskContract | None = None
     policy: RecoveryPolicy | None = None

@@ -158,6 +158,7 @@ def _created(m: Mission, event: events.MissionCreated) -> Mission:
         autonomy=event.autonomy,
         replay=event.replay,
         trial=event.trial,
+        channel=event.channel,
     )
 
 

@@ -16,6 +16,7 @@ from harness.projections.mission import Invocation, Mission, required_contract
 from harness.runtime import Live
 from harness.supervisor.approvals import clear_to_send, withdraw
 from harness.supervisor.leases import Held, Sent, give_back, holds
+from harness.supervisor.measurements import IndependentMeasurements
 from harness.supervisor.packets import build_packet
 from harness.supervisor.roles import RoleContexts, context_record
 from harness.supervisor.standstill import at_rest
@@ -46,6 +47,7 @@ class InvocationMonitor:
         self._roles = roles
         self._runtime = roles.runtime
         self._connection = roles.connection
+        self._measurements = IndependentMeasurements(roles)
         self._handles: dict[InvocationId, str] = {}
         self._sent = {found.intent.invocation_id} if found else set[InvocationId]()
         self._ended_since: float | None = None
@@ -193,6 +195,7 @@ class InvocationMonitor:
             observations=self._roles.observations,
             collected_s=until_s,
             protocol=protocol.version_of(card.protocol),
+            measured=self._measurements.of_invocation(mission, invocation, report=report, until_s=until_s),
         )
         try:
             c3, verdict = judgement(self._roles, mission, packet, card=card)

@@ -23,10 +23,12 @@ def build_packet(
     observations: ObservationBuffer,
     collected_s: float,
     protocol: str,
+    measured: Sequence[EvidenceReference] = (),
 ) -> EvidencePacket:
     """Z = (I, k_ctx, O_before, O_after, P, proposed facts). Identity and proposals are the provider's own, never ours.
 
-    `protocol` is the version of the provider protocol that the provider speaks.
+    `protocol` is the version of the provider protocol that the provider speaks. `measured` is what independent
+    sources found.
     """
     intent = invocation.intent
     estimates: tuple[EvidenceReference, ...] = ()
@@ -56,7 +58,7 @@ def build_packet(
         failure=_failure_word(invocation, report),
         declared=report.declared,
         before=intent.before,
-        after=(*images, *after, *_attested(mission, intent)),
+        after=(*images, *after, *measured, *_attested(mission, intent)),
         estimates=estimates,
         proposed=report.proposed_facts,
         receipts=report.receipts,

@@ -21,7 +21,7 @@ class RobotConnection:
     robot that does not answer, and says whether it did. `verifier` judges packets, `planner` proposes what comes next
     and `proposer` where to explore; none of them decides anything. `camera` is its live camera and `hand` its
     teleoperation interface, where the robot has such. `origins`: the process or address behind each provider and each
-    source of samples.
+    source of samples. `sources` measure, without the providers, what a stage left.
     """
 
     robot_id: RobotId
@@ -40,6 +40,7 @@ class RobotConnection:
     camera: ports.LiveCamera | None = None
     hand: ports.Teleoperable | None = None
     origins: Mapping[str, str] = field(default_factory=dict)
+    sources: tuple[ports.IndependentSource, ...] = ()
 
     def provider(self, provider_id: ProviderId) -> ports.Provider:
         """Raises UnknownName for a provider that is no longer there."""

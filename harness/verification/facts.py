@@ -10,7 +10,7 @@ from harness.contracts.rules import FIRST_RULES, LINEAGE, RulesVersion
 from harness.contracts.tasks import Node
 from harness.contracts.values import Count
 from harness.contracts.verdicts import ConditionResult, NodeVerdict
-from harness.verification.proposals import proposed, written_by_harness
+from harness.projections.proposals import proposed, written_by_harness
 
 
 def facts_of(
@@ -30,7 +30,8 @@ def facts_of(
     From the rules on that trace levels, each fact keeps the level that it was accepted at.
 
     panorama: frames, yaws_rad (index, heading in map), position, heading_rad. analysis_of: report, frames, text (the
-    harness's own words from the report's numbers). delivered: frames, images (how many), text_digest.
+    harness's own words from the report's numbers). passage_checked: the same, and region_m.
+    delivered, message_stored: frames, images (how many), text_digest.
     pictured: images. same_image: images (the one that both share), report. transcript: digest. played: sound.
     arrival, circuit: frame, map_version, target_m, tolerance_m.
     """
@@ -105,9 +106,14 @@ def _arguments(condition: effects.Condition, result: ConditionResult) -> dict[st
             return {"images": list(result.evidence)}
         case effects.Visual():
             return {"report": result.evidence[0], "frames": list(result.evidence[1:])}
-        case effects.Relational(predicate="same_image") as effect:
+        case effects.Relational(predicate="same_image" | "kept_picture") as effect:
             image, report = result.evidence
             return {"subject": effect.subject, "object": effect.object, "images": [image], "report": report}
+        case effects.Relational(predicate="passage_checked") as effect:
+            report, *rest = result.evidence
+            named = {"subject": effect.subject, "object": effect.object, "report": report, "frames": rest[:-1]}
+            region_m = [list(point) for point in effect.region_m]
+            return {**named, "text": finding_in_words(result.measured), "region_m": region_m}
         case effects.Relational() as effect if effect.predicate != "analysis_of":
             return {"relation": effect.relation, "subject": effect.subject, "object": effect.object}
         case effects.Relational() as effect:
@@ -135,11 +141,14 @@ def _panorama(result: ConditionResult) -> dict[str, Any]:
 
 def _symbolic(effect: effects.Symbolic, result: ConditionResult) -> dict[str, Any]:
     match effect.predicate:
-        case "delivered":
+        case "delivered" | "message_stored":
             *images, text = result.evidence
             return {"frames": images, "images": len(images), "text_digest": text}
-        case "transcript":
+        case "transcript" | "recorded_request":
             return {"digest": result.evidence[0]}
+        case "heard":
+            sound, recognition = result.evidence
+            return {**effect.arguments, "sound": sound, "recognition": recognition}
         case "played":
             return {"sound": result.evidence[0]}
         case _:

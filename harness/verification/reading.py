@@ -138,6 +138,11 @@ class Evidence:
         found = [read(record, EvidenceReference) for record in self.context.all("image")]
         return tuple(sorted(found, key=lambda image: image.from_s))
 
+    def measured(self, kind: str) -> tuple[EvidenceReference, ...]:
+        """What an independent source measured, oldest first; nothing younger than what the evidence speaks of."""
+        found = [read(record, EvidenceReference) for record in self.context.all(kind)]
+        return tuple(sorted((one for one in found if one.from_s <= self.speaks_at_s), key=lambda one: one.from_s))
+
     @cached_property
     def nodes(self) -> tuple[CommittedNode, ...]:
         """The accepted stages."""
@@ -208,6 +213,15 @@ class Evidence:
                 if node_id
                 else because("no_accepted_fact", name=name)
             )
+        newest = max(found, key=lambda one: one.k)
+        self.lineage.note(newest.condition_id, newest.independence)
+        return newest
+
+    def newest_fact(self, names: Sequence[str], *, node_id: str = "") -> CommittedFact:
+        """The newest committed fact of any of these names (of that node). Raises Undecidable if there is none."""
+        found = [one for one in self._facts if one.name in names and node_id in ("", one.node_id)]
+        if not found:
+            raise Undecidable(because("no_accepted_fact", name=names[0]))
         newest = max(found, key=lambda one: one.k)
         self.lineage.note(newest.condition_id, newest.independence)
         return newest

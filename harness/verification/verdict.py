@@ -10,6 +10,7 @@ from harness.contracts.contexts import Blobs, Context
 from harness.contracts.effects import Condition
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.evidence import EvidenceReference
+from harness.contracts.ids import NodeId
 from harness.contracts.reasons import Reason, because, several
 from harness.contracts.rules import FIRST_RULES, LINEAGE, RulesVersion
 from harness.contracts.tasks import named_nodes
@@ -106,12 +107,13 @@ def _results(evidence: Evidence) -> tuple[tuple[verdicts.ConditionResult, bool],
 def _result(condition: Condition, evidence: Evidence, finding: Finding) -> verdicts.ConditionResult:
     """The result of a predicate's answer, whose lineage the evidence still holds."""
     traced = _rules(evidence) >= LINEAGE
+    declared = _declared_stages(condition, evidence) if traced else ()
     level = _level(finding, evidence) if traced else independence(finding.sources, provider=_or_none(evidence))
     level, finding = _attested(condition, finding, evidence, level=level)
     required = _required(condition, evidence)
     labelling = replace(finding, reason=labelled(finding, level=level, required=required))
-    if traced and finding.verdict == "ambiguous":
-        labelling = replace(finding, reason=_on_declared(condition, finding, evidence))
+    if declared and finding.verdict == "ambiguous":
+        labelling = replace(finding, reason=because("rests_on_declared", stages=declared, reason=finding.reason))
     verdict, reason = _admitted(labelling, evidence, short=level < required)
     only_short = traced and finding.verdict == "satisfied" and verdict == "ambiguous" and reason == labelling.reason
     return verdicts.ConditionResult(
@@ -147,11 +149,12 @@ def _level(finding: Finding, evidence: Evidence) -> int:
     return derived_independence(sources, provider=_or_none(evidence), origins=origins, lineage=evidence.lineage)
 
 
-def _on_declared(condition: Condition, finding: Finding, evidence: Evidence) -> Reason:
-    """The reason, and which stages the condition names that are only declared."""
+def _declared_stages(condition: Condition, evidence: Evidence) -> tuple[NodeId, ...]:
+    """Stages that the condition names and that are only declared: it rests on their providers' word."""
     declared = {effect.node_id for effect in evidence.declared_effects}
     named = tuple(name for name in named_nodes(condition.effect) if name in declared)
-    return because("rests_on_declared", stages=named, reason=finding.reason) if named else finding.reason
+    evidence.build_on(named)
+    return named
 
 
 def _rules(evidence: Evidence) -> RulesVersion:

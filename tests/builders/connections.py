@@ -11,7 +11,7 @@ from harness.adapters.ids import SeededIds
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.baseline.load import baseline
 from harness.baseline.load import site as shipped_site
-from harness.bootstrap import Deciders, Harness, NullSignals, Parts, Select, assemble, local_providers, nothing_selected
+from harness.bootstrap import Deciders, Harness, NullSignals, Parts, Select, assemble, local_services, nothing_selected
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.decisions import Accepted
 from harness.contracts.ids import Digest, MissionId, RequestId
@@ -183,12 +183,14 @@ def staged(
             names = [name for name in mission.labels.get("faults", "").split(",") if name]
             robot.configure(mission.mission_id, mission.seed, parse_faults(names))
 
+        beside = local_services(parts, camera=CAMERA, folder=None, room=robot.room)
         harness = assemble(
             stack,
             HarnessSettings(speed=0, fidelity="kinematic"),
             parts,
             robot=CrewRobot(robot, wrap),
-            local=[wrap(provider) for provider in local_providers(parts, camera=CAMERA, folder=None)],
+            local=[wrap(provider) for provider in beside.providers],
+            sources=beside.sources,
             configure=configure,
         )
         yield Stage(harness, robot, parts)

@@ -43,7 +43,7 @@ def two_pictures(*, declared: bool = True, goals: tuple[dict[str, Any], ...] = (
     capture, _, describe = base.nodes
     second = capture | {"node_id": SECOND, "depends_on": [FIRST]}
     second["success_conditions"] = [capture["success_conditions"][0] | {"condition_id": "second.pictured"}]
-    evidence = describe["evidence"] | ({"declared": ["describe.of_picture"]} if declared else {})
+    evidence = {name: value for name, value in describe["evidence"].items() if declared or name != "declared"}
     return replace(
         base,
         name="two-pictures",

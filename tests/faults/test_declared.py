@@ -4,20 +4,29 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
+from app.background.mission_history import Histories
 from app.i18n.reasons.rendering import sentence
+from app.views.mission_json import mission_outcome
 from experiments.campaigns.kills import commits_of
 from experiments.campaigns.ledgers import read_books
 from harness.auditing.replay import replay_mission
+from harness.bootstrap import simulated
 from harness.contracts import events
+from harness.contracts.decisions import Accepted
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.evidence import CommittedFact
 from harness.contracts.ports import StoredEvent
+from harness.contracts.rules import RulesVersion
 from harness.contracts.stored_commands import without_command
 from harness.contracts.values import encode
+from harness.extra_templates import begin
 from harness.projections.mission import declared_goals
+from harness.runtime import Start
+from harness.settings import HarnessSettings
+from simulator.in_process import SIMULATOR
 from tests.builders.connections import Stage
 from tests.builders.declared import DESCRIBE, DESCRIBED, FIRST, ORDER, SECOND, strict, two_pictures
-from tests.builders.missions_run import Ran
+from tests.builders.missions_run import OPERATOR, ROBOT, Ran
 
 
 def run(stage: Stage, **changes: object) -> Ran:
@@ -123,3 +132,23 @@ def committing(stored: StoredEvent) -> StoredEvent:
 def succeeding(stored: StoredEvent) -> StoredEvent:
     ended = msgspec.json.decode(without_command(stored.body), type=events.MissionEnded)
     return replace(stored, body=encode(replace(ended, status="succeeded")))
+
+
+@pytest.mark.parametrize(("rules", "status"), [(1, "succeeded"), (2, "partly_verified")])
+def test_the_camera_task_ends_in_part_under_the_rules_that_want_another_source(
+    rules: RulesVersion, status: str
+) -> None:
+    settings = HarnessSettings(speed=0, fidelity="kinematic")
+    with simulated(settings, simulator=SIMULATOR, seed=3, rules=rules) as harness:
+        asked = Start(actor=OPERATOR, robot_id=ROBOT, template="camera-report", seed=3)
+        assert isinstance(begin(harness.runtime, asked), Accepted)
+        mission = harness.supervisor.run(harness.runtime.missions()[0].mission_id)
+        assert (mission.rules, mission.status) == (rules, status), sentence(mission.reason)
+        levels = {fact.node_id: fact.independence for fact in mission.facts}
+        assert levels == ({"capture": 1, "persist": 1} if rules == 2 else dict.fromkeys(mission.nodes))
+        outcome = mission_outcome(mission, Histories(harness.runtime).of(mission.mission_id), ())
+        declared = [one["condition_id"] for one in outcome["declared_conditions"]]
+        assert declared == (["describe.of_picture", "goal.in_order"] if rules == 2 else [])
+        others = [one for one in outcome["goal_conditions"] if one["condition_id"] not in declared]
+        assert others and all(one["verdict"] == "satisfied" and one["independence"] >= rules - 1 for one in others)
+        assert replay_mission(harness.runtime, mission.mission_id).differences == ()

@@ -165,4 +165,53 @@ SENTENCES: Mapping[str, str] = {
     "was_in_closed_region": N_("the body was in {region}, which is closed to it"),
     "wav_without_sound": N_("the WAV has no complete sound"),
     "waypoints_missed": N_("{passed} of {of} waypoints were passed in order"),
+    "another_text_stored": N_("the channel holds another text than the one to be sent"),
+    "camera_and_lidar_disagree": N_(
+        "camera and lidar disagree: {camera_share:.0%} of the passage's width is obstructed by the images, "
+        "{lidar_share:.0%} by the lidar; bound {bound:.0%}"
+    ),
+    "findings_not_in_sight": N_(
+        "{findings} findings are out of view, range or line of sight in the images that are to show them"
+    ),
+    "findings_outside_passage": N_("{findings} findings are not in the passage"),
+    "frames_without_heading": N_("no measured heading of the frames is known"),
+    "message_changed": N_("the message was changed after it was accepted"),
+    "message_not_found": N_("the channel holds no such message"),
+    "message_not_read_back": N_("the message was not read back from the channel"),
+    "message_of_another_request": N_("the message read back is of another request"),
+    "message_read_back": N_("read back from the channel: the text and {images} images"),
+    "no_camera_model": N_("the robot does not describe its camera"),
+    "no_lidar_sweep": N_("no lidar sweep of the passage is among the evidence"),
+    "no_odometry_with_sweep": N_("no odometry shows whether the body stood during the sweep"),
+    "no_pose_with_sweep": N_("no pose says from where the lidar swept"),
+    "no_request_record": N_("no record of the request is known"),
+    "no_sweep_at_rest": N_("no lidar sweep was taken after the body came to rest"),
+    "passage_checked_by_lidar": N_(
+        "images and lidar agree: {camera_share:.0%} of the passage's width is obstructed by the images, "
+        "{lidar_share:.0%} by the lidar"
+    ),
+    "passage_not_in_view": N_(
+        "the images show {seen:.0%} of the passage's floor, {wanted:.0%} wanted: floor that was not seen is not clear"
+    ),
+    "passage_not_swept": N_("the lidar sees {seen:.0%} of the passage's floor, {wanted:.0%} wanted"),
+    "read_path_failed": N_("the channel could not be read back: {problem}"),
+    "report_of_another_passage": N_("the report is about another passage"),
+    "request_differs_from_record": N_("the request differs from the record of what was submitted"),
+    "request_recorded": N_("{requested_by} submitted it, channel {channel}"),
+    "stored_images_of_elsewhere": N_("{images} stored images are not of the analysis"),
+    "sweep_cut_short": N_("a lidar sweep is cut short: {points} points in {bytes} bytes"),
+    "sweep_of_another_map": N_("the lidar sweep is of map {map_version}"),
+    "sweep_of_another_time": N_("{sweeps} lidar sweeps are of another time"),
+    "too_few_images_stored": N_("the channel holds {images} of {wanted} images"),
+    "another_place_heard": N_("the report was not heard to name {place}"),
+    "contrary_heard": N_("what was heard contradicts the finding: {heard}"),
+    "finding_not_heard": N_("what was heard does not state the finding: {heard}"),
+    "no_room_recording": N_("the report was synthesised and checked, not played: no microphone recorded the room"),
+    "recognition_of_another_sound": N_("the recognition is of another recording"),
+    "recording_silent": N_("the microphone recorded nothing but silence"),
+    "report_heard": N_("heard in the room: {heard}"),
+    "report_heard_before_analysis": N_("the report was heard before the analysis"),
+    "speech_not_recognised": N_("what was recorded could not be recognised"),
+    "unknown_words": N_("the recogniser does not know {words}"),
+    "words_not_heard": N_("not heard: {words}"),
 }

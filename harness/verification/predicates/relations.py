@@ -82,9 +82,10 @@ def reported(effect: AnyEffect, evidence: Evidence) -> Finding:
     """
     if not isinstance(effect, Symbolic):
         raise Undecidable(because("effect_not_testable", predicate="reported"))
-    analysis = evidence.fact("analysis_of", node_id=effect.arguments.get("analysis", ""))
+    analysis = evidence.newest_fact(("analysis_of", "passage_checked"), node_id=effect.arguments.get("analysis", ""))
     spoken = evidence.fact("played", node_id=effect.arguments.get("report", ""))
-    text = evidence.bytes_of(evidence.fact("delivered").arguments["text_digest"]).decode(errors="replace").lower()
+    sent = evidence.newest_fact(("delivered", "message_stored"))
+    text = evidence.bytes_of(sent.arguments["text_digest"]).decode(errors="replace").lower()
     report = evidence.decoded(analysis.arguments["report"], AnalysisReport)
     problems = [] if names_finding(text, blocked=report.blocked) else [because("text_does_not_name_finding")]
     speaker = next((node for node in evidence.nodes if node.node_id == spoken.node_id), None)
