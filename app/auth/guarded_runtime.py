@@ -20,6 +20,7 @@ from harness.contracts.person_commands import PersonCommand
 from harness.contracts.places import Place, Site
 from harness.contracts.ports import LogHead, Record, StoredEvent
 from harness.contracts.tasks import TaskContract, TaskTemplate
+from harness.goals.understanding import Understood
 from harness.memory.fabric import MemoryFabric
 from harness.projections.handoffs import Handoff
 from harness.projections.leases import Lease
@@ -123,9 +124,13 @@ class GuardedRuntime:
         """A place as it shipped, whatever people made of it since."""
         return self._runtime.shipped_place(place_id)
 
-    def draft(self, start: Start) -> TaskContract:
+    def draft(self, start: Start, *, template: TaskTemplate | None = None) -> TaskContract:
         """The contract that `start` would create now; nothing is written."""
-        return self._runtime.draft(start)
+        return self._runtime.draft(start, template=template)
+
+    def understood(self, start: Start) -> Understood:
+        """What the goal of a request means now; nothing is written."""
+        return self._runtime.understood(start)
 
     def current_configuration_id(self, robot_id: ids.RobotId) -> ids.Digest:
         """The version that a new mission of this robot is pinned to."""

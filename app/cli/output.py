@@ -10,7 +10,8 @@ import typer
 from pydantic import ValidationError
 
 from app.i18n.reasons import rendering as reasons
-from harness.contracts.errors import ContractInvalid, HarnessError, UnknownName
+from app.views.readings import question_lines
+from harness.contracts.errors import ContractInvalid, GoalNotUnderstood, HarnessError, UnknownName
 from harness.projections.mission import Mission
 from harness.settings import HarnessSettings
 
@@ -49,6 +50,8 @@ def table(rows: Sequence[Sequence[str]]) -> list[str]:
 def complain(error: HarnessError) -> int:
     """Say what happened, where, and what to do; the exit code that goes with it."""
     sys.stderr.write(f"regen: {error}\n")
+    if isinstance(error, GoalNotUnderstood):
+        sys.stderr.write("".join(f"{line}\n" for line in question_lines(error.question)))
     return 2 if isinstance(error, WRONG_ASKED) else 1
 
 

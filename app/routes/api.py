@@ -2,6 +2,7 @@
 
 from typing import Annotated, Any
 
+import msgspec
 from fastapi import APIRouter, Query, Response
 from starlette.responses import JSONResponse
 
@@ -20,11 +21,13 @@ from app.routes import api_schemas as schemas
 from app.routes.missions import ordered, started
 from app.views.mission_json import mission_outcome
 from app.views.preview import preview as previewed
+from app.views.readings import reading_json
 from app.web.security import PrincipalDep
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.ids import MissionId
 from harness.contracts.read_models import ListQuery, MissionItem
+from harness.contracts.readings import Reading
 from harness.extra_templates import draft
 
 router = APIRouter(
@@ -91,6 +94,9 @@ def preview(console: ConsoleDep, principal: PrincipalDep, body: StartMissionAct)
         longest_s=shown.longest_s,
         stages=tuple(one.node_id for one in shown.stages),
         contract=contract,
+        reading=msgspec.convert(reading_json(contract.goal.text, contract.reading), schemas.ReadingResource)
+        if isinstance(contract.reading, Reading)
+        else None,
     )
     return api_requests.plain(found)
 

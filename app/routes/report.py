@@ -19,6 +19,7 @@ from app.i18n.messages import lazy_gettext, reasoned
 from app.views import events, facts, report
 from app.views.facts import FactPage
 from app.views.mission_json import mission_outcome, no_answer_outcome
+from app.views.readings import goal_words
 from app.views.report import ReportPage, ReportSources
 from app.web.rendering import render
 from app.web.report_pdf import report_pdf
@@ -84,7 +85,7 @@ def page_of(console: Console, actor: Actor, mission_id: MissionId, errors: Seque
     entries = console.histories.of(mission_id)
     mission = console.runtime.mission(mission_id)
     broken = {blob: console.check(Digest(blob)) for blob, _, _ in report.pictures(entries)}
-    shell = console.shell(lazy_gettext("Report: {goal}", goal=mission.goal), "missions", actor)
+    shell = console.shell(lazy_gettext("Report: {goal}", goal=goal_words(mission)), "missions", actor)
     return report.report_page(shell, mission, entries, _journal(console, mission_id), broken, errors=errors)
 
 

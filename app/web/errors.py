@@ -16,6 +16,7 @@ from starlette.types import Scope
 from app.auth.next_url import OVERVIEW, safe_next_url
 from app.auth.permissions import NotPermitted
 from app.i18n.catalogues import N_
+from app.views.readings import question_json
 from app.web.rendering import render
 from harness.contracts import errors
 
@@ -136,7 +137,8 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(errors.HarnessError)
     def harness_error(request: Request, error: errors.HarnessError) -> Response:
         status = next((number for kind, number in STATUS if isinstance(error, kind)), 500)
-        return told(request, status=status, code=error.code, what=error.what, where=error.where, do=error.do)
+        more = question_json(error.question) if isinstance(error, errors.GoalNotUnderstood) else None
+        return told(request, status=status, code=error.code, what=error.what, where=error.where, do=error.do, more=more)
 
     @app.exception_handler(RequestValidationError)
     def invalid(request: Request, error: RequestValidationError) -> Response:
@@ -149,10 +151,19 @@ def install(app: FastAPI) -> None:
         return told(request, status=error.status_code, code="http", what=what, where=request.url.path, do="")
 
 
-def told(request: Request, *, status: int, code: str, what: str, where: str, do: str) -> Response:
-    """One failure as a problem for /api/, else as a page."""
+def told(
+    request: Request,
+    *,
+    status: int,
+    code: str,
+    what: str,
+    where: str,
+    do: str,
+    more: Mapping[str, Any] | None = None,
+) -> Response:
+    """One failure as a problem for /api/, with `more` in it, else as a page."""
     if request.url.path.startswith("/api/"):
-        return problem(status, code=code, title=what, detail=f"{what}. {where}".strip(), do=do)
+        return problem(status, code=code, title=what, detail=f"{what}. {where}".strip(), do=do, more=more)
     page: HTMLResponse = render(
         "error.html", ErrorPage(status=status, title=what, what="", where=where, do=do), status=status
     )

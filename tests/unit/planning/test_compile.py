@@ -59,7 +59,7 @@ def test_a_goal_becomes_goal_graph_conditions_constraints_and_budgets() -> None:
     assert (task.goal.text, task.goal.digest) == (GOAL, sha256(GOAL.encode()))
     assert [node.node_id for node in task.nodes] == STAGES
     assert [condition.condition_id for condition in task.completion_conditions] == [
-        "goal.linked", "goal.delivered", "goal.in_order", "goal.home", "goal.reported",
+        "goal.linked", "goal.one_subject", "goal.delivered", "goal.in_order", "goal.home", "goal.reported",
     ]  # fmt: skip
     assert task.constraints.speed_cap_mps == 0.5
     assert set(task.constraints.resources) == {"mobile_base", "camera", "outbox", "speaker"}
@@ -224,7 +224,7 @@ def test_a_cycle_is_refused_when_the_contract_is_compiled() -> None:
         ({"destination": ""}, ContractInvalid, "is not a place"),
         ({"destination": 4.0}, ContractInvalid, "is not a place"),
         ({"destinaton": "B"}, UnknownName, "did you mean 'destination'"),
-        ({"destination": "A"}, UnknownName, "No route leads from anchor_a to anchor_a"),
+        ({"destination": "A"}, UnknownName, "No passage lies within anchor_a"),
         ({"destination": "x" * 1000}, ContractInvalid, "has 1000 characters"),
     ],
 )
