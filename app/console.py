@@ -1,4 +1,4 @@
-"""What every room of the console shares: the runtime, the doors, the scenes, and how a page is put together."""
+"""What every route of the console shares: the runtime, sign-in, 3D scenes, and the shell of a page."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
@@ -41,6 +41,7 @@ from harness.contracts.protocol import DriveReport, PhysicalStart
 from harness.projections.control import SiteControl
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
+from harness.routing.question import RoutingQuestion
 
 Cards = Callable[[], Iterable[CapabilityCard]]
 Dossier = Callable[[MissionId, Path, str], object]
@@ -69,11 +70,11 @@ class TeleoperationPort(Protocol):
 
 
 def no_journal(mission_id: MissionId) -> None:
-    """The answer of an installation whose robots' journals cannot be read from here."""
+    """Used where the robots' journals cannot be read from here."""
 
 
 def no_cards() -> tuple[CapabilityCard, ...]:
-    """The answer of an installation without robots of its own."""
+    """Used by an installation without robots of its own."""
     return ()
 
 
@@ -134,7 +135,7 @@ class Console:
         )
 
     def control(self) -> SiteControl:
-        """The house's limit on autonomy, and who drives what by hand."""
+        """The fleet's autonomy limit, and who drives which robot by hand."""
         control: SiteControl = self.runtime.fold(CONTROL)
         return control
 
@@ -167,6 +168,9 @@ class Console:
 
     def candidates(self, digest: Digest) -> CandidateSet | None:
         return self._record(digest, CandidateSet)
+
+    def routing_question(self, digest: Digest) -> RoutingQuestion | None:
+        return self._record(digest, RoutingQuestion)
 
     def target_question(self, digest: Digest) -> TargetQuestion | None:
         return self._record(digest, TargetQuestion)

@@ -1,4 +1,4 @@
-"""What every act shares: one model that a form, an API body and the command line fill in, for one gate command."""
+"""The base of every act: one model for form, API body and command line, which builds one gate command."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Self

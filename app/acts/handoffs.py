@@ -1,4 +1,4 @@
-"""Acts on handoffs: everything a person may say to a waiting question."""
+"""Acts on handoffs: everything a person can do with a waiting question."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self

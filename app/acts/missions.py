@@ -1,4 +1,4 @@
-"""Acts on missions: start, stop, pause, resume, withdraw, dispute, and how far they decide alone."""
+"""Acts on missions: start, stop, pause, resume, withdraw, dispute, and set the level of autonomy."""
 
 from collections.abc import Collection, Mapping
 from math import isfinite

@@ -1,4 +1,4 @@
-"""People and their passwords, tokens of integrations, and how often a wrong password may be tried."""
+"""Stores people with their passwords and the tokens of integrations, and limits wrong passwords."""
 
 import re
 from collections.abc import Callable, Collection, Sequence
@@ -41,7 +41,7 @@ class Issued:
 
 
 class Accounts:
-    """Everybody who may come in by name. `by` is who asks: changes need the permission `people`.
+    """The accounts of this installation. `by` is who asks: changes need the permission `people`.
 
     `clock` gives wall seconds, `fresh` an unguessable string.
     """
@@ -86,7 +86,7 @@ class Accounts:
     def change(
         self, name: str, *, roles: Collection[str] | None = None, disabled: bool | None = None, by: Principal
     ) -> None:
-        """Other roles, or off and on again; ends that person's sessions. The last admin stays."""
+        """Change a person's roles, or disable or enable them; ends their sessions. The last admin cannot be removed."""
         by.acting("people")
         old = self.known(name)
         if roles is not None:
@@ -106,14 +106,14 @@ class Accounts:
         self.note(by, "account.changed", subject=name, detail=f"{' '.join(new.roles)}, {state}")
 
     def set_password(self, name: str, *, old: str, new: str, by: Principal, but: str = "") -> None:
-        """A person's own, with the old one; ends their other sessions, all but the one whose digest is `but`."""
+        """Change one's own password, given the old one; ends one's other sessions, except the one with digest `but`."""
         if by.name != name or not self._matches(self.known(name), old):
             self.note(by, "password.refused", subject=name)
             raise ContractInvalid("That is not your present password", where="the present password")
         self._store_password(name, new, by=by, but=but)
 
     def reset_password(self, name: str, *, new: str, by: Principal) -> None:
-        """An admin's way in for somebody who forgot theirs."""
+        """Set the password of another person, as an admin."""
         by.acting("people")
         self._store_password(name, new, by=by)
 
@@ -234,7 +234,7 @@ class Accounts:
     # the trail ------------------------------------------------------------------------------------------------------
 
     def note(self, by: Principal, kind: str, *, subject: str, detail: str = "") -> AuditEntry:
-        """One line of the trail about what `by` did."""
+        """Write one line to the audit log about what `by` did."""
         return self.store.record(
             at_s=self._clock(),
             kind=kind,
@@ -246,7 +246,7 @@ class Accounts:
         )
 
     def told(self, by: Principal, actor: Actor, command: str, subject: str, outcome: str) -> None:
-        """A person's command and what came of it, with the address it came from."""
+        """Write a person's command to the audit log, with its outcome and the address it came from."""
         self.store.record(
             at_s=self._clock(),
             kind=f"command.{command}",

@@ -1,4 +1,4 @@
-"""Pure: which permission each command needs, by its class. A command that no table names is refused, not allowed."""
+"""Maps each command class to the permission it needs; a command that is not listed is refused."""
 
 from collections.abc import Mapping
 from types import MappingProxyType

@@ -1,7 +1,8 @@
 """regen mission: run, replay, list, show, events, stop."""
 
+import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import msgspec
 import typer
@@ -13,14 +14,23 @@ from app.cli.local_api import api_with_robots
 from app.cli.person import me
 from app.i18n.messages import reasoned
 from app.i18n.reasons import rendering as reasons
+from app.i18n.reasons.rendering import sentence
+from app.views.contexts import ranked
 from app.views.mission_json import mission_outcome
 from harness.bootstrap import read_harness
-from harness.contracts.ids import MissionId
+from harness.contracts.errors import UnknownName
+from harness.contracts.ids import Digest, MissionId
+from harness.contracts.proposals import CandidateSet
 from harness.contracts.upcasting import name_of
+from harness.contracts.values import decode
 from harness.projections.exploration import ExplorationDecision, decisions
 from harness.recordings import replayed, write_recording
+from harness.routing.explanation import RoutingExplanation
+from harness.routing.question import RoutingQuestion
+from harness.runtime import Runtime
 from simulator.in_process import SIMULATOR
 
+T = TypeVar("T")
 app = typer.Typer(no_args_is_help=True, help="Run and read missions.")
 
 
@@ -104,21 +114,26 @@ def _summary(outcome: dict[str, Any]) -> list[str]:
     )
     if outcome.get("reason"):
         lines.append(str(outcome["reason"]))
+    lines += [
+        f"declared, not verified: {one['text']} ({one['condition_id']})" for one in outcome["declared_conditions"]
+    ]
     return lines
 
 
 @app.command()
 def replay(
     recording: Annotated[Path, typer.Argument(help="MCAP, rosbag2 folder or ROS 1 bag.")],
-    target: Annotated[str | None, typer.Option(help="X,Y in metres; default: the recording's last pose.")] = None,
+    target: Annotated[str | None, typer.Option(help="X,Y in metres; default: the recording's goals or routes.")] = None,
+    place: Annotated[str, typer.Option(help="A place of the site as the target; the recording is on its map.")] = "",
     data: output.Data = output.DEFAULT_DATA,
     as_json: output.Json = False,
     topic: Annotated[list[str] | None, typer.Option(help="ROLE=TOPIC, such as odometry=/odom.")] = None,
 ) -> None:
     """Run a navigation mission on a recording; the harness measures arrival and progress itself."""
-    with replayed(
-        output.settings(data_folder=data, speed=0.0), recording, target=_point(target), topics=topic or []
-    ) as replayer:
+    if target and place:
+        raise typer.BadParameter("give --target or --place", param_hint="--place")
+    settings = output.settings(data_folder=data, speed=0.0)
+    with replayed(settings, recording, target=_point(target), place=place, topics=topic or []) as replayer:
         mission, facts = replayer.run(me(), watch=output.ProgressPrinter())
         outcome = mission_outcome(mission, Histories(replayer.harness.runtime).of(mission.mission_id), ()) | facts
     output.show(
@@ -134,6 +149,8 @@ def _point(text: str | None) -> tuple[float, float] | None:
         x, y = (float(part) for part in text.split(","))
     except ValueError:
         raise typer.BadParameter(f"{text!r} is not X,Y", param_hint="--target") from None
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise typer.BadParameter(f"{text!r} is no finite point", param_hint="--target")
     return x, y
 
 
@@ -192,6 +209,83 @@ def _targets(explored: tuple[ExplorationDecision, ...]) -> list[list[str]]:
         ]
         for one in explored
     ]
+
+
+class RoutingRecords:
+    """Reads the records that routing stored with its decisions; None for one that the log does not hold."""
+
+    def __init__(self, runtime: Runtime) -> None:
+        self._runtime = runtime
+
+    def candidates(self, digest: Digest) -> CandidateSet | None:
+        return self._read(digest, CandidateSet)
+
+    def question(self, digest: Digest) -> RoutingQuestion | None:
+        return self._read(digest, RoutingQuestion)
+
+    def _read(self, digest: Digest, kind: type[T]) -> T | None:
+        try:
+            return decode(self._runtime.record(digest).body, kind)
+        except (UnknownName, msgspec.DecodeError):
+            return None
+
+
+@app.command()
+def routing(
+    mission_id: str,
+    data: output.Data = output.DEFAULT_DATA,
+    as_json: output.Json = False,
+    stage: Annotated[str, typer.Option(help="One stage only.")] = "",
+) -> None:
+    """Why each provider was chosen or not: its score term by term, and what history held of it."""
+    with read_harness(output.settings(data_folder=data)) as runtime:
+        mission = runtime.mission(MissionId(mission_id))
+        if stage and stage not in mission.nodes:
+            raise UnknownName(
+                f"There is no stage {stage!r}", where=mission_id, do=f"name one of {', '.join(mission.nodes)}"
+            )
+        entries = Histories(runtime).of(mission.mission_id)
+        records = RoutingRecords(runtime)
+        found = [
+            (choice.position, choice.why)
+            for node_id in mission.nodes
+            if stage in ("", node_id)
+            for choice in ranked(entries, node_id=node_id, candidates=records.candidates, question=records.question)
+            if choice.why is not None
+        ]
+    rows = [{"position": position, **reasons.stating(why)} for position, why in found]
+    lines = [line for position, why in found for line in _routed(position, why)]
+    output.show(
+        {"mission_id": mission_id, "decisions": rows},
+        as_json=as_json,
+        lines=lines or ["No provider was chosen yet."],
+    )
+
+
+def _routed(position: int, why: RoutingExplanation) -> list[str]:
+    """One decision: the reason, the scores by term, and the history of each candidate."""
+    ranking = [one for one in why.candidates if one.score is not None]
+    names = list(ranking[0].terms) if ranking else []
+    rows = [["provider", "score", *names, ""]] + [
+        [
+            one.provider_id,
+            f"{one.score:.3f}",
+            *(f"{one.terms[name]:+.3f}" for name in names),
+            "chosen" if one.provider_id == why.chosen else "",
+        ]
+        for one in ranking
+    ]
+    past = [
+        f"  history of {one.provider_id} at {one.place or 'no place'}: {one.judged} verified executions, "
+        f"{one.failed} failed; input {one.penalty:.2f} of 1"
+        for one in why.history
+    ]
+    refused = [
+        f"  {one.provider_id} refused by {one.refused_by}: {sentence(one.reason)}"
+        for one in why.candidates
+        if one.score is None and one.refused_by != "capability"
+    ]
+    return [f"e-{position}  {why.node_id}: {sentence(why.reason)}", *output.table(rows), *past, *refused]
 
 
 @app.command()

@@ -11,7 +11,16 @@ from harness.bootstrap import owner_of
 from harness.contracts.errors import HarnessError, StoreOwned
 
 POLL_S = 0.5
-LASTING = ("awaiting_human", "paused", "succeeded", "failed", "cancelled", "safe_stopped", "handed_off")
+LASTING = (
+    "awaiting_human",
+    "paused",
+    "succeeded",
+    "partly_verified",
+    "failed",
+    "cancelled",
+    "safe_stopped",
+    "handed_off",
+)
 
 
 class OwnerApi(Api):

@@ -145,6 +145,7 @@ def _begin(harness: Harness, template: str | None, *, seed: int, faults: Mapping
             template=template or "",
             seed=seed + index,
             labels={"faults": faults[robot_id]} if robot_id in faults else {},
+            channel="command-line",
         )
         begun = begin(harness.runtime, start)
         if isinstance(begun, Refused):

@@ -72,7 +72,7 @@ def mission(console: ConsoleDep, mission_id: MissionId) -> Any:
 @router.post("/missions", status_code=201, responses=api_requests.answers(schemas.MissionOutcome, status=201))
 def start(console: ConsoleDep, actor: ActorDep, body: StartMissionAct) -> Any:
     """Compile the goal to a contract and start it; nothing is written if that fails."""
-    return outcome(console, started(console, ordered(console, actor, body)))
+    return outcome(console, started(console, ordered(console, actor, body, channel="api")))
 
 
 @router.post("/missions/preview", responses=api_requests.answers(schemas.MissionPreview))
@@ -81,7 +81,7 @@ def preview(console: ConsoleDep, principal: PrincipalDep, body: StartMissionAct)
 
     Nothing is written; what could not be started fails as starting it would.
     """
-    order = ordered(console, principal.acting("drive"), body)
+    order = ordered(console, principal.acting("drive"), body, channel="api")
     contract = draft(console.runtime, order)
     shown = previewed(contract, console.runtime.site)
     found = schemas.MissionPreview(

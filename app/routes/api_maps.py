@@ -1,4 +1,4 @@
-"""/api/v1/maps: the cloud that a map version is shown with. Its bytes lie in the blob store already."""
+"""/api/v1/maps: the point cloud that a map version is shown with; its bytes are in the blob store already."""
 
 from typing import Any
 

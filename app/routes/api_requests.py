@@ -68,7 +68,7 @@ def answers(kind: type, *, status: int = 200, many: bool = False) -> dict[int | 
 
 
 def place(after: str) -> Bookmark | None:
-    """Raises ContractInvalid for a place that no page ever gave."""
+    """The position of a page in a list. Raises ContractInvalid for one that no page gave."""
     return bookmark(after) if after else None
 
 

@@ -86,7 +86,8 @@ def posture(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, b
     return _answered(console, robot_id, robot_acts.posed(console, principal, robot_id, body.posture, body.reason))
 
 
-@router.post("/robots/{robot_id}/wheel", responses=api_requests.answers(schemas.WheelSession))
+@router.post("/robots/{robot_id}/wheel", include_in_schema=False)
+@router.post("/robots/{robot_id}/teleoperation", responses=api_requests.answers(schemas.WheelSession))
 def take(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: acts.BeginTeleoperationAct) -> Any:
     """Drive by hand: refused while a mission may move the robot."""
     decision = robot_acts.wheel_taken(console, principal, robot_id, body, device="a program")
@@ -98,14 +99,16 @@ def take(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body
     )
 
 
-@router.post("/robots/{robot_id}/wheel/turn", responses=api_requests.answers(DriveReport))
+@router.post("/robots/{robot_id}/wheel/turn", include_in_schema=False)
+@router.post("/robots/{robot_id}/teleoperation/turn", responses=api_requests.answers(DriveReport))
 def turn(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: acts.SteerAct) -> Any:
     """Hold this velocity until the next call, for 0.8 s of the robot's time at most."""
     report = turned(console, principal, robot_id, body)
     return api_requests.refusal(report) if isinstance(report, Refused) else api_requests.plain(report)
 
 
-@router.post("/robots/{robot_id}/wheel/return", responses=api_requests.answers(schemas.RobotResource))
+@router.post("/robots/{robot_id}/wheel/return", include_in_schema=False)
+@router.post("/robots/{robot_id}/teleoperation/return", responses=api_requests.answers(schemas.RobotResource))
 def give_back(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body: acts.EndTeleoperationAct) -> Any:
     """End driving by hand; the base is free once the body is shown at rest."""
     return _answered(console, robot_id, robot_acts.wheel_returned(console, principal, robot_id, body.reason))

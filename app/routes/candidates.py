@@ -1,4 +1,4 @@
-"""/candidates: proposed changes to the harness itself; who says what about them, and what follows."""
+"""/candidates: proposed changes to the harness itself, their reviews and releases."""
 
 from itertools import islice
 from typing import Annotated, Any
@@ -14,8 +14,8 @@ from app.i18n.messages import reasoned
 from app.views import candidates
 from app.views.candidates import BoardPage, CandidateListParams
 from app.views.review import ReviewPage, ReviewSources, SubmittedReviewForm, review_page
-from app.views.review_cases import CasesPage, cases_page
 from app.views.review_replay import ReplayPage, replay_page
+from app.views.review_results import CasesPage, cases_page
 from app.views.rollback import RollbackPage, rollback_page
 from app.web.rendering import render
 from harness.contracts.actors import Actor
@@ -34,7 +34,7 @@ CODEC: Codec[CandidateEvent] = Codec(CandidateEvent)
 
 
 def asked_of(request: Request) -> CandidateListParams:
-    """Search, filters and place from the address. Raises UnknownName or ContractInvalid for what no page ever gave."""
+    """Search, filters and position from the address. Raises UnknownName or ContractInvalid for invalid ones."""
     params = request.query_params
     group, skip = params.get("status", ""), params.get("skip", "0")
     if group not in {value for value, _, _ in candidates.GROUPS}:

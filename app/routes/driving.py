@@ -1,4 +1,4 @@
-"""/robots/{id}/drive: driving a robot by hand from the browser: hold to run, let go to stop."""
+"""/robots/{id}/drive: drives a robot by hand from the browser: hold to move, let go to stop."""
 
 from fastapi import APIRouter
 from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
@@ -57,7 +57,7 @@ def turn(console: ConsoleDep, principal: PrincipalDep, robot_id: RobotPath, body
 
 @router.post("/drive/return")
 def give_back(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, robot_id: RobotPath) -> Response:
-    """Back to the question if the robot was taken over for one. A wheel that went back by itself is no mistake."""
+    """Release control and go back to the question, if there is one. Control that has ended already is no error."""
     decision = wheel_returned(console, principal, robot_id, N_("returned by a person"))
     if isinstance(decision, Refused) and decision.rule != "not_at_the_wheel":
         return _pad(console, actor, robot_id, errors=[reasoned(decision.reason)], status=409)
@@ -66,7 +66,7 @@ def give_back(console: ConsoleDep, actor: ActorDep, principal: PrincipalDep, rob
 
 
 def turned(console: Console, principal: Principal, robot_id: RobotId, order: SteerAct) -> DriveReport | Refused:
-    """Refused where nobody has the wheel or the robot does not take it; raises NotPermitted for anybody else."""
+    """Refused if nobody has control or the robot refuses; raises NotPermitted for anybody but the driver."""
     actor, held = principal.acting("drive"), console.control().wheels.get(robot_id)
     if held is None or console.teleoperation is None:
         return refused("not_at_the_wheel", because("wheel_not_taken", robot_id=robot_id))

@@ -1,4 +1,4 @@
-"""/missions/{id}/exploration: where an exploring mission looked next and why, one choice in full, live."""
+"""/missions/{id}/exploration: where an exploring mission looked next and why."""
 
 from typing import Annotated
 

@@ -1,5 +1,6 @@
-"""/missions: list them, watch one, start one, stop one."""
+"""/missions: list, watch, start and stop missions."""
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Annotated, TypeVar
 
@@ -94,12 +95,12 @@ def start(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
     return RedirectResponse(f"/missions/{begun}", status_code=303)
 
 
-def ordered(console: Console, actor: Actor, said: StartMissionAct) -> Start:
-    """What is asked for; raises UnknownName for a robot that this console does not have."""
+def ordered(console: Console, actor: Actor, said: StartMissionAct, *, channel: str) -> Start:
+    """What is asked for, over which channel; raises UnknownName for a robot that this console does not have."""
     robot_id = said.robot_id or console.settings.robots[0]
     if robot_id not in console.settings.robots:
         raise UnknownName(f"There is no robot {robot_id[:40]}", do=f"choose from {', '.join(console.settings.robots)}")
-    return said.model_copy(update={"robot_id": robot_id}).to_command(actor)
+    return dataclasses.replace(said.model_copy(update={"robot_id": robot_id}).to_command(actor), channel=channel)
 
 
 def started(console: Console, order: Start) -> MissionId:
@@ -150,7 +151,7 @@ def _asked(console: Console, actor: Actor, typed: dict[str, str], act: Callable[
         console.runtime.mission(MissionId(typed["rerun_of"]))
     try:
         said = StartMissionAct.from_form(typed, template=_template(console, typed), robots=console.settings.robots)
-        return said if isinstance(said, tuple) else act(ordered(console, actor, said))
+        return said if isinstance(said, tuple) else act(ordered(console, actor, said, channel="page"))
     except (UnknownName, ContractInvalid) as error:
         return (_beside(console, typed, error),)
 

@@ -1,4 +1,4 @@
-"""/missions/{id}/report: what became of a mission, for print, PDF, JSON; its dossier; its log; each fact."""
+"""/missions/{id}/report: a mission's report as page, PDF and JSON; its dossier; its log; each fact."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -201,7 +201,7 @@ def _unanswered(console: Console, mission_id: MissionId) -> Unanswered | None:
 
 
 def _no_answer(console: Console, mission_id: MissionId) -> dict[str, Any] | None:
-    """The same for programs, with what was meant and what was measured; None where no question expired."""
+    """What the robot did where nobody answered, as JSON: intended and measured. None where no question expired."""
     expired = _expired(console, mission_id)
     opened = console.runtime.handoff(expired).opened if expired is not None else None
     if expired is None or opened is None:
@@ -212,7 +212,7 @@ def _no_answer(console: Console, mission_id: MissionId) -> dict[str, Any] | None
 
 
 def _retreat_for(console: Console, opened: HandoffOpened) -> list[RetreatEvent]:
-    """The house's events of the one retreat that this question was the reason for, if its zone allows one at all."""
+    """The events of the return to a safe point that this question led to, if its zone allows one."""
     if opened.no_answer != "retreat":
         return []
     house = [HOUSE.decode(one) for one in console.runtime.stream(CONTROL)]

@@ -1,4 +1,4 @@
-"""/missions/{id}: one mission as a page, and each region of it by itself."""
+"""/missions/{id}: one mission as a page, and each of its regions alone."""
 
 from dataclasses import fields
 
@@ -13,7 +13,7 @@ from app.web.rendering import render
 
 
 class RegionName(Convertor[str]):
-    """A name of the table of regions, and nothing else, as a part of an address."""
+    """A path segment that must be a name in the table of regions."""
 
     regex = "|".join(REGIONS)
 
@@ -41,7 +41,7 @@ def show(instant: InstantDep, actor: ActorDep) -> HTMLResponse:
 
 @router.get("/instant")
 def whole(instant: InstantDep) -> HTMLResponse:
-    """Every region of one instant in one answer, each for its own place in the page."""
+    """All regions at one instant in one response, each to be swapped into its place."""
     return render("missions/instant.html", instant)
 
 

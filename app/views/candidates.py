@@ -1,4 +1,4 @@
-"""Pure: the board of candidates: where each stands, what it changes, and whose it is."""
+"""Shapes the list of candidates: the status of each, what it changes, and who proposed it."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -42,7 +42,7 @@ class CandidateRow:
 
 @dataclass(frozen=True)
 class Tab:
-    """One group of the board with how many it holds."""
+    """One tab of the list with its number of candidates."""
 
     title: str
     href: str
@@ -52,7 +52,7 @@ class Tab:
 
 @dataclass(frozen=True)
 class BoardPage:
-    """The board as the address asks for it. `total` counts all candidates, `query` is the address's own end."""
+    """The list that the address asks for. `total` counts all candidates, `query` is the query string of the address."""
 
     shell: Shell
     tabs: tuple[Tab, ...]
@@ -119,13 +119,13 @@ def board_page(
 
 
 def chosen(reviews: Sequence[Review], asked: CandidateListParams) -> list[Review]:
-    """Those that the address asks for, in the given order."""
+    """The candidates that the address asks for, in the given order."""
     wanted = _statuses(asked.group, Counter(str(one.status) for one in reviews))
     return [one for one in reviews if one.status in wanted and _like(one, asked)]
 
 
 def title_of(review: Review) -> str:
-    """What it is meant to do, as its manifest says; the digest where it says nothing."""
+    """The intended effect from the manifest; the digest if there is none."""
     return review.manifest.intended_effect.strip().rstrip(".") if review.manifest else review.candidate[:12]
 
 
@@ -145,7 +145,7 @@ def stale(review: Review, pointer: Pointer) -> bool:
 
 
 def note_of(review: Review) -> str:
-    """What is to be known beside the status, in a few words."""
+    """A short remark beside the status."""
     match review.status:
         case "in_review":
             if not review.approvals:

@@ -1,4 +1,4 @@
-"""Pure: the forms that start and stop a mission, and what is wrong with what was typed."""
+"""Shapes the forms that start and stop a mission, and what is wrong with what was typed."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

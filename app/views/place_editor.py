@@ -1,4 +1,4 @@
-"""Pure: the form that adds or changes a place, what is wrong with what was typed, and the place it stands for."""
+"""Shapes the form that adds or changes a place, and reads a place from what was typed."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -18,7 +18,7 @@ NEAR_M = 0.4
 
 @dataclass(frozen=True)
 class Typed:
-    """What stands in a field, and what is wrong with it."""
+    """The value of a field, and what is wrong with it."""
 
     value: str
     wrong: str

@@ -1,4 +1,4 @@
-"""Pure: what a mission would be, before it is started: graph, budgets, risks, places on the map, conditions."""
+"""Shapes a mission before it is started: graph, budgets, risks, places on the map, conditions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ class Preview:
 
 
 def preview(contract: TaskContract, site: Site) -> Preview:
-    """Everything a person should know before they start it."""
+    """The preview of a compiled contract."""
     nodes = tuple(contract.node(name) for name in order(contract))
     return Preview(
         contract=contract,

@@ -1,4 +1,4 @@
-"""What a person or a program is told when something went wrong: a page, or a problem document (RFC 9457)."""
+"""Answers failures: a page for people, a problem document (RFC 9457) for programs."""
 
 import json
 from collections.abc import Mapping
@@ -32,14 +32,14 @@ STATUS: tuple[tuple[type[errors.HarnessError], int], ...] = (
 
 
 class PortBusy(errors.HarnessError):
-    """The console's port cannot be listened on."""
+    """The console cannot listen on its port."""
 
     code = "port_busy"
 
 
 @dataclass(frozen=True)
 class ErrorPage:
-    """What happened, where, and what to do now. `on` is where the page leads: the overview, or signing in."""
+    """What happened, where, and what to do now. `on` is the page that the link leads to: the overview or signing in."""
 
     status: int
     title: str
@@ -108,7 +108,7 @@ def problem(
 
 
 def refused(scope: Scope, *, status: int, code: str, wait_s: float = 0.0) -> Response:
-    """The doorkeeper's answer, in the language of the caller; `wait_s` becomes Retry-After."""
+    """A refusal of the security middleware in the caller's language; `wait_s` becomes Retry-After."""
     title, what, do = REFUSALS[code]
     if str(scope["path"]).startswith("/api/"):
         answer = problem(status, code=code, title=title, detail=what, do=do)
@@ -131,7 +131,7 @@ def _sign_in(scope: Scope) -> str:
 
 
 def install(app: FastAPI) -> None:
-    """Every failure that leaves a route becomes one of the two answers."""
+    """Install the handlers that turn every failure of a route into a page or a problem document."""
 
     @app.exception_handler(errors.HarnessError)
     def harness_error(request: Request, error: errors.HarnessError) -> Response:

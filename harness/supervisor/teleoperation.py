@@ -42,7 +42,7 @@ class Teleoperation:
         self._runtime = runtime
         self._connections = connections
         self._turned_s: dict[ids.RequestId, float] = {}
-        self._worker = Worker("wheel", self._look, every_s=LOOK_S, close_within_s=SETTLE_WITHIN_S)
+        self._worker = Worker("teleoperation", self._look, every_s=LOOK_S, close_within_s=SETTLE_WITHIN_S)
 
     def watch(self) -> None:
         """Start the background watch: a session without orders for IDLE_S of wall time is ended."""
@@ -89,9 +89,9 @@ class Teleoperation:
         lease = self._runtime.lease(ids.leased(robot_id, BASE))
         held = lease.status == "held" and lease.invocation_id == ids.InvocationId(session)
         if connection.hand is None or teleoperation is None or teleoperation.session != session or not held:
-            raise ProviderFailed("This session does not drive the robot", where=robot_id, do="take the wheel again")
+            raise ProviderFailed("This session does not drive the robot", where=robot_id, do="take control again")
         if connection.clock.now().mission_s > lease.expires_s - SETTLE_WITHIN_S:
-            raise ProviderFailed("The time for driving by hand is over", where=robot_id, do="take the wheel again")
+            raise ProviderFailed("The time for driving by hand is over", where=robot_id, do="take control again")
         order = DriveOrder(
             session=session,
             token=teleoperation.token,
