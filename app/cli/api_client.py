@@ -6,6 +6,7 @@ from typing import Any
 import httpx
 import msgspec
 
+from app.cli.output import ActRefused
 from harness.contracts.errors import HarnessError, UnknownName
 from harness.projections.handoffs import Handoff
 
@@ -51,7 +52,8 @@ class Api(ABC):
         if response.is_success:
             return response.json()
         problem = response.json() if "json" in response.headers.get("content-type", "") else {}
+        if response.status_code == 409:
+            raise ActRefused(problem)
         kind = UnknownName if response.status_code in (404, 422) else HarnessError
         told = problem.get("detail") or problem.get("title") or f"The owner answered {response.status_code}"
-        rule = f" ({problem['code']})" if response.status_code == 409 and "code" in problem else ""
-        raise kind(f"{told}{rule}", do=problem.get("do", ""))
+        raise kind(told, do=problem.get("do", ""))
