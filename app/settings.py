@@ -56,7 +56,7 @@ def oidc_settings() -> OidcSettings:
 
 class ConsoleSettings(BaseSettings):
     """Settings of one console, from REGEN_* or from the caller. `owner_token` opens the API to the command line,
-    which acts under the name `owner`.
+    which acts under the name `owner`; `regen up` takes the name of whoever starts it.
 
     `names` are the host names (with a port unless it is the usual one) that people use beside loopback's; `proxies`
     the addresses of TLS proxies in front, whose word on where a request comes from is taken.

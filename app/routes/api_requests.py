@@ -1,11 +1,13 @@
 """What every part of the API shares: how lists are paged, how failures and answers are described."""
 
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any
 from urllib.parse import urlencode
 
 import msgspec
-from fastapi import Depends, Query, Request, Response
+from fastapi import APIRouter, Depends, Query, Request, Response
 
+from app.acts.base import ActModel
 from app.background.lists import Slice
 from app.i18n.languages import CHOICE
 from app.i18n.reasons import rendering as reasons
@@ -17,6 +19,7 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.read_models import Bookmark, ListOrder
 from harness.contracts.reasons import Reason as TypedReason
 
+Handler = Callable[..., Any]
 Limit = Annotated[int, Query(ge=1, le=500)]
 After = Annotated[str, Query(max_length=100, description="Where the page before ended: take it from its Link header.")]
 Order = Annotated[ListOrder, Query()]
@@ -65,6 +68,17 @@ def answers(kind: type, *, status: int = 200, many: bool = False) -> dict[int | 
     one = {"$ref": f"#/components/schemas/{kind.__name__}"}
     schema = {"type": "array", "items": one} if many else one
     return {status: {"description": "Done.", "content": {"application/json": {"schema": schema}}}}
+
+
+def post_acts(
+    router: APIRouter, path: str, acts: Mapping[str, type[ActModel]], make: Callable[[], Handler], *, answered: type
+) -> None:
+    """One POST below `path` for each act, at its verb. `make` returns a handler whose `body` is the act."""
+    for verb, kind in acts.items():
+        handler = make()
+        handler.__annotations__["body"] = kind
+        responses = answers(answered)
+        router.post(f"{path}/{verb}", name=verb, description=kind.__doc__, responses=responses)(handler)
 
 
 def place(after: str) -> Bookmark | None:
