@@ -1,18 +1,19 @@
 """/api/v1/alerts: list, acknowledge, shelve, suppress, restore and assign alerts."""
 
+from collections.abc import Callable
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
 from starlette.responses import JSONResponse
 
-from app.acts import alerts as acts
+from app.acts.alerts import ACTS
+from app.acts.base import Act
 from app.console import ActorDep, Console, ConsoleDep
 from app.routes import api_requests
 from app.routes import api_schemas as schemas
 from app.routes.alerts import history_of, told
 from app.views import alerts
 from app.views.alerts import AlertListParams
-from harness.contracts.alert_commands import AlertPersonCommand
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import UnknownName
 
@@ -50,39 +51,24 @@ def show(console: ConsoleDep, alert_id: str) -> Any:
     return _shown(console, alert_id)
 
 
-@router.post("/alerts/{alert_id}/acknowledge", responses=api_requests.answers(schemas.AlertResource))
-def acknowledge(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.AcknowledgeAlertAct) -> Any:
-    """Acknowledge an alert."""
-    return _said(console, alert_id, body.to_command(actor))
+def _route(kind: type[Act]) -> Callable[..., Any]:
+    """The handler of one act of app/acts/alerts.py, which is the body of its request."""
+
+    def act(console: ConsoleDep, actor: ActorDep, alert_id: str, body: Any) -> Any:
+        decision = told(console, alert_id, body.to_command(actor))
+        return api_requests.refusal(decision) if isinstance(decision, Refused) else _shown(console, alert_id)
+
+    act.__annotations__["body"] = kind
+    return act
 
 
-@router.post("/alerts/{alert_id}/shelve", responses=api_requests.answers(schemas.AlertResource))
-def shelve(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.ShelveAlertAct) -> Any:
-    """Shelve an alert for a while; it returns by itself."""
-    return _said(console, alert_id, body.to_command(actor))
-
-
-@router.post("/alerts/{alert_id}/suppress", responses=api_requests.answers(schemas.AlertResource))
-def suppress(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.SuppressAlertAct) -> Any:
-    """Suppress an alert until somebody restores it."""
-    return _said(console, alert_id, body.to_command(actor))
-
-
-@router.post("/alerts/{alert_id}/restore", responses=api_requests.answers(schemas.AlertResource))
-def restore(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.RestoreAlertAct) -> Any:
-    """Unshelve or unsuppress an alert."""
-    return _said(console, alert_id, body.to_command(actor))
-
-
-@router.post("/alerts/{alert_id}/assign", responses=api_requests.answers(schemas.AlertResource))
-def assign(console: ConsoleDep, actor: ActorDep, alert_id: str, body: acts.AssignAlertAct) -> Any:
-    """Assign an alert to somebody."""
-    return _said(console, alert_id, body.to_command(actor))
-
-
-def _said(console: Console, alert_id: str, command: AlertPersonCommand) -> Any:
-    decision = told(console, alert_id, command)
-    return api_requests.refusal(decision) if isinstance(decision, Refused) else _shown(console, alert_id)
+for word, kind in ACTS.items():
+    router.post(
+        f"/alerts/{{alert_id}}/{word}",
+        name=word,
+        description=kind.__doc__,
+        responses=api_requests.answers(schemas.AlertResource),
+    )(_route(kind))
 
 
 def _shown(console: Console, alert_id: str) -> Any:
