@@ -41,6 +41,7 @@ from harness.contracts.protocol import DriveReport, PhysicalStart
 from harness.projections.control import SiteControl
 from harness.projections.handoffs import Handoff
 from harness.projections.mission import Mission
+from harness.routing.question import RoutingQuestion
 
 Cards = Callable[[], Iterable[CapabilityCard]]
 Dossier = Callable[[MissionId, Path, str], object]
@@ -168,6 +169,9 @@ class Console:
     def candidates(self, digest: Digest) -> CandidateSet | None:
         return self._record(digest, CandidateSet)
 
+    def routing_question(self, digest: Digest) -> RoutingQuestion | None:
+        return self._record(digest, RoutingQuestion)
+
     def target_question(self, digest: Digest) -> TargetQuestion | None:
         return self._record(digest, TargetQuestion)
 
@@ -191,6 +195,16 @@ async def form_of(request: Request) -> dict[str, str]:
     return {name: value for name, value in (await request.form()).items() if isinstance(value, str)}
 
 
+async def form_lists_of(request: Request) -> dict[str, list[str]]:
+    """Every value of every field of a posted form, in the order in which they stand there; files are ignored."""
+    found: dict[str, list[str]] = {}
+    for name, value in (await request.form()).multi_items():
+        if isinstance(value, str):
+            found.setdefault(name, []).append(value)
+    return found
+
+
+FormListsDep = Annotated[dict[str, list[str]], Depends(form_lists_of)]
 FormDep = Annotated[dict[str, str], Depends(form_of)]
 ConsoleDep = Annotated[Console, Depends(console_of)]
 ActorDep = Annotated[Actor, Depends(actor_of)]

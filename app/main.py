@@ -38,6 +38,7 @@ from app.routes import (
     api_alerts,
     api_events,
     api_handoffs,
+    api_leases,
     api_maps,
     api_people,
     api_places,
@@ -82,7 +83,7 @@ from harness.adapters.stores.accounts import SqlAccounts
 from harness.bootstrap import open_lists
 from harness.contracts.ids import MissionId
 from harness.dossiers import export_dossier
-from harness.runtime import AnswerHandoff, Runtime, unsupervised
+from harness.runtime import AnswerHandoff, FreeResource, Runtime, unobserved, unsupervised
 
 GRACE_S = 3
 
@@ -95,6 +96,7 @@ def create_app(
     *,
     accounts: Accounts,
     answer: AnswerHandoff = unsupervised,
+    free: FreeResource = unobserved,
     starts: Starts = no_journal,
     cards: Cards = no_cards,
     folder: Path | None = None,
@@ -104,7 +106,7 @@ def create_app(
     """The console over a runtime. `starts` reads the robots' journals, `cards` what they can do.
 
     The runtime's gate was built with the authority of these `accounts`; the console closes them when it ends. `answer`
-    takes what people answer at handoffs: a supervisor's.
+    takes what people answer at handoffs and `free` frees resources in quarantine: a supervisor's.
 
     `fleet` shows what robots say of themselves, `wheel` lets people drive them; both are ended with the console.
 
@@ -138,7 +140,7 @@ def create_app(
     app.state.alert_watch = alert_watch
     app.state.notices = notices
     app.state.console = Console(
-        runtime=GuardedRuntime(runtime, answer=answer, audit_log=accounts.told),
+        runtime=GuardedRuntime(runtime, answer=answer, free=free, audit_log=accounts.told),
         settings=settings,
         broker=broker,
         scenes=scenes,
@@ -188,6 +190,7 @@ def create_app(
     for room in (
         api,
         api_handoffs,
+        api_leases,
         api_alerts,
         api_maps,
         api_places,

@@ -6,9 +6,10 @@ People and the supervisor use it; every change goes on to the gate, which alone 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from threading import Lock
-from typing import Any
+from typing import Any, Protocol
 
 from cachetools import LRUCache
+from msgspec import UNSET
 
 from harness.contracts import ports
 from harness.contracts.actors import Actor
@@ -36,6 +37,7 @@ from harness.contracts.place_events import place_stream
 from harness.contracts.places import Place, Site
 from harness.contracts.protocol import InvocationReport, RobotStatus
 from harness.contracts.reasons import because
+from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.contracts.values import Value, encode
 from harness.gate.commit import CommandEnvelope, Gate
@@ -66,6 +68,18 @@ def unsupervised(handoff_id: HandoffId, command: PersonCommand) -> Decision[AnyE
     return refused("no_supervisor", because("no_supervisor_observes"))
 
 
+class FreeResource(Protocol):
+    """Frees a quarantined resource in a person's name, by a component that can look at its robot first."""
+
+    def __call__(self, resource: ResourceId, *, actor: Actor, reason: str) -> Decision[AnyEvent]:
+        """Raises UnknownName for a resource that was never leased."""
+
+
+def unobserved(resource: ResourceId, *, actor: Actor, reason: str) -> Decision[AnyEvent]:
+    """Refuse to free anything because no supervisor runs."""
+    return refused("no_supervisor", because("no_supervisor_observes"))
+
+
 class Live(Value):
     """Current observations of a running mission that are not stored as events: progress, condition, latest samples."""
 
@@ -87,7 +101,7 @@ class Unreadable(Value):
 
 @dataclass(frozen=True)
 class Start:
-    """A person's request to start a mission: a template by name, or a goal that one matches."""
+    """A person's request to start a mission: a template by name, or a goal that one matches; `channel`: how it came."""
 
     actor: Actor
     robot_id: RobotId
@@ -98,10 +112,11 @@ class Start:
     autonomy: Autonomy = "autonomous"
     labels: dict[str, str] | None = None
     replay: bool = False
+    channel: str = ""
 
 
 class Runtime:
-    """Reads are folds of the log; writes are requests to the gate."""
+    """Reads are folds of the log; writes are requests to the gate. `rules`: the version new missions are pinned to."""
 
     def __init__(
         self,
@@ -114,6 +129,7 @@ class Runtime:
         configurations: ports.Configurations,
         site: Site,
         memory: MemoryFabric,
+        rules: RulesVersion = CURRENT_RULES,
     ) -> None:
         self._gate = gate
         self._store = store
@@ -124,6 +140,7 @@ class Runtime:
         self._shipped = site
         self._sites: LRUCache[tuple[MissionId, Digest], Site] = LRUCache(KEPT_LIVE)
         self.memory = memory
+        self.rules = rules
         self._open_missions = OpenMissions(store)
         self._ended_missions = EndedMissions(store, gate.state)
         self._contracts: LRUCache[bytes, TaskContract] = LRUCache(KEPT_CONTRACTS)
@@ -189,6 +206,8 @@ class Runtime:
             autonomy=start.autonomy,
             replay=start.replay,
             trial=self.on_trial(pinned),
+            rules=self.rules,
+            channel=start.channel or UNSET,
         )
         version = self._configurations.record(pinned)
         return self.commit([CommandEnvelope(mission_stream(mission_id), create, start.robot_id)], records=(version,))
@@ -204,7 +223,7 @@ class Runtime:
         with self._caching:
             known = self._contracts.get(asked)
         if known is None:
-            known = compile_contract(goal=goal, template=template, arguments=arguments, site=site)
+            known = compile_contract(goal=goal, template=template, arguments=arguments, site=site, rules=self.rules)
             with self._caching:
                 self._contracts[asked] = known
         return known

@@ -130,6 +130,9 @@ def _evidence(path: str, old: Tree, new: Tree) -> Iterator[RestrictionViolation]
         yield _refusal("evidence_policy", f"{path}.mandatory", missing, "", "evidence_not_needed")
     if after["attestation"] is not False and before["attestation"] is False:
         yield _refusal("evidence_policy", f"{path}.attestation", False, after["attestation"], "word_for_evidence")
+    was, would = before.get("declared", []), after.get("declared", [])
+    if not _texts(would) or any(name not in was for name in would):
+        yield _refusal("evidence_policy", f"{path}.declared", was, would, "word_for_evidence")
     for name in ("pose_age_s", "image_age_s"):
         yield from _tightened(f"{path}.{name}", name, before[name], after[name], rule="freshness")
     name = "minimum_confidence"

@@ -14,11 +14,11 @@ from simulator.sensors import LocaliserMode
 
 FaultName = Literal[
     "stale-pose", "missing-pose", "frozen-localiser", "early-success", "duplicate-request", "interrupted",
-    "blocked-passage", "lost-localisation", "biased-localiser",
+    "blocked-passage", "lost-localisation", "biased-localiser", "follower-gives-up",
 ]  # fmt: skip
 FAULT_NAMES: tuple[FaultName, ...] = get_args(FaultName)
 IN_MOTION: frozenset[FaultName] = frozenset(
-    {"biased-localiser", "stale-pose", "frozen-localiser", "early-success", "interrupted"}
+    {"biased-localiser", "stale-pose", "frozen-localiser", "early-success", "interrupted", "follower-gives-up"}
 )
 """Faults that wait for a navigation to come to a certain place."""
 CLEARED_AFTER_S = 10.0
@@ -28,6 +28,8 @@ MID_LEG = 0.5
 FROZEN_BEFORE_M = 1.5
 EARLY_BEFORE_M = 2.5
 DUPLICATE_AFTER_S = 1.0
+FOLLOWER = "route-follower"
+"""The one provider whose controller gives up under `follower-gives-up`; every other one drives on."""
 
 
 class Fault(Value):
@@ -109,9 +111,11 @@ class FaultPlan:
         """Whether success is declared now, metres before the goal."""
         return remaining_m <= EARLY_BEFORE_M and self.strikes("early-success")
 
-    def interrupts(self, share: float) -> bool:
+    def interrupts(self, share: float, provider_id: str) -> bool:
         """Whether the controller gives up now, in the middle of the leg."""
-        return share >= MID_LEG and self.strikes("interrupted")
+        if share < MID_LEG:
+            return False
+        return self.strikes("interrupted") or (provider_id == FOLLOWER and self.strikes("follower-gives-up"))
 
     def strikes(self, name: FaultName) -> bool:
         """Whether a fault affects the running navigation; counts it once per navigation."""

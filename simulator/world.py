@@ -209,7 +209,7 @@ class World:
         self.faults.navigation_moves(share=share, remaining_m=remaining_m)
         if self.faults.ends_early(remaining_m):
             invocation.brake_for(skill.claim(self.at_s, distance_m=EARLY_CLAIM_M))
-        elif self.faults.interrupts(share):
+        elif self.faults.interrupts(share, invocation.card.provider_id):
             words = Outcome(status="failed", failure="interrupted", message="The controller was interrupted.")
             invocation.brake_for(Step(outcome=words))
 
@@ -227,8 +227,6 @@ class World:
         """Set up the obstacles across this route."""
         standing = tuple(
             one
-            for one in disturbances.in_the_way(self.at_s)
-            if math.dist(one.at_m, _nearest(route, one.at_m)) <= one.radius_m
             for one in disturbances.in_the_way(self.at_s)
             if math.dist(one.at_m, _nearest(route, one.at_m)) <= one.radius_m
         )
@@ -287,6 +285,9 @@ class World:
             still=self.still,
             ranges=self.body.ranges,
             capture=self._capture,
+            keep=self.blobs.keep,
+            frame=self.site.frame,
+            map_version=self.site.map_version,
         )
 
     def _capture(self, heading_rad: float, request: RequestId) -> Shot:

@@ -10,6 +10,7 @@ from argon2.exceptions import InvalidHashError, VerificationError
 from msgspec.structs import replace
 
 from app.auth.permissions import ROLES, SCOPES, Principal
+from app.i18n.catalogues import N_
 from harness.adapters.stores.accounts import SqlAccounts
 from harness.adapters.stores.accounts_rows import Account, AuditEntry, Token
 from harness.contracts.actors import Actor
@@ -17,6 +18,7 @@ from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import sha256
 
 SHORTEST, LONGEST = 12, 256
+PASSWORD_RULE = N_("A password has 12 to 256 characters, at least five different ones, and not the name in it.")
 NAME = re.compile(r"[a-z0-9][a-z0-9._-]{0,39}")
 FREE_TRIES, ADDRESS_TRIES, LONGEST_WAIT_S, REMEMBERED_S = 5, 20, 300.0, 3600.0
 RECENT_S = 30.0
@@ -284,7 +286,7 @@ def _password(password: str, *, name: str) -> str:
     named = len(name) > 3 and name in password.lower()
     if not SHORTEST <= len(password) <= LONGEST or named or len(set(password)) < 5:
         raise ContractInvalid(
-            f"A password has {SHORTEST} to {LONGEST} signs, at least five different ones, and not the name in it",
+            PASSWORD_RULE,
             where="the new password",
             do="a sentence is easy to remember and long enough",
         )

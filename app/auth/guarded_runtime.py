@@ -12,7 +12,7 @@ from app.auth.permissions import NotPermitted, Principal
 from harness.contracts import ids
 from harness.contracts.actors import Actor, Command
 from harness.contracts.any_events import AnyEvent
-from harness.contracts.commands import CreateMission, MissionCommand
+from harness.contracts.commands import CreateMission, FreeLease, MissionCommand
 from harness.contracts.configuration import Configuration
 from harness.contracts.decisions import Accepted, Decision, Refused
 from harness.contracts.events import MissionCreated
@@ -22,9 +22,10 @@ from harness.contracts.ports import LogHead, Record, StoredEvent
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.memory.fabric import MemoryFabric
 from harness.projections.handoffs import Handoff
+from harness.projections.leases import Lease
 from harness.projections.mission import Mission
 from harness.projections.places import Places
-from harness.runtime import AnswerHandoff, Live, Runtime, Start
+from harness.runtime import AnswerHandoff, FreeResource, Live, Runtime, Start, unobserved
 
 PRINCIPAL: ContextVar[Principal] = ContextVar("principal")
 """The principal of the present request, set by the security middleware only."""
@@ -40,9 +41,12 @@ class GuardedRuntime:
     raises NotPermitted before anything is observed or decided.
     """
 
-    def __init__(self, runtime: Runtime, *, answer: AnswerHandoff, audit_log: AuditLog) -> None:
+    def __init__(
+        self, runtime: Runtime, *, answer: AnswerHandoff, audit_log: AuditLog, free: FreeResource = unobserved
+    ) -> None:
         self._runtime = runtime
         self._answer = answer
+        self._free = free
         self._audit_log = audit_log
 
     # commands -------------------------------------------------------------------------------------------------------
@@ -81,6 +85,14 @@ class GuardedRuntime:
         _same_robot(opened.robot_id if opened else "")
         decision = self._answer(handoff_id, msgspec.structs.replace(command, actor=actor))
         self._told(actor, type(command), f"handoff/{handoff_id}", decision)
+        return decision
+
+    def free(self, resource: ids.ResourceId, *, reason: str) -> Decision[AnyEvent]:
+        """Free a quarantined resource on a new look at its robot. Raises UnknownName for one that was never leased."""
+        actor = _acting(FreeLease)
+        _same_robot(resource.partition("/")[0])
+        decision = self._free(resource, actor=actor, reason=reason)
+        self._told(actor, FreeLease, f"lease/{resource}", decision)
         return decision
 
     def keep(self, body: bytes) -> ids.Digest:
@@ -146,6 +158,10 @@ class GuardedRuntime:
     def handoff(self, handoff_id: ids.HandoffId) -> Handoff:
         """Raises UnknownName."""
         return self._runtime.handoff(handoff_id)
+
+    def lease(self, resource: ids.ResourceId) -> Lease:
+        """Who holds a resource now; version 0 for one that was never leased."""
+        return self._runtime.lease(resource)
 
     def observations(self, mission_id: ids.MissionId) -> Live | None:
         """What is observed of a running mission now; None where nothing is."""

@@ -14,6 +14,7 @@ from harness.contracts.decider import Codec
 from harness.contracts.errors import UnknownName
 from harness.contracts.events import (
     CommitRejected,
+    EffectDeclared,
     MissionEnded,
     MissionEvent,
     NodeCommitted,
@@ -37,7 +38,7 @@ FOLD = "lists-4"
 BATCH = 2000
 KEPT = 64
 OPEN = 500
-TELLING = (PacketRetained, VerdictRecorded, NodeCommitted, CommitRejected)
+TELLING = (PacketRetained, VerdictRecorded, NodeCommitted, EffectDeclared, CommitRejected)
 Item = TypeVar("Item", bound=Value)
 
 

@@ -20,6 +20,12 @@ class Api(ABC):
     def post(self, path: str, body: dict[str, Any]) -> Any:
         return self._answer("POST", path, body)
 
+    def patch(self, path: str, body: dict[str, Any]) -> Any:
+        return self._answer("PATCH", path, body)
+
+    def delete(self, path: str) -> Any:
+        return self._answer("DELETE", path)
+
     def handoffs(self) -> list[Handoff]:
         """Every handoff as the owner's log has it, newest first."""
         return msgspec.convert(self.get("/handoffs?limit=500"), list[Handoff])
@@ -27,6 +33,10 @@ class Api(ABC):
     @abstractmethod
     def follow(self, mission_id: str) -> dict[str, Any]:
         """The mission's outcome once it is over or waits for a person."""
+
+    @abstractmethod
+    def finish_earlier(self, mission_id: str) -> None:
+        """Have the mission's robot do first what it was asked before."""
 
     @abstractmethod
     def observe(self, mission_id: str) -> None:

@@ -53,8 +53,9 @@ def complain(error: HarnessError) -> int:
 
 
 def exit_code(status: str) -> int:
-    """0 succeeded, 3 waits for a person or is paused, 1 any other end."""
-    return 0 if status == "succeeded" else 3 if status in ("awaiting_human", "paused", "awaiting_approval") else 1
+    """0 succeeded, 4 verified in part only, 3 waits for a person or is paused, 1 any other end."""
+    codes = {"succeeded": 0, "partly_verified": 4, "awaiting_human": 3, "paused": 3, "awaiting_approval": 3}
+    return codes.get(status, 1)
 
 
 class ProgressPrinter:

@@ -11,7 +11,16 @@ from harness.bootstrap import owner_of
 from harness.contracts.errors import HarnessError, StoreOwned
 
 POLL_S = 0.5
-LASTING = ("awaiting_human", "paused", "succeeded", "failed", "cancelled", "safe_stopped", "handed_off")
+LASTING = (
+    "awaiting_human",
+    "paused",
+    "succeeded",
+    "partly_verified",
+    "failed",
+    "cancelled",
+    "safe_stopped",
+    "handed_off",
+)
 
 
 class OwnerApi(Api):
@@ -27,6 +36,9 @@ class OwnerApi(Api):
             if outcome["status"] in LASTING:
                 return outcome
             time.sleep(POLL_S)
+
+    def finish_earlier(self, mission_id: str) -> None:
+        """The owner's robots work through their missions, oldest first."""
 
     def observe(self, mission_id: str) -> None:
         """The owner's robots report all the time."""

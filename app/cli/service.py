@@ -18,8 +18,7 @@ from app.background.release_watch import ReleaseWatch
 from app.background.robot_reports import Fleet
 from app.background.signals import SignalBroker
 from app.cli import output
-from app.cli.accounts import opened
-from app.cli.data_folder import duplicate_starts
+from app.cli.data_folder import duplicate_starts, opened
 from app.cli.identity import examine_issuer
 from app.cli.rsi_shipped import put_in_review
 from app.i18n.reasons.rendering import sentence
@@ -103,6 +102,7 @@ def up(
             Scenes(harness.runtime),
             accounts=accounts,
             answer=harness.supervisor.answer,
+            free=harness.supervisor.free,
             starts=harness.starts,
             cards=lambda: (one.card for robot in harness.robots.values() for one in robot.providers()),
             folder=chosen.data_folder,
@@ -145,6 +145,7 @@ def _begin(harness: Harness, template: str | None, *, seed: int, faults: Mapping
             template=template or "",
             seed=seed + index,
             labels={"faults": faults[robot_id]} if robot_id in faults else {},
+            channel="command-line",
         )
         begun = begin(harness.runtime, start)
         if isinstance(begun, Refused):

@@ -17,17 +17,15 @@ from app.acts.missions import (
 from app.console import ActorDep, Console, ConsoleDep
 from app.routes import api_requests
 from app.routes import api_schemas as schemas
-from app.routes.missions import started
+from app.routes.missions import ordered, started
 from app.views.mission_json import mission_outcome
 from app.views.preview import preview as previewed
 from app.web.security import PrincipalDep
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
-from harness.contracts.errors import UnknownName
 from harness.contracts.ids import MissionId
 from harness.contracts.read_models import ListQuery, MissionItem
 from harness.extra_templates import draft
-from harness.runtime import Start
 
 router = APIRouter(
     prefix="/api/v1",
@@ -74,7 +72,7 @@ def mission(console: ConsoleDep, mission_id: MissionId) -> Any:
 @router.post("/missions", status_code=201, responses=api_requests.answers(schemas.MissionOutcome, status=201))
 def start(console: ConsoleDep, actor: ActorDep, body: StartMissionAct) -> Any:
     """Compile the goal to a contract and start it; nothing is written if that fails."""
-    return outcome(console, started(console, ordered(console, actor, body)))
+    return outcome(console, started(console, ordered(console, actor, body, channel="api")))
 
 
 @router.post("/missions/preview", responses=api_requests.answers(schemas.MissionPreview))
@@ -83,7 +81,7 @@ def preview(console: ConsoleDep, principal: PrincipalDep, body: StartMissionAct)
 
     Nothing is written; what could not be started fails as starting it would.
     """
-    order = ordered(console, principal.acting("drive"), body)
+    order = ordered(console, principal.acting("drive"), body, channel="api")
     contract = draft(console.runtime, order)
     shown = previewed(contract, console.runtime.site)
     found = schemas.MissionPreview(
@@ -125,10 +123,10 @@ def resume(console: ConsoleDep, actor: ActorDep, mission_id: MissionId, body: Re
     "/missions/{mission_id}/facts/{condition_id}/dispute", responses=api_requests.answers(schemas.MissionOutcome)
 )
 def dispute(
-    console: ConsoleDep, actor: ActorDep, mission_id: MissionId, condition_id: str, body: api_requests.ReasonBody
+    console: ConsoleDep, actor: ActorDep, mission_id: MissionId, condition_id: str, body: DisputeCompletionAct
 ) -> Any:
     """Say that an accepted completion is wrong: it counts as false, and nothing is deleted."""
-    return _told(console, actor, mission_id, DisputeCompletionAct.of(condition_id=condition_id, reason=body.reason))
+    return _told(console, actor, mission_id, body, condition_id=condition_id)
 
 
 @router.get("/missions/{mission_id}/events", responses=api_requests.answers(schemas.LogEvent, many=True))
@@ -141,14 +139,6 @@ def events(
     """Events after a position, in order, with their places in the hash chain."""
     later = [entry for entry in console.histories.of(mission_id) if entry.position > after]
     return api_requests.plain(later[:limit])
-
-
-def ordered(console: Console, actor: Actor, body: StartMissionAct) -> Start:
-    """What is asked for; raises UnknownName for a robot that this console does not have."""
-    robot_id = body.robot_id or console.settings.robots[0]
-    if robot_id not in console.settings.robots:
-        raise UnknownName(f"There is no robot {robot_id[:40]}", do=f"choose from {', '.join(console.settings.robots)}")
-    return body.model_copy(update={"robot_id": robot_id}).to_command(actor)
 
 
 def summary(one: MissionItem) -> schemas.MissionSummary:
@@ -175,6 +165,6 @@ def outcome(console: Console, mission_id: MissionId) -> dict[str, Any]:
     )
 
 
-def _told(console: Console, actor: Actor, mission_id: MissionId, said: Act) -> Any:
-    decision = console.runtime.submit(mission_id, said.to_command(actor))
+def _told(console: Console, actor: Actor, mission_id: MissionId, said: Act, **named: str) -> Any:
+    decision = console.runtime.submit(mission_id, said.to_command(actor, **named))
     return api_requests.refusal(decision) if isinstance(decision, Refused) else outcome(console, mission_id)

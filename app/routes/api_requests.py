@@ -1,11 +1,10 @@
-"""What all routes of the API share: request bodies, paging, problem documents, and their descriptions."""
+"""What every part of the API shares: how lists are paged, how failures and answers are described."""
 
 from typing import Annotated, Any
 from urllib.parse import urlencode
 
 import msgspec
 from fastapi import Depends, Query, Request, Response
-from pydantic import BaseModel, ConfigDict, StringConstraints
 
 from app.background.lists import Slice
 from app.i18n.languages import CHOICE
@@ -18,10 +17,6 @@ from harness.contracts.errors import ContractInvalid
 from harness.contracts.read_models import Bookmark, ListOrder
 from harness.contracts.reasons import Reason as TypedReason
 
-Text = Annotated[str, StringConstraints(max_length=200)]
-Slug = Annotated[str, StringConstraints(min_length=1, max_length=200)]
-Reason = Annotated[str, StringConstraints(min_length=1, max_length=200)]
-Sha256 = Annotated[str, StringConstraints(pattern="^[0-9a-f]{64}$")]
 Limit = Annotated[int, Query(ge=1, le=500)]
 After = Annotated[str, Query(max_length=100, description="Where the page before ended: take it from its Link header.")]
 Order = Annotated[ListOrder, Query()]
@@ -42,18 +37,6 @@ MEANINGS = {
 PROBLEMS: dict[int | str, dict[str, Any]] = {
     status: {"description": meaning, "content": PROBLEM} for status, meaning in MEANINGS.items()
 }
-
-
-class RequestBody(BaseModel):
-    """Base of request bodies: unknown fields are refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class ReasonBody(RequestBody):
-    """The reason, which is recorded in the log."""
-
-    reason: Reason
 
 
 def known_parameters(request: Request) -> None:

@@ -1,6 +1,6 @@
 """The structs that the API answers with; its OpenAPI description is derived from them."""
 
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 
@@ -69,7 +69,10 @@ class MissionSummary(Value):
 
 
 class StageOutcome(Value):
-    """One stage of a mission; `accepted_at_k` is the state version of its acceptance."""
+    """One stage of a mission; `accepted_at_k` is the state version of its acceptance.
+
+    `declared_at_k`: the one at which it ended with an effect that only its provider declares.
+    """
 
     node_id: str
     status: str
@@ -77,6 +80,7 @@ class StageOutcome(Value):
     provider_id: str | None
     verdict: str | None
     accepted_at_k: Count | None
+    declared_at_k: Count | None
 
 
 class SegmentResource(Value):
@@ -120,6 +124,41 @@ class ReceiptOutcome(Value):
     values: dict[str, Any]
 
 
+class DeclaredCondition(Value):
+    """A condition that only a provider declares, or a completion condition that rests on one (`node_id` null)."""
+
+    condition_id: str
+    node_id: str | None
+    text: str
+
+
+class GoalCondition(Value):
+    """One completion condition as it was tested last: levels of independence 0 to 2, and what the answer rests on."""
+
+    condition_id: str
+    text: str
+    verdict: str
+    independence: Count
+    required_independence: Count
+    sources: tuple[str, ...]
+    rests_on: tuple[str, ...]
+
+
+class ProposalOutcome(Value):
+    """What a provider proposed to become a fact: accepted, tested and not accepted, or untested.
+
+    `verdict` is that of the condition it is about; null where nothing tested it.
+    """
+
+    node_id: str
+    packet_id: str
+    provider_id: str
+    name: str
+    arguments: dict[str, Any]
+    verdict: str | None
+    status: Literal["accepted", "tested", "untested"]
+
+
 class MissionOutcome(msgspec.Struct, frozen=True, kw_only=True):
     """What became of a mission: declared by providers, measured by the harness, accepted by the gate."""
 
@@ -129,6 +168,8 @@ class MissionOutcome(msgspec.Struct, frozen=True, kw_only=True):
     template: str
     status: str
     goal_verdict: str | None
+    goal_conditions: tuple[GoalCondition, ...]
+    declared_conditions: tuple[DeclaredCondition, ...]
     reason: str
     reason_code: str
     reason_facts: dict[str, Any]
@@ -145,6 +186,7 @@ class MissionOutcome(msgspec.Struct, frozen=True, kw_only=True):
     images: tuple[ImageResource, ...]
     findings: tuple[AnalysisFinding, ...]
     receipts: tuple[ReceiptOutcome, ...]
+    proposals: tuple[ProposalOutcome, ...]
     recovery: RecoverySpend
     dispatches: Count
     physical_starts: Count | None

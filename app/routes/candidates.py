@@ -1,17 +1,18 @@
 """/candidates: proposed changes to the harness itself, their reviews and releases."""
 
+from collections.abc import Callable
 from itertools import islice
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from app.acts.releases import ACTS, CandidateAct
 from app.background.evaluations import situations
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
 from app.i18n.messages import reasoned
-from app.routes.candidate_words import WORDS, say_of, seen_of, subject_in
-from app.views import candidates, forms
+from app.views import candidates
 from app.views.candidates import BoardPage, CandidateListParams
 from app.views.review import ReviewPage, ReviewSources, SubmittedReviewForm, review_page
 from app.views.review_replay import ReplayPage, replay_page
@@ -19,14 +20,18 @@ from app.views.review_results import CasesPage, cases_page
 from app.views.rollback import RollbackPage, rollback_page
 from app.web.rendering import render
 from harness.contracts.actors import Actor
+from harness.contracts.decider import Codec
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ConfigurationMissing, ContractInvalid, UnknownName
 from harness.contracts.ids import Digest, MissionId, mission_stream
 from harness.contracts.ports import MISSION_STREAMS
+from rsi_reviews.contracts import Subject
 from rsi_reviews.counterfactual import counterfactual
+from rsi_reviews.events import CandidateEvent, ReviewOpened
 
 router = APIRouter(prefix="/candidates")
 REPLAYED = 40
+CODEC: Codec[CandidateEvent] = Codec(CandidateEvent)
 
 
 def asked_of(request: Request) -> CandidateListParams:
@@ -86,29 +91,41 @@ def rolling_back(console: ConsoleDep, actor: ActorDep, candidate: str) -> HTMLRe
     return render("candidates/rollback.html", rollback_of(console, actor, candidate))
 
 
-@router.post("/{candidate}/{word}")
-def say(console: ConsoleDep, actor: ActorDep, candidate: str, word: str, typed: FormDep) -> Response:
-    """One act: 303 if it was recorded, 422 for invalid input, 409 with the reason of a refusal and the current page."""
-    if word not in WORDS:
-        raise UnknownName(f"Nobody can say {word[:40]!r} about a candidate", do=N_("use a button of its page"))
-    name = console.releases.review(candidate).candidate
-    if wrong := forms.wrong_reason(typed.get("reason", "")):
-        return _again(console, actor, name, word, typed, refused=" ".join(wrong), status=422)
-    decision = WORDS[word](console.releases, name, say_of(actor, typed, word), seen_of(typed), typed)
-    if isinstance(decision, Refused):
-        return _again(console, actor, name, word, typed, refused=reasoned(decision.reason), status=409)
-    return RedirectResponse(f"/candidates/{name}", status_code=303)
+def _route(kind: type[CandidateAct]) -> Callable[..., Response]:
+    """The handler of one act of app/acts/releases.py: 303, 422 not well said, 409 refused and why."""
+
+    def act(console: ConsoleDep, actor: ActorDep, candidate: str, typed: FormDep) -> Response:
+        name = console.releases.review(candidate).candidate
+        said = kind.from_form(typed)
+        if isinstance(said, tuple):
+            return _again(console, actor, name, typed, refused=" ".join(one.text for one in said), status=422)
+        decision = console.releases.ask(name, said)
+        if isinstance(decision, Refused):
+            return _again(console, actor, name, typed, refused=reasoned(decision.reason), status=409)
+        return RedirectResponse(f"/candidates/{name}", status_code=303)
+
+    return act
+
+
+for verb, kind in ACTS.items():
+    router.post(f"/{{candidate}}/{verb}", name=verb)(_route(kind))
 
 
 def _again(
-    console: Console, actor: Actor, candidate: str, word: str, typed: dict[str, str], *, refused: str, status: int
+    console: Console, actor: Actor, candidate: str, typed: dict[str, str], *, refused: str, status: int
 ) -> Response:
-    if word == "rollback" and "second-step" in typed:
+    if "second-step" in typed:
         page = rollback_of(console, actor, candidate, refused=refused, typed=typed.get("reason", ""))
         return render("candidates/rollback.html", page, status=status)
-    seen = subject_in(console.releases, candidate, typed.get("subject", ""))
+    seen = _subject_in(console, candidate, typed.get("subject", ""))
     left = SubmittedReviewForm(reason=typed.get("reason", ""), refused=refused, subject=seen)
     return render("candidates/detail.html", page_of(console, actor, candidate, left), status=status)
+
+
+def _subject_in(console: Console, candidate: str, digest: str) -> Subject | None:
+    """The subject that a form was shown with, as it stood when its review was opened."""
+    opened = (CODEC.decode(stored) for stored in console.releases.events(candidate))
+    return next((one.subject for one in opened if isinstance(one, ReviewOpened) and one.subject_digest == digest), None)
 
 
 def board_of(console: Console, actor: Actor, asked: CandidateListParams) -> BoardPage:

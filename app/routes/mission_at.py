@@ -132,12 +132,25 @@ class MissionAt:
     @cached_property
     def evidence(self) -> EvidenceView:
         title = next((stage.title for stage in self.stages if stage.node_id == self.node), self.node)
-        return evidence.evidence(self.mission_id, self.shown, node_id=self.node, title=title, check=self.console.check)
+        return evidence.evidence(
+            self.mission_id,
+            self.shown,
+            node_id=self.node,
+            title=title,
+            check=self.console.check,
+            contract=self.mission.contract,
+        )
 
     @cached_property
     def contexts(self) -> ContextsView:
-        read, candidates = self.console.context, self.console.candidates
-        return contexts.contexts(self.shown, node_id=self.node, read=read, candidates=candidates)
+        console = self.console
+        return contexts.contexts(
+            self.shown,
+            node_id=self.node,
+            read=console.context,
+            candidates=console.candidates,
+            question=console.routing_question,
+        )
 
     @cached_property
     def contract(self) -> ContextView | None:

@@ -1,13 +1,14 @@
 """/missions: list, watch, start and stop missions."""
 
-from collections.abc import Sequence
-from typing import Annotated
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Annotated, TypeVar
 
 from fastapi import APIRouter, Depends, Request
 from msgspec.structs import replace
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
-from app.acts.missions import StopMissionAct
+from app.acts.missions import StartMissionAct, StopMissionAct
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, reasoned
@@ -32,6 +33,7 @@ from harness.projections.mission import Mission
 from harness.runtime import Start
 
 router = APIRouter(prefix="/missions")
+T = TypeVar("T")
 ListParamsDep = Annotated[ListParams, Depends(searching("mission", "status", "robot", "template"))]
 
 
@@ -78,26 +80,27 @@ def new(request: Request, console: ConsoleDep, actor: ActorDep, rerun_of: str = 
 def preview(console: ConsoleDep, principal: PrincipalDep, actor: ActorDep, typed: FormDep) -> HTMLResponse:
     """The form with the contract it would be compiled to; nothing is written."""
     principal.acting("drive")
-    order, wrong = _order(console, actor, typed)
-    if order is None:
-        return _form(console, actor, typed, wrong=wrong)
-    try:
-        drafted = draft(console.runtime, order)
-    except (UnknownName, ContractInvalid) as error:
-        return _form(console, actor, typed, wrong=[_beside(console, typed, error)])
+    drafted = _asked(console, actor, typed, lambda order: draft(console.runtime, order))
+    if isinstance(drafted, tuple):
+        return _form(console, actor, typed, wrong=drafted)
     return _form(console, actor, typed, shown=previews.preview(drafted, console.runtime.site))
 
 
 @router.post("")
 def start(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Response:
-    order, wrong = _order(console, actor, typed)
-    if order is None:
-        return _form(console, actor, typed, wrong=wrong)
-    try:
-        mission_id = console.keys.once(typed.get("key", ""), lambda: started(console, order))
-    except (UnknownName, ContractInvalid) as error:
-        return _form(console, actor, typed, wrong=[_beside(console, typed, error)])
-    return RedirectResponse(f"/missions/{mission_id}", status_code=303)
+    key = typed.get("key", "")
+    begun = _asked(console, actor, typed, lambda order: console.keys.once(key, lambda: started(console, order)))
+    if isinstance(begun, tuple):
+        return _form(console, actor, typed, wrong=begun)
+    return RedirectResponse(f"/missions/{begun}", status_code=303)
+
+
+def ordered(console: Console, actor: Actor, said: StartMissionAct, *, channel: str) -> Start:
+    """What is asked for, over which channel; raises UnknownName for a robot that this console does not have."""
+    robot_id = said.robot_id or console.settings.robots[0]
+    if robot_id not in console.settings.robots:
+        raise UnknownName(f"There is no robot {robot_id[:40]}", do=f"choose from {', '.join(console.settings.robots)}")
+    return dataclasses.replace(said.model_copy(update={"robot_id": robot_id}).to_command(actor), channel=channel)
 
 
 def started(console: Console, order: Start) -> MissionId:
@@ -142,24 +145,15 @@ def _template(console: Console, typed: dict[str, str]) -> TaskTemplate | None:
     return next((one for one in _offered(console, typed) if one.name == typed.get("template")), None)
 
 
-def _order(console: Console, actor: Actor, typed: dict[str, str]) -> tuple[Start | None, list[Wrong]]:
-    """What the form asks for, or what is wrong with it."""
-    template = _template(console, typed)
-    wrong = forms.wrong_start(typed, template, console.settings.robots)
-    if wrong or template is None:
-        return None, wrong
-    again = typed.get("rerun_of", "")
-    if again:
-        console.runtime.mission(MissionId(again))
-    order = Start(
-        actor=actor,
-        robot_id=RobotId(typed["robot_id"]),
-        template=template.name,
-        goal=typed["goal"].strip(),
-        arguments=forms.arguments(typed, template),
-        labels={"rerun_of": again} if again else {},
-    )
-    return order, []
+def _asked(console: Console, actor: Actor, typed: dict[str, str], act: Callable[[Start], T]) -> T | tuple[Wrong, ...]:
+    """What comes of the order that the form makes, or what is wrong with the form."""
+    if typed.get("rerun_of"):
+        console.runtime.mission(MissionId(typed["rerun_of"]))
+    try:
+        said = StartMissionAct.from_form(typed, template=_template(console, typed), robots=console.settings.robots)
+        return said if isinstance(said, tuple) else act(ordered(console, actor, said, channel="page"))
+    except (UnknownName, ContractInvalid) as error:
+        return (_beside(console, typed, error),)
 
 
 def _beside(console: Console, typed: dict[str, str], error: UnknownName | ContractInvalid) -> Wrong:

@@ -151,11 +151,12 @@ def dispute(
 ) -> Response:
     """Say that this acceptance is wrong (D21). `from` says which page it was said on, to go back to it."""
     actor = principal.acting("dispute")
-    said = DisputeCompletionAct.from_form(typed | {"condition_id": condition_id})
+    said = DisputeCompletionAct.from_form(typed)
     if isinstance(said, tuple):
         wrong, status = tuple(one.text for one in said), 422
     else:
-        wrong, status = _disputed(console, mission_id, packet_id, said.to_command(actor)), 409
+        command = said.to_command(actor, condition_id=condition_id)
+        wrong, status = _disputed(console, mission_id, packet_id, command), 409
     reported = typed.get("from") == "report"
     if wrong and reported:
         return render("missions/report.html", page_of(console, principal.actor, mission_id, wrong), status=status)

@@ -54,7 +54,7 @@ def fact_page(
         raise UnknownName(
             f"Packet {packet_id} led to no accepted fact {condition_id}", do=N_("choose one from the mission's facts")
         )
-    packet = packet_view(mission.mission_id, kept.event.packet, entries, check=check)
+    packet = packet_view(mission.mission_id, kept.event.packet, entries, check=check, contract=mission.contract)
     results = packet.verdict.results if packet.verdict else ()
     return FactPage(
         shell=shell,

@@ -142,30 +142,6 @@ def start_page(
     )
 
 
-def wrong_start(typed: Mapping[str, str], template: TaskTemplate | None, robots: Sequence[str]) -> list[Wrong]:
-    """What a person must mend before a mission can be compiled."""
-    wrong = [] if template else [Wrong("template", N_("Choose what to do: there is no such template."))]
-    if typed.get("robot_id", "") not in robots:
-        wrong.append(Wrong("robot_id", N_("Choose a robot that this installation has.")))
-    goal = typed.get("goal", "").strip()
-    if not goal:
-        wrong.append(Wrong("goal", N_("Say the goal in your own words.")))
-    if len(goal) > GOAL_SIGNS:
-        wrong.append(Wrong("goal", lazy_gettext("Keep the goal below {count} characters.", count=GOAL_SIGNS)))
-    for parameter in template.parameters if template else ():
-        value = typed.get(parameter.name, "").strip()
-        if not value and parameter.default is None:
-            wrong.append(Wrong(parameter.name, lazy_gettext("{title} is missing.", title=parameter.title)))
-        if value and parameter.type == "number" and not _is_number(value):
-            wrong.append(
-                Wrong(
-                    parameter.name,
-                    lazy_gettext("{title} must be a number, not “{value}”.", title=parameter.title, value=value[:40]),
-                )
-            )
-    return wrong
-
-
 def about_field(error: HarnessError, typed: Mapping[str, str], template: TaskTemplate) -> Wrong:
     """An error of the compiler beside the field it is about: the one it names, or whose value it quotes."""
     said = str(error)
@@ -184,12 +160,6 @@ def chosen_before(contract: TaskContract, template: TaskTemplate) -> dict[str, s
         if bound is not None:
             found[parameter.name] = str(bound["place_id"] if isinstance(bound, Mapping) else bound)
     return found
-
-
-def arguments(typed: Mapping[str, str], template: TaskTemplate) -> dict[str, str | float]:
-    """The template's parameters as typed, numbers as numbers; what was left empty takes its default."""
-    given = {one: typed.get(one.name, "").strip() for one in template.parameters}
-    return {one.name: float(value) if one.type == "number" else value for one, value in given.items() if value}
 
 
 def wrong_reason(reason: str) -> list[str]:
@@ -219,10 +189,3 @@ def _fields(
         )
         for one in template.parameters
     )
-
-
-def _is_number(text: str) -> bool:
-    try:
-        return abs(float(text)) < float("inf")
-    except ValueError:
-        return False

@@ -29,11 +29,15 @@ class Measure:
 
 @dataclass(frozen=True)
 class ConditionRow:
-    """One condition's result, the quantities that are shown at once, and the others."""
+    """One condition's result, the quantities that are shown at once, and the others.
+
+    `declared`: it rests on what only a provider declares.
+    """
 
     result: ConditionResult
     measures: tuple[Measure, ...]
     others: tuple[Measure, ...]
+    declared: bool = False
 
 
 def number(value: float) -> str:

@@ -2,24 +2,19 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from app.i18n.catalogues import N_
-from app.i18n.messages import lazy_gettext, listed, reasoned, word
+from app.i18n.messages import lazy_gettext, listed, word
 from app.views.canary import CanaryPanel, canary_panel
 from app.views.candidates import stale
 from app.views.history import ShownDifference
+from app.views.review_actions import OfferedAction, offers
 from app.views.review_results import MeasuredResults
 from app.views.shell import Shell
 from harness.contracts.actors import Actor
-from harness.contracts.decisions import Refused
-from harness.contracts.ids import Digest, RobotId
-from harness.contracts.values import Moment
-from rsi_reviews import commands
+from harness.contracts.ids import Digest
 from rsi_reviews.contracts import ClauseAnswer, Subject
-from rsi_reviews.deciders import decide
 from rsi_reviews.difference import CandidateDifference
-from rsi_reviews.pointer_rules import decide as pointing
 from rsi_reviews.pointers import Pointer, Uptake
 from rsi_reviews.projections import ENDED, Review
 
@@ -33,7 +28,6 @@ MOST = "_share_at_most"
 VERDICTS = {"pass": "satisfied", "fail": "violated", "inconclusive": "ambiguous", "error": "violated"}
 PARTS = {"proposed": N_("proposed it"), "wrote_earlier": N_("wrote an earlier one"),
          "launched": N_("launched its evaluation"), "edited_suite": N_("edited its suite")}  # fmt: skip
-KEY = "asked-before-the-click"
 
 
 @dataclass(frozen=True)
@@ -56,17 +50,6 @@ class PinRow:
     role: str
     state: str
     missions: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class OfferedAction:
-    """One act with the title of its button; `why_not` is the reason why it would be refused now, or empty."""
-
-    word: str
-    title: str
-    why_not: str
-    hold: bool
-    danger: bool
 
 
 @dataclass(frozen=True)
@@ -202,82 +185,6 @@ def _changed(seen: Subject | None, now: Subject | None) -> tuple[ShownDifference
         for name in now.__struct_fields__
         if getattr(seen, name) != getattr(now, name)
     )
-
-
-def offers(review: Review, pointer: Pointer, actor: Actor, *, now_s: float, robot: str) -> tuple[OfferedAction, ...]:
-    """The acts that the candidate's status allows, in their usual order, each tried against the deciders first."""
-    now = Moment(mission_s=0.0, wall_s=now_s)
-    found = []
-    for act, title, hold, danger in _asked(review.status):
-        command = _command(act, review, pointer, actor, robot=robot)
-        decision: Any = decide(review, command, now)
-        if not isinstance(decision, Refused) and (rest := _rests_on(act, review, pointer)) is not None:
-            decision = pointing(pointer, rest, now)
-        why_not = reasoned(decision.reason) if isinstance(decision, Refused) else ""
-        found.append(OfferedAction(word=act, title=title, why_not=why_not, hold=hold, danger=danger))
-    return tuple(found)
-
-
-def _asked(status: str) -> Sequence[tuple[str, str, bool, bool]]:
-    """(act, title, press and hold, danger)."""
-    match status:
-        case "accepted":
-            return (("submit", N_("Ask for review"), False, False), ("withdraw", N_("Withdraw"), False, True))
-        case "in_review":
-            return (
-                ("approve", N_("Hold to approve"), True, False),
-                ("authorise", N_("Hold to authorise the release"), True, False),
-                ("request-changes", N_("Request changes"), False, False),
-                ("recall", N_("Withdraw"), False, False),
-                ("reject", N_("Reject"), False, True),
-            )
-        case "authorised":
-            return (("release", N_("Hold to release"), True, False), ("withdraw", N_("Withdraw"), False, True))
-        case "canary":
-            return (("rollback", N_("Roll back"), False, True), ("withdraw", N_("Withdraw"), False, True))
-        case "current":
-            return (("rollback", N_("Roll back"), False, True),)
-        case "draft" | "inconclusive":
-            return (("withdraw", N_("Withdraw"), False, True),)
-        case _:
-            return ()
-
-
-def _command(act: str, review: Review, pointer: Pointer, actor: Actor, *, robot: str) -> commands.CandidateCommand:
-    fields: dict[str, Any] = {"actor": actor, "reason": "asked", "key": KEY}
-    seen: dict[str, Any] = {"cycle": review.cycle, "subject": review.subject_digest}
-    policy = pointer.policy
-    rollback = review.manifest.rollback if review.manifest else review.baseline
-    match act:
-        case "submit":
-            return commands.OpenReview(**fields)
-        case "approve":
-            return commands.ApproveCandidate(policy=policy, **seen, **fields)
-        case "authorise":
-            return commands.AuthoriseRelease(policy=policy, rollback=rollback, proven=rollback, **seen, **fields)
-        case "request-changes":
-            return commands.RequestChanges(**seen, **fields)
-        case "recall":
-            return commands.RecallReview(**fields)
-        case "reject":
-            return commands.RejectCandidate(**seen, **fields)
-        case "release":
-            return commands.BeginCanary(robot_id=RobotId(robot), policy=policy, **seen, **fields)
-        case "rollback":
-            return commands.RollBack(**fields)
-        case _:
-            return commands.WithdrawCandidate(**fields)
-
-
-def _rests_on(act: str, review: Review, pointer: Pointer) -> Any:
-    """What the pointer would have to confirm for this act; None where it is not asked."""
-    match act:
-        case "submit":
-            return commands.Confirm(baseline=review.baseline, configuration=review.configuration)
-        case "approve" | "authorise" | "release":
-            return commands.Confirm(baseline=review.baseline, policy=pointer.policy, configuration=review.configuration)
-        case _:
-            return None
 
 
 def policy_sentence(pointer: Pointer) -> str:

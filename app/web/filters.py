@@ -143,6 +143,7 @@ ITEMS: dict[str, Callable[..., Any]] = {
     "clause_verdict": review.VERDICTS.__getitem__,
     "component": NAMES.__getitem__,
     "condition_rows": measures.condition_rows,
+    "goal_conditions": missions.goal_conditions,
     "declared": evidence.declared,
     "degrees": degrees,
     "event_family": timeline.family,

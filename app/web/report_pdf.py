@@ -208,8 +208,18 @@ def _goal(paper: _Paper, page: ReportPage) -> None:
     paper.paragraph(page.reason)
     for one in page.conditions:
         measured = ", ".join(f"{say(m.name)} {say(m.value or lazy_gettext('not measured'))}" for m in one.measures)
-        found = f"{say(word(one.result.verdict))}: {say(one.result.text)}"
-        paper.paragraph(f"{found} ({measured})" if measured else found)
+        verdict = lazy_gettext("declared") if one.declared else word(one.result.verdict)
+        found = f"{say(verdict)}: {say(one.result.text)}"
+        level = lazy_gettext(
+            "independence {level} of {required} required",
+            level=one.result.independence,
+            required=one.result.required_independence,
+        )
+        paper.paragraph(f"{found} ({', '.join(part for part in (measured, say(level)) if part)})")
+    if page.declared:
+        paper.title_line(lazy_gettext("Declared by a provider, not verified"))
+        body = [(effect.text, words(effect.node_id), clock(effect.at_s)) for effect in page.declared]
+        paper.rows((lazy_gettext("condition"), lazy_gettext("stage"), lazy_gettext("at")), body, (56, 28, 16))
 
 
 def _stages(paper: _Paper, page: ReportPage) -> None:

@@ -19,6 +19,8 @@ from harness.contracts.tasks import Node
 IDENTIFIERS = ("delivery", "rotation", "capture")
 """Receipts whose text begins with an identifier; that word is kept, the rest is prose."""
 SLOW_KINDS = ("image", "scan", "battery")
+MEASURED = ("read_back", "sweep", "room_sound", "recognition")
+"""What independent sources measured: kept under its own kind, however old."""
 PROSE = ("text",)
 
 
@@ -105,6 +107,8 @@ def seen(view: StateView, source: Source, *, node: Node) -> list[SelectionItem]:
                 visual = any(isinstance(one.effect, Visual) for one in node.success_conditions)
                 record = referenced("image", reference, mandatory=visual and not packet.verify_only)
                 items.append(_unless_replaced(SelectionItem(record), source))
+            case kind if kind in MEASURED:
+                items.append(_unless_replaced(SelectionItem(referenced(kind, reference, mandatory=True)), source))
             case "attestation":
                 items.append(_attestation(reference, node=node))
             case _:

@@ -71,6 +71,7 @@ MEANINGS: Mapping[type[msgspec.Struct], Words] = {
         "image_age_s": ("s", "Age beyond which an image proves nothing"),
         "minimum_confidence": ("share", "Confidence below which an observation proves nothing"),
         "attestation": ("yes or no", "Whether a person's own observation may stand in"),
+        "declared": ("names", "Conditions that may rest on the provider's word alone; the stage then ends declared"),
     },
     tasks.RecoveryLimits: {
         "re_perceive": ("steps", "Looks again without moving"),

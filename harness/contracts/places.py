@@ -75,7 +75,11 @@ class Zone(Value):
 
 
 class Site(Value):
-    """All places, routes, passages and zones of one map version."""
+    """All places, routes, passages and zones of one map version.
+
+    `vouched`: sources that the site's operator declares to be of separate origin, though one process or address
+    delivers them together with others (D17).
+    """
 
     name: Name
     frame: Name
@@ -84,3 +88,4 @@ class Site(Value):
     routes: tuple[Route, ...]
     passages: tuple[Passage, ...] = ()
     zones: tuple[Zone, ...] = ()
+    vouched: tuple[Name, ...] = ()

@@ -6,10 +6,20 @@ from typing import Annotated, Any
 import msgspec
 
 from harness.contracts.capabilities import Capability, Risk
-from harness.contracts.effects import Condition, Metric, Precondition, Temporal
+from harness.contracts.effects import (
+    AnyEffect,
+    Condition,
+    Metric,
+    Precondition,
+    Relational,
+    Symbolic,
+    Temporal,
+    Visual,
+)
 from harness.contracts.errors import ContractInvalid, UnknownName
-from harness.contracts.ids import Digest, NodeId, PlaceId, ResourceId
+from harness.contracts.ids import ConditionId, Digest, NodeId, PlaceId, ResourceId
 from harness.contracts.protocol import Parameters
+from harness.contracts.rules import FIRST_RULES, RETIRED, Retired, RulesVersion
 from harness.contracts.values import Count, Name, Positive, Value
 
 
@@ -32,13 +42,18 @@ class RecoveryLimits(Value):
 
 
 class EvidencePolicy(Value):
-    """What a packet must hold for this node, how old it may be, and whether a person may attest (D17)."""
+    """What a packet must hold for this node, how old it may be, and whether a person may attest (D17).
+
+    `declared` names the node's conditions for which no other source than the provider can be had: the node may then
+    end DECLARED instead of committed.
+    """
 
     mandatory: tuple[Name, ...]
     pose_age_s: Positive = 1.0
     image_age_s: Positive = 30.0
     minimum_confidence: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.5
     attestation: bool = False
+    declared: tuple[ConditionId, ...] | msgspec.UnsetType = msgspec.UNSET
 
 
 class Node(Value):
@@ -58,6 +73,12 @@ class Node(Value):
     required: bool = True
     risk: Risk = "low"
     runs_after_failure: bool = False
+
+    @property
+    def declared(self) -> frozenset[ConditionId]:
+        """The conditions that may rest on the provider's word alone, without being accepted."""
+        named = self.evidence.declared
+        return frozenset() if isinstance(named, msgspec.UnsetType) else frozenset(named)
 
 
 class Constraints(Value):
@@ -114,8 +135,11 @@ class TaskTemplate(Value):
     recovery_total: Count
 
 
-def check(contract: TaskContract) -> None:
-    """Raise ContractInvalid for the first broken rule: names, dependencies, no cycle, required stages, frame."""
+def check(contract: TaskContract, *, rules: RulesVersion = FIRST_RULES, retired: Retired = RETIRED) -> None:
+    """Raise ContractInvalid for the first broken rule: names, dependencies, no cycle, required stages, frame.
+
+    Under `rules` also: no retired predicate, and declared effects that leave something of the goal to be verified.
+    """
     names = [node.node_id for node in contract.nodes]
     for name in names:
         if names.count(name) > 1:
@@ -143,6 +167,51 @@ def check(contract: TaskContract) -> None:
             )
         if isinstance(effect, Temporal) and not set(effect.nodes) <= set(names):
             raise ContractInvalid(f"Condition {condition.condition_id} names unknown nodes", where=where)
+        since = retired.get((str(effect.__struct_config__.tag), effect.predicate), rules + 1)
+        if since <= rules:
+            raise ContractInvalid(
+                f"Condition {condition.condition_id} names {effect.predicate}, which is kept for old missions only",
+                where=where,
+                do="name the predicate that replaces it",
+            )
+    _check_declared(contract)
+
+
+def _check_declared(contract: TaskContract) -> None:
+    """A declared effect is a condition of its own node, and not all of the goal rests on declared effects."""
+    for node in contract.nodes:
+        unknown = sorted(node.declared - {condition.condition_id for condition in node.success_conditions})
+        if unknown:
+            raise ContractInvalid(
+                f"Node {node.node_id} declares {', '.join(unknown)}, which is no condition of it",
+                where=f"nodes.{node.node_id}.evidence.declared",
+                do=f"name one of {', '.join(one.condition_id for one in node.success_conditions)}",
+            )
+    declaring = frozenset(node.node_id for node in contract.nodes if node.declared)
+    if declaring and all(rests_on(one.effect, declaring) for one in contract.completion_conditions):
+        raise ContractInvalid(
+            "Every completion condition rests on a declared effect: nothing of the goal would be verified",
+            where="completion_conditions",
+            do=f"add a condition that does not name {', '.join(sorted(declaring))}",
+        )
+
+
+def rests_on(effect: AnyEffect, nodes: frozenset[NodeId]) -> bool:
+    """Whether a condition over several stages names one of these."""
+    return bool(nodes & set(named_nodes(effect)))
+
+
+def named_nodes(effect: AnyEffect) -> tuple[NodeId, ...]:
+    """What the effect names, nodes among it."""
+    match effect:
+        case Temporal():
+            return effect.nodes
+        case Relational():
+            return NodeId(effect.subject), NodeId(effect.object)
+        case Symbolic():
+            return tuple(NodeId(name) for name in effect.arguments.values())
+        case Metric() | Visual():
+            return ()
 
 
 def _check_required(contract: TaskContract) -> None:

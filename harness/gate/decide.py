@@ -64,7 +64,7 @@ def _decided(mission: Mission, command: commands.MissionCommand) -> Decision[eve
             return Accepted((events.InvocationResumed(invocation_id=command.invocation_id),))
         case commands.FailNode():
             node = mission.nodes.get(command.node_id)
-            if node is None or node.status in ("committed", "failed", "superseded"):
+            if node is None or node.status in ("committed", "declared", "failed", "superseded"):
                 return refused("no_open_stage", because("stage_not_open", node_id=command.node_id))
             return Accepted(
                 (events.NodeFailed(node_id=command.node_id, reason=command.reason, context=command.context),)
@@ -104,7 +104,7 @@ def _decided(mission: Mission, command: commands.MissionCommand) -> Decision[eve
 def _create(mission: Mission, command: commands.CreateMission) -> Decision[events.MissionEvent]:
     if mission.version:
         return refused("exists", because("mission_exists", mission_id=command.mission_id))
-    check(command.contract)
+    check(command.contract, rules=command.rules)
     created = events.MissionCreated(
         mission_id=command.mission_id,
         robot_id=command.robot_id,
@@ -117,9 +117,13 @@ def _create(mission: Mission, command: commands.CreateMission) -> Decision[event
         autonomy=command.autonomy,
         replay=command.replay,
         trial=command.trial,
+        channel=command.channel,
     )
     compiled = events.ContractCompiled(
-        contract=command.contract, contract_digest=digest(command.contract), policy=command.policy
+        contract=command.contract,
+        contract_digest=digest(command.contract),
+        policy=command.policy,
+        rules=command.rules,
     )
     return Accepted((created, compiled))
 

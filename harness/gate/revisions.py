@@ -28,7 +28,7 @@ def revise(mission: Mission, command: ReviseContract) -> Decision[MissionEvent]:
     if mission.invocation is not None:
         return refused("in_flight", node_id=mission.invocation.intent.node_id)
     node = mission.nodes.get(command.node_id)
-    if node is None or node.status in ("committed", "failed", "superseded"):
+    if node is None or node.status in ("committed", "declared", "failed", "superseded"):
         return refused("no_open_stage", because("stage_not_open_to_plan", node_id=command.node_id[:80]))
     if command.node_id not in {one.node_id for one in command.contract.nodes}:
         return refused("node_removed", because("plan_without_its_stage", node_id=command.node_id))

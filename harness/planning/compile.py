@@ -11,6 +11,7 @@ from harness.contracts import tasks
 from harness.contracts.effects import Condition, Relational, Temporal
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.places import Place, Site
+from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.values import encode
 from harness.planning import binding
 from harness.planning.templates import goal_of
@@ -20,9 +21,16 @@ _LONGEST_TEXT = 200
 
 
 def compile_contract(
-    *, goal: str, template: tasks.TaskTemplate, arguments: Mapping[str, Argument], site: Site
+    *,
+    goal: str,
+    template: tasks.TaskTemplate,
+    arguments: Mapping[str, Argument],
+    site: Site,
+    rules: RulesVersion = CURRENT_RULES,
 ) -> tasks.TaskContract:
     """The contract of one request. `arguments` fill the template's parameters; its defaults fill the rest.
+
+    `rules`: the version that the mission will be pinned to.
 
     Besides its parameters a template may refer to `goal`, `site`, and, where it has the places for them, `outbound`
     (home to destination), `inbound` (back), `circuit` (home to home) and `passage` (nearest to the destination).
@@ -51,19 +59,21 @@ def compile_contract(
         },
         template,
     )
-    tasks.check(contract)
+    tasks.check(contract, rules=rules)
     _check_spans_nodes(contract)
     return contract
 
 
-def compile_again(contract: tasks.TaskContract, *, template: tasks.TaskTemplate, site: Site) -> tasks.TaskContract:
+def compile_again(
+    contract: tasks.TaskContract, *, template: tasks.TaskTemplate, site: Site, rules: RulesVersion = CURRENT_RULES
+) -> tasks.TaskContract:
     """The request behind a contract under another version of its template, with the person's own choices (D35).
 
     Raises as `compile_contract` does.
     """
     named = (parameter.name for parameter in template.parameters if parameter.name in contract.bindings)
     chosen = {name: _said(contract.bindings[name]) for name in named}
-    return compile_contract(goal=contract.goal.text, template=template, arguments=chosen, site=site)
+    return compile_contract(goal=contract.goal.text, template=template, arguments=chosen, site=site, rules=rules)
 
 
 def _said(bound: Any) -> Argument:

@@ -14,7 +14,7 @@ from harness.contracts.ids import NodeId
 from harness.contracts.reasons import because, recorded
 from harness.planning.restrictions import loosened
 from harness.planning.targets import choice_refusal
-from harness.projections.mission import Mission, required_contract
+from harness.projections.mission import SETTLED, Mission, required_contract
 
 RISKS = ("low", "medium", "high")
 
@@ -30,7 +30,7 @@ def revision_refusal(mission: Mission, proposed: tasks.TaskContract) -> Refused 
         broken = _kept_whole(current, proposed) or _limits(current, proposed) or _stages(mission, current, proposed)
         broken = broken or choice_refusal(mission, proposed)
         if broken is None:
-            tasks.check(proposed)
+            tasks.check(proposed, rules=mission.rules)
     except ContractInvalid as error:
         return refused("contract_invalid", recorded(str(error)))
     return broken
@@ -96,7 +96,7 @@ def _stages(mission: Mission, current: tasks.TaskContract, proposed: tasks.TaskC
             if node.required or begun:
                 return refused("node_removed", because("stage_not_removable", node_id=node.node_id))
             continue
-        if mission.of(node.node_id).status == "committed" and kept != node:
+        if mission.of(node.node_id).status in SETTLED and kept != node:
             return refused("history_changed", because("committed_stage_changed", node_id=node.node_id))
         if weakened := tuple(_weaker(node, kept)):
             return refused("stage_weakened", node_id=node.node_id, parts=weakened)
@@ -127,6 +127,7 @@ def _weaker(before: tasks.Node, after: tasks.Node) -> Iterator[str]:
         yield "recovery_limits"
     was, now = before.evidence, after.evidence
     lax = now.pose_age_s > was.pose_age_s or now.image_age_s > was.image_age_s or now.attestation > was.attestation
+    lax = lax or bool(after.declared - before.declared)
     if lax or now.minimum_confidence < was.minimum_confidence or not set(was.mandatory) <= set(now.mandatory):
         yield "evidence_policy"
 

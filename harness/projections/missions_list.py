@@ -6,7 +6,7 @@ from harness.contracts.reasons import Explanation, because, plain
 from harness.contracts.tasks import order
 from harness.contracts.values import encode
 from harness.projections.handoffs import Handoff
-from harness.projections.mission import TERMINAL_MISSION, Mission
+from harness.projections.mission import SETTLED, TERMINAL_MISSION, Mission
 
 WAITING = frozenset({"awaiting_human", "awaiting_approval", "paused"})
 
@@ -25,7 +25,7 @@ def mission_row(mission: Mission, *, seq: int, began_s: float, ended_s: float | 
         robot_id=mission.robot_id,
         status=mission.status,
         stage=current_stage(mission),
-        verdict=mission.goal_verdict.verdict if mission.goal_verdict else "",
+        verdict=mission.goal_outcome,
         began_s=began_s,
         ended_s=ended_s,
         spent=mission.spent_total,
@@ -37,7 +37,7 @@ def mission_row(mission: Mission, *, seq: int, began_s: float, ended_s: float | 
         "status": item.status,
         "open": "no" if mission.ended else "yes",
         "waits": "yes" if item.status in WAITING else "",
-        "end": "otherwise" if item.status in TERMINAL_MISSION and item.status != "succeeded" else "",
+        "end": "otherwise" if item.status in TERMINAL_MISSION - {"succeeded", "partly_verified"} else "",
         "robot": item.robot_id,
         "template": item.template,
         "verdict": item.verdict,
@@ -120,9 +120,12 @@ def current_stage(mission: Mission) -> str:
         return "not compiled yet"
     names = order(mission.contract)
     done = sum(mission.of(name).status == "committed" for name in names)
+    declared = sum(mission.of(name).status == "declared" for name in names)
     if done == len(names):
         return f"all {len(names)} stages accepted"
-    current = next((name for name in names if mission.of(name).status not in ("committed", "pending")), None)
+    if declared and done + declared == len(names):
+        return f"{done} of {len(names)} stages accepted, {declared} declared"
+    current = next((name for name in names if mission.of(name).status not in (*SETTLED, "pending")), None)
     if current is None:
         current = next(name for name in names if mission.of(name).status == "pending")
     return f"{current.replace('_', ' ')}, {names.index(current) + 1} of {len(names)}"

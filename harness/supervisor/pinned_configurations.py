@@ -35,11 +35,13 @@ def begin(runtime: Runtime, mission: Mission) -> Accepted[AnyEvent] | Refused:
 
 def _again(runtime: Runtime, mission: Mission, current: Digest) -> Accepted[AnyEvent] | Refused:
     configuration = runtime.stored_configuration(current)
+    contract = _recompiled(runtime, mission, configuration)
     command = RecompileContract(
         configuration=current,
-        contract=_recompiled(runtime, mission, configuration),
+        contract=contract,
         policy=configuration.recovery,
         trial=runtime.on_trial(current),
+        rules=mission.rules if contract == mission.contract else runtime.rules,
     )
     return runtime.submit(mission.mission_id, command, records=(runtime.configuration_record(current),))
 
@@ -50,7 +52,7 @@ def _recompiled(runtime: Runtime, mission: Mission, configuration: Configuration
     if mission.template not in {template.name for template in runtime.configuration_of(mission).templates}:
         return contract
     template = by_name(mission.template, configuration.templates)
-    return compile_again(contract, template=template, site=runtime.site)
+    return compile_again(contract, template=template, site=runtime.site, rules=runtime.rules)
 
 
 def check_readable(runtime: Runtime, mission: Mission) -> None:

@@ -51,6 +51,7 @@ class RoleContexts:
             status=self.observations.status,
             recent=self.observations.recent,
             recovery=required_policy(mission),
+            origins=dict(self.connection.origins),
         )
 
     def place(self, mission: Mission, node_id: NodeId) -> str:

@@ -1,6 +1,6 @@
 """Reads C3 for the verifier: typed records, checked blobs and tracks. Raises Undecidable for what it cannot read."""
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any, TypeVar, cast
@@ -11,13 +11,14 @@ from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.contexts import Blobs, Context, ContextRecord
 from harness.contracts.effects import Condition
 from harness.contracts.errors import HarnessError
-from harness.contracts.evidence import CommittedFact, EvidenceReference
-from harness.contracts.ids import Digest, sha256
+from harness.contracts.evidence import CommittedFact, DeclaredEffect, EvidenceReference
+from harness.contracts.ids import Digest, NodeId, sha256
 from harness.contracts.observations import Odometry, Pose, Trajectory
 from harness.contracts.protocol import Receipt
 from harness.contracts.reasons import because
 from harness.contracts.verifier_inputs import CommittedNode, Execution, RecentSamples, VerificationPolicy
 from harness.verification.finding import Undecidable
+from harness.verification.independence import Lineage
 
 T = TypeVar("T")
 FUTURE_S = 0.05
@@ -58,6 +59,8 @@ class Evidence:
     context: Context
     blobs: Blobs
     until_s: float | None = None
+    lineage: Lineage = field(default_factory=Lineage, compare=False, repr=False)
+    """Which accepted facts were read since it was last cleared."""
     found: dict[Hashable, Any] = field(default_factory=dict, compare=False, repr=False)
     """What was computed of this evidence before: it does not change, and several conditions ask the same of it."""
 
@@ -70,7 +73,7 @@ class Evidence:
 
     def at(self, instant_s: float) -> "Evidence":
         """The same evidence as it stood at an earlier instant: nothing younger is seen (R14)."""
-        return Evidence(self.context, self.blobs, until_s=instant_s)
+        return Evidence(self.context, self.blobs, until_s=instant_s, lineage=self.lineage)
 
     @cached_property
     def conditions(self) -> tuple[Condition, ...]:
@@ -97,10 +100,27 @@ class Evidence:
         record = self.context.one("card")
         return (read(record, CapabilityCard).sources or None) if record else None
 
-    @cached_property
+    @property
     def facts(self) -> tuple[CommittedFact, ...]:
+        """All accepted facts of the context: whoever reads them builds on each of them."""
+        for fact in self._facts:
+            self.lineage.note(fact.condition_id, fact.independence)
+        return self._facts
+
+    @cached_property
+    def _facts(self) -> tuple[CommittedFact, ...]:
         record = self.context.one("facts")
         return read(record, tuple[CommittedFact, ...]) if record else ()
+
+    def build_on(self, nodes: Iterable[NodeId]) -> None:
+        """Note that an answer rests on these stages: on their accepted facts, or on effects that are only declared."""
+        wanted = set(nodes)
+        for fact in self._facts:
+            if fact.node_id in wanted:
+                self.lineage.note(fact.condition_id, fact.independence)
+        for effect in self.declared_effects:
+            if effect.node_id in wanted:
+                self.lineage.note(effect.condition_id, 0)
 
     @cached_property
     def receipts(self) -> tuple[Receipt, ...]:
@@ -118,9 +138,26 @@ class Evidence:
         found = [read(record, EvidenceReference) for record in self.context.all("image")]
         return tuple(sorted(found, key=lambda image: image.from_s))
 
+    def measured(self, kind: str) -> tuple[EvidenceReference, ...]:
+        """What an independent source measured, oldest first; nothing younger than what the evidence speaks of."""
+        found = [read(record, EvidenceReference) for record in self.context.all(kind)]
+        return tuple(sorted((one for one in found if one.from_s <= self.speaks_at_s), key=lambda one: one.from_s))
+
     @cached_property
     def nodes(self) -> tuple[CommittedNode, ...]:
+        """The accepted stages."""
+        return tuple(node for node in self.ended if not node.declared)
+
+    @cached_property
+    def ended(self) -> tuple[CommittedNode, ...]:
+        """The accepted stages, and those that are only declared."""
         return tuple(read(record, CommittedNode) for record in self.context.all("node"))
+
+    @cached_property
+    def declared_effects(self) -> tuple[DeclaredEffect, ...]:
+        """What only its provider declares, with the mission's consent."""
+        record = self.context.one("declared_effects")
+        return read(record, tuple[DeclaredEffect, ...]) if record else ()
 
     @cached_property
     def tracks(self) -> tuple[AdmittedTrack, ...]:
@@ -169,14 +206,25 @@ class Evidence:
 
     def fact(self, name: str, *, node_id: str = "") -> CommittedFact:
         """The newest committed fact of that name (of that node). Raises Undecidable if there is none."""
-        found = [one for one in self.facts if one.name == name and node_id in ("", one.node_id)]
+        found = [one for one in self._facts if one.name == name and node_id in ("", one.node_id)]
         if not found:
             raise Undecidable(
                 because("no_accepted_fact_of_stage", name=name, stage=node_id)
                 if node_id
                 else because("no_accepted_fact", name=name)
             )
-        return max(found, key=lambda one: one.k)
+        newest = max(found, key=lambda one: one.k)
+        self.lineage.note(newest.condition_id, newest.independence)
+        return newest
+
+    def newest_fact(self, names: Sequence[str], *, node_id: str = "") -> CommittedFact:
+        """The newest committed fact of any of these names (of that node). Raises Undecidable if there is none."""
+        found = [one for one in self._facts if one.name in names and node_id in ("", one.node_id)]
+        if not found:
+            raise Undecidable(because("no_accepted_fact", name=names[0]))
+        newest = max(found, key=lambda one: one.k)
+        self.lineage.note(newest.condition_id, newest.independence)
+        return newest
 
     def _now(self, references: Sequence[EvidenceReference]) -> list[AdmittedTrack]:
         record = self.context.one("observations")

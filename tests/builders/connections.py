@@ -10,12 +10,15 @@ from harness.adapters.clock import LockstepClock
 from harness.adapters.ids import SeededIds
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
 from harness.baseline.load import baseline
-from harness.bootstrap import Deciders, Harness, NullSignals, Parts, Select, assemble, local_providers, nothing_selected
+from harness.baseline.load import site as shipped_site
+from harness.bootstrap import Deciders, Harness, NullSignals, Parts, Select, assemble, local_services, nothing_selected
 from harness.contracts.capabilities import CapabilityCard
 from harness.contracts.decisions import Accepted
 from harness.contracts.ids import Digest, MissionId, RequestId
+from harness.contracts.places import Site
 from harness.contracts.ports import Provider
 from harness.contracts.protocol import InvocationReport, Observations, PhysicalStart, RobotStatus, StartRequest
+from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.tasks import TaskTemplate
 from harness.exploration.targets import NEAREST_EDGE, Proposer
 from harness.planning.planner import GRAPH_ORDER, Planner
@@ -152,9 +155,11 @@ def staged(
     proposer: Proposer = NEAREST_EDGE,
     deciders: Deciders = MappingProxyType({}),
     select: Select = nothing_selected,
+    rules: RulesVersion = CURRENT_RULES,
+    site: Site | None = None,
 ) -> Iterator[Stage]:
     """The kinematic robot at speed 0, everything in this process; `select` pins new missions by a release service's
-    `deciders`.
+    `deciders`, `rules` are the ones that they are judged by.
     """
     with ExitStack() as stack:
         robot = SimulatedRobot(WorldSettings(fidelity="kinematic", seed=seed), robot_id=ROBOT)
@@ -170,18 +175,22 @@ def staged(
             proposer=proposer,
             deciders=deciders,
             select=select,
+            site=site or shipped_site(),
+            rules=rules,
         )
 
         def configure(mission: Mission) -> None:
             names = [name for name in mission.labels.get("faults", "").split(",") if name]
             robot.configure(mission.mission_id, mission.seed, parse_faults(names))
 
+        beside = local_services(parts, camera=CAMERA, folder=None, room=robot.room)
         harness = assemble(
             stack,
             HarnessSettings(speed=0, fidelity="kinematic"),
             parts,
             robot=CrewRobot(robot, wrap),
-            local=[wrap(provider) for provider in local_providers(parts, camera=CAMERA, folder=None)],
+            local=[wrap(provider) for provider in beside.providers],
+            sources=beside.sources,
             configure=configure,
         )
         yield Stage(harness, robot, parts)

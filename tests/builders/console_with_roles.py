@@ -13,7 +13,7 @@ from tests.builders.releases import candidate, tried
 
 TURNS = ("claim", "release", "on-my-way", "choose", "take-over", "hand-back", "close")
 ALERT_TURNS = ("acknowledge", "shelve", "suppress", "restore", "assign")
-REASONED = ("stop", "pause", "resume", "dispute", "withdraw", "case")
+REASONED = ("stop", "pause", "resume", "dispute", "withdraw", "case", "free")
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class ConsoleWithRoles:
             "position": "1",
             "form": "viser",
             "candidate": self.candidate,
-            "word": "comment",
+            "resource": "vbot-1/mobile_base",
         }
         return re.sub(r"\{(\w+)(:\w+)?\}", lambda found: names.get(found[1], "1"), path)
 
@@ -50,6 +50,8 @@ class ConsoleWithRoles:
         handoff = self.stand.harness.runtime.handoff(self.handoff_id)  # type: ignore[arg-type]
         assert handoff.opened is not None
         last = path.rsplit("/", 1)[-1]
+        if "/{candidate}/" in path:
+            return about_candidate(last)
         if last in ("missions", "preview"):
             return {"template": "circuit", "robot_id": "vbot-1", "goal": "Walk the circuit", "key": "k1"}
         if last == "decision":
@@ -73,8 +75,6 @@ class ConsoleWithRoles:
             return self.turn(last, handoff.cycle, api=path.startswith("/api/"))
         if last in ("people", "accounts"):
             return {"name": "newcomer", "roles": ["viewer"], "password": PASSWORD}
-        if last == "{word}":
-            return {"reason": "because", "key": "k3"}
         if last in ("candidates", "check"):
             return proposal(api=path.startswith("/api/"))
         if last == "cloud":
@@ -136,6 +136,17 @@ class ConsoleWithRoles:
             body.pop("key", None) if path.endswith(("/missions", "/preview")) else None
             return client.request(method, address, json=body).status_code
         return client.request(method, address, data=body).status_code
+
+
+def about_candidate(verb: str) -> dict[str, object]:
+    """A valid body for an act on a candidate that is no longer what was shown."""
+    seen = {"cycle": 1, "subject": "0" * 64}
+    known: dict[str, dict[str, object]] = {
+        **dict.fromkeys(("request-changes", "request_changes", "approve", "reject", "authorise"), seen),
+        "release": {**seen, "robot_id": "vbot-1"},
+        "adjudicate": {"mission_id": "m", "finding": "sound"},
+    }
+    return {"reason": "because", "key": f"k3-{verb}", **known.get(verb, {})}
 
 
 def proposal(*, api: bool) -> dict[str, object]:

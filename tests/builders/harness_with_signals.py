@@ -6,7 +6,7 @@ from contextlib import ExitStack, contextmanager
 from harness.adapters.clock import LockstepClock
 from harness.adapters.ids import SeededIds
 from harness.adapters.stores.memory import MemoryBlobStore, MemoryEventStore, MemorySpool
-from harness.assembly import Harness, Member, Parts, joined, local_providers
+from harness.assembly import Harness, Member, Parts, joined, local_services
 from harness.baseline.load import site
 from harness.contracts.ports import Signals
 from harness.settings import HarnessSettings
@@ -36,11 +36,13 @@ def harness_with_signals(signals: Signals, *, seed: int = 3) -> Iterator[Harness
             deciders=DECIDERS,
             select=selected,
         )
+        beside = local_services(parts, camera=CAMERA, folder=None, room=robot.room)
         member = Member(
             robot_id=ROBOT,
             robot=robot,
             clock=clock,
-            local=local_providers(parts, camera=CAMERA, folder=None),
+            local=beside.providers,
+            sources=beside.sources,
             configure=lambda mission: robot.configure(mission.mission_id, mission.seed, ()),
             camera=robot,
             hand=SimulatedTeleoperation(robot),

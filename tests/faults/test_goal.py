@@ -26,7 +26,7 @@ from harness.contracts.revision_commands import DisputeCompletion, TightenConstr
 from harness.contracts.revision_events import CompletionDisputed, GraphRevised
 from harness.contracts.tasks import Constraints, TaskTemplate
 from harness.planning.planner import Planner
-from harness.projections.mission import all_required_committed, required_contract
+from harness.projections.mission import all_required_settled, required_contract
 from tests.builders.connections import Failing, Stage, only, staged, template, with_node
 from tests.builders.missions_run import OPERATOR, Ran
 
@@ -40,7 +40,7 @@ T = TypeVar("T")
 
 def carried_away(stage: Stage, mission_id: MissionId) -> None:
     """Run until every stage is committed; then somebody carries the robot away before the goal is tested."""
-    stage.until(mission_id, all_required_committed)
+    stage.until(mission_id, all_required_settled)
     body = stage.robot.world.body.state
     body.x_m, body.y_m = BESIDE_THE_ROUTE
     for _ in range(12):
@@ -90,7 +90,7 @@ def test_without_a_budget_for_it_all_stages_are_done_and_the_goal_is_not_met() -
         assert ran.mission.status == "failed"
         assert sentence(ran.mission.reason).startswith("All stages done, goal not met (violated)")
         assert "nothing is left for local replan" in sentence(ran.mission.reason)
-        assert all_required_committed(ran.mission) and told(ran, GraphRevised) == []
+        assert all_required_settled(ran.mission) and told(ran, GraphRevised) == []
         assert told(ran, CompletionReported) == []
         assert [one.text for one in told(ran, FailureReported)] == [ran.mission.reason]
 
@@ -120,7 +120,7 @@ def test_a_spent_stage_that_moves_nothing_fails_and_the_way_back_is_no_return_st
         accepted = next(event for event in told(ran, NodeCommitted) if event.node_id == RETURN)
         assert accepted.aborting
         assert ran.mission.of(RETURN).status == "superseded" and ran.mission.of(RETURN).aborting
-        assert ran.mission.of(REPORT).status == "pending" and not all_required_committed(ran.mission)
+        assert ran.mission.of(REPORT).status == "pending" and not all_required_settled(ran.mission)
         assert told(ran, CompletionReported) == [] and told(ran, GoalVerified) == []
 
 
@@ -158,7 +158,7 @@ def test_an_optional_stage_really_runs() -> None:
         assert ran.mission.of(NodeId("hello")).status == "committed"
 
 
-@pytest.mark.ledger("R12", symbol="harness.projections.mission:all_required_committed")
+@pytest.mark.ledger("R12", symbol="harness.projections.mission:all_required_settled")
 def test_an_optional_stage_that_fails_is_given_up_and_blocks_nothing() -> None:
     with staged(wrap=only("speak", lambda one: Failing(one, word="provider_failed"))) as stage:
         ran = stage.run(stage.begin(greeted()))

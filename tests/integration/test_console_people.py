@@ -7,6 +7,8 @@ import msgspec
 import pytest
 from fastapi.testclient import TestClient
 
+from app.acts import releases
+from app.auth.command_permissions import required_permission
 from app.auth.permissions import GRANTS, ROLES, Permission
 from harness.contracts.ids import MissionId
 from rsi_reviews.release_service import ReleaseService
@@ -63,6 +65,7 @@ CHANGE: dict[tuple[str, str], Permission] = {
     **{("POST", f"/api/v1/robots/{{robot_id}}/{path}/turn"): "drive" for path in TELEOPERATION},
     **{("POST", f"/api/v1/robots/{{robot_id}}/{path}/return"): "stop" for path in TELEOPERATION},
     **{("POST", f"{door}/alerts/{{alert_id}}/{turn}"): "alerts" for door in ("", "/api/v1") for turn in ALERT_TURNS},
+    ("POST", "/api/v1/leases/{resource:path}/free"): "drive",
     ("POST", "/api/v1/places/{place_id}"): "drive",
     ("POST", "/api/v1/places/{place_id}/remove"): "drive",
     ("POST", "/places/new"): "drive",
@@ -93,7 +96,12 @@ CHANGE: dict[tuple[str, str], Permission] = {
     ("POST", "/queue/{mission_id}/withdraw"): "stop",
     ("POST", "/api/v1/missions/{mission_id}/withdraw"): "stop",
     **{("POST", f"{door}/candidates"): "propose" for door in ("", "/api/v1")},
-    **{("POST", f"{door}/candidates/{{candidate}}/{{word}}"): "propose" for door in ("", "/api/v1")},
+    **{
+        ("POST", f"{door}/candidates/{{candidate}}/{verb}"): required_permission(kind.becomes)
+        for door in ("", "/api/v1")
+        for verb, kind in releases.ACTS.items()
+    },
+    ("POST", "/api/v1/candidates/{candidate}/request_changes"): "review",
     **{("POST", f"{door}/releases/policy"): "people" for door in ("", "/api/v1")},
 }
 """What every changing route needs. A route that is not here fails the test: say who may use it."""

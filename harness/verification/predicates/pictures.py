@@ -11,7 +11,7 @@ from harness.contracts.ids import Digest
 from harness.contracts.observations import Odometry
 from harness.contracts.reasons import Reason, because, several
 from harness.verification.body import LIMIT_M
-from harness.verification.finding import RECEIPTS, Finding, Undecidable, ambiguous
+from harness.verification.finding import FACTS, RECEIPTS, Finding, Undecidable, ambiguous
 from harness.verification.media import image_size
 from harness.verification.predicates.panorama import TURN_LIMIT_RAD
 from harness.verification.reading import AdmittedTrack, Evidence
@@ -112,7 +112,7 @@ def one_image(effect: AnyEffect, evidence: Evidence) -> Finding:
         reason=several(problems) or because("stages_share_image", stages=len(named), image=images[0][:12]),
         measured={"stages": float(len(named)), "images": float(len(images))},
         bounds={"stages": float(len(accepted)), "images": 1.0},
-        sources=("accepted facts", RECEIPTS),
+        sources=(FACTS, RECEIPTS),
         evidence=tuple(images),
     )
 

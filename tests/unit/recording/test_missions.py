@@ -174,8 +174,9 @@ def test_a_route_dispatched_after_the_last_position_makes_no_segment(tmp_path):
     messages.append(("/initial_path", PATH, 99.0, words.path(99.0, "map", list(OUT))))
     with open_recording(mcap_of(tmp_path / "late.mcap", messages)) as recording:
         (whole,) = recording.segments()
-    assert whole.target_source == "last position of the recording"
-    assert whole.target_m == (2.0, 0.0)
+    assert whole.target_source == "no target"
+    assert whole.target_m is whole.last_pose_distance_m is None
+    assert whole.excursion_m == pytest.approx(2.0)
 
 
 def test_a_route_sent_again_to_the_same_target_before_an_arrival_is_one_segment(tmp_path):

@@ -51,7 +51,10 @@ class FloorObject(Value):
 
 
 class Report(Value):
-    """The analysis report, bound to the frames it looked at. `in_view` = share of the passage inside some frame."""
+    """The analysis report, bound to the frames it looked at. `in_view` = share of the passage inside some frame.
+
+    `passage` is the polygon that was analysed, metres, map frame.
+    """
 
     method: str
     frames: tuple[Digest, ...]
@@ -61,6 +64,7 @@ class Report(Value):
     in_view: Share
     frames_with_passage: Count
     text: str
+    passage: tuple[Point, ...] = ()
 
 
 class _Sighting(msgspec.Struct, frozen=True):
@@ -98,6 +102,7 @@ def analyse(frames: Sequence[OrientedFrame], *, camera: Camera, position: Point,
         in_view=in_view,
         frames_with_passage=shown,
         text=_text(found, shown=shown),
+        passage=passage,
     )
 
 
