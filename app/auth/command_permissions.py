@@ -118,6 +118,7 @@ HARNESS_COMMANDS: frozenset[type[Command]] = frozenset(
         commands.SupersedeHandoff,
         commands.RecordEffect,
         revision_commands.ReviseContract,
+        revision_commands.ReviseToRecover,
         handoff_commands.Escalate,
         handoff_commands.VoidApproval,
         handoff_commands.RecordNoAnswer,

@@ -138,7 +138,8 @@ class TaskTemplate(Value):
 def check(contract: TaskContract, *, rules: RulesVersion = FIRST_RULES, retired: Retired = RETIRED) -> None:
     """Raise ContractInvalid for the first broken rule: names, dependencies, no cycle, required stages, frame.
 
-    Under `rules` also: no retired predicate, and declared effects that leave something of the goal to be verified.
+    Under `rules` also: a retired predicate only for a declared effect, and declared effects that leave something of the
+    goal to be verified.
     """
     names = [node.node_id for node in contract.nodes]
     for name in names:
@@ -156,6 +157,7 @@ def check(contract: TaskContract, *, rules: RulesVersion = FIRST_RULES, retired:
     if not any(node.required for node in contract.nodes):
         raise ContractInvalid("No node is required", where="nodes", do="mark what the goal needs as required")
     _check_required(contract)
+    declared = frozenset(name for node in contract.nodes for name in node.declared)
     for where, condition in _conditions(contract):
         effect = condition.effect
         if isinstance(effect, Metric) and (effect.frame, effect.map_version) != (contract.frame, contract.map_version):
@@ -168,11 +170,11 @@ def check(contract: TaskContract, *, rules: RulesVersion = FIRST_RULES, retired:
         if isinstance(effect, Temporal) and not set(effect.nodes) <= set(names):
             raise ContractInvalid(f"Condition {condition.condition_id} names unknown nodes", where=where)
         since = retired.get((str(effect.__struct_config__.tag), effect.predicate), rules + 1)
-        if since <= rules:
+        if since <= rules and condition.condition_id not in declared:
             raise ContractInvalid(
-                f"Condition {condition.condition_id} names {effect.predicate}, which is kept for old missions only",
+                f"Condition {condition.condition_id} names {effect.predicate}, which only its provider's word can show",
                 where=where,
-                do="name the predicate that replaces it",
+                do="name the predicate that replaces it, or declare the condition in the node's evidence policy",
             )
     _check_declared(contract)
 
