@@ -20,14 +20,14 @@ class LookAgainAct(base.Act):
 
 
 class ClaimHandoffAct(base.Act):
-    """Claim the handoff for a minute; the same token again extends the claim."""
+    """Claim the question for a minute. `claim` is a token of your choice; the same token again extends the claim."""
 
     becomes = handoff_commands.TakeClaim
     claim: base.Slug
 
 
 class ReleaseHandoffAct(base.Act):
-    """Release the claim, so that somebody else can answer."""
+    """Release your claim, so that somebody else can answer."""
 
     becomes = handoff_commands.DropClaim
     claim: base.Slug
@@ -38,7 +38,7 @@ class ReleaseHandoffAct(base.Act):
 
 
 class ExtendDeadlineAct(base.Act):
-    """Extend the deadline once, as far as the zone allows."""
+    """Extend the deadline because you are on your way: once, as far as the zone allows."""
 
     becomes = handoff_commands.ExtendDeadline
     reason: base.Reason = N_("on my way")
@@ -88,7 +88,7 @@ class RejectHandoffAct(_DecisionAct):
 
 
 class AttestHandoffAct(base.Act):
-    """Attest a condition where the stage's policy allows it; the harness then looks again and decides itself."""
+    """State what you saw of one condition, where the stage's policy allows it. The harness then looks again itself."""
 
     becomes = commands.AttestHandoff
     condition_id: base.Slug
@@ -116,7 +116,7 @@ class _HolderAct(base.Act):
 
 
 class TakeControlAct(_HolderAct):
-    """Take control of the robot: the deadline pauses as long as the claim is extended."""
+    """Take control of the robot from `device`: the deadline pauses as long as the claim is extended."""
 
     becomes = handoff_commands.TakeControl
     device: base.Slug

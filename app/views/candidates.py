@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, listed, word
-from app.views.list_params import Filter, Option, address
+from app.views.list_params import Filter, Option, Paging, address
 from app.views.shell import Shell
 from harness.contracts.ids import Digest
 from rsi_reviews.contracts import ClauseAnswer, Manifest
@@ -60,10 +60,9 @@ class BoardPage:
     words: str
     group: str
     filters: tuple[Filter, ...]
-    found: int
     total: int
     query: str
-    following: str
+    paging: Paging
 
 
 @dataclass(frozen=True)
@@ -111,10 +110,14 @@ def board_page(
         words=asked.words,
         group=asked.group,
         filters=_filters(known, asked),
-        found=len(rows),
         total=len(known),
         query=address("", asked.params),
-        following=address("/candidates", asked.params, skip=str(asked.skip + SHOWN)) if more else "",
+        paging=Paging(
+            shown=len(shown),
+            found=str(len(rows)),
+            following=address("/candidates", asked.params, skip=str(asked.skip + SHOWN)) if more else "",
+            first=address("/candidates", asked.params) if asked.skip else "",
+        ),
     )
 
 
