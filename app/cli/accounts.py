@@ -19,6 +19,7 @@ from harness.adapters.stores.accounts import SqlAccounts
 from harness.adapters.stores.accounts_rows import Account, Token
 from harness.adapters.stores.folder import prepare
 from harness.contracts.errors import ContractInvalid, StoreUnavailable
+from harness.contracts.reasons import because
 
 account = typer.Typer(no_args_is_help=True, help="People who may use the console.")
 token = typer.Typer(no_args_is_help=True, help="Tokens for robots and integrations on the API.")
@@ -62,11 +63,7 @@ def link(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = False) 
     """
     owner = owner_api(data)
     if owner is None:
-        raise StoreUnavailable(
-            "No console runs on this data folder",
-            where=str(data),
-            do="start one with `regen up`: it prints a link; or name its folder with --data",
-        )
+        raise StoreUnavailable(because("no_console_to_link"), where=str(data))
     made = owner.post("/sign-in-links", {})
     output.show(made, as_json=as_json, lines=[f"Sign in once: {made['url']}"])
 
@@ -146,7 +143,7 @@ def _password(*, from_stdin: bool) -> str:
     if from_stdin:
         return sys.stdin.readline().rstrip("\r\n")
     if not sys.stdin.isatty():
-        raise ContractInvalid("There is no terminal to type a password at", do="pipe it in with --password-stdin")
+        raise ContractInvalid(because("no_terminal"))
     return str(typer.prompt("Password", hide_input=True, confirmation_prompt=True))
 
 

@@ -7,12 +7,12 @@ import typer
 from app.cli import output
 from app.cli.person import me
 from app.i18n.reasons import rendering as reasons
-from app.i18n.reasons.rendering import sentence
 from harness.bootstrap import open_harness, owner_of, read_harness
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import HarnessError, StoreOwned
 from harness.contracts.ids import ResourceId
+from harness.contracts.reasons import because
 from harness.projections.leases import Lease
 from harness.runtime import Runtime
 
@@ -60,17 +60,11 @@ def free(
     stop engaged. Nothing is started or re-armed by this. Exit 1 if the robot is not shown at rest."""
     owner = owner_of(data)
     if owner is not None:
-        raise StoreOwned(
-            f"Process {owner.pid} owns this data folder, and a lease is freed by its owner",
-            where=str(data),
-            do="stop that process, then free the lease",
-        )
+        raise StoreOwned(because("lease_freed_by_owner", pid=owner.pid), where=str(data))
     actor = Actor(name=operator.strip() or me().name, role="operator")
     with open_harness(output.settings(data_folder=data, speed=0.0)) as harness:
         decision = harness.supervisor.free(ResourceId(resource), actor=actor, reason=reason)
         if isinstance(decision, Refused):
-            raise HarnessError(
-                f"{sentence(decision.reason)} ({decision.rule})", where=resource, do="see `regen lease list`"
-            )
+            raise HarnessError(output.refusal(decision), where=resource, do="see `regen lease list`")
         lease = _row(harness.runtime.lease(ResourceId(resource)))
     output.show(lease, as_json=as_json, lines=[f"{resource} is free, by {actor.name}: {reason}"])

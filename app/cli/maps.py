@@ -9,7 +9,6 @@ import typer
 from app.cli import output
 from app.cli.owner_api import owner_api
 from app.cli.person import me
-from app.i18n.reasons.rendering import sentence
 from harness.bootstrap import edit_harness, read_harness
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import CloudInvalid
@@ -64,4 +63,4 @@ def list_clouds(data: output.Data = output.DEFAULT_DATA, as_json: output.Json = 
 def _attach(runtime: Runtime, command: AttachCloud) -> None:
     decision = runtime.decide([(map_stream(command.cloud.map_version), command)])
     if isinstance(decision, Refused):
-        raise CloudInvalid(f"{sentence(decision.reason)} ({decision.rule})", do="see `regen map list`")
+        raise CloudInvalid(output.refusal(decision), do="see `regen map list`")

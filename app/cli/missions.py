@@ -15,7 +15,6 @@ from app.cli.owner_api import owner_api
 from app.cli.person import me
 from app.i18n.messages import reasoned
 from app.i18n.reasons import rendering as reasons
-from app.i18n.reasons.rendering import sentence
 from app.views.mission_json import mission_outcome
 from harness.bootstrap import Harness, read_harness
 from harness.contracts.decisions import Refused
@@ -86,7 +85,7 @@ def _run(
     )
     decision = begin(harness.runtime, start)
     if isinstance(decision, Refused):
-        raise ContractInvalid(sentence(decision.reason))
+        raise ContractInvalid(decision.reason)
     mission_id: MissionId = decision.events[0].mission_id  # type: ignore[union-attr]
     mission = harness.supervisor.run(mission_id, watch=output.ProgressPrinter())
     return _outcome(harness, mission)

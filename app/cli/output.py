@@ -10,7 +10,9 @@ import typer
 from pydantic import ValidationError
 
 from app.i18n.reasons import rendering as reasons
+from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, HarnessError, UnknownName
+from harness.contracts.reasons import Reason, because
 from harness.projections.mission import Mission
 from harness.settings import HarnessSettings
 
@@ -46,9 +48,14 @@ def table(rows: Sequence[Sequence[str]]) -> list[str]:
     return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
 
 
+def refusal(decision: Refused) -> Reason:
+    """Why a command was refused, and by which rule."""
+    return because("refused_by_rule", reason=decision.reason, rule=decision.rule)
+
+
 def complain(error: HarnessError) -> int:
     """Say what happened, where, and what to do; the exit code that goes with it."""
-    sys.stderr.write(f"regen: {error}\n")
+    sys.stderr.write(f"regen: {reasons.explained(error)}\n")
     return 2 if isinstance(error, WRONG_ASKED) else 1
 
 

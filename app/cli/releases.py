@@ -14,7 +14,6 @@ from app.cli.owner_api import owner_api
 from app.cli.person import me
 from app.cli.rsi import CandidateName, reading, sheet_lines
 from app.cli.rsi import app as app
-from app.i18n.reasons.rendering import sentence
 from app.routes.candidate_json import sheet
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import HarnessError
@@ -193,7 +192,7 @@ def _word(what: str, candidate: str, word: ReleaseStep, said: dict[str, str], *,
 
 def _taken(decision: Accepted[Any] | Refused) -> None:
     if isinstance(decision, Refused):
-        raise HarnessError(f"{sentence(decision.reason)} ({decision.rule})", do="see `regen rsi show`")
+        raise HarnessError(output.refusal(decision), do="see `regen rsi show`")
 
 
 def _finding(text: str) -> Finding:

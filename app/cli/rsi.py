@@ -19,6 +19,7 @@ from harness.bootstrap import read_harness
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid, HarnessError, UnknownName
 from harness.contracts.ids import RobotId
+from harness.contracts.reasons import because
 from rsi_reviews.candidate_queries import CandidateQueries, selected
 from rsi_reviews.candidates import LARGEST_BYTES, read_candidate
 from rsi_reviews.deciders import DECIDERS
@@ -52,7 +53,7 @@ def propose(
         decision = releases.propose(candidate, SignedBy(me(), candidate.manifest.reason, key), supersedes=earlier)
         if isinstance(decision, Refused):
             found = [f"{one.rule}: {one.path}: {sentence(one.reason)}" for one in releases.refusals(candidate)]
-            raise ContractInvalid(f"{sentence(decision.reason)} ({decision.rule})", where="; ".join(found[:20]))
+            raise ContractInvalid(output.refusal(decision), where="; ".join(found[:20]))
         answer = sheet(releases, candidate.candidate_id)
     output.show(answer, as_json=as_json, lines=sheet_lines(answer))
 
@@ -160,7 +161,7 @@ def _instant(text: str) -> float:
     try:
         found = datetime.fromisoformat(text)
     except ValueError as error:
-        raise UnknownName(f"{text!r} is no instant", where="--at", do="write it as 2026-11-20T09:30:00Z") from error
+        raise UnknownName(because("instant_invalid", text=text), where="--at") from error
     return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
 
 
@@ -170,4 +171,4 @@ def _read(path: Path) -> bytes:
         with path.open("rb") as file:
             return file.read(LARGEST_BYTES + 1)
     except OSError as error:
-        raise HarnessError(f"The file cannot be read: {error.strerror}", where=str(path), do="name another") from error
+        raise HarnessError(because("file_unreadable", error=error.strerror or str(error)), where=str(path)) from error

@@ -9,7 +9,6 @@ from app.cli import output
 from app.cli.data_folder import deciding
 from app.cli.owner_api import owner_api
 from app.cli.person import me
-from app.i18n.reasons.rendering import sentence
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import MissionId
@@ -34,9 +33,7 @@ def case(
         with deciding(output.settings(data_folder=data)) as releases:
             decision = releases.add_case(MissionId(mission_id), SignedBy(actor=me(), reason=reason, key=mission_id))
             if isinstance(decision, Refused):
-                raise ContractInvalid(
-                    f"{sentence(decision.reason)} ({decision.rule})", where=mission_id, do="see `regen rsi`"
-                )
+                raise ContractInvalid(output.refusal(decision), where=mission_id, do="see `regen rsi`")
             added = next(one.case for one in releases.growth().added if one.mission_id == mission_id)
     under = f" under {', '.join(added.faults)}" if added.faults else ""
     lines = [f"{mission_id} is a case of family {added.family}: {added.template}{under}, seed {added.seed}."]

@@ -18,6 +18,7 @@ from harness.bootstrap import read_harness
 from harness.contracts.configuration import Configuration
 from harness.contracts.errors import ContractInvalid, StoreUnavailable
 from harness.contracts.ids import MissionId
+from harness.contracts.reasons import because
 from harness.contracts.values import digest
 from harness.runtime import Runtime
 from rsi_reviews.candidate_queries import CandidateQueries, selected
@@ -129,9 +130,7 @@ def _generator(way: GeneratorChoice) -> Generator:
     try:
         model = import_module("rsi_reviews.generate.model")
     except ImportError as error:
-        raise ContractInvalid(
-            f"The model's client is not installed: {error}", where="--with model", do="install regenharness[models]"
-        ) from error
+        raise ContractInvalid(because("model_client_missing", error=str(error)), where="--with model") from error
     made: Generator = model.ModelGenerator(model.ModelSettings())
     return made
 
@@ -145,7 +144,7 @@ def _configuration(queries: CandidateQueries, candidate: str) -> Configuration:
         with path.open("rb") as file:
             return read_configuration(file.read(LARGEST_BYTES + 1))
     except OSError as error:
-        raise StoreUnavailable(f"The file cannot be read: {error}", where=candidate, do="name another") from error
+        raise StoreUnavailable(because("file_unreadable", error=str(error)), where=candidate) from error
 
 
 def _write(folder: Path, candidate: Candidate) -> str:

@@ -8,6 +8,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from app.auth.permissions import Principal
 from app.console import Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
+from app.i18n.languages import explained
 from app.views import account
 from app.web.rendering import render
 from app.web.security import PrincipalDep
@@ -31,7 +32,7 @@ def password(console: ConsoleDep, principal: PrincipalDep, typed: FormDep) -> HT
             principal.name, old=typed.get("old", ""), new=typed.get("new", ""), by=principal, but=principal.session
         )
     except ContractInvalid as error:
-        return _own(console, principal, errors=(str(error),))
+        return _own(console, principal, errors=(explained(error),))
     return _own(console, principal, done=N_("Your password is changed. Your other browsers are signed out."))
 
 
@@ -49,7 +50,7 @@ async def add(request: Request, console: ConsoleDep, principal: PrincipalDep, ty
     try:
         console.sessions.accounts.add(name, roles=roles, password=typed.get("password", ""), by=principal)
     except (ContractInvalid, ConcurrencyConflict) as error:
-        page = _people(console, principal, errors=(str(error),), typed=name)
+        page = _people(console, principal, errors=(explained(error),), typed=name)
         return render("account/people.html", page, status=422)
     return RedirectResponse("/account/sign-in" if principal.invited else "/account/people", status_code=303)
 
@@ -68,7 +69,7 @@ async def change(request: Request, console: ConsoleDep, principal: PrincipalDep,
         else:
             accounts.change(name, disabled=act == "disable", by=principal)
     except ContractInvalid as error:
-        return render("account/people.html", _people(console, principal, errors=(str(error),)), status=422)
+        return render("account/people.html", _people(console, principal, errors=(explained(error),)), status=422)
     return RedirectResponse("/account/people", status_code=303)
 
 
@@ -81,7 +82,7 @@ async def issue(request: Request, console: ConsoleDep, principal: PrincipalDep, 
             typed.get("name", "").strip().lower(), scopes=scopes, robot_id=typed.get("robot_id", ""), by=principal
         )
     except ContractInvalid as error:
-        return render("account/people.html", _people(console, principal, errors=(str(error),)), status=422)
+        return render("account/people.html", _people(console, principal, errors=(explained(error),)), status=422)
     return render("account/people.html", _people(console, principal, secret=issued.secret), status=201)
 
 

@@ -26,6 +26,7 @@ from harness.contracts.decisions import Refused
 from harness.contracts.errors import UnknownName
 from harness.contracts.ids import MissionId
 from harness.contracts.read_models import ListQuery, MissionItem
+from harness.contracts.reasons import because
 from harness.extra_templates import draft
 from harness.runtime import Start
 
@@ -147,7 +148,7 @@ def ordered(console: Console, actor: Actor, body: StartMissionAct) -> Start:
     """What is asked for; raises UnknownName for a robot that this console does not have."""
     robot_id = body.robot_id or console.settings.robots[0]
     if robot_id not in console.settings.robots:
-        raise UnknownName(f"There is no robot {robot_id[:40]}", do=f"choose from {', '.join(console.settings.robots)}")
+        raise UnknownName(because("unknown_robot", robot_id=robot_id[:40], known=tuple(console.settings.robots)))
     return body.model_copy(update={"robot_id": robot_id}).to_command(actor)
 
 

@@ -15,6 +15,7 @@ from app.views.alerts import AlertListParams, AlertRow
 from harness.contracts.alert_commands import AlertPersonCommand
 from harness.contracts.decisions import Refused
 from harness.contracts.errors import UnknownName
+from harness.contracts.reasons import because
 
 router = APIRouter(
     prefix="/api/v1",
@@ -36,9 +37,7 @@ def listed(
 ) -> Any:
     """What happened last first. `status` is a tab of the page: empty for what nobody acknowledged, all, active, ..."""
     if status not in {value for value, _, _ in alerts.GROUPS}:
-        raise UnknownName(
-            f"There is no group of alerts called {status[:40]}", do="use all, active, shelved, suppressed"
-        )
+        raise UnknownName(because("unknown_alert_status", status=status[:40]))
     asked = AlertListParams(group=status, words=q, priority=priority, robot=robot)
     found = alerts.chosen(console.alerts.all(), asked, now_s=console.clock())[:limit]
     return api_requests.plain([schemas.AlertSummary(**_summary(one)) for one in found])

@@ -16,6 +16,7 @@ from harness.contracts.errors import ContractInvalid, UnknownName
 from harness.contracts.ids import PlaceId
 from harness.contracts.place_events import PlaceCommand, RemovePlace, SavePlace, Verification
 from harness.contracts.places import Place, Site
+from harness.contracts.reasons import because
 
 router = APIRouter(
     prefix="/api/v1",
@@ -77,7 +78,7 @@ def save(console: ConsoleDep, actor: ActorDep, place_id: PlacePath, body: PlaceB
 def remove(console: ConsoleDep, actor: ActorDep, place_id: PlacePath, body: RemoveBody) -> Any:
     """New missions cannot name it any more."""
     if all(one.place_id != place_id for one in console.runtime.site.places):
-        raise UnknownName(f"There is no place {place_id}", do="read /api/v1/places")
+        raise UnknownName(because("unknown_place_id", place_id=place_id))
     return _told(console, RemovePlace(place_id=place_id, basis=body.basis, actor=actor, reason=body.reason))
 
 

@@ -4,12 +4,12 @@ from collections.abc import Callable, Mapping
 from typing import Any, get_args
 
 from app.auth.guarded_releases import GuardedReleaseService
-from app.i18n.catalogues import N_
 from harness.contracts.actors import Actor
 from harness.contracts.decider import Codec
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ContractInvalid
 from harness.contracts.ids import Digest, MissionId, RobotId
+from harness.contracts.reasons import because
 from rsi_reviews.contracts import Finding, Subject
 from rsi_reviews.events import CandidateEvent, ReviewOpened
 from rsi_reviews.release_service import SeenSubject, SignedBy
@@ -25,7 +25,7 @@ def say_of(actor: Actor, typed: Typed, word: str) -> SignedBy:
     """Who, why and under which one-use key. Raises ContractInvalid without a key."""
     key = typed.get("key", "")
     if not 1 <= len(key) <= LONGEST_KEY:
-        raise ContractInvalid(N_("The form carries no key"), where="key", do=N_("open the page again and use its form"))
+        raise ContractInvalid(because("form_without_key"), where="key")
     return SignedBy(actor=actor, reason=typed.get("reason", "").strip(), key=f"{word}:{key}"[:LONGEST_KEY])
 
 
@@ -39,7 +39,7 @@ def seen_of(typed: Typed) -> SeenSubject:
 def robot_of(typed: Typed) -> RobotId:
     """Raises ContractInvalid where none is named."""
     if not typed.get("robot_id", "").strip():
-        raise ContractInvalid(N_("No robot is named"), where="robot_id", do=N_("choose the canary robot"))
+        raise ContractInvalid(because("no_canary_robot"), where="robot_id")
     return RobotId(typed["robot_id"].strip())
 
 
@@ -49,9 +49,7 @@ def finding_of(text: str) -> Finding:
         if finding == text:
             known: Finding = finding
             return known
-    raise ContractInvalid(
-        f"{text[:40]!r} is no finding", where="finding", do=f"choose from {', '.join(get_args(Finding))}"
-    )
+    raise ContractInvalid(because("finding_invalid", text=text[:40], known=tuple(get_args(Finding))), where="finding")
 
 
 def subject_in(releases: GuardedReleaseService, candidate: str, digest: str) -> Subject | None:

@@ -9,6 +9,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from app.background.evaluations import situations
 from app.console import ActorDep, Console, ConsoleDep, FormDep
 from app.i18n.catalogues import N_
+from app.i18n.languages import explained
 from app.i18n.messages import reasoned
 from app.routes.candidate_words import WORDS, say_of, seen_of, subject_in
 from app.views import candidates, forms
@@ -23,6 +24,7 @@ from harness.contracts.decisions import Refused
 from harness.contracts.errors import ConfigurationMissing, ContractInvalid, UnknownName
 from harness.contracts.ids import Digest, MissionId, mission_stream
 from harness.contracts.ports import MISSION_STREAMS
+from harness.contracts.reasons import because
 from rsi_reviews.counterfactual import counterfactual
 
 router = APIRouter(prefix="/candidates")
@@ -34,9 +36,9 @@ def asked_of(request: Request) -> CandidateListParams:
     params = request.query_params
     group, skip = params.get("status", ""), params.get("skip", "0")
     if group not in {value for value, _, _ in candidates.GROUPS}:
-        raise UnknownName(f"There is no group of candidates called {group[:40]}", do=N_("choose one of the tabs"))
+        raise UnknownName(because("unknown_candidate_tab", group=group[:40]))
     if not skip.isascii() or not skip.isdigit() or len(skip) > 6:
-        raise ContractInvalid(f"{skip[:40]!r} is no place in a list", where="skip", do=N_("begin at the first page"))
+        raise ContractInvalid(because("list_offset_invalid", skip=skip[:40]), where="skip")
     return CandidateListParams(
         words=params.get("q", "")[:200].strip(),
         group=group,
@@ -90,7 +92,7 @@ def rolling_back(console: ConsoleDep, actor: ActorDep, candidate: str) -> HTMLRe
 def say(console: ConsoleDep, actor: ActorDep, candidate: str, word: str, typed: FormDep) -> Response:
     """One word: 303 taken, 422 not well said, 409 refused with the reason and the page as it is now."""
     if word not in WORDS:
-        raise UnknownName(f"Nobody can say {word[:40]!r} about a candidate", do=N_("use a button of its page"))
+        raise UnknownName(because("unknown_candidate_act", word=word[:40]))
     name = console.releases.review(candidate).candidate
     if wrong := forms.wrong_reason(typed.get("reason", "")):
         return _again(console, actor, name, word, typed, refused=" ".join(wrong), status=422)
@@ -147,7 +149,7 @@ def cases_of(console: Console, actor: Actor, candidate: str, *, change: str, fam
     review = console.releases.review(candidate)
     found = console.evaluated.of(review.candidate)
     if found is None or review.manifest is None:
-        raise UnknownName(N_("No case of this candidate was measured yet"), do=N_("wait for its evaluation"))
+        raise UnknownName(because("candidate_not_measured"))
     shell = console.shell(N_("Every case"), "candidates", actor)
     return cases_page(shell, review, found[0], situations(), change=change, family=family, skip=skip)
 
@@ -184,5 +186,5 @@ def _loads(console: Console, configuration: str) -> str:
     try:
         same = console.releases.loads(Digest(configuration)) == configuration
     except ConfigurationMissing as error:
-        return str(error)
+        return explained(error)
     return "" if same else N_("It loads, but not as the same version.")

@@ -8,7 +8,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from app.auth.permissions import permissions_of
 from app.console import ActorDep, Console, ConsoleDep, FormDep
-from app.i18n.catalogues import N_
+from app.i18n.languages import explained
 from app.i18n.messages import reasoned
 from app.routes.candidate_words import say_of
 from app.views import forms, releases
@@ -16,6 +16,7 @@ from app.web.rendering import render
 from harness.contracts.actors import Actor
 from harness.contracts.decisions import Accepted, Refused
 from harness.contracts.errors import ContractInvalid
+from harness.contracts.reasons import because
 from rsi_reviews.contracts import ReleasePolicy
 from rsi_reviews.release_service import SignedBy
 
@@ -42,7 +43,7 @@ def save_policy(console: ConsoleDep, actor: ActorDep, typed: FormDep) -> Respons
     try:
         policy = policy_in(typed)
     except ContractInvalid as error:
-        return _again(console, actor, typed, refused=f"{error.what}; {error.do}.", status=422)
+        return _again(console, actor, typed, refused=explained(error), status=422)
     decision = saved(console, policy, say_of(actor, typed, "policy"))
     if isinstance(decision, Refused):
         return _again(console, actor, typed, refused=reasoned(decision.reason), status=409)
@@ -61,15 +62,15 @@ def policy_in(typed: Mapping[str, str]) -> ReleasePolicy:
     """The policy of a form; hours become seconds. Raises ContractInvalid for what is none."""
     kind, quorum = typed.get("kind", ""), typed.get("quorum", "")
     if kind not in ("two_person", "single_operator"):
-        raise ContractInvalid(N_("There is no such policy"), where="kind", do=N_("choose one of the two"))
+        raise ContractInvalid(because("unknown_policy"), where="kind")
     if quorum not in {str(number) for number in range(1, 11)}:
-        raise ContractInvalid(N_("Approvals are counted from 1 to 10"), where="quorum", do=N_("write a whole number"))
+        raise ContractInvalid(because("quorum_invalid"), where="quorum")
     try:
         hours = float(typed.get("cooling_off_h", "") or 0.0)
     except ValueError:
         hours = -1.0
     if not 0.0 <= hours <= MOST_HOURS:
-        raise ContractInvalid(N_("The cooling-off time is no number of hours"), where="cooling_off_h", do="0 to 720 h")
+        raise ContractInvalid(because("cooling_off_invalid"), where="cooling_off_h")
     return ReleasePolicy(
         kind="single_operator" if kind == "single_operator" else "two_person",
         quorum=int(quorum),

@@ -9,6 +9,7 @@ from app.views.list_params import address
 from app.views.review_results import CaseRow, case_row, pairs_of
 from app.views.shell import Shell
 from harness.contracts.errors import ContractInvalid, UnknownName
+from harness.contracts.reasons import because
 from rsi_reviews.contracts import FAMILIES, ResultSet
 from rsi_reviews.projections import Review
 
@@ -53,11 +54,9 @@ def cases_page(
 ) -> CasesPage:
     """Raises UnknownName or ContractInvalid for an address that no page ever gave."""
     if change not in CHANGES or family not in ("", *FAMILIES):
-        raise UnknownName(
-            f"There are no cases called {change[:40]} {family[:40]}".strip(), do=N_("choose one of the tabs")
-        )
+        raise UnknownName(because("unknown_cases_tab", change=change[:40], family=family[:40]))
     if review.manifest is None or skip < 0:
-        raise ContractInvalid(f"{skip} is no place in a list", where="skip", do=N_("begin at the first page"))
+        raise ContractInvalid(because("list_offset_invalid", skip=skip), where="skip")
     metric = review.manifest.metric
     every = [case_row(pair, metric, situations) for pair in pairs_of(results, review.baseline)]
     of_family = [one for one in every if family in ("", one.family)]
