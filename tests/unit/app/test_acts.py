@@ -14,6 +14,7 @@ from harness.contracts.actors import Actor
 from harness.contracts.errors import ContractInvalid
 from rsi_reviews import commands as review_commands
 from rsi_reviews.suite_growth import AddCase
+from tests.saying import raises_saying
 
 ADA = Actor(name="ada", role="operator")
 SEEN = {"cycle": 2, "subject": "a" * 64, "evidence": "b" * 64}
@@ -110,7 +111,7 @@ def test_a_decision_in_the_api_is_one_of_two_acts() -> None:
 @pytest.mark.parametrize("missing", ["key", "cycle", "subject", "evidence", "decision"])
 def test_a_form_that_lost_what_binds_it_is_not_ours(missing: str) -> None:
     typed = {name: str(value) for name, value in BODIES["approve"].items() if name != missing}
-    with pytest.raises(ContractInvalid, match="not bound"):
+    with raises_saying(ContractInvalid, match="not bound"):
         handoffs.ApproveHandoffAct.from_form(typed)
 
 

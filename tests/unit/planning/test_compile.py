@@ -13,6 +13,7 @@ from harness.contracts.ids import NodeId, PlaceId, sha256
 from harness.contracts.tasks import Node, TaskContract, TaskTemplate
 from harness.contracts.values import digest
 from harness.planning.compile import compile_contract
+from tests.saying import raises_saying
 from tests.unit.planning.building import GOAL, SITE, contract, template
 
 Change = Callable[[dict[str, Any]], Any]
@@ -213,7 +214,7 @@ def test_the_graph_names_capabilities_and_no_provider() -> None:
 
 
 def test_a_cycle_is_refused_when_the_contract_is_compiled() -> None:
-    with pytest.raises(ContractInvalid, match="cycle through request, go"):
+    with raises_saying(ContractInvalid, match="cycle through request, go"):
         compiled(changed("request", lambda node: node.update(depends_on=["report"])))
 
 
