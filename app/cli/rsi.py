@@ -13,7 +13,7 @@ from app.cli import output
 from app.cli.data_folder import deciding
 from app.cli.owner_api import owner_api
 from app.cli.person import me
-from app.i18n.reasons.rendering import sentence
+from app.i18n.reasons.rendering import sentence, stating
 from app.routes.candidate_json import row, sheet
 from harness.bootstrap import read_harness
 from harness.contracts.decisions import Refused
@@ -108,10 +108,10 @@ def history(
             "configuration": queries.current(),
             "canary": pointer.canary,
             "canary_robot": pointer.robot_id,
-            "history": [msgspec.to_builtins(move) for move in pointer.history],
+            "history": [stating(move) for move in pointer.history],
             "versions": queries.versions(),
             "pins": {name: list(missions) for name, missions in queries.pins().items()},
-            "quarantined": [msgspec.to_builtins(one) for one in pointer.quarantined.values()],
+            "quarantined": [stating(one) for one in pointer.quarantined.values()],
             "looks": [msgspec.to_builtins(one) for one in pointer.looks],
             "uptakes": [msgspec.to_builtins(one) for one in pointer.uptakes],
             "policy": msgspec.to_builtins(pointer.policy),

@@ -3,14 +3,19 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from msgspec import structs
+
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, reasoned
+from app.i18n.task_texts import told
 from app.views.measures import Measure, quantity
 from app.views.timeline import TimelineEntry
 from harness.contracts.events import CommitRejected, NodeCommitted, PacketRetained, VerdictRecorded
 from harness.contracts.evidence import EvidencePacket, EvidenceReference
 from harness.contracts.ids import Digest, PacketId
+from harness.contracts.tasks import TaskContract
 from harness.contracts.verdicts import NodeVerdict
+from harness.projections.mission import Mission
 
 Check = Callable[[Digest], str]
 """Empty if the blob's bytes match the digest now, else why not."""
@@ -70,7 +75,7 @@ class EvidenceView:
 
 
 def evidence(
-    mission_id: str, entries: Sequence[TimelineEntry], *, node_id: str, title: str, check: Check
+    mission: Mission, entries: Sequence[TimelineEntry], *, node_id: str, title: str, check: Check
 ) -> EvidenceView:
     """Every packet that was retained for the node, each with its verdict and the gate's decision."""
     packets = [e.event.packet for e in entries if isinstance(e.event, PacketRetained)]
@@ -78,20 +83,20 @@ def evidence(
     return EvidenceView(
         node_id=node_id,
         title=title,
-        packets=tuple(packet_view(mission_id, packet, entries, check=check) for packet in reversed(mine)),
+        packets=tuple(packet_view(mission, packet, entries, check=check) for packet in reversed(mine)),
     )
 
 
 def packet_view(
-    mission_id: str, packet: EvidencePacket, entries: Sequence[TimelineEntry], *, check: Check
+    mission: Mission, packet: EvidencePacket, entries: Sequence[TimelineEntry], *, check: Check
 ) -> PacketView:
     """One packet with its verdict and the gate's decision; every blob is checked now."""
-    packet_id = packet.identity.packet_id
+    packet_id, contract = packet.identity.packet_id, mission.contract
     groups = (("before", packet.before), ("after", packet.after), ("estimates", packet.estimates))
     return PacketView(
         packet=packet,
-        verdict=_verdict(entries, packet_id),
-        gate=_decision(mission_id, entries, packet_id),
+        verdict=_verdict(entries, packet_id, contract),
+        gate=_decision(mission.mission_id, entries, packet_id),
         references=tuple(
             Reference(part=part, item=one, broken=check(one.blob)) for part, group in groups for one in group
         ),
@@ -109,9 +114,12 @@ def declared(packet: EvidencePacket) -> tuple[Measure, ...]:
     return tuple(Measure(*quantity(name, value)) for name, value in packet.declared.items())
 
 
-def _verdict(entries: Sequence[TimelineEntry], packet_id: PacketId) -> NodeVerdict | None:
+def _verdict(
+    entries: Sequence[TimelineEntry], packet_id: PacketId, contract: TaskContract | None
+) -> NodeVerdict | None:
     judged = (e.event.verdict for e in reversed(entries) if isinstance(e.event, VerdictRecorded))
-    return next((verdict for verdict in judged if verdict.packet_id == packet_id), None)
+    found = next((verdict for verdict in judged if verdict.packet_id == packet_id), None)
+    return None if found is None else structs.replace(found, results=told(found.results, contract))
 
 
 def _decision(mission_id: str, entries: Sequence[TimelineEntry], packet_id: PacketId) -> Decision:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from app.i18n.catalogues import N_
-from app.i18n.messages import lazy_gettext, reasoned, word
+from app.i18n.messages import lazy_gettext, reasoned
 from app.views import list_params
 from app.views.measures import fields
 from app.views.shell import Shell
@@ -80,15 +80,6 @@ class MissionsPage:
     live: bool
     query: str
     total: int
-
-
-def listed_stage(text: str) -> str:
-    """As the list keeps it; "circuit, 2 of 3" in every language."""
-    name, _, place = text.rpartition(", ")
-    done, _, count = place.partition(" of ")
-    return (
-        lazy_gettext("{stage}, {done} of {count}", stage=word(name), done=done, count=count) if name and count else text
-    )
 
 
 def tabs(
@@ -187,7 +178,7 @@ def sentence(mission: Mission) -> str:
         case "succeeded":
             return N_("The original completion conditions are satisfied.")
         case _:
-            return current_stage(mission)
+            return reasoned(current_stage(mission))
 
 
 def tone(status: str) -> str:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from app.i18n.catalogues import N_
 from app.i18n.messages import lazy_gettext, reasoned, word
+from app.i18n.task_texts import told
 from app.views.measures import ConditionRow, condition_row
 from app.views.missions import MissionHeader, head
 from app.views.shell import Shell
@@ -119,7 +120,7 @@ def report_page(
         head=head(mission, entries),
         verdict=goal.verdict if goal else "",
         reason=reasoned(goal.reason) if goal else N_("The goal has not been tested."),
-        conditions=tuple(condition_row(result) for result in goal.results) if goal else (),
+        conditions=tuple(condition_row(result) for result in told(goal.results, mission.contract)) if goal else (),
         stages=stages(mission, entries, Observed(), selected=""),
         timings=timings(mission, entries),
         findings=tuple(word for word in said if word.kind == "analysis"),
