@@ -36,7 +36,7 @@ from harness.contracts.person_commands import PersonCommand
 from harness.contracts.place_events import place_stream
 from harness.contracts.places import Place, Site
 from harness.contracts.protocol import InvocationReport, RobotStatus
-from harness.contracts.reasons import Explanation, because
+from harness.contracts.reasons import Explanation, Reason, because
 from harness.contracts.rules import CURRENT_RULES, RulesVersion
 from harness.contracts.tasks import TaskContract, TaskTemplate
 from harness.contracts.values import Value, encode
@@ -334,7 +334,7 @@ class Runtime:
         """D_j, newest first: every mission under this version with its packets, failures and spends (R155)."""
         return (mission for mission in self.newest_missions() if mission.configuration == configuration_id)
 
-    def pause_pinned(self, configuration_id: Digest, *, actor: Actor, reason: str) -> tuple[MissionId, ...]:
+    def pause_pinned(self, configuration_id: Digest, *, actor: Actor, reason: Reason) -> tuple[MissionId, ...]:
         """Pause what runs under a version that was revoked for safety; a person decides on each mission.
 
         A mission that has not begun is not paused: it is compiled again under the current version when it begins (D35).

@@ -12,6 +12,7 @@ import typer
 from app.acts.releases import ProposeCandidateAct
 from app.cli import output
 from app.cli.local_api import api_without_robots
+from app.i18n.reasons.rendering import stating
 from app.routes.candidate_json import row, sheet
 from harness.bootstrap import read_harness
 from harness.contracts.errors import HarnessError, UnknownName
@@ -91,10 +92,10 @@ def history(
             "configuration": queries.current(),
             "canary": pointer.canary,
             "canary_robot": pointer.robot_id,
-            "history": [msgspec.to_builtins(move) for move in pointer.history],
+            "history": [stating(move) for move in pointer.history],
             "versions": queries.versions(),
             "pins": {name: list(missions) for name, missions in queries.pins().items()},
-            "quarantined": [msgspec.to_builtins(one) for one in pointer.quarantined.values()],
+            "quarantined": [stating(one) for one in pointer.quarantined.values()],
             "looks": [msgspec.to_builtins(one) for one in pointer.looks],
             "uptakes": [msgspec.to_builtins(one) for one in pointer.uptakes],
             "policy": msgspec.to_builtins(pointer.policy),

@@ -62,6 +62,8 @@ class MissionSummary(Value):
     template: str
     status: str
     stage: str
+    stage_code: str
+    stage_facts: dict[str, Any]
     goal_verdict: str | None
     state_version: Count
     handoff_id: str | None

@@ -1,17 +1,20 @@
 """The one place where a reason becomes a sentence, in the reader's language; what it rests on stays code and facts.
 
 A message has named holes with Python's format specifications, and a few of our own: `{x:word}` is a term of the
-vocabulary, `{x:words}` several of them, `{x:or}` the same with "or" before the last, `{x:capital}` begins a sentence.
+vocabulary, `{x:words}` several of them, `{x:or}` the same with "or" before the last, `{x:capital}` begins a sentence,
+`{x:instant}` is an instant with its date and `{x:clock}` its time of day.
 """
 
 import warnings
 from collections.abc import Mapping
+from datetime import UTC, datetime
 from string import Formatter
 from typing import Any
 
+from babel.dates import format_datetime
 from msgspec import Struct, structs, to_builtins
 
-from app.i18n.catalogues import ENGLISH, N_, translated
+from app.i18n.catalogues import ENGLISH, LOCALES, N_, translated
 from app.i18n.reasons import (
     access,
     alerts,
@@ -82,6 +85,8 @@ BETWEEN: Mapping[str, tuple[str, str, str]] = {"en": (", ", "; ", " or "), "zh-H
 ENDS: Mapping[str, str] = {"en": ". ", "zh-Hans": "。"}
 """What ends a sentence before the next."""
 WHERE = N_("Where: {where}")
+INSTANTS: Mapping[str, str] = {"instant": "yyyy-MM-dd HH:mm:ss", "clock": "HH:mm:ss"}
+"""How an instant, in seconds since the Unix epoch, is written: with its date, or by its time of day."""
 WORDS = frozenset({"word", "words", "or", "capital"})
 """Format specifications that are ours."""
 
@@ -186,8 +191,14 @@ class _Formatter(Formatter):
                     return alternatives.join((commas.join(listed[:-1]), listed[-1]))
                 return commas.join(listed)
             case str() if format_spec == "capital":
-                return f"{value[:1].upper()}{value[1:]}"
+                text = translated(str(value), self._language)
+                return f"{text[:1].upper()}{text[1:]}"
+            case int() | float() if format_spec in INSTANTS:
+                at = datetime.fromtimestamp(value, UTC)
+                return format_datetime(at, INSTANTS[format_spec], locale=LOCALES[self._language]) + " UTC"
             case str() if format_spec in WORDS:
                 return word(value, self._language)
+            case str() if not format_spec:
+                return translated(str(value), self._language)
             case _:
                 return str(super().format_field(value, format_spec))
