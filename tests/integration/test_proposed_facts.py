@@ -51,7 +51,7 @@ def test_without_a_proposal_nothing_is_accepted_however_true_it_is(tmp_path: Pat
     assert [fact["name"] for commit in bodies(events, "NodeCommitted") for fact in commit["facts"]] == ["transcript"]
     refused = bodies(events, "CommitRejected")
     assert {one["rule"] for one in refused} == {"not_proposed"}
-    code_of = {"older": "provider_cannot_propose"}.get(mode, "effects_not_proposed")
+    code_of = {"older": "provider_cannot_propose"}.get(mode, "not_proposed")
     assert {one["reason"]["code"] for one in refused} == {code_of}
     kept = [one["packet"]["identity"] for one in bodies(events, "PacketRetained")]
     walks = [one["packet_id"] for one in kept if one["node_id"] == "circuit"]
